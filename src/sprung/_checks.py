@@ -1,0 +1,50 @@
+"""Argument checks; the only place where their messages are worded."""
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sprung.errors import ParameterError
+
+
+def frozen_array(name: str, values: ArrayLike, *, ndim: int, dtype: Any = np.float64) -> NDArray[Any]:
+    """Return `values` as a read-only array of `ndim` dimensions, without a copy where none is needed."""
+    array = np.asarray(values, dtype=dtype)
+    if array.ndim != ndim:
+        raise ParameterError(f"{name} has {array.ndim} dimensions {array.shape}, but must have {ndim}")
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def check_number(
+    name: str,
+    value: float,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+    advice: str = "",
+) -> float:
+    """Return `value` if it is a finite number within the bounds."""
+    rules = []
+    if above is not None:
+        rules.append((f"above {above:g}", value > above))
+    if at_least is not None:
+        rules.append((f"at least {at_least:g}", value >= at_least))
+    if at_most is not None:
+        rules.append((f"at most {at_most:g}", value <= at_most))
+    if not np.isfinite(value) or not all(holds for _, holds in rules):
+        wanted = " and ".join(rule for rule, _ in rules) or "finite"
+        raise ParameterError(f"{name}={value:g} must be {wanted}" + (f": {advice}" if advice else ""))
+    return value
+
+
+def check_one_of(name: str, value: str, allowed: Collection[str], *, advice: str = "") -> str:
+    """Return `value` if it is one of `allowed`."""
+    if value not in allowed:
+        known = ", ".join(sorted(allowed))
+        raise ParameterError(f"{name} {value!r} is not one of {known}" + (f": {advice}" if advice else ""))
+    return value

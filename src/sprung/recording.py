@@ -1,0 +1,153 @@
+"""Recordings: what was measured, where, in which unit, and what has been done to it since."""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._checks import check_number, check_one_of, frozen_array
+from sprung.errors import ParameterError
+
+#: Quantities a channel may measure, with their SI unit. An unknown quantity has no unit.
+QUANTITIES = MappingProxyType(
+    {
+        "acceleration": "m/s^2",
+        "angular_velocity": "rad/s",
+        "speed": "m/s",
+        "velocity": "m/s",
+        "displacement": "m",
+        "angle": "rad",
+        "strain": "1",
+        "force": "N",
+        "temperature": "degC",
+        "unknown": "",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One measured quantity at one place.
+
+    Parameters
+    ----------
+    name
+        As in the file and in every result.
+    quantity
+        A key of `QUANTITIES`; "unknown" where the source does not say. Samples of a known quantity are in its
+        SI unit.
+    position
+        x forward, y left, z up from the body's centre of gravity [m] (ISO 8855); None where unknown.
+    direction
+        Unit vector of the measured axis; None where unknown.
+    """
+
+    name: str
+    quantity: str = "unknown"
+    position: tuple[float, float, float] | None = None
+    direction: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not self.name.strip():
+            raise ParameterError("a channel has an empty name: give every column a name")
+        check_one_of(f"quantity of channel {self.name!r}:", self.quantity, QUANTITIES)
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the samples; empty where the quantity is unknown."""
+        return QUANTITIES[self.quantity]
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A hole in time before sample `index`, in which `duration` seconds were not recorded."""
+
+    index: int
+    duration: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Recording:
+    """Samples of several channels at one rate, with their meaning and their history.
+
+    Parameters
+    ----------
+    samples
+        Shape (channels, samples), in SI units where the quantity is known. A missing value is NaN.
+    sampling_rate
+        In Hz, above 0.
+    channels
+        One for each row of `samples`; names differ.
+    start
+        Time of the first sample, UTC in nanoseconds since 1970; None where unknown.
+    gaps
+        Holes in time, by rising index. Nothing in sprung filters, interpolates or correlates across a gap.
+    history
+        One line for each step since reading, oldest first.
+
+    Raises
+    ------
+    ParameterError
+        Where shapes, names, gaps or rate contradict each other.
+    """
+
+    samples: NDArray[np.float64]
+    sampling_rate: float
+    channels: tuple[Channel, ...]
+    start: int | None = None
+    gaps: tuple[Gap, ...] = ()
+    history: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "samples", frozen_array("samples", self.samples, ndim=2))
+        check_number("sampling_rate", self.sampling_rate, above=0)
+        if len(self.channels) != self.samples.shape[0]:
+            raise ParameterError(
+                f"{len(self.channels)} channels are described, but samples hold {self.samples.shape[0]} rows"
+            )
+        repeated = sorted({name for name in self.names if self.names.count(name) > 1})
+        if repeated:
+            raise ParameterError(f"channel name {repeated[0]!r} occurs more than once: rename one of them")
+        indices = [0, *(gap.index for gap in self.gaps), self.n_samples]
+        if any(late <= early for early, late in itertools.pairwise(indices)) and self.gaps:
+            raise ParameterError(f"gap indices {indices[1:-1]} must rise between 1 and {self.n_samples - 1}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Channel names, in the order of the rows."""
+        return tuple(channel.name for channel in self.channels)
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples of each channel."""
+        return int(self.samples.shape[1])
+
+    @property
+    def duration(self) -> float:
+        """Recorded time without gaps [s]."""
+        return self.n_samples / self.sampling_rate
+
+    def index(self, name: str) -> int:
+        """Return the row of the channel called `name`."""
+        if name not in self.names:
+            raise ParameterError(f"there is no channel {name!r}: the recording has {', '.join(self.names)}")
+        return self.names.index(name)
+
+    def select(self, names: Sequence[str]) -> "Recording":
+        """Return the recording with only the channels in `names`, in that order."""
+        rows = [self.index(name) for name in names]
+        return replace(self, samples=self.samples[rows], channels=tuple(self.channels[row] for row in rows))
+
+    def stretches(self) -> Iterator[slice]:
+        """Yield the sample ranges between gaps."""
+        edges = [0, *(gap.index for gap in self.gaps), self.n_samples]
+        for first, last in itertools.pairwise(edges):
+            yield slice(first, last)
+
+    def changed(self, step: str, **fields: Any) -> "Recording":
+        """Return a copy with other `fields` and `step` added to the history."""
+        return replace(self, history=(*self.history, step), **fields)
