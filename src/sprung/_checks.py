@@ -1,12 +1,12 @@
 """Argument checks; the only place where their messages are worded."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sprung.errors import ParameterError
+from sprung.errors import DataError, ParameterError
 
 
 def frozen_array(name: str, values: ArrayLike, *, ndim: int, dtype: Any = np.float64) -> NDArray[Any]:
@@ -48,3 +48,13 @@ def check_one_of(name: str, value: str, allowed: Collection[str], *, advice: str
         known = ", ".join(sorted(allowed))
         raise ParameterError(f"{name} {value!r} is not one of {known}" + (f": {advice}" if advice else ""))
     return value
+
+
+def check_complete(names: Sequence[str], samples: NDArray[np.float64]) -> None:
+    """Refuse samples, shape (channels, samples), of which any is missing (NaN) or infinite."""
+    n_missing = np.count_nonzero(~np.isfinite(samples), axis=1)
+    if n_missing.any():
+        row = int(np.argmax(n_missing))
+        raise DataError(
+            f"channel {names[row]!r} has {n_missing[row]} missing values: turn them into gaps (without_missing)"
+        )

@@ -1,0 +1,246 @@
+"""Vehicles as structures: chain of masses, quarter car, body on wheels."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sprung._checks import check_number
+from sprung.errors import ParameterError
+from sprung.vehicles.description import Axle, Chain, Description, MountedMass, Quarter, Vehicle, corner_names
+from sprung.vehicles.files import parse_vehicle
+from sprung.vehicles.structure import MOTIONS, Element, Structure, sensor_outputs
+from sprung.vehicles.system import Outputs
+
+
+class _Corner(NamedTuple):
+    """A corner, its axle and its lateral position [m]."""
+
+    name: str
+    axle: Axle
+    y: float
+
+
+#: Where a vehicle file gives no inertia: radius of gyration squared over front times rear axle distance (pitch), or
+#: over half the track width squared (roll). The shipped vehicles have 0.77 to 0.90 and 0.49 to 0.57.
+PITCH_SHARE, ROLL_SHARE = 0.85, 0.5
+#: Where a vehicle file gives no unsprung mass: mass of all wheels over mass of the body; about 0.09 to 0.13 in cars.
+UNSPRUNG_SHARE = 1 / 9
+
+
+def structure(description: Description) -> Structure:
+    """Return the masses, elements, inputs and sensors of the vehicle that a file describes.
+
+    Parameters
+    ----------
+    description
+        A `Chain`, driven by a force on each mass; a `Quarter` or a `Vehicle`, driven by the displacement of the
+        road or rail under each wheel.
+
+    Returns
+    -------
+    Structure
+        Its outputs are the motion sensors of the description; sensors of other quantities are left out.
+    """
+    match description:
+        case Chain():
+            return _chain(description)
+        case Quarter():
+            return _quarter(description)
+        case Vehicle():
+            return _vehicle(description)
+    raise ParameterError(f"a {type(description).__name__} is no vehicle: use a Chain, a Quarter or a Vehicle")
+
+
+def chain(
+    n_masses: int = 3, *, mass: ArrayLike = 1.0, stiffness: ArrayLike = 9800.0, damping: ArrayLike = 5.0
+) -> Structure:
+    """Return a fixed-free chain with an accelerometer on each mass; by default the three masses of chain3.
+
+    Parameters
+    ----------
+    n_masses
+        Number of masses, at least 1.
+    mass, stiffness, damping
+        Of each mass and of the spring and damper below it [kg, N/m, N s/m]; one value for all, or one for each.
+
+    Examples
+    --------
+    >>> chain().modes().natural_frequency.round(2).tolist()
+    [7.01, 19.65, 28.39]
+
+    References
+    ----------
+    F. Liu, Online Identification of Vehicle Dynamic Systems for Condition Monitoring, University of Huddersfield
+    (2020), section 4.3; the parameters were recovered from its table 4-1.
+    """
+    check_number("n_masses", n_masses, at_least=1)
+    links: list[dict[str, float]] = [{} for _ in range(n_masses)]
+    for name, value in (("mass", mass), ("stiffness", stiffness), ("damping", damping)):
+        if np.shape(value) not in {(), (n_masses,)}:
+            raise ParameterError(f"{name} has shape {np.shape(value)}, but must be one value or {n_masses}: correct it")
+        for link, number in zip(links, np.broadcast_to(value, n_masses).tolist(), strict=True):
+            link[name] = number
+    sensors = [
+        {"channel": f"acc_{number}", "quantity": "acceleration", "unit": "m/s^2", "on": f"mass_{number}"}
+        for number in range(1, n_masses + 1)
+    ]
+    return structure(parse_vehicle({"name": f"chain{n_masses}", "kind": "chain", "mass": links, "sensor": sensors}))
+
+
+def _chain(description: Chain) -> Structure:
+    """Chain of masses with a force on each."""
+    coordinates, n = description.coordinates, len(description.mass)
+    elongations = np.eye(n) - np.eye(n, k=-1)
+    elements = tuple(
+        Element(owner, "suspension", elongation, link.stiffness, link.damping)
+        for owner, elongation, link in zip(coordinates, elongations, description.mass, strict=True)
+    )
+    return Structure(
+        coordinates=coordinates,
+        mass=np.diag([link.mass for link in description.mass]),
+        elements=elements,
+        inputs=tuple(f"force_{number}" for number in range(1, n + 1)),
+        forces=np.eye(n),
+        outputs=_outputs(coordinates, description),
+    )
+
+
+def _quarter(description: Quarter) -> Structure:
+    """Body that bounces on one wheel."""
+    corner = description.corner
+    coordinates = description.coordinates
+    return Structure(
+        coordinates=coordinates,
+        mass=np.diag([description.body.mass, corner.unsprung_mass]),
+        elements=(
+            Element("corner", "suspension", np.array([1.0, -1.0]), corner.spring_stiffness, corner.damping),
+            Element("corner", "tyre", np.array([0.0, 1.0]), corner.tyre_stiffness, foot="road"),
+        ),
+        inputs=("road",),
+        forces=np.zeros((2, 1)),
+        outputs=_outputs(coordinates, description),
+    )
+
+
+def _vehicle(description: Vehicle) -> Structure:
+    """Body on wheels; where axles have no wheels, forces on the body take the place of the road."""
+    corners = _corners(description)
+    coordinates = description.coordinates
+    mounted = coordinates[len(coordinates) - len(description.mounted_mass) :]
+    elements = [element for corner in corners for element in _corner_elements(coordinates, *corner)]
+    elements += [
+        element
+        for left, right in zip(corners[::2], corners[1::2], strict=True)
+        for element in _anti_roll_bar(coordinates, left, right)
+    ]
+    elements += [_mount(coordinates, name, mass) for name, mass in zip(mounted, description.mounted_mass, strict=True)]
+    forces = np.zeros((len(coordinates), len(corners)))
+    for column, (_, axle, y) in enumerate(corners):
+        if axle.tyre_stiffness is None:
+            forces[:, column] = body_row(coordinates, x=axle.x, y=y)
+    return Structure(
+        coordinates=coordinates,
+        mass=np.diag(_masses(description)),
+        elements=tuple(elements),
+        inputs=tuple(_input_name(corner) for corner in corners),
+        forces=forces,
+        outputs=_outputs(coordinates, description),
+    )
+
+
+def body_row(coordinates: Sequence[str], *, x: float, y: float) -> NDArray[np.float64]:
+    """Return the upward displacement of the body at (x, y) [m] for one unit of each coordinate, shape (n,).
+
+    Notes
+    -----
+    The row is [1, -x, y] for bounce, pitch (positive nose down) and roll (positive left side up); ISO 8855.
+    """
+    row = np.zeros(len(coordinates))
+    row[[coordinates.index(name) for name in ("bounce", "pitch", "roll")]] = 1.0, -x, y
+    return row
+
+
+def wheel_hop_frequencies(description: Vehicle) -> NDArray[np.float64]:
+    """Return the wheel hop frequency of each axle with the body held still [Hz], shape (axles,); NaN without wheels.
+
+    Notes
+    -----
+    sqrt((spring + tyre stiffness) / unsprung mass) / 2 pi. The exact undamped modes lie a little off, as the body
+    moves too.
+    """
+    unsprung = _unsprung_masses(description)
+    stiffness = [axle.spring_stiffness + (axle.tyre_stiffness or np.nan) for axle in description.axle]
+    return np.sqrt(np.array(stiffness) / unsprung) / (2 * np.pi)
+
+
+def _corners(description: Vehicle) -> list[_Corner]:
+    """Name, axle and lateral position of each corner."""
+    names = corner_names(len(description.axle))
+    sides = [(axle, side * axle.half_track) for axle in description.axle for side in (1, -1)]
+    return [_Corner(name, axle, y) for name, (axle, y) in zip(names, sides, strict=True)]
+
+
+def _input_name(corner: _Corner) -> str:
+    """A corner is driven by the road under its wheel, or by a force where it has none."""
+    return f"force_{corner.name}" if corner.axle.tyre_stiffness is None else f"road_{corner.name}"
+
+
+def _masses(description: Vehicle) -> list[float]:
+    """Masses and inertias of the coordinates, estimated where the description leaves them out."""
+    body, axles = description.body, description.axle
+    half_track = max(axle.half_track for axle in axles)
+    pitch_inertia = body.pitch_inertia or PITCH_SHARE * body.mass * axles[0].x * -axles[-1].x
+    roll_inertia = body.roll_inertia or ROLL_SHARE * body.mass * half_track**2
+    with_wheels = np.array([axle.tyre_stiffness is not None for axle in axles])
+    wheels = np.repeat(_unsprung_masses(description)[with_wheels], 2)
+    return [body.mass, pitch_inertia, roll_inertia, *wheels, *(part.mass for part in description.mounted_mass)]
+
+
+def _unsprung_masses(description: Vehicle) -> NDArray[np.float64]:
+    """Mass of one wheel of each axle."""
+    usual = UNSPRUNG_SHARE * description.body.mass / (2 * len(description.axle))
+    return np.array([axle.unsprung_mass or usual for axle in description.axle])
+
+
+def _deflection(coordinates: Sequence[str], corner: _Corner) -> NDArray[np.float64]:
+    """Elongation of a corner's suspension for one unit of each coordinate."""
+    row = body_row(coordinates, x=corner.axle.x, y=corner.y)
+    if corner.axle.tyre_stiffness is not None:
+        row[coordinates.index(f"wheel_{corner.name}")] = -1.0
+    return row
+
+
+def _corner_elements(coordinates: Sequence[str], name: str, axle: Axle, y: float) -> Iterator[Element]:
+    """Suspension and tyre of one corner."""
+    deflection = _deflection(coordinates, _Corner(name, axle, y))
+    yield Element(name, "suspension", deflection, axle.spring_stiffness, axle.damping)
+    if axle.tyre_stiffness is not None:
+        wheel = np.zeros(len(coordinates))
+        wheel[coordinates.index(f"wheel_{name}")] = 1.0
+        yield Element(name, "tyre", wheel, axle.tyre_stiffness, foot=f"road_{name}")
+
+
+def _anti_roll_bar(coordinates: Sequence[str], left: _Corner, right: _Corner) -> Iterator[Element]:
+    """Anti-roll bar of one axle, if it has one."""
+    if left.axle.anti_roll_stiffness > 0:
+        difference = _deflection(coordinates, left) - _deflection(coordinates, right)
+        owner = left.name.removesuffix("_left") + "_axle"
+        yield Element(owner, "anti_roll", difference, left.axle.anti_roll_stiffness)
+
+
+def _mount(coordinates: Sequence[str], name: str, part: MountedMass) -> Element:
+    """Mounts between a mass and the body."""
+    pulsation = 2 * np.pi * part.frequency
+    elongation = -body_row(coordinates, x=part.x, y=part.y)
+    elongation[coordinates.index(name)] = 1.0
+    damping = 2 * part.damping_ratio * pulsation * part.mass
+    return Element(name, "mount", elongation, part.mass * pulsation**2, damping)
+
+
+def _outputs(coordinates: Sequence[str], description: Description) -> Outputs:
+    """Outputs of the motion sensors of a description."""
+    sensors = [sensor for sensor in description.sensor if sensor.quantity in MOTIONS]
+    channels = [sensor.as_channel() for sensor in sensors]
+    return sensor_outputs(coordinates, sensors=channels, carriers=[sensor.on for sensor in sensors])

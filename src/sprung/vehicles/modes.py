@@ -1,0 +1,120 @@
+"""Exact modes of a mechanical system, as its sensors see them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._checks import frozen_array
+from sprung.modal import damping_ratio, natural_frequency, unit_shapes
+from sprung.vehicles.system import MechanicalSystem, Outputs
+
+# A pole closer to the real axis than this, relative to its size, does not oscillate.
+_REAL_POLE = 1e-9
+
+# A mode that moves the sensors less than this share of its largest motion is not seen by them.
+_UNSEEN = 1e-9
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ExactModes:
+    """Modes computed from a system's matrices, by rising natural frequency.
+
+    Parameters
+    ----------
+    poles
+        Shape (modes,), in rad/s; one of each conjugate pair, with positive imaginary part. Poles without
+        oscillation (overdamped motion) are no modes and left out.
+    mode_shapes
+        Shape (modes, channels); the component of largest size is 1. Zeros for a mode that no sensor sees, such as
+        the wheels of a symmetric vehicle crosswise, left front with right rear, seen from its body.
+    channels
+        Names of the channels of the mode shapes.
+    labels
+        For each mode "bounce", "pitch", "roll", "wheel_hop" or None.
+    """
+
+    poles: NDArray[np.complex128]
+    mode_shapes: NDArray[np.complex128]
+    channels: tuple[str, ...]
+    labels: tuple[str | None, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "poles", frozen_array("poles", self.poles, ndim=1, dtype=np.complex128))
+        shapes = frozen_array("mode_shapes", self.mode_shapes, ndim=2, dtype=np.complex128)
+        object.__setattr__(self, "mode_shapes", shapes)
+
+    @property
+    def natural_frequency(self) -> NDArray[np.float64]:
+        """Undamped natural frequencies abs(pole) / 2 pi [Hz]."""
+        return natural_frequency(self.poles)
+
+    @property
+    def damping_ratio(self) -> NDArray[np.float64]:
+        """Damping ratios -Re(pole) / abs(pole)."""
+        return damping_ratio(self.poles)
+
+
+def modes(system: MechanicalSystem, outputs: Outputs) -> ExactModes:
+    """Return the exact modes of `system` as the sensors of `outputs` see them.
+
+    Notes
+    -----
+    The shape of pole s with coordinate vector q is (s^2 Ya + s Yv + Yd) q, divided by its largest component.
+    """
+    n = system.n_coordinates
+    accelerations = -np.linalg.solve(system.mass, np.hstack([system.stiffness, system.damping]))
+    eigenvalues, vectors = np.linalg.eig(np.vstack([np.eye(n, 2 * n, k=n), accelerations]))
+    oscillating = np.flatnonzero(eigenvalues.imag > _REAL_POLE * np.abs(eigenvalues))
+    order = oscillating[np.argsort(np.abs(eigenvalues[oscillating]))]
+    poles, coordinates = eigenvalues[order], vectors[:n, order]
+    shapes = (
+        (outputs.acceleration @ coordinates) * poles**2
+        + (outputs.velocity @ coordinates) * poles
+        + outputs.displacement @ coordinates
+    ).T
+    return ExactModes(
+        poles=poles,
+        mode_shapes=_seen_shapes(shapes, np.abs(coordinates).max(axis=0) * _reach(outputs, np.abs(poles))),
+        channels=outputs.names,
+        labels=_labels(system, coordinates.T),
+    )
+
+
+def _reach(outputs: Outputs, pulsation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Largest reading of any sensor for motions of size 1 at each pulsation [rad/s]."""
+    matrices = (outputs.displacement, outputs.velocity, outputs.acceleration)
+    sizes = [np.abs(matrix).max(initial=0.0) * pulsation**order for order, matrix in enumerate(matrices)]
+    return np.asarray(np.sum(sizes, axis=0))
+
+
+def _seen_shapes(shapes: NDArray[np.complex128], reach: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Scale shapes to 1 at their largest channel; zeros where no sensor sees the mode but for rounding."""
+    if shapes.size == 0:
+        return shapes
+    is_seen = np.abs(shapes).max(axis=1) > _UNSEEN * reach
+    return unit_shapes(shapes * is_seen[:, None])
+
+
+def participation(mass: NDArray[np.float64], shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the share of each coordinate in the kinetic energy of each shape (modes, n); rows sum to 1."""
+    energy = np.abs(shapes) ** 2 * np.diag(mass)
+    return np.asarray(energy / energy.sum(axis=1, keepdims=True))
+
+
+def _labels(system: MechanicalSystem, shapes: NDArray[np.complex128]) -> tuple[str | None, ...]:
+    """Label a mode by the motion of largest energy; each body motion labels one mode, its strongest."""
+    shares = participation(system.mass, shapes)
+    labels: list[str | None] = [None] * len(shapes)
+    wheels = [name.startswith("wheel") for name in system.coordinates]
+    body = [index for index, name in enumerate(system.coordinates) if name in {"bounce", "pitch", "roll"}]
+    is_body = shares[:, body].sum(axis=1) > 0.5
+    for mode in np.flatnonzero(shares[:, wheels].sum(axis=1) > 0.5):
+        labels[mode] = "wheel_hop"
+    strongest_first = sorted(
+        ((shares[mode, index], mode, index) for mode in np.flatnonzero(is_body) for index in body), reverse=True
+    )
+    for _, mode, index in strongest_first:
+        if labels[mode] is None and system.coordinates[index] not in labels:
+            labels[mode] = system.coordinates[index]
+    return tuple(labels)

@@ -1,0 +1,235 @@
+"""Rigid masses joined by springs with dampers: the form in which every vehicle is put together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._checks import check_number, check_one_of, frozen_array
+from sprung.errors import ParameterError
+from sprung.recording import Channel
+from sprung.vehicles.modes import ExactModes, modes
+from sprung.vehicles.system import (
+    MechanicalSystem,
+    Outputs,
+    StateSpace,
+    discretised,
+    state_space,
+)
+
+#: Components that the stiffness and the damping of each part of a corner are called after.
+PARTS = MappingProxyType(
+    {
+        "suspension": ("spring", "damper"),
+        "tyre": ("tyre", None),
+        "anti_roll": ("anti_roll", None),
+        "mount": ("spring", "damper"),
+    }
+)
+
+
+#: Quantities of a motion: order of the time derivative, and whether it is a rotation.
+MOTIONS = MappingProxyType(
+    {
+        "acceleration": (2, False),
+        "velocity": (1, False),
+        "displacement": (0, False),
+        "angular_velocity": (1, True),
+        "angle": (0, True),
+    }
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Element:
+    """A spring with a damper beside it, and where it is fixed.
+
+    Parameters
+    ----------
+    owner
+        Corner, mass or axle that it belongs to, such as "front_left".
+    part
+        A key of `PARTS`.
+    elongation
+        Shape (n,): elongation for one unit of each coordinate.
+    stiffness, damping
+        In N/m and N s/m, at least 0.
+    foot
+        Name of the base displacement that moves its lower end; None where that end is fixed or on a mass.
+        Such an element has no damping: the velocity of the base is no input.
+    """
+
+    owner: str
+    part: str
+    elongation: NDArray[np.float64]
+    stiffness: float
+    damping: float = 0.0
+    foot: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "elongation", frozen_array("elongation", self.elongation, ndim=1))
+        check_one_of("part", self.part, PARTS)
+        check_number(f"stiffness of {self.owner} {self.part}", self.stiffness, at_least=0)
+        check_number(f"damping of {self.owner} {self.part}", self.damping, at_least=0)
+        if self.foot is not None and self.damping != 0:
+            raise ParameterError(
+                f"damping={self.damping:g} of {self.owner} {self.part} must be 0: it stands on the moving base"
+            )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Structure:
+    """Coordinates, masses, elements, inputs and sensors of a vehicle.
+
+    Parameters
+    ----------
+    coordinates
+        Names of the n coordinates: "bounce", "pitch", "roll" of the body, "wheel_" and the corner, "mass_1" ...
+    mass
+        Shape (n, n), in kg and kg m^2.
+    elements
+        Springs with dampers; their stiffness and damping matrices add up.
+    inputs
+        Names of the inputs, forces [N] or base displacements [m].
+    forces
+        Shape (n, inputs): generalised force of one unit of each input that acts as a force; zeros for base
+        displacements, which act through the elements that stand on them.
+    outputs
+        What the sensors read.
+    """
+
+    coordinates: tuple[str, ...]
+    mass: NDArray[np.float64]
+    elements: tuple[Element, ...]
+    inputs: tuple[str, ...]
+    forces: NDArray[np.float64]
+    outputs: Outputs
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "forces"):
+            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=2))
+        n = len(self.coordinates)
+        for element in self.elements:
+            if len(element.elongation) != n:
+                raise ParameterError(
+                    f"{element.owner} {element.part} has {len(element.elongation)} elongations, but must have one "
+                    f"for each of {n} coordinates"
+                )
+            if element.foot is not None:
+                check_one_of(f"foot of {element.owner} {element.part}", element.foot, self.inputs)
+        if self.outputs.acceleration.shape[1] != n:
+            raise ParameterError(
+                f"the outputs read {self.outputs.acceleration.shape[1]} coordinates, but the structure has {n}"
+            )
+
+    @property
+    def elongations(self) -> NDArray[np.float64]:
+        """Elongation of each element for one unit of each coordinate, shape (elements, n)."""
+        return np.stack([element.elongation for element in self.elements])
+
+    @property
+    def feet(self) -> NDArray[np.float64]:
+        """1 where the base displacement of an input moves the foot of an element, shape (elements, inputs)."""
+        return np.array([[float(element.foot == name) for name in self.inputs] for element in self.elements])
+
+    @property
+    def system(self) -> MechanicalSystem:
+        """Matrices of the structure.
+
+        Notes
+        -----
+        With elongations e = D q - F u: K = D^T diag(k) D, C = D^T diag(c) D, B = forces + D^T diag(k) F.
+        """
+        D = self.elongations
+        stiffness = np.array([element.stiffness for element in self.elements])
+        damping = np.array([element.damping for element in self.elements])
+        return MechanicalSystem(
+            mass=self.mass,
+            damping=_weighted_gram(D, damping),
+            stiffness=_weighted_gram(D, stiffness),
+            input_matrix=self.forces + (D.T * stiffness) @ self.feet,
+            coordinates=self.coordinates,
+            inputs=self.inputs,
+        )
+
+    def modes(self) -> ExactModes:
+        """Return the exact modes as the sensors see them."""
+        return modes(self.system, self.outputs)
+
+    def state_space(self) -> StateSpace:
+        """Return the continuous state space from inputs to sensors."""
+        return state_space(self.system, self.outputs)
+
+    def discretised(self, sampling_rate: float) -> StateSpace:
+        """Return the state space sampled at `sampling_rate` [Hz], inputs held between samples."""
+        return discretised(self.state_space(), sampling_rate=sampling_rate)
+
+    def components(self) -> dict[str, dict[str, float]]:
+        """Return stiffness and damping by owner and component, such as ["front_left"]["spring"]."""
+        found: dict[str, dict[str, float]] = {}
+        for element in self.elements:
+            spring, damper = PARTS[element.part]
+            owned = found.setdefault(element.owner, {})
+            owned[spring] = element.stiffness
+            if damper is not None:
+                owned[damper] = element.damping
+        return found
+
+
+def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], carriers: Sequence[str]) -> Outputs:
+    """Return what motion sensors on the parts of a structure read.
+
+    Parameters
+    ----------
+    coordinates
+        Names of the n coordinates of the structure.
+    sensors
+        Channels of a motion quantity, with position and direction where they are on the body.
+    carriers
+        For each sensor the part it is fixed to: "body", or the name of a coordinate.
+
+    Raises
+    ------
+    ParameterError
+        Where a quantity is no motion or a carrier is no part of the structure.
+
+    Notes
+    -----
+    Small motions of a rigid body in ISO 8855 axes: with bounce z, pitch p (positive nose down), roll r (positive
+    left side up) the point (x, y, h) moves by (h p, -h r, z - x p + y r), and the angular velocity is
+    (r', p', 0). Gravity's share in the reading of a tilted accelerometer is left out.
+    """
+    rows = {order: np.zeros((len(sensors), len(coordinates))) for order in (0, 1, 2)}
+    for row, (sensor, carrier) in enumerate(zip(sensors, carriers, strict=True)):
+        if sensor.quantity not in MOTIONS:
+            raise ParameterError(
+                f"quantity {sensor.quantity!r} of channel {sensor.name!r} is no motion: use one of {', '.join(MOTIONS)}"
+            )
+        order, is_rotation = MOTIONS[sensor.quantity]
+        for name, value in _motion(sensor, carrier, is_rotation=is_rotation).items():
+            if name in coordinates:
+                rows[order][row, coordinates.index(name)] = value
+        if carrier != "body" and carrier not in coordinates:
+            raise ParameterError(
+                f"channel {sensor.name!r} is on {carrier!r}, but the parts are body, {', '.join(coordinates)}"
+            )
+    return Outputs(channels=tuple(sensors), acceleration=rows[2], velocity=rows[1], displacement=rows[0])
+
+
+def _weighted_gram(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum of weight times row^T row, symmetric to the last digit."""
+    gram = (rows.T * weights) @ rows
+    return np.asarray((gram + gram.T) / 2)
+
+
+def _motion(sensor: Channel, carrier: str, *, is_rotation: bool) -> dict[str, float]:
+    """Motion at the sensor for one unit of each coordinate of its carrier."""
+    x, y, h = sensor.position or (0.0, 0.0, 0.0)
+    dx, dy, dz = sensor.direction or (0.0, 0.0, 1.0)
+    if carrier == "body" and is_rotation:
+        return {"bounce": 0.0, "pitch": dy, "roll": dx}
+    if carrier == "body":
+        return {"bounce": dz, "pitch": dx * h - dz * x, "roll": dz * y - dy * h}
+    return {carrier: 0.0 if is_rotation else dz}

@@ -1,0 +1,272 @@
+"""Linear mechanical systems: matrices, state space and exact correlations."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+
+from sprung._checks import check_number, frozen_array
+from sprung.errors import ParameterError
+from sprung.recording import Channel
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MechanicalSystem:
+    """Mass, damping and stiffness matrices with the inputs that drive them.
+
+    Parameters
+    ----------
+    mass
+        Shape (n, n), in kg or kg m^2 as the coordinates need; symmetric and positive definite.
+    damping, stiffness
+        Shape (n, n), in N s/m and N/m (N m s, N m for rotations).
+    input_matrix
+        Shape (n, inputs): generalised forces for one unit of each input; ones and zeros for forces [N], tyre
+        stiffness [N/m] for base displacements [m].
+    coordinates
+        Names of the n coordinates.
+    inputs
+        Names of the inputs.
+
+    Raises
+    ------
+    ParameterError
+        Where shapes or names contradict each other or the mass matrix is not positive definite.
+
+    Notes
+    -----
+    The equation of motion is M q'' + C q' + K q = B u.
+    """
+
+    mass: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    input_matrix: NDArray[np.float64]
+    coordinates: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        _freeze(self, "mass", "damping", "stiffness", "input_matrix")
+        n = len(self.coordinates)
+        shapes = {"mass": (n, n), "damping": (n, n), "stiffness": (n, n), "input_matrix": (n, len(self.inputs))}
+        _check_shapes(self, shapes, reason=f"{n} coordinates and {len(self.inputs)} inputs are named")
+        if not np.allclose(self.mass, self.mass.T) or np.linalg.eigvalsh(self.mass)[0] <= 0:
+            raise ParameterError(
+                "the mass matrix is not symmetric and positive definite: give every coordinate a mass above 0"
+            )
+
+    @property
+    def n_coordinates(self) -> int:
+        """Number of degrees of freedom."""
+        return len(self.coordinates)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Outputs:
+    """What the sensors read of the coordinates: y = Ya q'' + Yv q' + Yd q.
+
+    Parameters
+    ----------
+    channels
+        One for each row of the matrices.
+    acceleration, velocity, displacement
+        Shape (channels, n); each sensor has its row in one of them and zeros in the others.
+    """
+
+    channels: tuple[Channel, ...]
+    acceleration: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        _freeze(self, "acceleration", "velocity", "displacement")
+        shape = (len(self.channels), self.acceleration.shape[1])
+        shapes = {"acceleration": shape, "velocity": shape, "displacement": shape}
+        _check_shapes(self, shapes, reason=f"{len(self.channels)} channels are described")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the channels, in the order of the rows."""
+        return tuple(channel.name for channel in self.channels)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StateSpace:
+    """State matrix A, input matrix B, output matrix C and feed-through matrix D.
+
+    Parameters
+    ----------
+    state_matrix, input_matrix, output_matrix, feedthrough
+        Shapes (states, states), (states, inputs), (channels, states) and (channels, inputs).
+    sampling_rate
+        In Hz for x[k+1] = A x[k] + B u[k]; None for x' = A x + B u. In both y = C x + D u.
+    """
+
+    state_matrix: NDArray[np.float64]
+    input_matrix: NDArray[np.float64]
+    output_matrix: NDArray[np.float64]
+    feedthrough: NDArray[np.float64]
+    sampling_rate: float | None = None
+
+    def __post_init__(self) -> None:
+        _freeze(self, "state_matrix", "input_matrix", "output_matrix", "feedthrough")
+        states, inputs = self.input_matrix.shape
+        channels = self.output_matrix.shape[0]
+        shapes = {
+            "state_matrix": (states, states),
+            "output_matrix": (channels, states),
+            "feedthrough": (channels, inputs),
+        }
+        _check_shapes(self, shapes, reason=f"there are {states} states and {inputs} inputs")
+
+
+def state_space(system: MechanicalSystem, outputs: Outputs) -> StateSpace:
+    """Return the continuous state space of `system` with the state [q, q'].
+
+    Notes
+    -----
+    A = [[0, I], [-M^-1 K, -M^-1 C]] and B = [0, M^-1 B]; an acceleration output adds its row of -M^-1 K, -M^-1 C
+    to the output matrix and of M^-1 B to the feed-through.
+    """
+    n = system.n_coordinates
+    accelerations = -np.linalg.solve(system.mass, np.hstack([system.stiffness, system.damping]))
+    forces = np.linalg.solve(system.mass, system.input_matrix)
+    return StateSpace(
+        state_matrix=np.vstack([np.eye(n, 2 * n, k=n), accelerations]),
+        input_matrix=np.vstack([np.zeros_like(forces), forces]),
+        output_matrix=np.hstack([outputs.displacement, outputs.velocity]) + outputs.acceleration @ accelerations,
+        feedthrough=outputs.acceleration @ forces,
+    )
+
+
+def discretised(continuous: StateSpace, *, sampling_rate: float) -> StateSpace:
+    """Return the state space sampled at `sampling_rate` [Hz] with inputs held between samples (zero-order hold).
+
+    Notes
+    -----
+    One matrix exponential of [[A, B], [0, 0]] / sampling_rate gives both matrices, also where A is singular.
+
+    References
+    ----------
+    C. F. Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control 23 (1978).
+    """
+    check_number("sampling_rate", sampling_rate, above=0)
+    states, inputs = continuous.input_matrix.shape
+    augmented = np.zeros((states + inputs, states + inputs))
+    augmented[:states] = np.hstack([continuous.state_matrix, continuous.input_matrix])
+    exponential = expm(augmented / sampling_rate)
+    return StateSpace(
+        state_matrix=exponential[:states, :states],
+        input_matrix=exponential[:states, states:],
+        output_matrix=continuous.output_matrix,
+        feedthrough=continuous.feedthrough,
+        sampling_rate=sampling_rate,
+    )
+
+
+def exact_correlations(
+    discrete: StateSpace,
+    *,
+    n_lags: int,
+    references: ArrayLike | None = None,
+    input_covariance: ArrayLike | None = None,
+) -> NDArray[np.float64]:
+    """Return the output correlations of a stable discrete system driven by white noise.
+
+    Parameters
+    ----------
+    discrete
+        A sampled state space with all eigenvalues inside the unit circle.
+    n_lags
+        Number of lags, at least 1; lags 0 to n_lags - 1.
+    references
+        Indices of the reference channels; all by default.
+    input_covariance
+        Shape (inputs, inputs), covariance Q of one sample of the inputs; the unit matrix by default.
+
+    Returns
+    -------
+    ndarray
+        Shape (channels, references, lags): E[y(k+m) y_ref(k)^T] at lag m.
+
+    Raises
+    ------
+    ParameterError
+        Where the system is not stable, so that it has no stationary response.
+
+    Notes
+    -----
+    P = A P A^T + B Q B^T; lag 0: C P C^T + D Q D^T; lag m: C A^(m-1) G with G = A P C^T + B Q D^T.
+
+    References
+    ----------
+    P. Van Overschee and B. De Moor, Subspace Identification for Linear Systems (1996), section 3.1.
+    """
+    check_number("n_lags", n_lags, at_least=1)
+    A, B, C, D = discrete.state_matrix, discrete.input_matrix, discrete.output_matrix, discrete.feedthrough
+    Q = np.eye(B.shape[1]) if input_covariance is None else np.asarray(input_covariance, dtype=np.float64)
+    rows = slice(None) if references is None else np.asarray(references, dtype=np.intp)
+    P = stationary_covariance(A, B @ Q @ B.T)
+    correlations = np.empty((C.shape[0], C[rows].shape[0], n_lags))
+    correlations[:, :, 0] = C @ P @ C[rows].T + D @ Q @ D[rows].T
+    state = A @ P @ C[rows].T + B @ Q @ D[rows].T
+    for lag in range(1, n_lags):
+        correlations[:, :, lag] = C @ state
+        state = A @ state
+    return correlations
+
+
+def stationary_covariance(
+    state_matrix: NDArray[np.float64], noise_covariance: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return P of P = A P A^T + W, the covariance of the state under white noise of covariance W.
+
+    Parameters
+    ----------
+    state_matrix
+        A, shape (states, states), all eigenvalues inside the unit circle.
+    noise_covariance
+        W, shape (states, states), symmetric and positive semi-definite.
+
+    Raises
+    ------
+    ParameterError
+        Where an eigenvalue lies on or outside the unit circle.
+
+    Notes
+    -----
+    P = sum A^n W A^nT, its number of terms doubled in each step. Only covariances are added, so that small and
+    large states (displacements beside velocities) keep the same relative accuracy; the bilinear method of
+    `scipy.linalg.solve_discrete_lyapunov` is a thousand times less accurate for stiff wheels.
+
+    References
+    ----------
+    R. A. Smith, Matrix equation XA + BX = C, SIAM J. Applied Mathematics 16 (1968), 198-201.
+    """
+    radius = float(np.max(np.abs(np.linalg.eigvals(state_matrix))))
+    if radius >= 1 - 1e-12:
+        raise ParameterError(
+            f"the largest eigenvalue has size {radius:.12g}, but must be below 1: "
+            "give every coordinate a spring and a damper to the ground"
+        )
+    covariance, power = np.array(noise_covariance), np.array(state_matrix)
+    while np.any(power):
+        covariance = covariance + power @ covariance @ power.T
+        power = power @ power
+        power[np.abs(power) < np.finfo(float).tiny] = 0.0
+    return np.asarray((covariance + covariance.T) / 2)
+
+
+def _freeze(value: Any, *names: str) -> None:
+    """Make the named matrices of a frozen value read-only."""
+    for name in names:
+        object.__setattr__(value, name, frozen_array(name, getattr(value, name), ndim=2))
+
+
+def _check_shapes(value: Any, shapes: dict[str, tuple[int, int]], *, reason: str) -> None:
+    """Refuse a matrix of another shape than wanted, saying why that one is wanted."""
+    for name, shape in shapes.items():
+        if getattr(value, name).shape != shape:
+            raise ParameterError(f"{name} has shape {getattr(value, name).shape}, but must be {shape}: {reason}")

@@ -1,0 +1,237 @@
+"""Responses against closed forms, a plain loop and the exact covariances."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from sprung.errors import ParameterError
+from sprung.excitation import QUARTER_CASES, BaseMotion, RandomInputs
+from sprung.recording import Channel, Recording
+from sprung.simulation import response, settling_time, simulate, truth, usual_excitation, with_noise
+from sprung.vehicles import StateSpace, chain, exact_correlations, parse_vehicle, read_vehicle, structure
+
+RATES = {"chain3": 500.0, "quarter": 1000.0, "zafira": 200.0, "scale-bogie": 1500.0}
+
+
+def looped(discrete, inputs):
+    """The recursion x[k+1] = A x + B u, y = C x + D u, one sample after the other."""
+    state, outputs = np.zeros(len(discrete.state_matrix)), []
+    for sample in inputs.T:
+        outputs.append(discrete.output_matrix @ state + discrete.feedthrough @ sample)
+        state = discrete.state_matrix @ state + discrete.input_matrix @ sample
+    return np.array(outputs).T
+
+
+@pytest.mark.parametrize("name", RATES)
+def test_response_agrees_with_the_plain_recursion(name):
+    discrete = structure(read_vehicle(name)).discretised(RATES[name])
+    inputs = np.random.default_rng(3).standard_normal((discrete.input_matrix.shape[1], 800))
+    expected = looped(discrete, inputs)
+    assert response(discrete, inputs) == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("damping", [0.0, 12.0, 80.0, 500.0])
+def test_free_decay_is_the_closed_form(damping):
+    """An impulse of one sample F/fs: y'' of x = exp(-d t) sin(w t) F / m w; 80 N s/m is critical, A defective."""
+    mass, stiffness, rate = 2.0, 800.0, 20_000.0
+    vehicle = chain(1, mass=mass, stiffness=stiffness, damping=damping)
+    impulse = np.zeros((1, 20_000))
+    impulse[0, 0] = rate
+    found = response(vehicle.discretised(rate), impulse)[0, 2:]
+    time = (np.arange(2, 20_000) - 0.5) / rate
+    poles = np.roots([mass, damping, stiffness])
+    if abs(poles[0] - poles[1]) < 1e-6:
+        expected = (poles[0] ** 2 * time + 2 * poles[0]) * np.exp(poles[0] * time) / mass
+    else:
+        parts = poles[:, None] ** 2 * np.exp(np.outer(poles, time)) / mass
+        expected = ((parts[0] - parts[1]) / (poles[0] - poles[1])).real
+    assert found == pytest.approx(expected, abs=2e-5 * np.abs(expected).max())
+
+
+def test_response_of_a_free_mass_is_its_force_over_mass():
+    free = StateSpace(np.array([[1.0, 0.1], [0.0, 1.0]]), [[0.005], [0.1]], np.eye(2), np.zeros((2, 1)), 10.0)
+    found = response(free, np.ones((1, 50)))
+    time = np.arange(50) / 10.0
+    assert found == pytest.approx(np.array([time**2 / 2, time]))
+
+
+def test_harmonic_base_motion_gives_the_transmissibility():
+    """abs(X_body / Y) of a quarter car from its textbook transfer function, at 3 Hz."""
+    quarter = read_vehicle("quarter").corner
+    vehicle = structure(read_vehicle("quarter"))
+    rate, frequency = 4000.0, 3.0
+    inputs = np.sin(2 * np.pi * frequency * np.arange(40_000) / rate)[None]
+    found = response(vehicle.discretised(rate), inputs)[0, -4000:]
+    s = 2j * np.pi * frequency
+    suspension = quarter.spring_stiffness + s * quarter.damping
+    wheel = quarter.unsprung_mass * s**2 + suspension + quarter.tyre_stiffness
+    transfer = quarter.tyre_stiffness * suspension / (wheel * (s**2 + suspension) - suspension**2)
+    assert np.sqrt(2) * found.std() == pytest.approx(np.abs(s**2 * transfer), rel=1e-4)
+
+
+@pytest.mark.parametrize("name", RATES)
+def test_spread_is_the_exact_covariance(name):
+    vehicle = structure(read_vehicle(name))
+    rate = RATES[name]
+    recording = simulate(vehicle, RandomInputs(len(vehicle.inputs)), duration=120.0, sampling_rate=rate, seed=4)
+    exact = exact_correlations(vehicle.discretised(rate), n_lags=3)
+    n = recording.n_samples
+    spread = np.sqrt(np.diag(exact[:, :, 0]))
+    for lag in range(3):
+        found = recording.samples[:, lag:] @ recording.samples[:, : n - lag].T / n
+        assert found / np.outer(spread, spread) == pytest.approx(exact[:, :, lag] / np.outer(spread, spread), abs=0.1)
+
+
+def test_record_starts_in_the_steady_state():
+    vehicle = chain()
+    starts = [
+        simulate(vehicle, RandomInputs(3), duration=0.004, sampling_rate=500.0, seed=seed).samples
+        for seed in range(400)
+    ]
+    exact = np.diag(exact_correlations(vehicle.discretised(500.0), n_lags=1)[:, :, 0])
+    assert np.mean(np.array(starts) ** 2, axis=(0, 2)) == pytest.approx(exact, rel=0.2)
+
+
+def test_correlations_of_many_records_approach_the_exact_ones():
+    """Bias of the mean over 40 records below its standard error times 4, at lags to 0.1 s."""
+    vehicle, rate, n_lags = chain(), 500.0, 50
+    exact = exact_correlations(vehicle.discretised(rate), n_lags=n_lags)
+    found = []
+    for seed in range(40):
+        samples = simulate(vehicle, RandomInputs(3), duration=60.0, sampling_rate=rate, seed=seed).samples
+        n = samples.shape[1]
+        found.append(
+            np.stack([samples[:, lag:] @ samples[:, : n - lag].T / (n - lag) for lag in range(n_lags)], axis=-1)
+        )
+    error = np.std(found, axis=0) / np.sqrt(40)
+    deviation = (np.mean(found, axis=0) - exact) / error
+    assert np.sqrt(np.mean(deviation**2)) < 1.6
+    assert np.abs(deviation).max() < 5.0
+
+
+def test_recording_carries_meaning_and_history():
+    vehicle = structure(read_vehicle("zafira"))
+    recording = simulate(vehicle, usual_excitation(vehicle), duration=2.0, sampling_rate=200.0, snr=10.0)
+    assert recording.names == ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
+    assert recording.channels[3] == Channel("acc_rr", "acceleration", (-1.58, -0.702, 0.0), (0.0, 0.0, 1.0))
+    assert recording.samples.shape == (4, 400)
+    assert recording.sampling_rate == 200.0
+    assert [line.split(",")[0] for line in recording.history] == ["simulated 2 s at 200 Hz", "added sensor noise"]
+
+
+def test_seed_decides_everything():
+    settings = {"duration": 5.0, "sampling_rate": 500.0, "snr": 2.0, "noise_band": (0.5, 50.0)}
+    first, again, other = (
+        simulate(chain(), RandomInputs(3), seed=seed, **settings).samples for seed in (1, np.random.default_rng(1), 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert not np.allclose(first, other)
+
+
+def test_pulses_and_harmonics_reach_the_body():
+    """Case 4 has lines at 17 Hz and the multiples of 3.65 Hz; case 1 has none."""
+    vehicle, rate = structure(read_vehicle("quarter")), 1000.0
+    peaks = []
+    for case in (QUARTER_CASES[0], QUARTER_CASES[3]):
+        recording = simulate(vehicle, case, duration=60.0, sampling_rate=rate, seed=1)
+        frequency, density = scipy.signal.welch(recording.samples[0], rate, nperseg=20_000)
+        peaks.append([density[np.abs(frequency - line).argmin()] for line in (17.0, 14.6, 21.9)])
+    assert np.all(np.array(peaks[1]) > 5 * np.array(peaks[0]))
+
+
+def test_time_of_the_excitation_is_that_of_the_recording():
+    """Pulses at n / 3.65 s: the wheel reads the first five at samples 0, 274, 548, 822 and 1096."""
+    vehicle, pulses = structure(read_vehicle("quarter")), BaseMotion(random=0.0, pulse=5e-3)
+    wheel = simulate(vehicle, pulses, duration=1.2, sampling_rate=1000.0).samples[1]
+    step = 5e-3 * 75846.0 / 0.6637
+    assert np.flatnonzero(wheel > 0.8 * step).tolist() == [0, 274, 548, 822, 1096]
+
+
+@pytest.mark.parametrize("snr", [10.0, 0.5])
+@pytest.mark.parametrize("band", [None, (0.5, 50.0)])
+def test_noise_has_the_amplitude_ratio(snr, band):
+    clean = simulate(chain(), RandomInputs(3), duration=20.0, sampling_rate=500.0)
+    noisy = with_noise(clean, snr=snr, generator=np.random.default_rng(1), band=band)
+    added = noisy.samples - clean.samples
+    ratio = np.sqrt(np.mean(clean.samples**2, axis=1) / np.mean(added**2, axis=1))
+    assert ratio == pytest.approx([snr] * 3, rel=1e-12)
+    assert np.abs(np.corrcoef(added) - np.eye(3)).max() < (0.06 if band is None else 0.15)
+    spectrum = np.abs(np.fft.rfft(added, axis=1)) ** 2
+    inside = spectrum[:, : 60 * 20].sum() / spectrum.sum()
+    assert inside == pytest.approx(0.24 if band is None else 0.97, abs=0.02)
+    assert noisy.history[-1].endswith(f"at SNR {snr:g}")
+
+
+def test_noise_keeps_gaps_missing_values_and_silence():
+    samples = np.vstack([np.sin(np.arange(100.0)), np.zeros(100)])
+    samples[0, 7] = np.nan
+    clean = Recording(samples, 10.0, (Channel("a"), Channel("b")))
+    noisy = with_noise(clean, snr=1.0, generator=np.random.default_rng(0))
+    assert np.flatnonzero(np.isnan(noisy.samples[0])).tolist() == [7]
+    np.testing.assert_array_equal(noisy.samples[1], 0.0)
+
+
+def test_settling_time_is_the_decay_of_the_slowest_pole():
+    """exp(-xi w t) = 1e-4."""
+    modes = chain().modes()
+    rate = np.min(modes.damping_ratio * np.abs(modes.poles))
+    assert np.exp(-rate * settling_time(chain())) == pytest.approx(1e-4)
+
+
+def test_minute_of_the_chain_is_fast():
+    durations = []
+    for seed in range(5):
+        start = time.perf_counter()
+        simulate(chain(), RandomInputs(3), duration=60.0, sampling_rate=500.0, snr=10.0, seed=seed)
+        durations.append(time.perf_counter() - start)
+    assert min(durations) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"duration": 0.0}, "duration=0 must be above 0"),
+        ({"sampling_rate": -5.0}, "sampling_rate=-5 must be above 0"),
+        ({"snr": 0.0}, "snr=0 must be above 0"),
+        ({"excitation": RandomInputs(2)}, "the excitation has 2 inputs, but the vehicle 3: drive force_1, force_2"),
+        ({"vehicle": chain(damping=0.0)}, "a free motion of the vehicle does not decay: give every coordinate"),
+    ],
+)
+def test_impossible_simulations_are_refused(changes, message):
+    settings = {"vehicle": chain(), "excitation": RandomInputs(3), "duration": 1.0, "sampling_rate": 500.0}
+    settings |= changes
+    with pytest.raises(ParameterError, match=message):
+        simulate(settings.pop("vehicle"), settings.pop("excitation"), **settings)
+
+
+def test_vehicle_without_sensors_is_refused():
+    fields = read_vehicle("quarter").model_dump(exclude_defaults=True)
+    del fields["sensor"]
+    with pytest.raises(ParameterError, match=r"the vehicle has no motion sensors: add \[\[sensor\]\] tables"):
+        simulate(structure(parse_vehicle(fields)), QUARTER_CASES[0], duration=1.0, sampling_rate=500.0)
+
+
+def test_inputs_of_another_shape_are_refused():
+    with pytest.raises(ParameterError, match=r"inputs has shape \(2, 5\), but must be \(3, samples\)"):
+        response(chain().discretised(500.0), np.ones((2, 5)))
+
+
+def test_truth_of_the_chain():
+    found = json.loads(json.dumps(truth(chain(), seed=5)))
+    assert found["schema"] == "sprung.truth/1"
+    assert found["seed"] == 5
+    assert [round(mode["natural_frequency"], 2) for mode in found["modes"]] == [7.01, 19.65, 28.39]
+    assert [round(100 * mode["damping_ratio"], 2) for mode in found["modes"]] == [1.12, 3.15, 4.55]
+    assert found["modes"][0]["mode_shape"]["real"][2] == pytest.approx(1.0)
+    assert found["components"]["mass_2"] == {"spring": {"value": 9800.0}, "damper": {"value": 5.0}}
+    assert found["faults"] == {}
+
+
+def test_truth_of_the_quarter_vehicle():
+    found = truth(structure(read_vehicle("quarter")))
+    assert [mode["label"] for mode in found["modes"]] == ["bounce", "wheel_hop"]
+    expected = {"spring": {"value": 7557.1}, "damper": {"value": 26.557}, "tyre": {"value": 75846.0}}
+    assert found["components"] == {"corner": expected}
