@@ -1,0 +1,394 @@
+"""Conditioning of recordings: scaling, trends, filters, decimation, missing values, equal distance steps.
+
+Everything works stretch by stretch: nothing is filtered, fitted or interpolated across a gap.
+"""
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import interpolate, signal
+
+from sprung._checks import check_complete, check_number
+from sprung.errors import DataError, ParameterError
+from sprung.recording import Gap, Recording
+
+Samples = NDArray[np.float64]
+
+#: Part of the new band that decimation passes unchanged (ripple below 0.01 %).
+PASS_BAND = Fraction(4, 5)
+#: Attenuation of whatever decimation would fold into the new band [dB].
+STOP_BAND = 90.0
+#: Numerator and denominator of a resampling ratio are at most this large.
+LARGEST_DENOMINATOR = 10_000
+#: Moving parts with fewer samples are not worth a spline.
+FEWEST_MOVING_SAMPLES = 10
+
+
+def scale(recording: Recording, factors: float | Mapping[str, float]) -> Recording:
+    """Multiply all channels, or the channels named in `factors`, by a constant.
+
+    Parameters
+    ----------
+    recording
+        Any recording.
+    factors
+        One factor for all channels, or a factor for each channel name; channels that are not named stay.
+
+    Returns
+    -------
+    Recording
+        With scaled samples.
+
+    Raises
+    ------
+    ParameterError
+        A factor is not a finite number, or a channel does not exist.
+    """
+    named = dict(factors) if isinstance(factors, Mapping) else dict.fromkeys(recording.names, factors)
+    gains = np.ones(len(recording.channels))
+    for name, factor in named.items():
+        gains[recording.index(name)] = check_number(f"factor of channel {name!r}: ", factor)
+    return recording.changed(f"scaled by {factors}", samples=recording.samples * gains[:, None])
+
+
+def detrend(recording: Recording, *, degree: int = 0) -> Recording:
+    """Remove the mean or the straight line of least squares from each channel of each stretch.
+
+    Parameters
+    ----------
+    recording
+        Without missing values.
+    degree
+        0 removes the mean, 1 the straight line.
+
+    Returns
+    -------
+    Recording
+        With the trend removed.
+
+    Raises
+    ------
+    DataError
+        A channel has missing values.
+    ParameterError
+        `degree` is neither 0 nor 1.
+    """
+    if degree not in (0, 1):
+        raise ParameterError(f"degree={degree} must be 0 (mean) or 1 (straight line)")
+    check_complete(recording.names, recording.samples)
+    samples = np.empty_like(recording.samples)
+    for stretch in recording.stretches():
+        samples[:, stretch] = signal.detrend(recording.samples[:, stretch], type="linear" if degree else "constant")
+    return recording.changed(f"{('mean', 'straight line')[degree]} of each stretch removed", samples=samples)
+
+
+def band_pass(recording: Recording, low: float | None, high: float | None, *, order: int = 4) -> Recording:
+    """Filter with a zero-phase Butterworth high-pass, low-pass or band-pass.
+
+    Parameters
+    ----------
+    recording
+        Without missing values.
+    low, high
+        Band edges [Hz], 0 < low < high < half the sampling rate. None leaves that side open.
+    order
+        Order of the Butterworth prototype, 1 to 12.
+
+    Returns
+    -------
+    Recording
+        Filtered. Stretches not longer than one period of the lower edge (and than the filter's own padding)
+        are left out, which the history says.
+
+    Raises
+    ------
+    ParameterError
+        The edges or the order cannot be used.
+    DataError
+        A channel has missing values, or every stretch is too short.
+
+    Notes
+    -----
+    The filter runs forwards and backwards over second-order sections, so the phase is zero and the gain is the
+    square of the Butterworth gain: one half (-6 dB) at each edge, and twice the order's slope beyond it. Ends
+    are extended by odd reflection over the padding.
+    """
+    nyquist = recording.sampling_rate / 2
+    edges = [check_number("band edge", edge, above=0) for edge in (low, high) if edge is not None]
+    if not edges or edges != sorted(set(edges)) or edges[-1] >= nyquist:
+        raise ParameterError(
+            f"low={low}, high={high} must be 0 < low < high < {nyquist:g} Hz, half the sampling rate: "
+            "give at least one of them"
+        )
+    check_number("order", order, at_least=1, at_most=12)
+    check_complete(recording.names, recording.samples)
+    kind: Literal["bandpass", "lowpass", "highpass"]
+    kind = "bandpass" if len(edges) == 2 else "lowpass" if low is None else "highpass"
+    sections = signal.butter(
+        order, edges if len(edges) == 2 else edges[0], kind, fs=recording.sampling_rate, output="sos"
+    )
+    padding = max(3 * (2 * len(sections) + 1), round(recording.sampling_rate / edges[0]))
+    pieces = [
+        (onset, signal.sosfiltfilt(sections, recording.samples[:, stretch], padlen=padding))
+        for onset, stretch in _stretches_with_onset(recording)
+        if stretch.stop - stretch.start > padding
+    ]
+    dropped = len(recording.gaps) + 1 - len(pieces)
+    step = f"zero-phase Butterworth {kind} of order {order}, {' to '.join(f'{edge:g}' for edge in edges)} Hz"
+    if dropped:
+        step += f"; {dropped} stretches of up to {padding} samples left out"
+    return _joined(recording, pieces, step=step, advice=f"stretches must exceed {padding} samples")
+
+
+def decimate(recording: Recording, sampling_rate: float) -> Recording:
+    """Lower the sampling rate, without aliases and without phase.
+
+    Parameters
+    ----------
+    recording
+        Without missing values.
+    sampling_rate
+        New rate [Hz], not above the old one; any ratio.
+
+    Returns
+    -------
+    Recording
+        At the new rate (as close to it as a ratio of two whole numbers up to 10,000 comes). The first sample of
+        each stretch keeps its time; the part of a last new sample that a stretch does not fill goes to the gap.
+
+    Raises
+    ------
+    ParameterError
+        The new rate is above the old one, or not above 0.
+    DataError
+        A channel has missing values, or every stretch is shorter than one new sample.
+
+    Notes
+    -----
+    Linear-phase FIR filters (Kaiser windows) with the delay compensated, in two stages for ratios of 4 and more.
+    The band 0 to 0.8 of the new Nyquist frequency passes with a ripple below 0.01 %; whatever would fold into
+    the new band is 90 dB down. Ends are extended by odd reflection.
+    """
+    old_rate = recording.sampling_rate
+    check_number("sampling_rate", sampling_rate, above=0, at_most=old_rate, advice="decimation only lowers it")
+    check_complete(recording.names, recording.samples)
+    ratio = Fraction(sampling_rate / old_rate).limit_denominator(LARGEST_DENOMINATOR)
+    if ratio == 0:
+        raise ParameterError(
+            f"sampling_rate={sampling_rate:g} must be at least {old_rate / LARGEST_DENOMINATOR:g} Hz, "
+            f"{LARGEST_DENOMINATOR} times below the old rate: decimate in steps"
+        )
+    new_rate = old_rate * ratio.numerator / ratio.denominator
+    stages = _stages(ratio)
+    pieces = []
+    for onset, stretch in _stretches_with_onset(recording):
+        n_new = int((stretch.stop - stretch.start) * ratio)
+        samples = recording.samples[:, stretch]
+        for stage_ratio, taps in stages:
+            samples = _resampled(samples, stage_ratio, taps)
+        pieces.append((onset, samples[:, :n_new]))
+    return _joined(
+        recording,
+        [(onset, samples) for onset, samples in pieces if samples.shape[1]],
+        step=f"decimated from {old_rate:g} to {new_rate:g} Hz",
+        sampling_rate=new_rate,
+        advice="every stretch is shorter than one sample at the new rate",
+    )
+
+
+def without_missing(recording: Recording) -> Recording:
+    """Turn the samples at which any channel is missing (NaN) into gaps.
+
+    Parameters
+    ----------
+    recording
+        Any recording.
+
+    Returns
+    -------
+    Recording
+        Without missing values.
+
+    Raises
+    ------
+    DataError
+        No sample has all channels.
+    """
+    is_complete = np.asarray(~np.isnan(recording.samples).any(axis=0))
+    if is_complete.all():
+        return recording
+    pieces = [
+        (onset + part.start / recording.sampling_rate, recording.samples[:, stretch][:, part])
+        for onset, stretch in _stretches_with_onset(recording)
+        for part in _runs(is_complete[stretch])
+    ]
+    step = f"{np.count_nonzero(~is_complete)} samples with missing values made gaps"
+    return _joined(recording, pieces, step=step, advice="no sample has a value in every channel")
+
+
+def distance_travelled(recording: Recording, speed: str) -> Samples:
+    """Return the distance since the first sample at each sample [m], from the channel named `speed` [m/s].
+
+    The trapezoidal rule; across a gap the mean of the speeds on its two sides is taken to have held.
+    """
+    v = recording.samples[recording.index(speed)]
+    steps = np.full(recording.n_samples - 1, 1 / recording.sampling_rate)
+    for gap in recording.gaps:
+        steps[gap.index - 1] += gap.duration
+    return np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * steps)])
+
+
+def moving_parts(recording: Recording, speed: str, *, minimum_speed: float) -> list[slice]:
+    """Return the sample ranges, within stretches, of at least ten samples at or above `minimum_speed` [m/s]."""
+    check_number("minimum_speed", minimum_speed, above=0)
+    check_complete(recording.names, recording.samples)
+    is_moving = recording.samples[recording.index(speed)] >= minimum_speed
+    return [
+        slice(stretch.start + part.start, stretch.start + part.stop)
+        for stretch in recording.stretches()
+        for part in _runs(is_moving[stretch])
+        if part.stop - part.start >= FEWEST_MOVING_SAMPLES
+    ]
+
+
+def while_moving(recording: Recording, speed: str, *, minimum_speed: float = 3.0) -> Recording:
+    """Keep the parts at or above `minimum_speed` [m/s], from the channel named `speed`; the rest becomes gaps."""
+    rate = recording.sampling_rate
+    onsets = {stretch.start: onset for onset, stretch in _stretches_with_onset(recording)}
+    pieces = []
+    for part in moving_parts(recording, speed, minimum_speed=minimum_speed):
+        first = max(start for start in onsets if start <= part.start)
+        pieces.append((onsets[first] + (part.start - first) / rate, recording.samples[:, part]))
+    return _joined(
+        recording,
+        pieces,
+        step=f"parts below {minimum_speed:g} m/s left out",
+        advice=f"no part reaches {minimum_speed:g} m/s: lower minimum_speed",
+    )
+
+
+def over_distance(recording: Recording, speed: str, *, interval: float, minimum_speed: float = 3.0) -> Recording:
+    """Resample onto equal steps of distance, in which lines proportional to speed stand still.
+
+    Parameters
+    ----------
+    recording
+        Without missing values.
+    speed
+        Name of the channel with the speed [m/s].
+    interval
+        Distance between samples of the result [m].
+    minimum_speed
+        Slower parts are left out [m/s].
+
+    Returns
+    -------
+    Recording
+        Its `sampling_rate` counts samples per metre, so that everything that is in Hz or seconds elsewhere is in
+        cycles per metre or metres here, the gaps' durations included. It has no start time.
+
+    Raises
+    ------
+    ParameterError
+        There is no such channel, or `interval` or `minimum_speed` is not above 0.
+    DataError
+        A channel has missing values, or no part is fast enough.
+
+    Notes
+    -----
+    Distance is the integral of speed (trapezoidal rule). A spline of degree 5 through the samples is read at
+    steps so fine that `minimum_speed` aliases nothing, and the result is then decimated to `interval`.
+    """
+    check_number("interval", interval, above=0)
+    parts = moving_parts(recording, speed, minimum_speed=minimum_speed)
+    distance = distance_travelled(recording, speed)
+    oversampling = int(np.ceil(interval * recording.sampling_rate / minimum_speed - 1e-9))
+    pieces = []
+    for part in parts:
+        metres = distance[part]
+        grid = np.arange(metres[0], metres[-1], interval / max(1, oversampling))
+        spline = interpolate.make_interp_spline(np.arange(metres.size), recording.samples[:, part], k=5, axis=1)
+        pieces.append((float(metres[0]), spline(np.interp(grid, metres, np.arange(metres.size)))))
+    fine = _joined(
+        recording,
+        pieces,
+        step=f"resampled every {interval:g} m of distance; parts below {minimum_speed:g} m/s left out",
+        sampling_rate=max(1, oversampling) / interval,
+        start=None,
+        advice=f"no part reaches {minimum_speed:g} m/s: lower minimum_speed",
+    )
+    return decimate(fine, 1 / interval) if oversampling > 1 else fine
+
+
+def _stretches_with_onset(recording: Recording) -> list[tuple[float, slice]]:
+    """Return each stretch with the time of its first sample after the recording's first [s]."""
+    waited = np.concatenate([[0.0], np.cumsum([gap.duration for gap in recording.gaps])])
+    return [
+        (stretch.start / recording.sampling_rate + float(wait), stretch)
+        for stretch, wait in zip(recording.stretches(), waited, strict=True)
+    ]
+
+
+def _joined(
+    recording: Recording, pieces: list[tuple[float, Samples]], *, step: str, advice: str, **fields: Any
+) -> Recording:
+    """Return a recording of `pieces`, each with its onset after the old first sample, and gaps between them."""
+    if not pieces:
+        raise DataError(f"nothing is left of a recording of {recording.n_samples} samples: {advice}")
+    rate = fields.get("sampling_rate", recording.sampling_rate)
+    onsets = np.array([onset for onset, _ in pieces])
+    lengths = np.array([samples.shape[1] for _, samples in pieces])
+    waits = np.maximum(0.0, onsets[1:] - onsets[:-1] - lengths[:-1] / rate)
+    gaps = tuple(Gap(int(i), float(wait)) for i, wait in zip(np.cumsum(lengths), waits, strict=False))
+    if recording.start is not None:
+        fields.setdefault("start", recording.start + round(onsets[0] * 1e9))
+    samples = np.concatenate([samples for _, samples in pieces], axis=1)
+    return recording.changed(step, **{"samples": samples, "gaps": gaps, **fields})
+
+
+def _runs(is_wanted: NDArray[np.bool_]) -> list[slice]:
+    """Return the ranges in which `is_wanted` holds throughout."""
+    edges = np.flatnonzero(np.diff(is_wanted, prepend=False, append=False))
+    return [slice(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
+
+
+def _stages(ratio: Fraction) -> list[tuple[Fraction, Samples]]:
+    """Split a resampling ratio into stages, each with its filter: a coarse one first where it saves work."""
+    if ratio == 1:
+        return []
+    whole = int(1 / ratio) // 2
+    if whole < 2:
+        return [(ratio, _low_pass(PASS_BAND * ratio / 2, ratio / 2, ratio))]
+    coarse = Fraction(1, whole)
+    rest = ratio / coarse
+    # The coarse stage may fold into the new band's outside, which the fine stage removes.
+    return [
+        (coarse, _low_pass(PASS_BAND * ratio / 2, coarse - ratio / 2, coarse)),
+        (rest, _low_pass(PASS_BAND * rest / 2, rest / 2, rest)),
+    ]
+
+
+def _low_pass(pass_edge: Fraction, stop_edge: Fraction, ratio: Fraction) -> Samples:
+    """Design the filter of one stage; edges in cycles per input sample, taps at `ratio.numerator` times its rate."""
+    width = float(stop_edge - pass_edge) / ratio.numerator
+    n_taps = int(np.ceil((STOP_BAND - 7.95) / (2.285 * 2 * np.pi * width))) | 1
+    window = ("kaiser", signal.kaiser_beta(STOP_BAND))
+    taps = signal.firwin(n_taps, float(pass_edge + stop_edge) / ratio.numerator, window=window)
+    return np.asarray(taps * ratio.numerator)
+
+
+def _resampled(samples: Samples, ratio: Fraction, taps: Samples) -> Samples:
+    """Filter and resample one stretch, so that the first new sample is at the first old one."""
+    up, down = ratio.numerator, ratio.denominator
+    half = taps.size // 2
+    padding = half // up + 1
+    extended = np.pad(samples, ((0, 0), (padding, padding)), mode="reflect", reflect_type="odd")
+    delay = padding * up + half
+    shifted = np.concatenate([np.zeros(-delay % down), taps])
+    first = (delay + (-delay % down)) // down
+    n_new = -(-samples.shape[1] * up // down)
+    resampled: Samples = signal.upfirdn(shifted, extended, up, down, axis=-1)
+    return resampled[:, first : first + n_new]

@@ -1,0 +1,389 @@
+"""Correlations of segments: additive over segments and records, in batch or one segment at a time."""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from sprung._checks import check_number, frozen_array
+from sprung.errors import DataError, ParameterError
+from sprung.recording import Recording
+
+#: Blocks kept beside an average: their spread is its uncertainty.
+MAX_BLOCKS = 64
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SegmentCorrelations:
+    """Sums of lagged products of each segment; they add over segments and records.
+
+    Parameters
+    ----------
+    sums
+        sum over n of y_channel(n + m) y_reference(n), lags m from 0, shape (segments, channels, references,
+        lags).
+    n_products
+        Number of products in each sum, shape (segments, lags).
+    sampling_rate
+        In Hz.
+    channels, references
+        Names of the outputs and of the references.
+    """
+
+    sums: NDArray[np.float64]
+    n_products: NDArray[np.float64]
+    sampling_rate: float
+    channels: tuple[str, ...]
+    references: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sums", frozen_array("sums", self.sums, ndim=4))
+        object.__setattr__(self, "n_products", frozen_array("n_products", self.n_products, ndim=2))
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments."""
+        return int(self.sums.shape[0])
+
+    @property
+    def n_lags(self) -> int:
+        """Number of lags, lag 0 included."""
+        return int(self.sums.shape[-1])
+
+    def take(self, segments: NDArray[np.intp] | Sequence[int]) -> "SegmentCorrelations":
+        """Return only the given segments."""
+        return replace(self, sums=self.sums[segments], n_products=self.n_products[segments])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Correlations:
+    """Averaged correlations of one condition.
+
+    Parameters
+    ----------
+    values
+        Lambda_m = E[y(n + m) y_ref(n)], shape (channels, references, lags), lags from 0.
+    blocks
+        The same averaged over each of up to `MAX_BLOCKS` runs of consecutive segments, shape (blocks,
+        channels, references, lags). `values` is their mean with `weights`.
+    weights
+        Share of each block in `values`, shape (blocks,), sum 1.
+    sampling_rate
+        In Hz.
+    channels, references
+        Names of the outputs and of the references.
+    n_segments
+        Number of segments averaged.
+    """
+
+    values: NDArray[np.float64]
+    blocks: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    sampling_rate: float
+    channels: tuple[str, ...]
+    references: tuple[str, ...]
+    n_segments: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", frozen_array("values", self.values, ndim=3))
+        object.__setattr__(self, "blocks", frozen_array("blocks", self.blocks, ndim=4))
+        object.__setattr__(self, "weights", frozen_array("weights", self.weights, ndim=1))
+
+    @property
+    def n_lags(self) -> int:
+        """Number of lags, lag 0 included."""
+        return int(self.values.shape[-1])
+
+    @property
+    def is_cross(self) -> NDArray[np.bool_]:
+        """Which (channel, reference) pairs are of two different channels, shape (channels, references)."""
+        return np.array([[channel != reference for reference in self.references] for channel in self.channels])
+
+    def select(self, channels: Sequence[str], references: Sequence[str]) -> "Correlations":
+        """Return only the given outputs and references."""
+        pairs = np.ix_(
+            [self.channels.index(name) for name in channels],
+            [self.references.index(name) for name in references],
+        )
+        return replace(
+            self,
+            values=self.values[pairs],
+            blocks=np.array([block[pairs] for block in self.blocks]),
+            channels=tuple(channels),
+            references=tuple(references),
+        )
+
+
+def exact_correlations(
+    values: NDArray[np.float64],
+    *,
+    sampling_rate: float,
+    channels: Sequence[str] | None = None,
+    references: Sequence[str] | None = None,
+) -> Correlations:
+    """Wrap correlations that are known, not estimated: their uncertainty is zero.
+
+    Parameters
+    ----------
+    values
+        Shape (channels, references, lags), lags from 0.
+    sampling_rate
+        In Hz.
+    channels, references
+        Names; by default "1", "2", ... for both.
+    """
+    n_channels, n_references = values.shape[:2]
+    return Correlations(
+        values=values,
+        blocks=values[None],
+        weights=np.ones(1),
+        sampling_rate=sampling_rate,
+        channels=tuple(channels or [str(k + 1) for k in range(n_channels)]),
+        references=tuple(references or [str(k + 1) for k in range(n_references)]),
+    )
+
+
+def correlate_segments(
+    recording: Recording,
+    *,
+    n_lags: int,
+    segment: float | None = None,
+    references: Sequence[str] | None = None,
+    is_continued: bool = False,
+) -> SegmentCorrelations:
+    """Cut a recording into segments and correlate each.
+
+    Parameters
+    ----------
+    recording
+        With finite samples. Every stretch between gaps is cut into equal segments on its own.
+    n_lags
+        Number of lags, lag 0 included, at least 2.
+    segment
+        Least length of a segment [s]; a stretch is cut into as many segments as fit, so no sample is lost.
+        None: one segment for each stretch.
+    references
+        Names of the reference channels; None: all channels.
+    is_continued
+        True: the later factor of a product may lie in the next segment of the same stretch, so that the
+        segments' sums add up to the correlation of the whole stretch. False: each segment stands alone
+        (the thesis' form).
+
+    Returns
+    -------
+    SegmentCorrelations
+
+    Raises
+    ------
+    DataError
+        If no stretch holds `n_lags` samples.
+
+    Notes
+    -----
+    sum_n y(n + m) y_ref(n) by FFT of overlapping, zero-padded blocks, so that nothing wraps around. The mean is
+    not removed here.
+
+    References
+    ----------
+    F. Liu (2020), eq. 4-1.
+    """
+    n_lags = int(check_number("n_lags", n_lags, at_least=2))
+    names = recording.names if references is None else tuple(references)
+    rows = [recording.index(name) for name in names]
+    bounds = list(_segment_bounds(recording, segment, n_lags))
+    if not bounds:
+        raise DataError(
+            f"no stretch of the recording is as long as {n_lags} lags"
+            f" ({n_lags / recording.sampling_rate:.3g} s): record longer or use fewer block rows"
+        )
+    sums = np.empty((len(bounds), len(recording.channels), len(rows), n_lags))
+    n_products = np.empty((len(bounds), n_lags))
+    for k, (first, last, stop) in enumerate(bounds):
+        end = stop if is_continued else last
+        sums[k] = _lagged_sums(recording.samples[:, first:end], rows, last - first, n_lags)
+        n_products[k] = np.minimum(last - first, end - first - np.arange(n_lags))
+    return SegmentCorrelations(sums, n_products, recording.sampling_rate, recording.names, names)
+
+
+def _segment_bounds(recording: Recording, segment: float | None, n_lags: int) -> Iterator[tuple[int, int, int]]:
+    """Yield first sample, end of the segment and end of its stretch."""
+    for stretch in recording.stretches():
+        length = stretch.stop - stretch.start
+        shortest = length if segment is None else max(round(segment * recording.sampling_rate), n_lags)
+        if length < max(shortest, n_lags):
+            if length < n_lags:
+                continue
+            shortest = length
+        edges = np.linspace(stretch.start, stretch.stop, length // shortest + 1).round().astype(int)
+        yield from ((first, last, stretch.stop) for first, last in itertools.pairwise(edges))
+
+
+def _lagged_sums(samples: NDArray[np.float64], rows: Sequence[int], n_early: int, n_lags: int) -> NDArray[np.float64]:
+    """Sum products of the first `n_early` reference samples with later ones; (channels, references, lags)."""
+    n_fft = int(fft.next_fast_len(min(max(8 * n_lags, 2048), n_early + n_lags - 1), real=True))
+    step = n_fft - n_lags + 1
+    cross = np.zeros((samples.shape[0], len(rows), n_fft // 2 + 1), dtype=complex)
+    for first in range(0, n_early, step):
+        late = fft.rfft(samples[:, first : first + n_fft], n_fft)
+        early = fft.rfft(samples[rows, first : min(first + step, n_early)], n_fft)
+        cross += late[:, None] * early.conj()
+    return np.asarray(fft.irfft(cross, n_fft)[..., :n_lags])
+
+
+def join_segments(parts: Sequence[SegmentCorrelations]) -> SegmentCorrelations:
+    """Put the segments of several records of one condition one after another."""
+    first = parts[0]
+    for part in parts[1:]:
+        if (part.channels, part.references, part.n_lags) != (first.channels, first.references, first.n_lags):
+            raise ParameterError("records of one condition must have the same channels, references and lags")
+        if not np.isclose(part.sampling_rate, first.sampling_rate, rtol=1e-6):
+            raise ParameterError(
+                f"sampling rates {first.sampling_rate:g} Hz and {part.sampling_rate:g} Hz differ:"
+                " bring the records to one rate first (--decimate-to)"
+            )
+    return replace(
+        first,
+        sums=np.concatenate([part.sums for part in parts]),
+        n_products=np.concatenate([part.n_products for part in parts]),
+    )
+
+
+def with_limited_power(segments: SegmentCorrelations, *, most: float = 4.0) -> SegmentCorrelations:
+    """Let no segment count for more power than a multiple of the median segment's.
+
+    Parameters
+    ----------
+    segments
+        Of channels scaled alike.
+    most
+        Power over the median power above which a segment's weight is lowered: a pothole then counts like `most`
+        ordinary segments, not like a hundred.
+
+    Returns
+    -------
+    SegmentCorrelations
+        Sums and numbers of products of loud segments are multiplied by the same weight, so that each segment's own
+        correlation, and the average of equally loud ones, stay as they are.
+    """
+    power = np.linalg.norm(segments.sums[..., 0], axis=(1, 2)) / np.maximum(segments.n_products[:, 0], 1)
+    limit = most * np.median(power[power > 0]) if power.any() else 1.0
+    weights = limit / np.maximum(power, limit)
+    return replace(
+        segments,
+        sums=segments.sums * weights[:, None, None, None],
+        n_products=segments.n_products * weights[:, None],
+    )
+
+
+def average(segments: SegmentCorrelations, *, is_biased: bool = False) -> Correlations:
+    """Average the segments' correlations.
+
+    Parameters
+    ----------
+    segments
+        Of one condition.
+    is_biased
+        False: the sum at lag m is divided by its number of products. True: by the number of products at lag 0
+        (the thesis' 1/N), which falls off as (N - m)/N and reads as extra damping with short segments.
+
+    References
+    ----------
+    F. Liu (2020), eq. 4-1 and section 4.2.
+    """
+    n_joined = _segments_per_block(segments.n_segments)
+    starts = np.arange(0, segments.n_segments, n_joined)
+    sums = np.add.reduceat(segments.sums, starts)
+    n_products = np.add.reduceat(segments.n_products, starts)
+    return _averaged(segments, sums, n_products, segments.n_segments, is_biased)
+
+
+def _segments_per_block(n_segments: int) -> int:
+    """Return the smallest power of two that leaves at most `MAX_BLOCKS` blocks."""
+    n_joined = 1
+    while n_segments > n_joined * MAX_BLOCKS:
+        n_joined *= 2
+    return n_joined
+
+
+def _averaged(
+    like: SegmentCorrelations,
+    sums: NDArray[np.float64],
+    n_products: NDArray[np.float64],
+    n_segments: int,
+    is_biased: bool,
+) -> Correlations:
+    """Divide the blocks' sums by their numbers of products."""
+    divisors = np.broadcast_to(n_products[:, :1], n_products.shape) if is_biased else n_products
+    if not np.all(divisors.sum(axis=0) > 0):
+        raise DataError("the segments are shorter than the lags asked for: use longer segments or fewer lags")
+    return Correlations(
+        values=sums.sum(axis=0) / divisors.sum(axis=0),
+        blocks=sums / np.maximum(divisors, np.finfo(float).tiny)[:, None, None],
+        weights=n_products[:, 0] / n_products[:, 0].sum(),
+        sampling_rate=like.sampling_rate,
+        channels=like.channels,
+        references=like.references,
+        n_segments=n_segments,
+    )
+
+
+class RunningCorrelations:
+    """Correlations that take one segment at a time and equal the batch average of the same segments.
+
+    Parameters
+    ----------
+    n_lags
+        Number of lags, lag 0 included.
+    references
+        Names of the reference channels; None: all.
+    is_biased
+        As in `average`.
+
+    Notes
+    -----
+    Memory does not grow: when more than `MAX_BLOCKS` blocks would be kept, neighbours are joined.
+    """
+
+    def __init__(self, *, n_lags: int, references: Sequence[str] | None = None, is_biased: bool = False) -> None:
+        self._n_lags = n_lags
+        self._references = references
+        self._is_biased = is_biased
+        self._blocks: SegmentCorrelations | None = None
+        self._n_segments = 0
+        self._n_joined = 1
+
+    def update(self, segment: Recording) -> None:
+        """Add one segment, a recording without gaps."""
+        new = correlate_segments(segment, n_lags=self._n_lags, references=self._references)
+        starts_block = self._n_segments % self._n_joined == 0
+        self._blocks = new if self._blocks is None else join_segments([self._blocks, new])
+        if not starts_block:
+            self._join_from(np.arange(self._blocks.n_segments - 1))
+        self._n_segments += 1
+        if self._blocks.n_segments > MAX_BLOCKS:
+            self._n_joined *= 2
+            self._join_from(np.arange(0, self._blocks.n_segments, 2))
+
+    def _join_from(self, starts: NDArray[np.intp]) -> None:
+        """Add up the blocks from each start to the next."""
+        assert self._blocks is not None
+        self._blocks = replace(
+            self._blocks,
+            sums=np.add.reduceat(self._blocks.sums, starts),
+            n_products=np.add.reduceat(self._blocks.n_products, starts),
+        )
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments taken."""
+        return self._n_segments
+
+    @property
+    def correlations(self) -> Correlations:
+        """The average so far."""
+        if self._blocks is None:
+            raise DataError("no segment has been taken yet: call update first")
+        return _averaged(self._blocks, self._blocks.sums, self._blocks.n_products, self._n_segments, self._is_biased)

@@ -1,0 +1,289 @@
+"""From the rows of a table to recordings: missing values cut, gaps found, samples brought onto a uniform grid.
+
+A table is read twice. The survey learns what concerns all rows: which channels are alive and how time advances. The
+second pass turns blocks of rows into recordings. Both need memory for one block only.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung.errors import DataError, FormatError, ParameterError
+from sprung.formats.table import TIME_UNITS, Block, Table, split_heading
+from sprung.formats.timing import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
+from sprung.recording import Channel, Gap, Recording
+
+# No sensor gives numbers beyond this; their squares would overflow.
+_LARGEST = 1e100
+# A channel with fewer values than this share of the rows is dead.
+_ALIVE_SHARE = 0.5
+# Rows around the end of a block that are looked at again with the next one: splines and medians reach so far.
+_MARGIN = 64
+# Samples on either side of a gap that give its duration.
+_REACH = 1000
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Survey:
+    """What all rows together say: which channels are alive, how time advances, and what to tell about it."""
+
+    alive: NDArray[np.bool_]
+    scale: TimeScale | None
+    clock: Clock
+    history: tuple[str, ...]
+
+
+def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None) -> Survey:
+    """Return what all rows of `table` say.
+
+    Raises
+    ------
+    FormatError
+        Where a value is infinite, or time is missing, repeated or runs backwards; with the row.
+    DataError
+        Where no channel holds values, there is only one sample, or rates are mixed.
+    ParameterError
+        Where the sampling rate is missing, or contradicts the time column by more than 1 %.
+    """
+    stated = _stated_rate(table, sampling_rate)
+    n_rows = 0
+    counts = np.zeros(len(table.columns), dtype=int)
+    scale = None
+    fit = ClockFit(f"{table.path}, {table.row_word}")
+    for block in blocks:
+        has_value = _values_present(table, block)
+        rows = has_value.any(axis=0)
+        n_rows += int(rows.sum())
+        counts += has_value.sum(axis=1)
+        if block.stamps is None or not rows.any():
+            continue
+        scale = scale or time_scale(block.stamps[rows], _time_unit(table))
+        stamps = block.stamps[rows]
+        numbers = block.first_row + np.flatnonzero(rows)
+        fit.update(_seconds(table, stamps, numbers, scale), numbers, rounding=scale.rounding(stamps))
+    alive = _alive(table, counts, n_rows)
+    clock = fit.clock() if scale else Clock(stated, 1 / stated)
+    _check_agreement(table, clock, stated)
+    return Survey(alive, scale, clock, tuple(_history(table, clock, scale, counts, n_rows)))
+
+
+def _stated_rate(table: Table, sampling_rate: float | None) -> float:
+    """Return the sampling rate from the caller or the file [Hz]; NaN where only time stamps tell it."""
+    stated = table.sampling_rate if sampling_rate is None else sampling_rate
+    if stated is None and table.time_heading is None:
+        raise ParameterError(
+            f"{table.path} has no time column (time, t, t_s, time_s or timestamp): state its sampling rate in Hz "
+            "with --sampling-rate (in Python: sampling_rate=...)"
+        )
+    return np.nan if stated is None else stated
+
+
+def _values_present(table: Table, block: Block) -> NDArray[np.bool_]:
+    """Return which values are present, of shape (channels, rows); refuse infinite and slow ones."""
+    excessive = np.abs(block.values) > _LARGEST
+    if excessive.any():
+        channel, row = np.argwhere(excessive)[0]
+        raise FormatError(
+            f"{table.path}, {table.row_word} {block.first_row + row}, column {table.columns[channel].heading!r}: "
+            f"{block.values[channel, row]:g} is no measured value: correct it or leave it empty"
+        )
+    present = ~np.isnan(block.values)
+    for column, has_value in zip(table.columns, present, strict=True):
+        rows = np.flatnonzero(has_value)
+        if 10 <= rows.size < 0.6 * block.n_rows and np.median(np.diff(rows)) >= 2:
+            raise DataError(
+                f"{table.path}: channel {column.name!r} has a value in every {np.median(np.diff(rows)):.0f}th row only "
+                "(another rate): keep the channels of one rate with --channels, or write it to a file of its own"
+            )
+    return present
+
+
+def _time_unit(table: Table) -> float | None:
+    """Return the seconds that one unit of the time column stands for; None where it does not say."""
+    name, unit, _ = split_heading(table.time_heading or "")
+    if unit in TIME_UNITS:
+        return TIME_UNITS[unit]
+    return 1.0 if name.lower().endswith("_s") else None
+
+
+def _seconds(table: Table, stamps: NDArray[Any], rows: NDArray[np.intp], scale: TimeScale) -> NDArray[np.float64]:
+    """Return the times of the numbered rows [s]; every row with a value must have one."""
+    seconds = scale.seconds(stamps)
+    missing = ~np.isfinite(seconds)
+    if missing.any():
+        raise FormatError(
+            f"{table.path}, {table.row_word} {rows[np.argmax(missing)]}: column {table.time_heading!r} holds no time: "
+            "fill it in or remove the row"
+        )
+    return seconds
+
+
+def _alive(table: Table, counts: NDArray[np.intp], n_rows: int) -> NDArray[np.bool_]:
+    """Return which channels have values in at least half of the rows."""
+    alive = counts >= max(1.0, _ALIVE_SHARE * n_rows)
+    if n_rows == 0 or not alive.any():
+        raise DataError(
+            f"{table.path} holds no samples: every channel is empty or has values in less than half the rows"
+        )
+    if n_rows == 1:
+        raise DataError(f"{table.path} holds one sample: a recording needs at least two")
+    return alive
+
+
+def _check_agreement(table: Table, clock: Clock, stated: float) -> None:
+    """Raise where the stated rate is more than 1 % off the one of the time column; NaN is none."""
+    if abs(stated / clock.sampling_rate - 1) > 0.01:
+        raise ParameterError(
+            f"{table.path}: sampling_rate={stated:g} contradicts the time column {table.time_heading!r}, which "
+            f"advances at {clock.sampling_rate:.6g} Hz: leave --sampling-rate out or correct the column"
+        )
+
+
+def _history(
+    table: Table, clock: Clock, scale: TimeScale | None, counts: NDArray[np.intp], n_rows: int
+) -> Iterator[str]:
+    """Yield what reading did, line by line."""
+    yield f"read {table.path.name}: {len(table.columns)} channels, {n_rows} rows"
+    for column in table.columns:
+        if column.quantity != "unknown" and column.factor != 1:
+            yield f"{column.name}: values times {column.factor:.6g} give {column.quantity.replace('_', ' ')} in SI"
+    yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
+    for column, count in zip(table.columns, counts, strict=True):
+        if count < _ALIVE_SHARE * n_rows:
+            yield f"{column.name}: dead, values in {count} of {n_rows} rows"
+
+
+def assemble(table: Table, blocks: Iterable[Block], facts: Survey) -> Iterator[Recording]:
+    """Yield the recordings of consecutive blocks: each begins where the one before ends, a gap lies inside one."""
+    assembler = _Assembler(table, facts)
+    for block, following in itertools.pairwise(itertools.chain(blocks, [None])):
+        if block is not None:
+            recording = assembler.update(block, is_last=following is None)
+            if recording is not None:
+                yield recording
+
+
+class _Assembler:
+    """Turns blocks of rows into recordings; holds back the last rows of each until the next one has come."""
+
+    def __init__(self, table: Table, facts: Survey) -> None:
+        self._table = table
+        self._facts = facts
+        self._clock = facts.clock
+        self._channels = tuple(Channel(column.name, column.quantity) for column in table.columns)
+        self._factors = np.array([[column.factor] for column in table.columns])
+        self._first_row: int | None = None
+        self._seconds: NDArray[np.float64] = np.empty(0)
+        self._samples: NDArray[np.float64] = np.empty((len(self._channels), 0))
+        self._n_done = 0
+        self._next_time: float | None = None
+        self._n_cut = 0
+
+    def update(self, block: Block, *, is_last: bool) -> Recording | None:
+        """Take the next rows; return what is complete with them."""
+        self._append(block)
+        n_rows = self._seconds.size
+        gaps = find_gaps(self._seconds, self._clock)
+        gaps = gaps[gaps > self._n_done]
+        end = n_rows if is_last else max(self._n_done, _quiet_end(gaps, n_rows))
+        if end <= self._n_done:
+            return None
+        make = self._resampled if self._clock.is_resampled else self._unchanged
+        recording = make(gaps, end)
+        self._forget(gaps, end)
+        return recording
+
+    def _append(self, block: Block) -> None:
+        """Add the rows in which every living channel has a value."""
+        present = ~np.isnan(block.values)
+        whole = present[self._facts.alive].all(axis=0)
+        self._n_cut += int(present.any(axis=0).sum() - whole.sum())
+        if self._first_row is None:
+            self._first_row = block.first_row
+        if self._facts.scale and block.stamps is not None:
+            seconds = self._facts.scale.seconds(block.stamps[whole])
+        else:
+            rows = block.first_row - self._first_row + np.flatnonzero(whole)
+            seconds = rows.astype(np.float64) * self._clock.interval
+        self._seconds = np.concatenate([self._seconds, seconds])
+        self._samples = np.concatenate([self._samples, block.values[:, whole] * self._factors], axis=1)
+
+    def _unchanged(self, gaps: NDArray[np.intp], end: int) -> Recording:
+        """Return the rows up to `end` as they are; straight lines through the stamps give their times."""
+        offsets = self._seconds - self._clock.interval * np.arange(self._seconds.size)
+        edges = [0, *gaps, offsets.size]
+        found = []
+        for first, here, last in zip(edges, edges[1:], edges[2:], strict=False):
+            before = np.median(offsets[max(first, here - _REACH) : here])
+            after = np.median(offsets[here : min(last, here + _REACH)])
+            found.append((here, after - before))
+        start = np.median(offsets[: min(edges[1], _REACH)])
+        return self._recording(self._samples[:, :end], float(start), [gap for gap in found if gap[0] < end])
+
+    def _resampled(self, gaps: NDArray[np.intp], end: int) -> Recording:
+        """Return the samples at uniform times, interpolated within each stretch."""
+        interval = self._clock.interval
+        edges = [0, *gaps, self._seconds.size]
+        parts: list[NDArray[np.float64]] = []
+        found: list[tuple[int, float]] = []
+        next_time = self._next_time
+        start = None
+        for first, last in itertools.pairwise(edges):
+            if first >= end:
+                break
+            times = uncrowded(self._seconds[first:last], interval)
+            origin = times[0] if first or next_time is None else next_time
+            # An open stretch is left off where the next block takes it up; a closed one is used to its last sample.
+            until = times[-1] + 1e-6 * interval if last <= end else times[end - first]
+            wanted = origin + interval * np.arange(np.ceil((until - origin) / interval))
+            index = sum(part.shape[1] for part in parts)
+            if index and next_time is not None:
+                found.append((index, float(origin - next_time)))
+            start = origin if start is None else start
+            parts.append(interpolate(self._samples[:, first:last], times, wanted))
+            next_time = float(origin + interval * wanted.size)
+        self._next_time = next_time
+        return self._recording(np.concatenate(parts, axis=1), float(start or 0.0), found)
+
+    def _recording(self, samples: NDArray[np.float64], start: float, gaps: list[tuple[int, float]]) -> Recording:
+        """Return the recording that begins `start` seconds after the origin."""
+        history = list(self._facts.history)
+        if self._n_cut:
+            history.append(f"{self._n_cut} rows cut in which a channel has no value")
+        origin = self._facts.scale.start if self._facts.scale else None
+        least = 0.25 * self._clock.interval
+        self._n_cut = 0
+        return Recording(
+            samples,
+            self._clock.sampling_rate,
+            self._channels,
+            start=None if origin is None else origin + round(start * 1e9),
+            gaps=tuple(Gap(int(index), float(length)) for index, length in gaps if length > least),
+            history=tuple(history),
+        )
+
+    def _forget(self, gaps: NDArray[np.intp], end: int) -> None:
+        """Drop the rows before `end`, except those that splines need beyond it."""
+        last_gap = max((int(gap) for gap in gaps if gap <= end), default=0)
+        first = max(last_gap, end - _MARGIN) if self._clock.is_resampled else end
+        self._seconds = self._seconds[first:]
+        self._samples = self._samples[:, first:]
+        self._n_done = end - first
+
+
+def _quiet_end(gaps: NDArray[np.intp], n_rows: int) -> int:
+    """Return a row before the last ones with no gap at it, and none close to it if that is possible."""
+    latest = n_rows - _MARGIN
+    end = latest
+    for gap in gaps[::-1]:
+        if gap <= end - _MARGIN:
+            return end
+        end = min(end, int(gap) - _MARGIN)
+    if end > _MARGIN:
+        return end
+    calm = np.setdiff1d(np.arange(max(0, latest - _REACH), latest + 1), gaps)
+    return int(calm.max(initial=0))

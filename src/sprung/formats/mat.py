@@ -1,0 +1,88 @@
+"""MATLAB files: version 5 to 7 through SciPy, version 7.3 (HDF5) through h5py."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sprung.errors import FormatError
+from sprung.formats.arrays import array_table, written_arrays
+from sprung.formats.table import Table, reported
+from sprung.recording import Recording
+
+ENDINGS = (".mat",)
+
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_HDF5_OFFSETS = (0, 512, 1024, 2048)
+
+
+def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
+    """Return the table in a MAT file; the fields of a structure count as variables."""
+    with path.open("rb") as file:
+        head = file.read(_HDF5_OFFSETS[-1] + len(_HDF5_SIGNATURE))
+    with reported(path, "MAT file"):
+        if any(head[offset:].startswith(_HDF5_SIGNATURE) for offset in _HDF5_OFFSETS):
+            variables = _version_7_3(path)
+        elif head.startswith(b"MATLAB 5.0"):
+            variables = _version_5(path)
+        else:
+            raise FormatError(f"{path} is no MAT file of version 5 or later: save it with save(..., '-v7')")
+        return array_table(path, _flat(variables), channels=channels)
+
+
+def _version_5(path: Path) -> dict[str, Any]:
+    """Return the variables of a file of version 5 to 7."""
+    from scipy.io import loadmat
+
+    content: dict[str, Any] = loadmat(path, simplify_cells=True)
+    return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _version_7_3(path: Path) -> dict[str, Any]:
+    """Return the variables of a file of version 7.3; h5py gives MATLAB's matrices transposed."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        return {name: _hdf5_value(file, item) for name, item in file.items() if not name.startswith("#")}
+
+
+def _hdf5_value(file: Any, item: Any) -> Any:
+    """Return a dataset as numbers or texts, a group one level down as a dictionary."""
+    import h5py
+
+    if isinstance(item, h5py.Group):
+        return {name: _hdf5_value(file, field) for name, field in item.items() if isinstance(field, h5py.Dataset)}
+    if item.dtype == h5py.ref_dtype:
+        return [_text(file[reference]) for reference in np.ravel(item[()])]
+    if item.attrs.get("MATLAB_class") == b"char":
+        return _text(item)
+    return item[()]
+
+
+def _text(item: Any) -> str:
+    """Return a dataset of character codes as text."""
+    codes = np.ravel(item[()])
+    return "".join(map(chr, codes)) if codes.dtype.kind in "ui" else str(codes)
+
+
+def _flat(variables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return variables and, one level down, the fields of structures; a name met twice gets its structure's name."""
+    flat = {name: value for name, value in variables.items() if not isinstance(value, Mapping)}
+    for structure, fields in variables.items():
+        if isinstance(fields, Mapping):
+            for name, value in fields.items():
+                flat[name if name not in flat else f"{structure}_{name}"] = value
+    return flat
+
+
+def write(recording: Recording, path: Path) -> None:
+    """Write a recording as a MAT file of version 5: data, channels, units and time."""
+    from scipy.io import savemat
+
+    arrays = written_arrays(recording)
+    for name in ("channels", "units"):
+        arrays[name] = arrays[name].astype(object)
+    if "timestamp" in arrays:
+        arrays["timestamp"] = arrays["timestamp"].view(np.int64)
+    savemat(path, {name.replace("samples", "data"): array for name, array in arrays.items()}, do_compression=True)

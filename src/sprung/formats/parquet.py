@@ -1,0 +1,131 @@
+"""Tables in Apache Parquet; the unit of a column is in the metadata of its field or in its name."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung.errors import FormatError
+from sprung.formats.table import (
+    Block,
+    Column,
+    Table,
+    chosen_columns,
+    refuse_repeated,
+    reported,
+    time_column,
+    written_headings,
+    written_stamps,
+    written_unit,
+    written_values,
+)
+from sprung.recording import Recording
+
+ENDINGS = (".parquet", ".pq")
+
+# pandas keeps an index without a name under this one; it is the time if it holds date-times.
+_INDEX = "__index_level_0__"
+_BATCH_ROWS = 1 << 16
+_BUFFER_BYTES = 1 << 20
+
+
+def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
+    """Return the table in a Parquet file."""
+    with reported(path, "Parquet"), _file(path) as file:
+        fields = list(file.schema_arrow)
+    names = [field.name for field in fields if field.name != _INDEX]
+    refuse_repeated(names, path=path)
+    units = [_unit(field) for field in fields if field.name != _INDEX]
+    columns = chosen_columns(names, channels, units=units, path=path)
+    types = {field.name: field.type for field in fields}
+    for column in columns:
+        _check_type(path, column, types[column.heading])
+    time = time_column(names, path=path) or _index(types)
+
+    def blocks() -> Iterator[Block]:
+        return _blocks(path, columns, time)
+
+    return Table(path, columns, time, blocks)
+
+
+def _file(path: Path) -> Any:
+    """Open a file so that it is read piece by piece."""
+    import pyarrow.parquet as pq
+
+    return pq.ParquetFile(path, buffer_size=_BUFFER_BYTES, pre_buffer=False)
+
+
+def _unit(field: Any) -> str | None:
+    """Return the unit in the metadata of a field."""
+    unit = (field.metadata or {}).get(b"unit")
+    return None if unit is None else str(unit.decode("utf-8", "replace"))
+
+
+def _index(types: dict[str, Any]) -> str | None:
+    """Return the name of an index of date-times."""
+    import pyarrow as pa
+
+    return _INDEX if _INDEX in types and pa.types.is_timestamp(types[_INDEX]) else None
+
+
+def _check_type(path: Path, column: Column, kind: Any) -> None:
+    """Raise where a column cannot hold numbers."""
+    import pyarrow as pa
+
+    numbers = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal, pa.types.is_null)
+    if not any(is_number(kind) for is_number in numbers):
+        raise FormatError(
+            f"{path}: column {column.heading!r} holds {kind}, not numbers: leave it out with --channels or convert it"
+        )
+
+
+def _blocks(path: Path, columns: tuple[Column, ...], time: str | None) -> Iterator[Block]:
+    """Yield the rows of some columns, counted from 1."""
+    import pyarrow as pa
+
+    wanted = [*(column.heading for column in columns), *([time] if time else [])]
+    row = 1
+    with reported(path, "Parquet"), _file(path) as file:
+        for batch in file.iter_batches(batch_size=_BATCH_ROWS, columns=wanted):
+            values = np.empty((len(columns), batch.num_rows))
+            for index, column in enumerate(columns):
+                values[index] = (
+                    batch.column(column.heading).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+                )
+            yield Block(row, _stamps(path, batch.column(time)) if time else None, values)
+            row += batch.num_rows
+
+
+def _stamps(path: Path, array: Any) -> NDArray[Any]:
+    """Return a time column as numbers, date-times or durations."""
+    import pyarrow as pa
+
+    kind = array.type
+    if pa.types.is_timestamp(kind):
+        array = array.cast(pa.timestamp("ns"))
+    elif pa.types.is_decimal(kind):
+        array = array.cast(pa.float64())
+    elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_duration(kind)):
+        raise FormatError(f"{path}: the time column holds {kind}: convert it to seconds or time stamps")
+    stamps: NDArray[Any] = array.to_numpy(zero_copy_only=False)
+    return stamps
+
+
+def write(recording: Recording, path: Path) -> None:
+    """Write a recording as Parquet: a time column, and every channel with its unit in the field's metadata."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    written_headings(recording)  # refuses names that would not read back
+    name, stamps = written_stamps(recording)
+    if stamps.dtype.kind == "M":
+        arrays = [pa.array(stamps.view(np.int64)).cast(pa.timestamp("ns", "UTC"))]
+    else:
+        arrays = [pa.array(stamps)]
+    fields = [pa.field(name, arrays[0].type)]
+    for channel, values in zip(recording.channels, written_values(recording), strict=True):
+        arrays.append(pa.array(values))
+        fields.append(pa.field(channel.name, pa.float64(), metadata={"unit": written_unit(channel.quantity)[0]}))
+    pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), path, compression="zstd")

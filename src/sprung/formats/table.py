@@ -1,0 +1,266 @@
+"""What every format hands over: columns with their units, and rows in blocks of any size."""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung.errors import FormatError, ParameterError, SprungError
+from sprung.recording import Recording
+from sprung.units import UNITS, conversion
+
+#: Names of a time column, in lower case and without a unit.
+TIME_NAMES = ("time", "t", "t_s", "time_s", "timestamp")
+
+#: Seconds in each unit that a time column may carry.
+TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
+
+#: Texts that stand for a missing number.
+MISSING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-")
+
+_NO_UNIT = ("", "-")
+_BRACKETS = re.compile(r"(?P<name>.*?)\s*(?P<bracket>[\[(])(?P<unit>[^\[\]()]*)[\])]\s*")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf|infinity|nan)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One channel in a file: its heading there, its name, and what turns its numbers into SI."""
+
+    heading: str
+    name: str
+    quantity: str = "unknown"
+    factor: float = 1.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Block:
+    """Consecutive rows: time stamps as in the file (None without a time column), values (channels, rows)."""
+
+    first_row: int
+    stamps: NDArray[Any] | None
+    values: NDArray[np.float64]
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows."""
+        return int(self.values.shape[1])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Table:
+    """An opened file: its channels, its time column, and a function that reads its rows from the beginning.
+
+    `row_word` is what a row is called in messages ("line" in text); `sampling_rate` the one stored in the file.
+    """
+
+    path: Path
+    columns: tuple[Column, ...]
+    time_heading: str | None
+    blocks: Callable[[], Iterator[Block]]
+    row_word: str = "row"
+    sampling_rate: float | None = None
+
+
+def split_heading(heading: str) -> tuple[str, str | None, bool]:
+    """Return name, unit (None without one) and whether the unit stands in square brackets."""
+    match = _BRACKETS.fullmatch(heading.strip())
+    if match is None:
+        return heading.strip(), None, False
+    return match["name"], match["unit"].strip(), match["bracket"] == "["
+
+
+def is_time(heading: str) -> bool:
+    """Tell whether `heading` names a time column."""
+    return split_heading(heading)[0].lower() in TIME_NAMES
+
+
+def is_number(text: str) -> bool:
+    """Tell whether `text` is one number, with a decimal point."""
+    return _NUMBER.fullmatch(text.strip()) is not None
+
+
+def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
+    """Return the channel that `heading` describes; `unit` where the file states it elsewhere.
+
+    Square brackets always hold a unit; round ones only where it is a known one, else they belong to the name.
+    """
+    name, bracketed, is_square = split_heading(heading)
+    if not is_square and not _is_known(bracketed):
+        name, bracketed = heading.strip(), None
+    if not name:
+        raise FormatError(f"{path}: column {heading!r} has no name: give every column one")
+    stated = bracketed if unit is None else unit
+    if stated is None or stated in _NO_UNIT:
+        return Column(heading, name)
+    try:
+        return Column(heading, name, *conversion(stated))
+    except ParameterError as error:
+        raise FormatError(f"{path}: column {heading!r}: {error}") from None
+
+
+def _is_known(unit: str | None) -> bool:
+    """Tell whether `unit` can be converted."""
+    try:
+        return unit is not None and bool(conversion(unit))
+    except ParameterError:
+        return False
+
+
+def is_unit(text: str) -> bool:
+    """Tell whether `text` is a unit of a channel or of time, brackets or not."""
+    plain = text.strip().strip("[]()")
+    return plain in (*_NO_UNIT, *TIME_UNITS) or _is_known(plain)
+
+
+def time_column(headings: Iterable[str], *, path: Path) -> str | None:
+    """Return the only heading that names a time column; None where there is none."""
+    found = [heading for heading in headings if is_time(heading)]
+    if len(found) > 1:
+        raise FormatError(f"{path} has the time columns {found[0]!r} and {found[1]!r}: keep one of them")
+    return found[0] if found else None
+
+
+def chosen_columns(
+    headings: Sequence[str],
+    channels: Sequence[str] | None,
+    *,
+    units: Sequence[str | None] | None = None,
+    path: Path,
+) -> tuple[Column, ...]:
+    """Return the columns of `channels`, in that order; all columns with a name that are not time without it."""
+    stated = dict(zip(headings, units or [None] * len(headings), strict=True))
+    kept = [heading for heading in headings if heading.strip() and not is_time(heading)]
+    refuse_repeated(kept, path=path)
+    if channels is not None:
+        kept = [_find_heading(name, kept, path=path) for name in channels]
+    columns = tuple(column(heading, unit=stated[heading], path=path) for heading in kept)
+    refuse_repeated([item.name for item in columns], path=path)
+    if not columns:
+        raise FormatError(f"{path} holds no channel: it needs a column of numbers beside the time")
+    return columns
+
+
+def refuse_repeated(names: Sequence[str], *, path: Path) -> None:
+    """Raise where a name occurs twice."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise FormatError(f"{path}: column name {name!r} occurs more than once: rename one of them")
+        seen.add(name)
+
+
+def _find_heading(name: str, headings: Sequence[str], *, path: Path) -> str:
+    """Return the heading of the channel called `name`, with its unit or without."""
+    for heading in headings:
+        if name in (heading, heading.strip(), split_heading(heading)[0]):
+            return heading
+    known = ", ".join(split_heading(heading)[0] for heading in headings)
+    raise ParameterError(f"{path} has no channel {name!r}: choose from {known}")
+
+
+def join(blocks: Sequence[Block]) -> Block:
+    """Return consecutive blocks as one."""
+    stamps = [block.stamps for block in blocks if block.stamps is not None]
+    values = np.concatenate([block.values for block in blocks], axis=1)
+    return Block(blocks[0].first_row, np.concatenate(stamps) if stamps else None, values)
+
+
+def cut(block: Block, rows: slice) -> Block:
+    """Return some rows of `block`."""
+    stamps = None if block.stamps is None else block.stamps[rows]
+    return Block(block.first_row + rows.indices(block.n_rows)[0], stamps, block.values[:, rows])
+
+
+def rebatched(blocks: Iterable[Block], n_rows: int) -> Iterator[Block]:
+    """Yield the same rows in blocks of `n_rows`; only the last one is shorter."""
+    waiting: list[Block] = []
+    for block in blocks:
+        waiting.append(block)
+        if sum(item.n_rows for item in waiting) < n_rows:
+            continue
+        whole = join(waiting)
+        full = whole.n_rows - whole.n_rows % n_rows
+        for first in range(0, full, n_rows):
+            yield cut(whole, slice(first, first + n_rows))
+        waiting = [cut(whole, slice(full, None))] if full < whole.n_rows else []
+    if waiting:
+        yield join(waiting)
+
+
+@contextmanager
+def reported(path: Path, kind: str) -> Iterator[None]:
+    """Turn whatever a foreign parser raises on a broken file into one sentence.
+
+    Parsers of binary formats raise nearly anything on bytes they do not expect, hence the wide net.
+    """
+    try:
+        yield
+    except SprungError:
+        raise
+    except Exception as error:
+        detail = " ".join(str(error).split())[:200] or type(error).__name__
+        raise FormatError(f"{path} cannot be read as {kind} ({detail}): check that the file is complete") from error
+
+
+def written_unit(quantity: str) -> tuple[str, float]:
+    """Return the unit that reads back as `quantity`, and its factor to SI; empty for unknown."""
+    for unit, (measured, factor) in UNITS.items():
+        if measured == quantity:
+            return unit, factor
+    return "", 1.0
+
+
+def written_headings(recording: Recording) -> list[str]:
+    """Return a heading for each channel that reads back as its name and quantity.
+
+    Raises
+    ------
+    ParameterError
+        Where a name cannot be told from a unit, a number, a missing value or a time column when read.
+    """
+    headings = []
+    for channel in recording.channels:
+        unit, factor = written_unit(channel.quantity)
+        heading = f"{channel.name} [{unit}]" if unit else channel.name
+        if not _reads_back(heading, Column(heading, channel.name, channel.quantity, factor)):
+            raise ParameterError(
+                f"channel name {channel.name!r} would not be read back from a file: rename it to plain text "
+                "without a unit, a number or a name of time"
+            )
+        headings.append(heading)
+    return headings
+
+
+def _reads_back(heading: str, expected: Column) -> bool:
+    """Tell whether a file with `heading` gives the `expected` channel."""
+    name = expected.name
+    if not name.isprintable() or is_number(name) or name in MISSING or is_time(heading):
+        return False
+    try:
+        return column(heading, path=Path()) == expected
+    except FormatError:
+        return False
+
+
+def written_stamps(recording: Recording) -> tuple[str, NDArray[Any]]:
+    """Return name and values of the time column: UTC date-times where the start is known, else seconds."""
+    seconds = np.arange(recording.n_samples) / recording.sampling_rate
+    for gap in recording.gaps:
+        seconds[gap.index :] += gap.duration
+    if recording.start is None:
+        return "time", np.round(seconds, 9)
+    nanoseconds = recording.start + np.round(seconds * 1e9).astype(np.int64)
+    return "timestamp", nanoseconds.astype("M8[ns]")
+
+
+def written_values(recording: Recording) -> NDArray[np.float64]:
+    """Return the samples in the units that `written_headings` states."""
+    factors = [written_unit(channel.quantity)[1] for channel in recording.channels]
+    values: NDArray[np.float64] = recording.samples / np.array(factors)[:, None]
+    return values

@@ -1,0 +1,391 @@
+"""From time stamps to a sampling rate, gaps and jitter, and onto a uniform grid where the stamps ask for it.
+
+The stamps t of the samples i are compared with straight lines t = a + i/fs, one for each stretch between gaps. What
+they deviate from it, as a fraction of the sample interval, is the jitter.
+
+Samples are left as they are where their stamps deviate by less than 1 % of an interval (RMS), or by no more than the
+digits they are printed with explain. Taking such samples as uniform adds an error of at most 2 pi f/fs times the
+deviation: 0.6 % of the amplitude at a tenth of the sampling rate. Resampling would cost more at high frequencies.
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung.errors import DataError, FormatError
+
+#: RMS deviation from a straight line, in sample intervals, up to which samples are left as they are.
+JITTER_LIMIT = 0.01
+
+# Rounding to steps of q leaves q/sqrt(12) = 0.29 q.
+_ROUNDING_LIMIT = 0.35
+# A step in time of this many usual ones may be a gap; it is one where the stamps do not catch up again. Where the
+# clock is unsteady, one missing sample cannot be told from a late one, and interpolating over it does no harm.
+_GAP_STEP = 1.5
+_GAP_STEP_UNSTEADY = 2.5
+_GAP_SHIFT = 0.5
+# Samples on either side that tell whether they do.
+_WINDOW = 8
+_BURST_WINDOW = 64
+# Unsteady: more than this share of the steps is no multiple of the interval within this part of it.
+_UNSTEADY_SHARE = 0.02
+_FEWEST_UNSTEADY = 3
+_UNSTEADY_STEP = 0.1
+# More gaps than one in so many samples are no gaps, but a mixture of rates.
+_FEWEST_SAMPLES_PER_GAP = 20
+# Stamps that repeat the one before in at least this share of rows come in bursts.
+_BURST_SHARE = 0.1
+# The drift of a clock does not matter within so many samples; over a day it does.
+_PIECE = 1 << 16
+# Delayed stamps crowd, and splines through crowded samples swing; so many intervals are the least between two.
+_NEAREST = 0.5
+# Stamps that show a rate and its jitter; a change of rate between such stretches that no clock shows.
+_LONG_STRETCH = 1000
+_RATE_CHANGE = 1.05
+
+_EPOCHS = ((1e18, 1), (1e15, 10**3), (1e12, 10**6), (1e9, 10**9))
+
+
+@dataclass(frozen=True, slots=True)
+class TimeScale:
+    """The origin (first stamp, in its own unit), seconds per unit, UTC nanoseconds of the origin or None."""
+
+    origin: float
+    factor: float
+    start: int | None = None
+
+    def seconds(self, stamps: NDArray[Any]) -> NDArray[np.float64]:
+        """Return stamps as seconds since the origin; NaN where one is missing."""
+        numbers = _plain_numbers(stamps)
+        with np.errstate(invalid="ignore"):
+            seconds: NDArray[np.float64] = (numbers - numbers.dtype.type(self.origin)) * self.factor
+        if stamps.dtype.kind in "mM":
+            seconds[np.isnat(stamps)] = np.nan
+        return seconds
+
+    def rounding(self, stamps: NDArray[Any]) -> float:
+        """Return the distance of neighbouring floating-point numbers at the largest of the stamps [s]."""
+        if stamps.dtype.kind != "f" or stamps.size == 0:
+            return 0.0
+        return float(np.spacing(np.abs(stamps).max())) * self.factor
+
+
+def _plain_numbers(stamps: NDArray[Any]) -> NDArray[Any]:
+    """Return date-times and durations as int64 nanoseconds, other integers as int64, the rest as float64."""
+    if stamps.dtype.kind in "mM":
+        return stamps.astype(f"{stamps.dtype.kind}8[ns]").view(np.int64)
+    return stamps.astype(np.int64 if stamps.dtype.kind in "iu" else np.float64)
+
+
+def time_scale(stamps: NDArray[Any], unit: float | None = None) -> TimeScale:
+    """Return what the first stamp says about all of them.
+
+    Numbers count seconds, or `unit` seconds where the column states a unit. Without one, numbers so large that they
+    can only count from 1970 are an epoch: in seconds from 1e9, in ms from 1e12, in us from 1e15, in ns from 1e18.
+    """
+    origin = _plain_numbers(stamps[:1])[0].item()
+    if stamps.dtype.kind in "mM":
+        return TimeScale(origin, 1e-9, origin if stamps.dtype.kind == "M" else None)
+    if unit is not None:
+        return TimeScale(origin, unit)
+    for threshold, nanoseconds in _EPOCHS:
+        if abs(origin) >= threshold:
+            return TimeScale(origin, nanoseconds * 1e-9, round(origin * nanoseconds))
+    return TimeScale(origin, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """How the stamps of a file advance.
+
+    Parameters
+    ----------
+    sampling_rate
+        In Hz.
+    pitch
+        Usual step in time [s]: one sample interval, or that from burst to burst.
+    gap_step
+        Steps of more than so many times the pitch may be gaps.
+    jitter_rms, jitter_max
+        Deviation from straight lines, in sample intervals.
+    in_bursts
+        Several rows share a stamp: it tells when they arrived, and the straight line when they were sampled.
+    is_resampled
+        The samples must be brought onto a uniform grid.
+    """
+
+    sampling_rate: float
+    pitch: float
+    gap_step: float = _GAP_STEP
+    jitter_rms: float = 0.0
+    jitter_max: float = 0.0
+    in_bursts: bool = False
+    is_resampled: bool = False
+
+    @property
+    def interval(self) -> float:
+        """Seconds from sample to sample."""
+        return 1 / self.sampling_rate
+
+    @property
+    def shares_stamps(self) -> bool:
+        """Whether several samples may share a stamp."""
+        return self.pitch > 1.01 * self.interval
+
+    def describe(self) -> str:
+        """Return the line for the history."""
+        rate = f"time stamps advance at {self.sampling_rate:.8g} Hz"
+        jitter = f"jitter {100 * self.jitter_rms:.2g} % of a sample (RMS), {100 * self.jitter_max:.2g} % at most"
+        if self.in_bursts:
+            return f"{rate} in bursts, {jitter}: time taken from a straight line, samples left as they are"
+        if self.is_resampled:
+            return f"{rate}, {jitter}: resampled onto a uniform grid by cubic splines"
+        return f"{rate}, {jitter}: samples left as they are"
+
+
+def find_gaps(seconds: NDArray[np.float64], clock: Clock) -> NDArray[np.intp]:
+    """Return the indices of the samples before which time is missing.
+
+    A step of more than 1.5 intervals (2.5 where the clock is unsteady) is a gap where the stamps after it stay late
+    by more than half of one; after a merely late stamp they are back on the line. Medians over a few samples up to
+    the next large step decide. Stamps in bursts may first have to catch up with what was held back.
+    """
+    large = np.flatnonzero(np.diff(seconds) > clock.gap_step * clock.pitch)
+    if large.size == 0:
+        return large
+    offset = seconds - clock.interval * np.arange(seconds.size)
+    if clock.shares_stamps:
+        is_gap = np.array([_outlasts_backlog(offset, int(index), clock) for index in large])
+    else:
+        first = np.concatenate([[0], large[:-1] + 1])[:, None]
+        last = np.concatenate([large[1:], [seconds.size - 1]])[:, None]
+        before = np.median(offset[np.maximum(large[:, None] - np.arange(_WINDOW), first)], axis=1)
+        after = np.median(offset[np.minimum(large[:, None] + 1 + np.arange(_WINDOW), last)], axis=1)
+        is_gap = after - before > _GAP_SHIFT * clock.pitch
+    gaps: NDArray[np.intp] = large[is_gap] + 1
+    return gaps
+
+
+def _outlasts_backlog(offset: NDArray[np.float64], index: int, clock: Clock) -> bool:
+    """Tell whether stamps in bursts stay late after `index`, once what a stalled logger held back has arrived."""
+    step = offset[index + 1] - offset[index] + clock.interval
+    reach = max(_BURST_WINDOW, int(1.2 * step / clock.interval))
+    before = np.median(offset[max(0, index + 1 - reach) : index + 1])
+    after = np.median(offset[index + 1 :][reach : 2 * reach] if index + 1 + reach < offset.size else offset[-1:])
+    return bool(after - before > max(_GAP_SHIFT * clock.pitch, 0.1 * step))
+
+
+def uncrowded(seconds: NDArray[np.float64], interval: float) -> NDArray[np.float64]:
+    """Return stamps no nearer to each other than half an interval.
+
+    A stamp can be late but not early: where two crowd, the first one is moved back.
+    """
+    ramp = _NEAREST * interval * np.arange(seconds.size)
+    apart: NDArray[np.float64] = np.minimum.accumulate((seconds - ramp)[::-1])[::-1] + ramp
+    return apart
+
+
+def interpolate(
+    samples: NDArray[np.float64], seconds: NDArray[np.float64], wanted: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return `samples` (channels, samples) at the `wanted` times by not-a-knot cubic splines.
+
+    A channel with a missing value is missing everywhere: there is nothing to interpolate.
+    """
+    from scipy.interpolate import CubicSpline
+
+    result = np.full((samples.shape[0], wanted.size), np.nan)
+    whole = np.isfinite(samples).all(axis=1)
+    if seconds.size == 1:
+        result[whole] = samples[whole]
+    else:
+        result[whole] = CubicSpline(seconds, samples[whole], axis=1)(wanted)
+    return result
+
+
+class ClockFit:
+    """Fits a clock to stamps that come block by block, in bounded memory.
+
+    Parameters
+    ----------
+    place
+        What precedes a row's number in messages, such as "run.csv, line".
+    """
+
+    def __init__(self, place: str) -> None:
+        self._place = place
+        self._pace: Clock | None = None
+        self._last = -np.inf
+        self._resolution = 1e9
+        self._moment = self._spread = 0.0
+        self._squares = self._largest = 0.0
+        self._n_stamps = self._n_fitted = self._n_gaps = self._n_repeated = 0
+        self._first_repeated = -1
+        self._intervals: tuple[float, float] | None = None
+
+    def update(self, seconds: NDArray[np.float64], rows: NDArray[np.intp], *, rounding: float = 0.0) -> None:
+        """Take the next stamps [s], the numbers of their rows, and the rounding of the stamps [s]."""
+        self._resolution = resolution(seconds, largest=self._resolution, rounding=rounding)
+        for first in range(0, seconds.size, _PIECE):
+            piece = slice(first, first + _PIECE)
+            self._check_order(seconds[piece], rows[piece])
+            self._update(seconds[piece])
+
+    def _check_order(self, seconds: NDArray[np.float64], rows: NDArray[np.intp]) -> None:
+        """Raise where time runs backwards; count repeated stamps."""
+        steps = np.diff(seconds, prepend=self._last)
+        if np.any(steps < 0):
+            row = rows[np.argmax(steps < 0)]
+            raise FormatError(f"{self._place} {row}: time runs backwards: sort the rows or split the file there")
+        repeated = np.flatnonzero(steps == 0)
+        if repeated.size and not self._n_repeated:
+            self._first_repeated = int(rows[repeated[0]])
+        self._n_repeated += repeated.size
+        self._last = float(seconds[-1])
+
+    def _update(self, seconds: NDArray[np.float64]) -> None:
+        if self._pace is None:
+            self._pace = _first_pace(seconds, self._resolution)
+        gaps = find_gaps(seconds, self._pace)
+        self._n_stamps += seconds.size
+        self._n_gaps += gaps.size
+        for first, last in itertools.pairwise([0, *gaps, seconds.size]):
+            self._fit(seconds[first:last])
+
+    def _fit(self, stretch: NDArray[np.float64]) -> None:
+        """Add a straight line through the stamps between two gaps."""
+        n = stretch.size
+        if n < 3:
+            return
+        spread = n * (n * n - 1) / 12
+        interval = float((np.arange(n) - (n - 1) / 2) @ stretch) / spread
+        if self._pace and self._pace.shares_stamps:
+            interval = _nearer(stretch, interval)
+        self._moment += interval * spread
+        self._spread += spread
+        for deviation in _deviations(stretch):
+            self._squares += float(np.vdot(deviation, deviation))
+            self._n_fitted += deviation.size
+            self._largest = max(self._largest, float(np.abs(deviation).max()))
+        if n >= _LONG_STRETCH:
+            shortest, longest = self._intervals or (interval, interval)
+            self._intervals = min(shortest, interval), max(longest, interval)
+
+    def clock(self) -> Clock:
+        """Return the clock of all stamps so far.
+
+        Raises
+        ------
+        DataError
+            Where there are fewer than two stamps, or rates are mixed.
+        FormatError
+            Where a stamp is repeated though stamps do not come in bursts.
+        """
+        if self._pace is None or self._n_stamps < 2:
+            raise DataError(f"{self._place} {self._n_stamps} is the only one with values: two samples are the least")
+        self._check_rate()
+        interval = self._moment / self._spread if self._spread else self._pace.interval
+        rms = float(np.sqrt(self._squares / max(1, self._n_fitted)))
+        is_uniform = rms <= max(JITTER_LIMIT * interval, _ROUNDING_LIMIT * self._resolution)
+        in_bursts = not is_uniform and self._n_repeated >= _BURST_SHARE * self._n_stamps
+        if self._n_repeated and not is_uniform and not in_bursts:
+            raise FormatError(
+                f"{self._place} {self._first_repeated} repeats the time of the row before: give every row its own "
+                "time, or remove the time column and state --sampling-rate"
+            )
+        return Clock(
+            sampling_rate=_neat_rate(interval, self._uncertainty(interval)),
+            pitch=self._pace.pitch if self._pace.shares_stamps else interval,
+            gap_step=self._pace.gap_step,
+            jitter_rms=rms / interval,
+            jitter_max=self._largest / interval,
+            in_bursts=in_bursts,
+            is_resampled=not is_uniform and not in_bursts,
+        )
+
+    def _uncertainty(self, interval: float) -> float:
+        """Return how far the interval may be off [s]: half a printed digit over the record, or its standard error."""
+        digit = max(self._resolution, 2e-6 * interval)
+        return float(digit * max(0.5 / self._n_stamps, 1 / np.sqrt(max(1.0, self._spread))))
+
+    def _check_rate(self) -> None:
+        """Raise where the stamps do not advance at one rate."""
+        if self._n_gaps > max(2, self._n_stamps / _FEWEST_SAMPLES_PER_GAP):
+            raise DataError(
+                f"{self._place}s up to the last: time jumps {self._n_gaps} times in {self._n_stamps} rows, so rates "
+                "are mixed: keep the channels of one rate with --channels, or write one file for each rate"
+            )
+        shortest, longest = self._intervals or (1.0, 1.0)
+        if longest > _RATE_CHANGE * shortest:
+            raise DataError(
+                f"{self._place}s up to the last: the sampling rate changes from {1 / shortest:.4g} to "
+                f"{1 / longest:.4g} Hz: write one file for each rate"
+            )
+
+
+def _nearer(stretch: NDArray[np.float64], interval: float) -> float:
+    """Return `interval`, or the median one over long spans where its line is clearly nearer to most of the stamps.
+
+    A logger that stalls for seconds and then catches up tilts a line of least squares.
+    """
+    n = stretch.size
+    median = float(np.median(stretch[n // 2 :] - stretch[: n - n // 2])) / (n // 2)
+    offsets = (stretch - candidate * np.arange(n) for candidate in (interval, median))
+    spreads = [np.median(np.abs(offset - np.median(offset))) for offset in offsets]
+    return median if spreads[1] < 0.5 * spreads[0] else interval
+
+
+def _deviations(stretch: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """Yield how stamps deviate from straight lines through each thousand of them: over more, clocks drift."""
+    n_whole = stretch.size - stretch.size % _LONG_STRETCH
+    for lines in (stretch[:n_whole].reshape(-1, _LONG_STRETCH), stretch[None, n_whole:]):
+        n = lines.shape[1]
+        if lines.size >= 3:
+            ramp = np.arange(n) - (n - 1) / 2
+            slopes = lines @ ramp / (n * (n * n - 1) / 12)
+            yield lines - lines.mean(axis=1, keepdims=True) - slopes[:, None] * ramp
+
+
+def _first_pace(seconds: NDArray[np.float64], coarseness: float) -> Clock:
+    """Return a first idea of the clock: medians, which a few gaps do not move."""
+    if seconds.size == 1:
+        return Clock(1.0, 1.0)
+    steps = np.diff(seconds)
+    if np.mean(steps == 0) < 0.01:
+        interval = float(np.median(steps))
+        off = np.abs(steps - interval * np.maximum(1, np.round(steps / interval)))
+        n_off = np.count_nonzero(off > max(_UNSTEADY_STEP * interval, 1.1 * coarseness))
+        is_unsteady = n_off > max(_FEWEST_UNSTEADY, _UNSTEADY_SHARE * steps.size)
+        return Clock(1 / interval, interval, _GAP_STEP_UNSTEADY if is_unsteady else _GAP_STEP)
+    span = min(64, steps.size)
+    interval = float(np.median(seconds[span:] - seconds[:-span])) / span
+    if interval == 0:
+        raise DataError("most rows share one time stamp: remove the time column and state --sampling-rate")
+    return Clock(1 / interval, float(np.median(steps[steps >= interval])))
+
+
+def resolution(seconds: NDArray[np.float64], *, largest: float = 1e9, rounding: float = 0.0) -> float:
+    """Return the coarsest power of ten [s], up to `largest`, of which all stamps are multiples.
+
+    Where there is none, the `rounding` of the stamps as floating-point numbers.
+    """
+    step = largest
+    tolerance = 1e-12 + rounding + 4 * np.spacing(np.abs(seconds).max(initial=0.0))
+    while step > max(4 * tolerance, 5e-10):
+        if np.all(np.abs(seconds - step * np.round(seconds / step)) <= tolerance):
+            return step
+        step /= 10
+    return rounding
+
+
+def _neat_rate(interval: float, tolerance: float) -> float:
+    """Return the roundest rate whose interval is within `tolerance` of `interval`."""
+    for digits in range(1, 13):
+        rate = float(f"{1 / interval:.{digits}g}")
+        if abs(1 / rate - interval) < tolerance:
+            return rate
+    return 1 / interval

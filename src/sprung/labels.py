@@ -1,0 +1,111 @@
+"""What a mode is: its share in the rigid-body motions, and a name."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung.modal import Modes
+from sprung.recording import Channel
+from sprung.vehicles import Outputs, Vehicle, participation, sensor_outputs, structure, wheel_hop_frequencies
+from sprung.vehicles.structure import MOTIONS as MOTION_QUANTITIES
+
+#: Rigid-body motions of a body on its suspension, in the order of every participation.
+MOTIONS = ("bounce", "pitch", "roll")
+#: A mode is called by a motion that has at least this share of it, if the rigid body explains this much of the shape.
+_LEAST_SHARE = 0.5
+_LEAST_EXPLAINED = 0.7
+#: A mode within this share of a wheel-hop frequency is one.
+_WHEEL_HOP = 0.2
+
+
+def rigid_body_participation(
+    modes: Modes, channels: Sequence[Channel], *, mass: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the share of bounce, pitch and roll in each mode, and how much of its shape they explain.
+
+    Parameters
+    ----------
+    modes
+        Of channels with known quantity, position and direction.
+    channels
+        The channels of `modes`, in its order.
+    mass
+        Mass and inertia matrix of the body, shape (3, 3): shares of kinetic energy. None: shares of the sum of squares
+        that each motion alone gives at the sensors.
+
+    Returns
+    -------
+    shares
+        Shape (modes, 3), sum 1; NaN where the layout does not determine the three motions.
+    explained
+        Share of the shape's sum of squares that the rigid body explains, shape (modes,).
+
+    Notes
+    -----
+    Least squares of the shape on (pole^2 Ya + pole Yv + Yd) q with the sensors' output matrices, so that angular
+    velocities and accelerations go together.
+    """
+    n_modes = len(modes)
+    unknown = np.full((n_modes, 3), np.nan), np.zeros(n_modes)
+    if not all(_is_placed(channel) for channel in channels):
+        return unknown
+    outputs = sensor_outputs(MOTIONS, sensors=channels, carriers=["body"] * len(channels))
+    shares, explained = np.full((n_modes, 3), np.nan), np.zeros(n_modes)
+    for k, (pole, shape) in enumerate(zip(modes.poles, modes.mode_shapes, strict=True)):
+        matrix = _sensed(outputs, complex(pole))
+        if np.linalg.matrix_rank(matrix) < 3:
+            return unknown
+        motion = np.linalg.lstsq(matrix, shape, rcond=None)[0]
+        explained[k] = 1 - np.sum(np.abs(shape - matrix @ motion) ** 2) / np.sum(np.abs(shape) ** 2)
+        if mass is None:
+            power = np.sum(np.abs(matrix * motion) ** 2, axis=0)
+            shares[k] = power / power.sum()
+        else:
+            shares[k] = participation(mass, motion[None].astype(np.complex128))[0]
+    return shares, explained
+
+
+def _is_placed(channel: Channel) -> bool:
+    """Tell whether a rigid body determines what the channel reads."""
+    is_motion = channel.quantity in MOTION_QUANTITIES
+    has_place = channel.quantity.startswith("angular") or channel.quantity == "angle" or channel.position is not None
+    return is_motion and channel.direction is not None and has_place
+
+
+def _sensed(outputs: Outputs, pole: complex) -> NDArray[np.complex128]:
+    """Return what the sensors read of unit motions at a pole."""
+    return np.asarray(outputs.acceleration * pole**2 + outputs.velocity * pole + outputs.displacement, dtype=complex)
+
+
+def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Vehicle | None = None) -> Modes:
+    """Return the modes with labels "bounce", "pitch", "roll" and "wheel_hop" where they can be told.
+
+    Parameters
+    ----------
+    modes
+        By rising frequency.
+    channels
+        Of `modes`, in its order.
+    vehicle
+        Gives the body's mass matrix, for shares of energy, and the wheel-hop frequencies.
+
+    Notes
+    -----
+    Each motion names one mode: the lowest in which it has more than half of the energy. A mode within 20 % of
+    sqrt((spring + tyre) / unsprung mass) / 2 pi of an axle is wheel hop.
+    """
+    mass = None if vehicle is None else structure(vehicle).mass[:3, :3]
+    hops = np.zeros(0) if vehicle is None else wheel_hop_frequencies(vehicle)
+    shares, explained = rigid_body_participation(modes, channels, mass=mass)
+    labels: list[str | None] = []
+    for frequency, share, fit in zip(modes.natural_frequency, shares, explained, strict=True):
+        label = None
+        if np.any(np.abs(frequency - hops) <= _WHEEL_HOP * hops):
+            label = "wheel_hop"
+        elif fit >= _LEAST_EXPLAINED and share.max() >= _LEAST_SHARE:
+            label = MOTIONS[int(np.argmax(share))]
+            label = None if label in labels else label
+        labels.append(label)
+    return replace(modes, labels=tuple(labels))

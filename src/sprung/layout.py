@@ -1,0 +1,60 @@
+"""The sensor layout of a vehicle file, put on a recording."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sprung.errors import ParameterError
+from sprung.recording import QUANTITIES, Channel, Recording
+from sprung.vehicles import Sensor
+
+
+def with_layout(recording: Recording, sensors: Sequence[Sensor]) -> Recording:
+    """Give the channels the quantity, position and direction that a vehicle file states, in SI units.
+
+    Parameters
+    ----------
+    recording
+        With channels named as in the vehicle file; others stay as they are.
+    sensors
+        The file's sensors.
+
+    Returns
+    -------
+    Recording
+        A channel whose unit the recording does not know is multiplied by the sensor's factor. One whose unit it
+        knows is in SI already: only the sensor's `scale` is applied.
+
+    Raises
+    ------
+    ParameterError
+        If no sensor is in the recording, or one has another quantity there.
+    """
+    stated = {sensor.channel: sensor for sensor in sensors}
+    if stated and not stated.keys() & set(recording.names):
+        raise ParameterError(
+            f"none of the vehicle file's sensors {', '.join(stated)} is among the channels"
+            f" {', '.join(recording.names)}: make the names agree"
+        )
+    placed = [_placed(channel, stated.get(channel.name)) for channel in recording.channels]
+    factors = np.array([factor for _, factor in placed])
+    return recording.changed(
+        f"sensor layout of {len(stated)} channels",
+        samples=recording.samples * factors[:, None],
+        channels=tuple(channel for channel, _ in placed),
+    )
+
+
+def _placed(channel: Channel, sensor: Sensor | None) -> tuple[Channel, float]:
+    """Return the channel as the sensor states it, and the factor of its samples."""
+    if sensor is None:
+        return channel, 1.0
+    if channel.quantity == "unknown":
+        return sensor.as_channel(), sensor.factor
+    if QUANTITIES[channel.quantity] != QUANTITIES[sensor.quantity]:
+        raise ParameterError(
+            f"channel {channel.name!r} is {channel.quantity} [{channel.unit}] in the recording, but {sensor.quantity}"
+            f" [{sensor.unit}] in the vehicle file: correct one of them"
+        )
+    return replace(sensor.as_channel(), name=channel.name), sensor.scale

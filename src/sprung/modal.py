@@ -1,0 +1,272 @@
+"""Poles and modes: values, and the measures that compare their shapes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._checks import frozen_array
+from sprung.errors import ParameterError
+
+
+def natural_frequency(poles: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the undamped natural frequency abs(pole) / 2 pi [Hz] of continuous poles [rad/s]."""
+    return np.asarray(np.abs(poles) / (2 * np.pi))
+
+
+def damping_ratio(poles: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the damping ratio -Re(pole) / abs(pole) of continuous poles [rad/s]."""
+    return np.asarray(-poles.real / np.abs(poles))
+
+
+def mac(shapes: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the modal assurance criterion of every shape with every other one.
+
+    Parameters
+    ----------
+    shapes, others
+        Shapes (modes, channels) and (other modes, channels).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (modes, other modes), 0 to 1.
+
+    Notes
+    -----
+    abs(a^H b)^2 / ((a^H a)(b^H b)): with the Hermitian transpose, as shapes are complex (F. Liu 2020, eq. 3-55,
+    prints the plain one).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> mac(np.array([[1, 1j]]), np.array([[1j, -1], [1, -1j]])).round(12) + 0.0
+    array([[1., 0.]])
+    """
+    products = np.abs(np.conj(shapes) @ others.T) ** 2
+    powers = np.outer(np.sum(np.abs(shapes) ** 2, axis=1), np.sum(np.abs(others) ** 2, axis=1))
+    return np.asarray(products / np.maximum(powers, np.finfo(float).tiny))
+
+
+def mpc(shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the modal phase collinearity of each shape, 1 where all channels move in phase or against it.
+
+    Parameters
+    ----------
+    shapes
+        Shape (modes, channels).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (modes,), 0 to 1.
+
+    Notes
+    -----
+    ((Sxx - Syy)^2 + 4 Sxy^2) / (Sxx + Syy)^2 with S the inner products of real and imaginary parts: independent of
+    the shape's phase and scale.
+
+    References
+    ----------
+    J.-N. Juang and R. S. Pappa (1985), An eigensystem realization algorithm for modal parameter identification.
+    """
+    power = np.sum(np.abs(shapes) ** 2, axis=1)
+    return np.asarray((np.abs(np.sum(shapes**2, axis=1)) / np.maximum(power, np.finfo(float).tiny)) ** 2)
+
+
+def unit_shapes(shapes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Scale each shape to 1 at its largest channel.
+
+    Parameters
+    ----------
+    shapes
+        Shape (modes, channels).
+
+    Returns
+    -------
+    numpy.ndarray
+        The component of largest modulus is 1 + 0j, all others are relative to it. This is the normalisation of
+        every mode shape that sprung returns.
+    """
+    largest = np.argmax(np.abs(shapes), axis=1)
+    scale = shapes[np.arange(len(shapes)), largest]
+    return np.asarray(shapes / np.where(scale == 0, 1, scale)[:, None])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Poles:
+    """The oscillating poles of realisations on every rung of a ladder.
+
+    Parameters
+    ----------
+    poles
+        Continuous, rad/s, one of each conjugate pair (positive imaginary part), shape (poles,).
+    mode_shapes
+        Shape (poles, channels), complex, scale free.
+    rungs
+        Index into `ladder` of each pole, shape (poles,).
+    ladder
+        Model order, or number of block rows, of each rung.
+    channels
+        Names of the channels.
+    natural_frequency_std, damping_ratio_std
+        Standard deviations from the blocks' spread, shape (poles,); NaN where the correlations have no blocks.
+    """
+
+    poles: NDArray[np.complex128]
+    mode_shapes: NDArray[np.complex128]
+    rungs: NDArray[np.intp]
+    ladder: tuple[int, ...]
+    channels: tuple[str, ...]
+    natural_frequency_std: NDArray[np.float64]
+    damping_ratio_std: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "poles", frozen_array("poles", self.poles, ndim=1, dtype=np.complex128))
+        n_poles = len(self.poles)
+        for name in ("natural_frequency_std", "damping_ratio_std"):
+            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
+        shapes = frozen_array("mode_shapes", self.mode_shapes, ndim=2, dtype=np.complex128)
+        object.__setattr__(self, "mode_shapes", shapes)
+        object.__setattr__(self, "rungs", frozen_array("rungs", self.rungs, ndim=1, dtype=np.intp))
+        if shapes.shape != (n_poles, len(self.channels)):
+            raise ParameterError(
+                f"mode_shapes {shapes.shape} must have one row for each of {n_poles} poles"
+                f" and one column for each of {len(self.channels)} channels"
+            )
+
+    @property
+    def natural_frequency(self) -> NDArray[np.float64]:
+        """Undamped natural frequencies [Hz]."""
+        return natural_frequency(self.poles)
+
+    @property
+    def damping_ratio(self) -> NDArray[np.float64]:
+        """Damping ratios."""
+        return damping_ratio(self.poles)
+
+
+class PoleStatus(IntEnum):
+    """What became of a pole in the stabilisation diagram; everything but SELECTED says why it was dropped."""
+
+    SELECTED = 0
+    RARE = 1
+    INSIGNIFICANT = 2
+    UNCERTAIN = 3
+    HARMONIC = 4
+    SHAPE_CHANGED = 5
+    DAMPING_CHANGED = 6
+    FREQUENCY_CHANGED = 7
+    INCOHERENT_SHAPE = 8
+    OUT_OF_BAND = 9
+    UNPHYSICAL_DAMPING = 10
+
+    @property
+    def sentence(self) -> str:
+        """The status in words."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    PoleStatus.SELECTED: "part of a mode",
+    PoleStatus.RARE: "stable on too few rungs of the ladder",
+    PoleStatus.INSIGNIFICANT: "its part in the correlations between channels is no larger than chance",
+    PoleStatus.UNCERTAIN: "its frequency is as uncertain as its own bandwidth",
+    PoleStatus.HARMONIC: "a harmonic of the excitation, not a mode",
+    PoleStatus.SHAPE_CHANGED: "shape differs from the rung below",
+    PoleStatus.DAMPING_CHANGED: "damping differs from the rung below",
+    PoleStatus.FREQUENCY_CHANGED: "no pole of this frequency on the rung below",
+    PoleStatus.INCOHERENT_SHAPE: "the channels of its shape move at arbitrary phases",
+    PoleStatus.OUT_OF_BAND: "frequency outside the band",
+    PoleStatus.UNPHYSICAL_DAMPING: "damping not above zero, or above the bound",
+}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Modes:
+    """Modes by rising natural frequency.
+
+    Parameters
+    ----------
+    poles
+        Continuous, rad/s, shape (modes,).
+    mode_shapes
+        Shape (modes, channels), complex, 1 at the largest channel (`unit_shapes`).
+    channels
+        Names of the channels.
+    natural_frequency_std, damping_ratio_std
+        Standard deviations, shape (modes,); NaN where unknown.
+    stable_rate
+        Share of the ladder's rungs with a stable pole of this mode, shape (modes,), 0 to 1.
+    labels
+        "bounce", "pitch", "roll", "wheel_hop" or None for each mode.
+    """
+
+    poles: NDArray[np.complex128]
+    mode_shapes: NDArray[np.complex128]
+    channels: tuple[str, ...]
+    natural_frequency_std: NDArray[np.float64]
+    damping_ratio_std: NDArray[np.float64]
+    stable_rate: NDArray[np.float64]
+    labels: tuple[str | None, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("natural_frequency_std", "damping_ratio_std", "stable_rate"):
+            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
+        for name, ndim in (("poles", 1), ("mode_shapes", 2)):
+            value = frozen_array(name, getattr(self, name), ndim=ndim, dtype=np.complex128)
+            object.__setattr__(self, name, value)
+        if self.mode_shapes.shape != (len(self.poles), len(self.channels)):
+            raise ParameterError(
+                f"mode_shapes {self.mode_shapes.shape} must be {len(self.poles)} modes by {len(self.channels)} channels"
+            )
+
+    def __len__(self) -> int:
+        return len(self.poles)
+
+    @property
+    def natural_frequency(self) -> NDArray[np.float64]:
+        """Undamped natural frequencies [Hz]."""
+        return natural_frequency(self.poles)
+
+    @property
+    def damping_ratio(self) -> NDArray[np.float64]:
+        """Damping ratios."""
+        return damping_ratio(self.poles)
+
+    @property
+    def mpc(self) -> NDArray[np.float64]:
+        """Modal phase collinearity of each shape."""
+        return mpc(self.mode_shapes)
+
+    def take(self, chosen: NDArray[np.intp]) -> "Modes":
+        """Return the modes at the given indices, in that order."""
+        return replace(
+            self,
+            poles=self.poles[chosen],
+            mode_shapes=self.mode_shapes[chosen],
+            natural_frequency_std=self.natural_frequency_std[chosen],
+            damping_ratio_std=self.damping_ratio_std[chosen],
+            stable_rate=self.stable_rate[chosen],
+            labels=tuple(self.labels[k] for k in chosen),
+        )
+
+
+def join_modes(parts: Sequence[Modes]) -> Modes:
+    """Put the modes of several parts, of the same channels, one after another."""
+
+    def joined(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return replace(
+        parts[0],
+        poles=joined("poles"),
+        mode_shapes=joined("mode_shapes"),
+        natural_frequency_std=joined("natural_frequency_std"),
+        damping_ratio_std=joined("damping_ratio_std"),
+        stable_rate=joined("stable_rate"),
+        labels=tuple(label for part in parts for label in part.labels),
+    )

@@ -1,0 +1,203 @@
+"""Spectral matrices: Welch's averaged spectra of all pairs of channels."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from sprung._checks import check_complete, check_number, frozen_array
+from sprung.errors import DataError, ParameterError
+from sprung.recording import Recording
+
+#: Samples of windowed segments held at a time, which bounds the memory.
+BLOCK_SIZE = 2**20
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SpectralMatrix:
+    """Averaged one-sided auto and cross spectral densities of all channels.
+
+    Parameters
+    ----------
+    frequencies
+        Shape (frequencies,) [Hz], from 0 to half the sampling rate.
+    matrix
+        Shape (channels, channels, frequencies): entry [p, q] is the average of X_p conj(X_q), in squared units per
+        Hz. Hermitian and positive semidefinite at each frequency.
+    names
+        Channel names.
+    segment_length
+        Length of the averaged segments [s].
+    n_segments
+        How many were averaged.
+    """
+
+    frequencies: NDArray[np.float64]
+    matrix: NDArray[np.complex128]
+    names: tuple[str, ...]
+    segment_length: float
+    n_segments: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frequencies", frozen_array("frequencies", self.frequencies, ndim=1))
+        object.__setattr__(self, "matrix", frozen_array("matrix", self.matrix, ndim=3, dtype=np.complex128))
+        shape = (len(self.names), len(self.names), self.frequencies.size)
+        if self.matrix.shape != shape:
+            raise ParameterError(f"matrix has shape {self.matrix.shape}, but must have {shape}")
+        check_number("n_segments", self.n_segments, at_least=1)
+
+    @property
+    def densities(self) -> NDArray[np.float64]:
+        """Power spectral density of each channel, shape (channels, frequencies)."""
+        return np.asarray(np.einsum("ppf->pf", self.matrix).real)
+
+    def __add__(self, other: "SpectralMatrix") -> "SpectralMatrix":
+        """Average with `other`, of the same channels and settings, as if all segments were one recording's."""
+        if self.names != other.names or not np.array_equal(self.frequencies, other.frequencies):
+            raise ParameterError(
+                f"spectra of {', '.join(self.names)} and of {', '.join(other.names)} cannot be averaged: channels, "
+                "sampling rate and segment_length must agree"
+            )
+        n_segments = self.n_segments + other.n_segments
+        total = self.matrix * self.n_segments + other.matrix * other.n_segments
+        return SpectralMatrix(self.frequencies, total / n_segments, self.names, self.segment_length, n_segments)
+
+
+def spectral_matrix(recording: Recording, *, segment_length: float, overlap: float = 0.5) -> SpectralMatrix:
+    """Average the spectra of overlapping Hann-windowed segments (Welch's method).
+
+    Parameters
+    ----------
+    recording
+        Without missing values.
+    segment_length
+        Length of a segment [s]; the resolution is 1.5 / segment_length [Hz].
+    overlap
+        Part of a segment that the next one repeats, 0 to 0.95.
+
+    Returns
+    -------
+    SpectralMatrix
+        Of all channels. No segment spans a gap; `+` averages over recordings.
+
+    Raises
+    ------
+    DataError
+        A channel has missing values, or no stretch is as long as a segment.
+    ParameterError
+        `segment_length` or `overlap` cannot be used.
+
+    Notes
+    -----
+    S_pq(f) = 2 / (fs sum w^2) mean[X_p(f) conj(X_q(f))] with X the transform of the segment, its mean removed,
+    times the periodic Hann window w; without the factor 2 at zero and at the Nyquist frequency.
+
+    References
+    ----------
+    Welch (1967), IEEE Transactions on Audio and Electroacoustics 15, 70-73.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> t = np.arange(10_000) / 100
+    >>> tone = Recording(np.sin(2 * np.pi * 5 * t)[None], 100.0, (Channel("a"),))
+    >>> spectra = spectral_matrix(tone, segment_length=4)
+    >>> float(spectra.frequencies[np.argmax(spectra.densities[0])])
+    5.0
+    """
+    n_per_segment = _n_per_segment(recording, segment_length)
+    n_channels = len(recording.channels)
+    total = np.zeros((n_per_segment // 2 + 1, n_channels, n_channels), dtype=np.complex128)
+    n_segments = 0
+    for block in short_time_spectra(recording, segment_length=segment_length, overlap=overlap):
+        by_frequency = block.transpose(2, 0, 1)
+        total += by_frequency @ by_frequency.conj().swapaxes(1, 2)
+        n_segments += block.shape[1]
+    frequencies = np.arange(n_per_segment // 2 + 1, dtype=np.float64)
+    frequencies *= recording.sampling_rate / n_per_segment
+    matrix = np.ascontiguousarray(total.transpose(1, 2, 0)) / n_segments
+    return SpectralMatrix(frequencies, matrix, recording.names, segment_length, n_segments)
+
+
+def short_time_spectra(
+    recording: Recording, *, segment_length: float, overlap: float = 0.5
+) -> Iterator[NDArray[np.complex128]]:
+    """Yield the spectra of consecutive segments, scaled as in `spectral_matrix`, in blocks of bounded size.
+
+    Parameters
+    ----------
+    recording, segment_length, overlap
+        As for `spectral_matrix`.
+
+    Yields
+    ------
+    ndarray
+        Shape (channels, segments, frequencies). The mean of its squared magnitude is the power spectral density.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `spectral_matrix`.
+    """
+    check_number("overlap", overlap, at_least=0, at_most=0.95)
+    check_complete(recording.names, recording.samples)
+    n_per_segment = _n_per_segment(recording, segment_length)
+    step = max(1, round(n_per_segment * (1 - overlap)))
+    window = signal.get_window("hann", n_per_segment)
+    factors = np.full(n_per_segment // 2 + 1, 2 / (recording.sampling_rate * np.sum(window**2)))
+    factors[0] /= 2
+    if n_per_segment % 2 == 0:
+        factors[-1] /= 2
+    per_block = max(1, BLOCK_SIZE // (n_per_segment * len(recording.channels)))
+    for stretch in recording.stretches():
+        samples = recording.samples[:, stretch]
+        if samples.shape[1] < n_per_segment:
+            continue
+        segments = np.lib.stride_tricks.sliding_window_view(samples, n_per_segment, axis=1)[:, ::step]
+        for first in range(0, segments.shape[1], per_block):
+            block = segments[:, first : first + per_block]
+            block = (block - block.mean(axis=-1, keepdims=True)) * window
+            yield np.fft.rfft(block, axis=-1) * np.sqrt(factors)
+
+
+def singular_values(spectra: SpectralMatrix) -> NDArray[np.float64]:
+    """Return the singular values of the spectral matrix at each frequency.
+
+    Parameters
+    ----------
+    spectra
+        Of any channels.
+
+    Returns
+    -------
+    ndarray
+        Shape (channels, frequencies), largest first: the number that stand out at a frequency is the number of modes
+        (or other independent sources) there.
+
+    Notes
+    -----
+    The matrix is Hermitian and positive semidefinite, so they are its eigenvalues, none below 0.
+    """
+    eigenvalues = np.linalg.eigvalsh(spectra.matrix.transpose(2, 0, 1))
+    return np.asarray(np.maximum(eigenvalues.T[::-1], 0.0))
+
+
+def _n_per_segment(recording: Recording, segment_length: float) -> int:
+    """Return the samples of a segment, where the recording has a stretch of that length."""
+    check_number("segment_length", segment_length, above=0)
+    n_per_segment = round(segment_length * recording.sampling_rate)
+    if n_per_segment < 4:
+        raise ParameterError(
+            f"segment_length={segment_length:g} s must hold at least 4 samples: use "
+            f"{4 / recording.sampling_rate:g} s or more"
+        )
+    longest = max(stretch.stop - stretch.start for stretch in recording.stretches())
+    if n_per_segment > longest:
+        raise DataError(
+            f"segment_length={segment_length:g} s is longer than the longest stretch without a gap: use at most "
+            f"{longest / recording.sampling_rate:g} s"
+        )
+    return n_per_segment

@@ -1,0 +1,219 @@
+import gzip
+import zipfile
+
+import numpy as np
+import pytest
+
+from sprung.errors import DataError, FormatError, ParameterError
+from sprung.formats import read, read_blocks
+
+G = 9.80665
+
+
+def test_units_in_brackets_are_converted(text_file):
+    path = text_file("time,acc_fl [g],pitch rate (deg/s),speed [km/h],note (raw)\n0,1,180,36,5\n0.01,-2,90,72,6\n")
+    recording = read(path)
+    assert recording.names == ("acc_fl", "pitch rate", "speed", "note (raw)")
+    assert [channel.quantity for channel in recording.channels] == [
+        "acceleration",
+        "angular_velocity",
+        "speed",
+        "unknown",
+    ]
+    expected = [[G, -2 * G], [np.pi, np.pi / 2], [10, 20], [5, 6]]
+    assert recording.samples == pytest.approx(np.array(expected))
+    assert recording.sampling_rate == 100
+    assert recording.start is None
+
+
+def test_unknown_unit_in_square_brackets_is_refused(text_file):
+    path = text_file("time,acc [furlong]\n0,1\n1,2\n")
+    with pytest.raises(FormatError, match=r"run.csv: column 'acc \[furlong\]': unit 'furlong' is unknown"):
+        read(path)
+
+
+@pytest.mark.parametrize("unit", ["[]", "[-]"])
+def test_no_unit_in_brackets(text_file, unit):
+    assert read(text_file(f"t,a {unit}\n0,1\n1,2\n")).channels[0].quantity == "unknown"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,a,b\n0,1.5,2\n0.5,-3,4e1\n",
+        "time;a;b\n0;1.5;2\n0.5;-3;4e1\n",
+        "time;a;b\n0;1,5;2\n0,5;-3;4e1\n",
+        "time\ta\tb\n0\t1.5\t2\n0.5\t-3\t4e1\n",
+        "time\ta\tb\r\n0\t1,5\t2\r\n0,5\t-3\t4e1\r\n",
+        '"time","a","b"\n0,"1.5", 2\n0.5,-3 ,4E+1',
+        "\ufefftime,a,b\n0,1.5,2\n0.5,-3,4e1\n",
+        "sep=,\nDevice:,car 7\n\nStart: 2025,x\ntime,a,b\n\n0,1.5,2\n0.5,-3,4e1\n",
+        "time,,a,b,\n0,,1.5,2,\n0.5,,-3,4e1,\n",
+        "time,a,b\ns,,\n0,1.5,2\n0.5,-3,4e1\n",
+    ],
+)
+def test_dialects(text_file, text):
+    recording = read(text_file(text))
+    assert recording.names == ("a", "b")
+    assert recording.samples.tolist() == [[1.5, -3], [2, 40]]
+    assert recording.sampling_rate == 2
+
+
+def test_line_of_units_under_the_names(text_file):
+    recording = read(text_file("time;acc;speed\ns;g;km/h\n0;1;36\n1;2;72\n"))
+    assert recording.names == ("acc", "speed")
+    assert recording.samples == pytest.approx(np.array([[G, 2 * G], [10, 20]]))
+
+
+def test_latin_1_and_utf_8(text_file):
+    for encoding in ("latin-1", "utf-8"):
+        recording = read(text_file("time,größe,rate [°/s]\n0,1,180\n1,2,0\n".encode(encoding)))
+        assert recording.names == ("größe", "rate")
+        assert recording.samples[1, 0] == pytest.approx(np.pi)
+
+
+def test_packed_files(text_file, tmp_path):
+    text = b"time,a\n0,1\n1,2\n"
+    (tmp_path / "run.csv.gz").write_bytes(gzip.compress(text))
+    with zipfile.ZipFile(tmp_path / "run.csv.zip", "w") as archive:
+        archive.writestr("inside.csv", text)
+    for name in ("run.csv.gz", "run.csv.zip"):
+        assert read(tmp_path / name).samples.tolist() == [[1, 2]]
+    with zipfile.ZipFile(tmp_path / "two.csv.zip", "w") as archive:
+        archive.writestr("a.csv", text)
+        archive.writestr("b.csv", text)
+    with pytest.raises(FormatError, match="holds 2 files"):
+        read(tmp_path / "two.csv.zip")
+    (tmp_path / "short.csv.gz").write_bytes(gzip.compress(text * 1000)[:-20])
+    with pytest.raises(FormatError, match=r"short.csv.gz"):
+        read(tmp_path / "short.csv.gz")
+
+
+@pytest.mark.parametrize(
+    ("name", "stamps", "start", "rate"),
+    [
+        ("timestamp", ["2024-05-31 12:00:00.000", "2024-05-31 12:00:00.250"], 1_717_156_800_000_000_000, 4),
+        ("Time (-)", ["2024-05-31T12:00:00Z", "2024-05-31T12:00:00.125Z"], 1_717_156_800_000_000_000, 8),
+        ("time", ["2024-05-31 14:00:00+02:00", "2024-05-31 14:00:00.5+02:00"], 1_717_156_800_000_000_000, 2),
+        ("timestamp", ["1717156800000", "1717156800100"], 1_717_156_800_000_000_000, 10),
+        ("TimeStamp", ["1717156800", "1717156802"], 1_717_156_800_000_000_000, 0.5),
+        ("t_s", ["1717156800", "1717156802"], None, 0.5),
+        ("Time [ms]", ["17", "27"], None, 100),
+        ("T", ["1e1", "1.2e1"], None, 0.5),
+    ],
+)
+def test_time_columns(text_file, name, stamps, start, rate):
+    recording = read(text_file(f"{name},a\n{stamps[0]},1\n{stamps[1]},2\n"))
+    assert recording.start == start
+    assert recording.sampling_rate == pytest.approx(rate)
+
+
+def test_sampling_rate_is_needed_without_time(text_file):
+    path = text_file("a,b\n1,2\n3,4\n")
+    with pytest.raises(ParameterError, match=r"run.csv has no time column .* --sampling-rate"):
+        read(path)
+    assert read(path, sampling_rate=50).sampling_rate == 50
+
+
+def test_sampling_rate_must_agree_with_time(text_file):
+    path = text_file("time,a\n0,1\n0.01,2\n0.02,3\n")
+    assert read(path, sampling_rate=100.5).sampling_rate == 100
+    with pytest.raises(ParameterError, match=r"sampling_rate=104.36 contradicts the time column 'time'.* 100 Hz"):
+        read(path, sampling_rate=104.36)
+    with pytest.raises(ParameterError, match="sampling_rate=-1 must be above 0"):
+        read(path, sampling_rate=-1)
+
+
+def test_channels_are_chosen_by_name_in_any_order(text_file):
+    path = text_file("time,label,a [g],b,c [furlong]\n0,left,1,2,3\n1,right,4,5,6\n")
+    recording = read(path, channels=["b", "a"])
+    assert recording.names == ("b", "a")
+    assert recording.samples == pytest.approx(np.array([[2, 5], [G, 4 * G]]))
+    with pytest.raises(ParameterError, match="has no channel 'd': choose from label, a, b, c"):
+        read(path, channels=["d"])
+
+
+def test_text_in_numbers_names_line_and_column(text_file):
+    path = text_file("time,a,b\n0,1,2\n1,1,2\n2,x7,2\n")
+    with pytest.raises(FormatError, match=r"run.csv, line 4, column 'a': 'x7' is not a number"):
+        read(path)
+
+
+def test_text_far_down_names_its_line(text_file):
+    rows = [f"{index},{index / 7:.9f}" for index in range(300_000)]
+    rows[250_001] += "?"
+    path = text_file("time,a\n" + "\n".join(rows))
+    with pytest.raises(FormatError, match=r"line 250003, column 'a': '35714.428571429\?'"):
+        next(read_blocks(path))
+
+
+def test_text_in_the_first_row_of_numbers(text_file):
+    with pytest.raises(FormatError, match="line 2, column 'a': 'abc' is not a number"):
+        read(text_file("time,a\n0,abc\n1,2\n2,3\n"))
+
+
+@pytest.mark.parametrize(("row", "n_fields"), [("2,1", 2), ("2,1,2,3", 4)])
+def test_ragged_rows_name_the_line(text_file, row, n_fields):
+    path = text_file(f"time,a,b\n0,1,2\n1,1,2\n{row}\n3,1,2\n")
+    with pytest.raises(FormatError, match=f"line 4 has {n_fields} fields, but the header has 3"):
+        read(path)
+
+
+@pytest.mark.parametrize("value", ["inf", "-inf", "1e400", "1e101"])
+def test_numbers_beyond_measure_name_line_and_column(text_file, value):
+    with pytest.raises(FormatError, match=r"line 3, column 'b': .* is no measured value"):
+        read(text_file(f"time,a,b\n0,1,2\n1,1,{value}\n2,1,2\n"))
+
+
+def test_missing_values_in_all_spellings(text_file):
+    rows = [f"{index},{index},{index}" for index in range(40)]
+    for index, text in ((5, ""), (10, "nan"), (15, "NaN"), (20, "NA"), (25, "null")):
+        rows[index] = f"{index},{index},{text}"
+    recording = read(text_file("time,a,b\n" + "\n".join(rows)))
+    assert recording.n_samples == 35
+    assert [gap.index for gap in recording.gaps] == [5, 9, 13, 17, 21]
+    assert [gap.duration for gap in recording.gaps] == pytest.approx([1] * 5)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        (b"", FormatError, "is empty"),
+        (b"time,a\n", FormatError, "holds no samples"),
+        (b"\n\n\n", FormatError, "holds no samples"),
+        (b"time,a\n0,1\n", DataError, "holds one sample"),
+        (b"time,a,b\n0,,\n1,,\n", DataError, "holds no samples: every channel is empty"),
+        (b"time,a\n0,nan\n1,nan\n2,nan\n", DataError, "holds no samples"),
+        (b"0,1\n1,2\n", FormatError, "line 1: the table begins without column names"),
+        (b"time,a,a\n0,1,2\n1,2,3\n", FormatError, "column name 'a' occurs more than once"),
+        (b"time,a [g],a [m/s^2]\n0,1,2\n1,2,3\n", FormatError, "column name 'a' occurs more than once"),
+        (b"time,t,a\n0,1,2\n1,2,3\n", FormatError, "time columns 'time' and 't'"),
+        (b"time,[g]\n0,1\n1,2\n", FormatError, "has no name"),
+        (b"time\n0\n1\n2\n", FormatError, "holds no channel"),
+        (b"time,a\n0,1\n,2\n2,3\n", FormatError, "line 3: column 'time' holds no time"),
+        (b"time,a\n0,1\n2,2\n1,3\n", FormatError, "line 4: time runs backwards"),
+        (b"time,a,b\n31.05.2024 12:00,1,2\n31.05.2024 12:01,2,3\n", FormatError, "'31.05.2024 12:00'"),
+        (b"\x00\x01\x02time,a\n", FormatError, "binary data"),
+        ("time,a\n0,1\n1,2\n".encode("utf-16"), FormatError, "binary data"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(range(1, 256)) * 20, FormatError, "run.csv"),
+        (b"x" * 400_000, FormatError, "line 1 is longer"),
+    ],
+)
+def test_bad_text_is_refused_with_a_sentence(text_file, text, error, message):
+    with pytest.raises(error, match=message):
+        read(text_file(text), sampling_rate=None)
+
+
+def test_slow_channel_is_refused_by_name(text_file):
+    rows = [f"{index / 100:.2f},{index},{index if index % 10 == 0 else ''}" for index in range(500)]
+    path = text_file("time,acc,speed\n" + "\n".join(rows))
+    with pytest.raises(DataError, match="channel 'speed' has a value in every 10th row only"):
+        read(path)
+    assert read(path, channels=["acc"]).n_samples == 500
+
+
+def test_line_numbers_in_history_free_messages_stay_on_one_line(text_file):
+    with pytest.raises(FormatError) as caught:
+        read(text_file("time,a\n0,1\n1,'" + "y" * 300_000 + "\n"))
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400

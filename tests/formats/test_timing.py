@@ -1,0 +1,188 @@
+import numpy as np
+import pytest
+
+from sprung.errors import DataError, FormatError
+from sprung.formats.timing import Clock, ClockFit, find_gaps, interpolate, resolution, time_scale, uncrowded
+
+
+def fitted(seconds, *, pieces=1):
+    fit = ClockFit("run.csv, line")
+    rows = 2 + np.arange(seconds.size)
+    for part, numbers in zip(np.array_split(seconds, pieces), np.array_split(rows, pieces), strict=True):
+        fit.update(part, numbers)
+    return fit.clock()
+
+
+@pytest.mark.parametrize("rate", [100.0, 104.36, 1000.0, 3.2, 25600.0])
+@pytest.mark.parametrize("pieces", [1, 3])
+def test_uniform_stamps_give_their_rate_exactly(rate, pieces):
+    clock = fitted(np.round(np.arange(2000) / rate, 9), pieces=pieces)
+    assert clock.sampling_rate == pytest.approx(rate, rel=1e-12)
+    assert clock.jitter_max < 1e-4
+    assert not clock.is_resampled
+
+
+@pytest.mark.parametrize(
+    ("rate", "digits"), [(104.36, 3), (95.0, 3), (1500.0, 3), (1050.0, 3), (333.3, 4), (2048.0, 3)]
+)
+def test_printed_digits_do_not_count_as_jitter(rate, digits):
+    stamps = np.round(np.arange(20_000) / rate, digits)
+    clock = fitted(stamps)
+    assert not clock.is_resampled
+    assert not clock.in_bursts
+    assert clock.sampling_rate == pytest.approx(rate, rel=1e-6)
+    assert find_gaps(stamps, clock).size == 0
+
+
+def test_true_jitter_asks_for_resampling_and_is_measured():
+    rng = np.random.default_rng(1)
+    jitter = rng.uniform(-0.1, 0.1, 50_000)
+    clock = fitted((np.arange(jitter.size) + jitter) / 200)
+    assert clock.is_resampled
+    assert clock.sampling_rate == pytest.approx(200, rel=1e-5)
+    assert clock.jitter_rms == pytest.approx(0.2 / np.sqrt(12), rel=0.02)
+    assert clock.jitter_max == pytest.approx(0.1, rel=0.1)
+
+
+def test_slow_drift_of_the_clock_is_no_jitter():
+    # A crystal that warms up: 5 ppm faster at the end of 3 h, 27 samples off its mean line.
+    index = np.arange(1_080_000)
+    clock = fitted((index + 2.5e-6 * index**2 / index.size) / 100)
+    assert not clock.is_resampled
+    assert clock.jitter_max < 0.01
+
+
+def test_gaps_are_found_one_lost_sample_too():
+    index = np.delete(np.arange(10_000), [500, 3000, 3001, 7000])
+    seconds = index / 250
+    clock = fitted(seconds)
+    assert clock.sampling_rate == pytest.approx(250, rel=1e-9)
+    assert list(find_gaps(seconds, clock)) == [500, 2999, 6997]
+
+
+def test_late_stamp_is_no_gap():
+    seconds = np.arange(1000) / 100
+    seconds[300] += 0.008
+    assert find_gaps(seconds, Clock(100.0, 0.01)).size == 0
+
+
+def test_gap_of_half_an_interval_needs_no_alarm():
+    seconds = np.arange(1000) / 100 + np.where(np.arange(1000) >= 400, 0.004, 0.0)
+    assert find_gaps(seconds, Clock(100.0, 0.01)).size == 0
+
+
+def test_bursts_are_read_as_a_straight_line():
+    sampled = np.arange(4000) / 117
+    arrived = np.ceil(sampled / 0.065) * 0.065
+    clock = fitted(np.round(arrived, 4))
+    assert clock.in_bursts
+    assert not clock.is_resampled
+    assert clock.sampling_rate == pytest.approx(117, rel=1e-3)
+    assert find_gaps(arrived, clock).size == 0
+
+
+def test_gap_between_bursts():
+    sampled = np.arange(8000) / 117
+    arrived = np.round(np.ceil(sampled / 0.065) * 0.065, 4)
+    arrived[4000:] += 2.0
+    clock = fitted(arrived)
+    gaps = find_gaps(arrived, clock)
+    assert gaps.size == 1
+    assert abs(gaps[0] - 4000) <= 8
+    assert clock.sampling_rate == pytest.approx(117, rel=1e-3)
+
+
+def test_stalled_logger_that_catches_up_lost_nothing():
+    sampled = np.arange(8000) / 117
+    arrived = np.ceil(sampled / 0.065) * 0.065
+    stalled = (sampled > 10) & (sampled < 13)
+    arrived[stalled] = 13.0
+    clock = fitted(np.round(arrived, 4))
+    assert find_gaps(arrived, clock).size == 0
+    assert clock.sampling_rate == pytest.approx(117, rel=1e-3)
+
+
+def test_time_running_backwards_names_the_row():
+    seconds = np.arange(100) / 10
+    seconds[40] = 3.8
+    with pytest.raises(FormatError, match=r"run.csv, line 42: time runs backwards"):
+        fitted(seconds)
+    with pytest.raises(FormatError, match="line 42: time runs backwards"):
+        fitted(seconds, pieces=40)
+
+
+def test_single_repeated_stamp_names_the_row():
+    seconds = np.arange(100) / 10
+    seconds[40] = seconds[39]
+    with pytest.raises(FormatError, match="line 42 repeats the time"):
+        fitted(seconds + 1e-4 * np.sin(np.arange(100)) * (np.arange(100) > 50))
+
+
+def test_change_of_rate_is_refused():
+    seconds = np.concatenate([np.arange(5000) / 100, 60 + np.arange(5000) / 200])
+    with pytest.raises(DataError, match="changes from 200 to 100 Hz"):
+        fitted(seconds)
+
+
+def test_mixed_rates_are_refused():
+    steps = np.tile([0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.5], 200)
+    with pytest.raises(DataError, match="rates are mixed"):
+        fitted(np.cumsum(steps))
+
+
+def test_one_stamp_is_too_few():
+    with pytest.raises(DataError, match="two samples"):
+        fitted(np.zeros(1))
+
+
+def test_all_rows_at_one_time():
+    with pytest.raises(DataError, match="share one time stamp"):
+        fitted(np.zeros(100))
+
+
+@pytest.mark.parametrize(("step", "expected"), [(0.01, 0.01), (0.25, 0.01), (1e-6, 1e-6), (20.0, 10.0), (1 / 3, 0.0)])
+def test_resolution_is_the_coarsest_power_of_ten(step, expected):
+    assert resolution(step * np.arange(1000)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "factor", "start"),
+    [
+        (np.array([17.5, 17.6]), 1.0, None),
+        (np.array([1.7e9, 1.7e9 + 1]), 1.0, 1_700_000_000_000_000_000),
+        (np.array([1.7e12, 1.7e12 + 1]), 1e-3, 1_700_000_000_000_000_000),
+        (np.array([1_700_000_000_123_456, 1_700_000_000_123_457]), 1e-6, 1_700_000_000_123_456_000),
+        (np.array([1_700_000_000_123_456_789, 1_700_000_000_123_456_790]), 1e-9, 1_700_000_000_123_456_789),
+        (np.array(["2023-11-14T22:13:20.5", "2023-11-14T22:13:21"], dtype="M8[ms]"), 1e-9, 1_700_000_000_500_000_000),
+        (np.array([5, 7], dtype="m8[ms]"), 1e-9, None),
+    ],
+)
+def test_epoch_is_told_by_its_magnitude(stamps, factor, start):
+    scale = time_scale(stamps)
+    assert scale.factor == pytest.approx(factor)
+    assert scale.start == start
+    first, second = scale.seconds(stamps)
+    step = stamps[1] - stamps[0]
+    assert first == 0
+    assert second == pytest.approx(step / np.timedelta64(1, "s") if stamps.dtype.kind in "mM" else step * factor)
+
+
+def test_stated_unit_of_time_is_no_epoch():
+    scale = time_scale(np.array([2e9, 2e9 + 5]), 1e-6)
+    assert scale.start is None
+    assert scale.seconds(np.array([2e9 + 5]))[0] == pytest.approx(5e-6)
+
+
+def test_crowded_stamps_are_spread_backwards():
+    seconds = np.array([0.0, 1.0, 2.9, 3.0, 4.0])
+    assert uncrowded(seconds, 1.0) == pytest.approx([0, 1, 2.5, 3, 4])
+
+
+def test_splines_reproduce_a_cubic_and_leave_a_dead_channel():
+    rng = np.random.default_rng(2)
+    times = np.sort(rng.uniform(0, 10, 40))
+    wanted = np.linspace(times[0], times[-1], 57)
+    samples = np.stack([times**3 - 4 * times, np.where(times > 5, np.nan, 1.0)])
+    result = interpolate(samples, times, wanted)
+    assert result[0] == pytest.approx(wanted**3 - 4 * wanted, abs=1e-8)
+    assert np.isnan(result[1]).all()
