@@ -1,3 +1,100 @@
-"""Sprung: suspension monitoring from sensors on the body."""
+"""Sprung: suspension monitoring from sensors on the body.
+
+Examples
+--------
+>>> import sprung
+>>> run = sprung.read("run.csv")  # doctest: +SKIP
+>>> print(sprung.cov_ssi(run))  # doctest: +SKIP
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sprung.cepstrum import Comb, Exponential, ShortPass
+    from sprung.errors import (
+        DataError,
+        FormatError,
+        IdentificationError,
+        MissingPackageError,
+        ParameterError,
+        SprungError,
+    )
+    from sprung.formats import read, read_blocks, write
+    from sprung.identification import Identification, acs_ssi, coss_ssi, cov_ssi
+    from sprung.inspection import Inspection, inspect
+    from sprung.modal import Modes
+    from sprung.preparation import IdentificationSettings
+    from sprung.recording import Channel, Gap, Recording
+    from sprung.simulation import simulate
+    from sprung.stabilisation import THESIS_CRITERIA, StabilityCriteria
+    from sprung.vehicles import read_vehicle, write_vehicle
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "THESIS_CRITERIA",
+    "Channel",
+    "Comb",
+    "DataError",
+    "Exponential",
+    "FormatError",
+    "Gap",
+    "Identification",
+    "IdentificationError",
+    "IdentificationSettings",
+    "Inspection",
+    "MissingPackageError",
+    "Modes",
+    "ParameterError",
+    "Recording",
+    "ShortPass",
+    "SprungError",
+    "StabilityCriteria",
+    "acs_ssi",
+    "coss_ssi",
+    "cov_ssi",
+    "inspect",
+    "read",
+    "read_blocks",
+    "read_vehicle",
+    "simulate",
+    "write",
+    "write_vehicle",
+]
+
+# Where each name lives; its module is imported when the name is first used, so that `import sprung` costs nothing.
+_HOMES = {
+    "cepstrum": ("Comb", "Exponential", "ShortPass"),
+    "errors": (
+        "DataError",
+        "FormatError",
+        "IdentificationError",
+        "MissingPackageError",
+        "ParameterError",
+        "SprungError",
+    ),
+    "formats": ("read", "read_blocks", "write"),
+    "identification": ("Identification", "acs_ssi", "coss_ssi", "cov_ssi"),
+    "inspection": ("Inspection", "inspect"),
+    "modal": ("Modes",),
+    "preparation": ("IdentificationSettings",),
+    "recording": ("Channel", "Gap", "Recording"),
+    "simulation": ("simulate",),
+    "stabilisation": ("THESIS_CRITERIA", "StabilityCriteria"),
+    "vehicles": ("read_vehicle", "write_vehicle"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the module that has `name`, and keep the name."""
+    for home, names in _HOMES.items():
+        if name in names:
+            value = getattr(import_module(f"sprung.{home}"), name)
+            globals()[name] = value
+            return value
+    raise AttributeError(f"module 'sprung' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -133,7 +133,7 @@ def sized(plan: Plan, prepared: Prepared, *, method: str, total_duration: float)
 
 def _longest(recording: Recording) -> int:
     """Return the number of samples of the longest stretch."""
-    return max(stretch.stop - stretch.start for stretch in recording.stretches())
+    return max(int(stretch.stop - stretch.start) for stretch in recording.stretches())
 
 
 def _check_length(n_samples: int, rate: float) -> None:
@@ -172,12 +172,13 @@ def _band_of_content(motion: Recording) -> tuple[float, float]:
 
 
 def _memory(spectra: SpectralMatrix, band: tuple[float, float]) -> float:
-    """Return the lag up to which 80 % of the power of the cross-correlations lies [s]."""
+    """Return the lag up to which 80 % of the power of the cross-correlations lies, of the motion's integral [s]."""
     frequencies, n_channels = spectra.frequencies, len(spectra.names)
     total = np.maximum(spectra.densities.sum(axis=1), np.finfo(float).tiny)
     is_used = ~np.eye(n_channels, dtype=bool) if n_channels > 1 else np.ones((1, 1), dtype=bool)
-    in_band = (band[0] <= frequencies) & (frequencies <= band[1])
-    correlations = np.fft.irfft((spectra.matrix * in_band / np.sqrt(np.outer(total, total))[:, :, None])[is_used])
+    in_band = (band[0] <= frequencies) & (frequencies <= band[1]) & (frequencies > 0)
+    weights = np.where(in_band, 1 / np.maximum(frequencies, frequencies[1]) ** 2, 0)
+    correlations = np.fft.irfft((spectra.matrix * weights / np.sqrt(np.outer(total, total))[:, :, None])[is_used])
     power = np.sum(correlations[:, : correlations.shape[1] // 2] ** 2, axis=0)
     power = np.maximum(power - np.median(power[power.size // 2 :]), 0)
     share = np.cumsum(power)

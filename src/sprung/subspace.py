@@ -434,7 +434,7 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
     signal, noise = np.zeros(len(poles)), np.zeros(len(poles))
     for reference in range(use.shape[1]):
         others = np.flatnonzero(use[:, reference])
-        responses = (mode_shapes[:, others, None] * powers[:, None]).reshape(len(poles), -1)
+        responses = _responses(mode_shapes[:, others], powers)
         solve = _participation_operator(responses)
         weight = np.sum(np.abs(mode_shapes[:, others]) ** 2, axis=1)
         signal += weight * np.abs(lagged[others, reference].ravel() @ solve) ** 2
@@ -443,10 +443,15 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
     return np.asarray(signal / noise)
 
 
+def _responses(shapes: Complex, powers: Complex) -> Complex:
+    """Return shape times power of the eigenvalue for each mode, channels and lags in one row."""
+    return np.asarray((shapes[:, :, None] * powers[:, None]).reshape(len(shapes), shapes.shape[1] * powers.shape[1]))
+
+
 def _participation_operator(responses: Complex) -> Complex:
     """Return the matrix (samples, modes) that takes real data to the least-squares g of data = 2 Re(responses^T g)."""
     basis = np.concatenate([2 * responses.real, -2 * responses.imag]).T
-    inverse = np.linalg.pinv(basis, rcond=1e-8)
+    inverse = np.linalg.pinv(basis, rcond=1e-8) if basis.size else basis.T
     return np.asarray(inverse[: len(responses)] + 1j * inverse[len(responses) :]).T
 
 
@@ -485,11 +490,11 @@ def complete_shapes(
         others = [row for row in known if row != reference]
         if others:
             columns = [known.index(row) for row in others]
-            responses = (mode_shapes[:, columns, None] * powers[:, None]).reshape(len(poles), -1)
+            responses = _responses(mode_shapes[:, columns], powers)
             participations[:, reference] = lagged[others, reference].ravel() @ _participation_operator(responses)
     shapes = np.zeros((len(poles), n_channels), dtype=complex)
     for channel in range(n_channels):
         others = [reference for reference in range(n_channels) if reference != channel]
-        responses = (participations[:, others, None] * powers[:, None]).reshape(len(poles), -1)
+        responses = _responses(participations[:, others], powers)
         shapes[:, channel] = lagged[channel, others].ravel() @ _participation_operator(responses)
     return shapes
