@@ -75,10 +75,15 @@ def make_plan(recording: Recording, *, settings: IdentificationSettings, vehicle
     motion = detrend(recording.select(outputs))
     if settings.band is not None:
         band, source = settings.band, "given"
+        nyquist = recording.sampling_rate / 2
+        check_number("lower edge of the band", band[0], at_most=nyquist, advice="half the sampling rate is the limit")
     elif vehicle is not None:
         band, source = _band_of_vehicle(vehicle, recording.sampling_rate), "around the vehicle's own modes"
     else:
         band, source = _band_of_content(motion), "where the channels move together"
+    notes = []
+    if len(outputs) == 1:
+        notes.append("one channel: what its sensor adds cannot be told from motion, so modes are less certain")
     fastest = recording.sampling_rate
     rate = settings.decimate_to or _chosen_rate(fastest, band[1])
     check_number("decimate_to", rate, at_most=fastest * (1 + 1e-9), advice="decimation only lowers the sampling rate")
@@ -89,7 +94,10 @@ def make_plan(recording: Recording, *, settings: IdentificationSettings, vehicle
         settings=replace(settings, decimate_to=rate),
         band=band,
         spectrum_segment=max(min(recording.duration / _SPECTRUM_AVERAGES, longest / fastest), 8 / rate),
-        notes=(f"band {band[0]:.3g} to {min(band[1], rate / 2):.3g} Hz ({source}), sampled at {rate:.5g} Hz",),
+        notes=(
+            f"band {band[0]:.3g} to {min(band[1], rate / 2):.3g} Hz ({source}), sampled at {rate:.5g} Hz",
+            *notes,
+        ),
     )
 
 
@@ -226,7 +234,7 @@ def _with_sizes(
     if settings.has_disjoint_references:
         sizes = [min(len(outputs), len(references)) for outputs, references in disjoint_splits(range(n_outputs))]
     carried = (rows - 1) * min(sizes)
-    largest_order = 2 * int(np.clip(0.3 * rows, *_LARGEST_ORDERS))
+    largest_order = 2 * int(np.clip(max(0.3 * rows, 3 * n_outputs), *_LARGEST_ORDERS))
     return replace(settings, block_rows=rows, max_order=settings.max_order or min(largest_order, carried - carried % 2))
 
 

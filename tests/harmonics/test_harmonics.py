@@ -1,8 +1,7 @@
-import os
-from pathlib import Path
-
+import h5py
 import numpy as np
 import pytest
+from pyarrow import parquet
 from scipy import ndimage, signal
 
 from sprung.errors import DataError, ParameterError
@@ -11,8 +10,6 @@ from sprung.harmonics import Harmonic, find_harmonics, near_harmonic
 from sprung.recording import Channel, Gap, Recording
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import read_vehicle, structure
-
-DATA = Path(os.environ.get("SPRUNG_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 
 
 def recorded(samples, sampling_rate, **fields):
@@ -206,12 +203,8 @@ def test_poles_without_damping_ratios_are_refused():
 # Real recordings
 
 
-def car(name):
+def car(path):
     """Return a decoded log at 100 Hz, jittering time stamps resampled."""
-    path = DATA / "canedge_car_body_imu" / f"{name}_decoded.parquet"
-    if not path.exists():
-        pytest.skip(f"no recording {path.name} in {DATA}: set SPRUNG_DATA")
-    parquet = pytest.importorskip("pyarrow.parquet")
     table = parquet.read_table(path)
     stamps = table["t_s"].to_numpy()
     grid = np.arange(stamps[0], stamps[-1], 0.01)
@@ -222,9 +215,10 @@ def car(name):
 
 
 @pytest.mark.parametrize("name", ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"])
-def test_the_wheels_of_a_car_turn_at_0_516_per_metre(name):
+def test_the_wheels_of_a_car_turn_at_0_516_per_metre(real_file, name):
     """Its circumference is 1.94 m; the middle half of 76 windows lies at 0.513 to 0.519 (the data's description)."""
-    harmonics = find_harmonics(car(name), speed="Speed")
+    path = real_file(f"canedge_car_body_imu/{name}_decoded.parquet")
+    harmonics = find_harmonics(car(path), speed="Speed")
     wheel, twice, thrice = harmonics[:3]
     assert 0.513 < wheel.frequency < 0.519
     assert len(wheel.channels) == 6
@@ -233,29 +227,11 @@ def test_the_wheels_of_a_car_turn_at_0_516_per_metre(name):
     assert {line.kind for line in harmonics} == {"speed"}
 
 
-def test_engine_lines_of_a_car():
-    path = DATA / "endaq_car_ide" / "GPS-Chick-Fil-A_003.h5"
-    if not path.exists():
-        pytest.skip(f"no recording {path.name} in {DATA}: set SPRUNG_DATA")
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(path) as file:
+def test_engine_lines_of_a_car(real_file):
+    with h5py.File(real_file("endaq_car_ide/GPS-Chick-Fil-A_003.h5")) as file:
         group = file["ch80_40g_DC_Acceleration"]
         samples = np.array([group[f"{axis}_(40g)"][:] for axis in "XYZ"], dtype=float)
         sampling_rate = float(group.attrs["fs_Hz"])
     found = [line.frequency for line in find_harmonics(recorded(samples, sampling_rate), least_damping=0.01)]
     for frequency in (22.6, 45.2, 90.9, 109.9, 227.7):
         assert min(abs(np.array(found) - frequency)) < 0.01 * frequency
-
-
-def test_tones_of_a_shaker():
-    """The description's 100.1 and 150.1 Hz are 100.0 and 150.0 Hz by the recorder's time stamps."""
-    idelib = pytest.importorskip("idelib")
-    path = DATA / "endaq_car_ide" / "DAQ12006_000005.IDE"
-    if not path.exists():
-        pytest.skip(f"no recording {path.name} in {DATA}: set SPRUNG_DATA")
-    with idelib.importFile(str(path)) as dataset:
-        stamps, *samples = dataset.channels[8].getSession().arraySlice()
-    sampling_rate = 1e6 * (stamps.size - 1) / (stamps[-1] - stamps[0])
-    found = [line.frequency for line in find_harmonics(recorded(samples[:3], sampling_rate))]
-    for frequency in (100.0, 150.0, 200.0):
-        assert min(abs(np.array(found) - frequency)) < 0.05

@@ -1,0 +1,39 @@
+# make demo | make test | make setup | make check | make bench
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: setup demo test fast check bench clean
+
+setup: $(READY)
+
+$(READY): requirements.lock pyproject.toml scripts/system-packages
+	scripts/system-packages
+	@$$(command -v $(PYTHON) || command -v python3) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+demo: $(READY)
+	@mkdir -p demo
+	$(BIN)/sprung simulate chain --minutes 2 --snr 2 --seed 1 --out demo/chain.csv
+	$(BIN)/sprung identify demo/chain.csv --vehicle demo/chain.csv.vehicle.toml --figures demo/figures
+
+test: check
+	$(BIN)/python -m pytest -n auto
+
+fast: $(READY)
+	$(BIN)/python -m pytest -n auto -m "not slow"
+
+check: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(READY)
+	benchmarks/run
+
+clean:
+	rm -rf demo $(VENV) benchmarks/.venv

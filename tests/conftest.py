@@ -1,0 +1,21 @@
+"""Fixtures of all tests."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+DATA = Path(os.environ.get("SPRUNG_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+
+@pytest.fixture
+def real_file():
+    """Return a function from a path below the real recordings to the file; it skips the test where that is absent."""
+
+    def find(name):
+        path = DATA / name
+        if not path.exists():
+            pytest.skip(f"no {name} among the real recordings: set SPRUNG_DATA to their folder")
+        return path
+
+    return find
