@@ -36,8 +36,10 @@ def check_number(
         rules.append((f"at least {at_least:g}", value >= at_least))
     if at_most is not None:
         rules.append((f"at most {at_most:g}", value <= at_most))
-    if not np.isfinite(value) or not all(holds for _, holds in rules):
-        wanted = " and ".join(rule for rule, _ in rules) or "finite"
+    if not np.isfinite(value):
+        rules.insert(0, ("finite", False))
+    if not all(holds for _, holds in rules):
+        wanted = " and ".join(rule for rule, _ in rules)
         raise ParameterError(f"{name}={value:g} must be {wanted}" + (f": {advice}" if advice else ""))
     return value
 

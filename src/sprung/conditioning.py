@@ -200,7 +200,7 @@ def decimate(recording: Recording, sampling_rate: float) -> Recording:
 
 
 def without_missing(recording: Recording) -> Recording:
-    """Turn the samples at which any channel is missing (NaN) into gaps.
+    """Turn the samples at which any channel is missing (NaN) or infinite into gaps.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def without_missing(recording: Recording) -> Recording:
     DataError
         No sample has all channels.
     """
-    is_complete = np.asarray(~np.isnan(recording.samples).any(axis=0))
+    is_complete = np.asarray(np.isfinite(recording.samples).all(axis=0))
     if is_complete.all():
         return recording
     pieces = [

@@ -357,6 +357,8 @@ class RunningCorrelations:
 
     def update(self, segment: Recording) -> None:
         """Add one segment, a recording without gaps."""
+        if segment.gaps:
+            raise ParameterError(f"a segment has no gaps, but this recording has {len(segment.gaps)}: cut it there")
         new = correlate_segments(segment, n_lags=self._n_lags, references=self._references)
         starts_block = self._n_segments % self._n_joined == 0
         self._blocks = new if self._blocks is None else join_segments([self._blocks, new])

@@ -224,14 +224,16 @@ def _constant_lines(
 
 def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate: float) -> list[Line]:
     """Add doubtful lines at multiples of regular ones where so many are not there by chance."""
-    found = list(regular)
+    found, left = list(regular), list(doubtful)
     for base in regular:
-        left = [line for line in doubtful if line not in found]
         family = multiples(base.frequency, base.tolerance, left)
         if family.members:
             width = 2 * max(left[i].tolerance + order * family.tolerance for i, order in family.members)
             coincidence = stats.binom.sf(len(family.members) - 1, len(left), min(1.0, width / base.frequency))
-            found += [left[i] for i, _ in family.members if coincidence < false_alarm_rate]
+            if coincidence < false_alarm_rate:
+                taken = {i for i, _ in family.members}
+                found += [left[i] for i in taken]
+                left = [line for i, line in enumerate(left) if i not in taken]
     return sorted(found, key=lambda line: line.frequency)
 
 

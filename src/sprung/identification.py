@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung._checks import frozen_array
-from sprung.cepstrum import Exponential, subtract_lifter_damping
+from sprung.cepstrum import Exponential, Lifter, ShortPass, subtract_lifter_damping
 from sprung.correlation import (
     Correlations,
     SegmentCorrelations,
@@ -34,9 +34,8 @@ from sprung.stabilisation import (
     stabilise,
     with_status,
 )
-from sprung.subsets import subsets_of_equal_width
+from sprung.subsets import subsets_of_equal_count, subsets_of_equal_width
 from sprung.subspace import block_row_ladder, complete_shapes, poles_of_orders, realise
-from sprung.vehicles import Vehicle
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,12 +81,14 @@ class Identification:
         What each subset gave.
     members
         For each mode and subset the index of the subset's mode, -1 where it has none; shape (modes, subsets).
+    band
+        In which motion is expected [Hz]: as given, around the vehicle's own modes, or where the channels move together.
     harmonics
         Lines of the excitation, which are no modes.
     spectra, edited_spectra
         Before and after cepstrum editing (None without).
     settings
-        With everything chosen from the data filled in.
+        With block rows, orders, segments and sampling rate filled in where they were chosen from the data.
     notes
         What a reader should know, one sentence each.
     """
@@ -98,6 +99,7 @@ class Identification:
     modes: Modes
     subsets: tuple[SubsetModes, ...]
     members: NDArray[np.intp]
+    band: tuple[float, float]
     harmonics: tuple[Harmonic, ...]
     spectra: SpectralMatrix
     edited_spectra: SpectralMatrix | None
@@ -235,9 +237,10 @@ def _identify(
     merged, members = merge_modes([s.modes for s in found], weights=[s.n_segments for s in found])
     is_kept = significant(merged, average(segments), least=plan.settings.criteria.contribution)
     factors = np.array(list(plan.factors.values()))
-    found = [_without(subset, members[~is_kept, k]) for k, subset in enumerate(found)]
-    found = [replace(subset, modes=_in_units(subset.modes, factors)) for subset in found]
-    merged = _in_units(merged.take(np.flatnonzero(is_kept)), factors)
+    found = [_without(subset, members[~is_kept, k], members[:, k]) for k, subset in enumerate(found)]
+    lifter = plan.settings.lifter
+    found = [replace(subset, modes=_as_measured(subset.modes, factors, lifter)) for subset in found]
+    merged = _as_measured(merged.take(np.flatnonzero(is_kept)), factors, lifter)
     channels = gathered[0].channels
     edited = [part.edited_spectra for part in gathered if part.edited_spectra is not None]
     report("done", 1.0)
@@ -245,14 +248,15 @@ def _identify(
         method=method,
         channels=channels,
         sampling_rate=segments.sampling_rate,
-        modes=labelled(merged, channels, vehicle=vehicle if isinstance(vehicle, Vehicle) else None),
+        modes=labelled(merged, channels, vehicle=vehicle),
         subsets=tuple(found),
         members=members[is_kept],
+        band=plan.band,
         harmonics=harmonics,
         spectra=reduce(add, [part.spectra for part in gathered]),
         edited_spectra=reduce(add, edited) if edited else None,
         settings=plan.settings,
-        notes=(*plan.notes, *notes, *merged_subsets),
+        notes=(*plan.notes, *notes, *merged_subsets, *_notes_on_modes(merged, lifter)),
     )
 
 
@@ -269,6 +273,7 @@ def _gathered(
     plan: Plan | None = None
     gathered: list[_Gathered] = []
     notes: list[str] = []
+    first_error: DataError | None = None
     for k, record in enumerate(records):
         report(f"correlating record {k + 1}", 0.5 * k / n_records if n_records else 0.0)
         try:
@@ -281,11 +286,10 @@ def _gathered(
                 prepared = prepare(moving, plan)
             gathered.append(_gather(method, prepared, plan))
         except DataError as error:
-            if plan is None:
-                raise
+            first_error = first_error or error
             notes.append(f"record {k + 1} left out: {error}")
     if plan is None or not gathered:
-        raise DataError("there is no recording to identify modes from: give at least one")
+        raise first_error or DataError("there is no recording to identify modes from: give at least one")
     return plan, gathered, notes
 
 
@@ -300,6 +304,20 @@ def _gather(method: str, prepared: Prepared, plan: Plan) -> _Gathered:
         is_continued=method == "cov",
     )
     return _Gathered(prepared.motion.channels, segments, prepared.spectra, prepared.edited_spectra, prepared.harmonics)
+
+
+def _notes_on_modes(modes: Modes, lifter: Lifter | None) -> list[str]:
+    """Tell where there are no modes, or a short-pass lifter is shorter than the ring-down of one."""
+    if not len(modes):
+        return ["no mode found: record longer, widen the band, or look at the reasons in the stabilisation diagram"]
+    if not isinstance(lifter, ShortPass):
+        return []
+    return [
+        f"the lifter of {lifter.length:g} s is shorter than the ring-down of the mode at {frequency:.3g} Hz"
+        f" ({-1 / pole.real:.2g} s): its damping ratio is too high, use a longer lifter"
+        for frequency, pole in zip(modes.natural_frequency, modes.poles, strict=True)
+        if -1 / pole.real > lifter.length
+    ]
 
 
 def _common_harmonics(found: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, ...]:
@@ -323,8 +341,9 @@ def _subsets(
 ) -> tuple[list[tuple[tuple[float, float] | None, Correlations]], tuple[str, ...]]:
     """Average the segments, for CoSS-SSI by their level."""
     if method != "coss":
-        return [(None, average(segments))], ()
-    sorted_segments = subsets_of_equal_width(segments, settings.n_subsets)
+        return [(None, average(segments, is_biased=settings.is_biased))], ()
+    sort = subsets_of_equal_count if settings.has_equal_counts else subsets_of_equal_width
+    sorted_segments = sort(segments, settings.n_subsets, is_biased=settings.is_biased)
     return [(subset.level, subset.correlations) for subset in sorted_segments.subsets], sorted_segments.notes
 
 
@@ -352,27 +371,30 @@ def _subset_modes(
     return SubsetModes(level, correlations.n_segments, modes, tuple(diagrams), behind)
 
 
-def _without(subset: SubsetModes, dropped: NDArray[np.intp]) -> SubsetModes:
-    """Mark the poles behind the modes with the given indices (-1: none) as insignificant."""
-    numbers = dropped[dropped >= 0]
-    diagrams = tuple(
-        with_status(diagram, subset.alignments[numbers, k], PoleStatus.INSIGNIFICANT)
-        for k, diagram in enumerate(subset.diagrams)
-    )
-    return replace(subset, diagrams=diagrams)
+def _without(subset: SubsetModes, insignificant: NDArray[np.intp], merged: NDArray[np.intp]) -> SubsetModes:
+    """Say of the poles behind the subset's modes which are insignificant, and which were not merged (-1: no mode)."""
+    diagrams = []
+    for diagram, alignments in zip(subset.diagrams, subset.alignments.T, strict=True):
+        unconfirmed = np.setdiff1d(diagram.alignments, alignments[merged[merged >= 0]])
+        selected = np.unique(diagram.alignments[diagram.status == PoleStatus.SELECTED])
+        changed = with_status(diagram, np.intersect1d(unconfirmed, selected), PoleStatus.UNCONFIRMED)
+        dropped = alignments[insignificant[insignificant >= 0]]
+        diagrams.append(with_status(changed, dropped[dropped >= 0], PoleStatus.INSIGNIFICANT))
+    return replace(subset, diagrams=tuple(diagrams))
 
 
-def _in_units(modes: Modes, factors: NDArray[np.float64]) -> Modes:
-    """Return the modes with the shapes of the channels before they were scaled by `factors`."""
-    return replace(modes, mode_shapes=unit_shapes(modes.mode_shapes / factors))
+def _as_measured(modes: Modes, factors: NDArray[np.float64], lifter: Lifter | None) -> Modes:
+    """Return the modes without what scaling the channels and an exponential lifter did to them."""
+    poles = modes.poles
+    if isinstance(lifter, Exponential):
+        poles = subtract_lifter_damping(poles, lifter.time_constant)
+    return replace(modes, poles=poles, mode_shapes=unit_shapes(modes.mode_shapes / factors))
 
 
 def _diagram(correlations: Correlations, harmonics: Sequence[Harmonic], plan: Plan) -> StabilisationDiagram:
     """Return the stabilisation diagram of one block matrix."""
     settings = plan.settings
     poles = _ladder(correlations, settings)
-    if isinstance(settings.lifter, Exponential):
-        poles = replace(poles, poles=subtract_lifter_damping(poles.poles, settings.lifter.time_constant))
     resolution = correlations.sampling_rate / (2 * plan.n_lags)
     is_harmonic = near_harmonic(poles.natural_frequency, poles.damping_ratio, harmonics, resolution=resolution)
     return stabilise(poles, criteria=settings.criteria, band=plan.mode_band, is_harmonic=is_harmonic)

@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from sprung.modal import Modes
 from sprung.recording import Channel
-from sprung.vehicles import Outputs, Vehicle, participation, sensor_outputs, structure, wheel_hop_frequencies
+from sprung.vehicles import (
+    Description,
+    ExactModes,
+    Outputs,
+    Vehicle,
+    participation,
+    sensor_outputs,
+    structure,
+    wheel_hop_frequencies,
+)
 from sprung.vehicles.structure import MOTIONS as MOTION_QUANTITIES
 
 #: Rigid-body motions of a body on its suspension, in the order of every participation.
@@ -16,8 +25,8 @@ MOTIONS = ("bounce", "pitch", "roll")
 #: A mode is called by a motion that has at least this share of it, if the rigid body explains this much of the shape.
 _LEAST_SHARE = 0.5
 _LEAST_EXPLAINED = 0.7
-#: A mode within this share of a wheel-hop frequency is one.
-_WHEEL_HOP = 0.2
+#: A mode within this share of a known natural frequency is taken for that mode.
+_NEARBY = 0.2
 
 
 def rigid_body_participation(
@@ -33,12 +42,13 @@ def rigid_body_participation(
         The channels of `modes`, in its order.
     mass
         Mass and inertia matrix of the body, shape (3, 3): shares of kinetic energy. None: shares of the sum of squares
-        that each motion alone gives at the sensors.
+        that each motion alone gives at the sensors; where some of them sense rotation, of the kinetic energy of a
+        body with radii of gyration of 1 m.
 
     Returns
     -------
     shares
-        Shape (modes, 3), sum 1; NaN where the layout does not determine the three motions.
+        Shape (modes, 3), sum 1; NaN where the layout does not determine the three motions, or none of them moves.
     explained
         Share of the shape's sum of squares that the rigid body explains, shape (modes,).
 
@@ -52,18 +62,22 @@ def rigid_body_participation(
     if not all(_is_placed(channel) for channel in channels):
         return unknown
     outputs = sensor_outputs(MOTIONS, sensors=channels, carriers=["body"] * len(channels))
+    has_rotations = any(MOTION_QUANTITIES[channel.quantity][1] for channel in channels)
     shares, explained = np.full((n_modes, 3), np.nan), np.zeros(n_modes)
     for k, (pole, shape) in enumerate(zip(modes.poles, modes.mode_shapes, strict=True)):
         matrix = _sensed(outputs, complex(pole))
         if np.linalg.matrix_rank(matrix) < 3:
             return unknown
         motion = np.linalg.lstsq(matrix, shape, rcond=None)[0]
+        if not motion.any():
+            continue
         explained[k] = 1 - np.sum(np.abs(shape - matrix @ motion) ** 2) / np.sum(np.abs(shape) ** 2)
-        if mass is None:
+        if mass is None and not has_rotations:
             power = np.sum(np.abs(matrix * motion) ** 2, axis=0)
             shares[k] = power / power.sum()
         else:
-            shares[k] = participation(mass, motion[None].astype(np.complex128))[0]
+            inertia = np.eye(3) if mass is None else mass
+            shares[k] = participation(inertia, motion[None].astype(np.complex128))[0]
     return shares, explained
 
 
@@ -79,7 +93,7 @@ def _sensed(outputs: Outputs, pole: complex) -> NDArray[np.complex128]:
     return np.asarray(outputs.acceleration * pole**2 + outputs.velocity * pole + outputs.displacement, dtype=complex)
 
 
-def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Vehicle | None = None) -> Modes:
+def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description | None = None) -> Modes:
     """Return the modes with labels "bounce", "pitch", "roll" and "wheel_hop" where they can be told.
 
     Parameters
@@ -89,23 +103,36 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Vehicle | No
     channels
         Of `modes`, in its order.
     vehicle
-        Gives the body's mass matrix, for shares of energy, and the wheel-hop frequencies.
+        Gives the body's mass matrix, for shares of energy, and the wheel-hop frequencies. The modes of a quarter
+        vehicle are told by frequency alone.
 
     Notes
     -----
     Each motion names one mode: the lowest in which it has more than half of the energy. A mode within 20 % of
     sqrt((spring + tyre) / unsprung mass) / 2 pi of an axle is wheel hop.
     """
+    if vehicle is not None and not isinstance(vehicle, Vehicle):
+        return replace(modes, labels=_labels_by_frequency(modes, structure(vehicle).modes()))
     mass = None if vehicle is None else structure(vehicle).mass[:3, :3]
     hops = np.zeros(0) if vehicle is None else wheel_hop_frequencies(vehicle)
     shares, explained = rigid_body_participation(modes, channels, mass=mass)
     labels: list[str | None] = []
     for frequency, share, fit in zip(modes.natural_frequency, shares, explained, strict=True):
         label = None
-        if np.any(np.abs(frequency - hops) <= _WHEEL_HOP * hops):
+        if np.any(np.abs(frequency - hops) <= _NEARBY * hops):
             label = "wheel_hop"
         elif fit >= _LEAST_EXPLAINED and share.max() >= _LEAST_SHARE:
             label = MOTIONS[int(np.argmax(share))]
             label = None if label in labels else label
         labels.append(label)
     return replace(modes, labels=tuple(labels))
+
+
+def _labels_by_frequency(modes: Modes, exact: ExactModes) -> tuple[str | None, ...]:
+    """Return for each mode the label of the nearest exact mode, where that is near and no other is nearer to it."""
+    distances = np.abs(modes.natural_frequency[:, None] / exact.natural_frequency - 1)
+    return tuple(
+        exact.labels[nearest] if row[nearest] <= _NEARBY and distances[:, nearest].argmin() == k else None
+        for k, row in enumerate(distances)
+        for nearest in [int(row.argmin())]
+    )

@@ -202,14 +202,31 @@ def multiples(fundamental: float, tolerance: float, lines: Sequence[Line]) -> Fa
 
 def largest_family(lines: Sequence[Line]) -> Family | None:
     """Return the largest family: multiples of a line, or of its half or third if most of those are there."""
-    families = []
+    best: Family | None = None
+    for most, line, divisor in _most_multiples(lines):
+        if best is not None and most <= len(best.members):
+            break
+        family = multiples(line.frequency / divisor, line.tolerance / divisor, lines)
+        orders = [order for _, order in family.members]
+        is_family = len(orders) >= 2 and (divisor == 1 or len(orders) > max(2, orders[-1] / 2))
+        if is_family and (best is None or len(orders) > len(best.members)):
+            best = family
+    return best
+
+
+def _most_multiples(lines: Sequence[Line]) -> list[tuple[int, Line, int]]:
+    """Return, for each line and divisor, how many multiples there can be at most; the most promising first."""
+    frequencies = np.array([line.frequency for line in lines])
+    tolerances = np.array([line.tolerance for line in lines])
+    bounds = []
     for divisor in (1, 2, 3):
         for line in lines:
-            family = multiples(line.frequency / divisor, line.tolerance / divisor, lines)
-            orders = [order for _, order in family.members]
-            if len(orders) >= 2 and (divisor == 1 or len(orders) > max(2, orders[-1] / 2)):
-                families.append(family)
-    return max(families, key=lambda family: len(family.members), default=None)
+            fundamental, tolerance = line.frequency / divisor, line.tolerance / divisor
+            orders = np.round(frequencies / fundamental)
+            reach = np.minimum(tolerances + 2 * (orders + 1) * tolerance, fundamental / 4)
+            is_multiple = (orders >= 1) & (np.abs(frequencies - orders * fundamental) <= reach)
+            bounds.append((int(np.count_nonzero(is_multiple)), line, divisor))
+    return sorted(bounds, key=lambda bound: -bound[0])
 
 
 def _random_height(n_segments: int, rate: float, is_geometric: bool) -> float:

@@ -153,16 +153,17 @@ class PoleStatus(IntEnum):
     """What became of a pole in the stabilisation diagram; everything but SELECTED says why it was dropped."""
 
     SELECTED = 0
-    RARE = 1
-    INSIGNIFICANT = 2
-    UNCERTAIN = 3
-    HARMONIC = 4
-    SHAPE_CHANGED = 5
-    DAMPING_CHANGED = 6
-    FREQUENCY_CHANGED = 7
-    INCOHERENT_SHAPE = 8
-    OUT_OF_BAND = 9
-    UNPHYSICAL_DAMPING = 10
+    INSIGNIFICANT = 1
+    UNCONFIRMED = 2
+    RARE = 3
+    UNCERTAIN = 4
+    HARMONIC = 5
+    SHAPE_CHANGED = 6
+    DAMPING_CHANGED = 7
+    FREQUENCY_CHANGED = 8
+    INCOHERENT_SHAPE = 9
+    OUT_OF_BAND = 10
+    UNPHYSICAL_DAMPING = 11
 
     @property
     def sentence(self) -> str:
@@ -174,6 +175,7 @@ _SENTENCES = {
     PoleStatus.SELECTED: "part of a mode",
     PoleStatus.RARE: "stable on too few rungs of the ladder",
     PoleStatus.INSIGNIFICANT: "its part in the correlations between channels is no larger than chance",
+    PoleStatus.UNCONFIRMED: "found in too few subsets, or the same mode as a more stable alignment",
     PoleStatus.UNCERTAIN: "its frequency is as uncertain as its own bandwidth",
     PoleStatus.HARMONIC: "a harmonic of the excitation, not a mode",
     PoleStatus.SHAPE_CHANGED: "shape differs from the rung below",

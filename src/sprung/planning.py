@@ -75,8 +75,6 @@ def make_plan(recording: Recording, *, settings: IdentificationSettings, vehicle
     motion = detrend(recording.select(outputs))
     if settings.band is not None:
         band, source = settings.band, "given"
-        nyquist = recording.sampling_rate / 2
-        check_number("lower edge of the band", band[0], at_most=nyquist, advice="half the sampling rate is the limit")
     elif vehicle is not None:
         band, source = _band_of_vehicle(vehicle, recording.sampling_rate), "around the vehicle's own modes"
     else:
@@ -85,6 +83,7 @@ def make_plan(recording: Recording, *, settings: IdentificationSettings, vehicle
     if len(outputs) == 1:
         notes.append("one channel: what its sensor adds cannot be told from motion, so modes are less certain")
     fastest = recording.sampling_rate
+    check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
     rate = settings.decimate_to or _chosen_rate(fastest, band[1])
     check_number("decimate_to", rate, at_most=fastest * (1 + 1e-9), advice="decimation only lowers the sampling rate")
     return Plan(

@@ -42,6 +42,10 @@ class IdentificationSettings:
         Length of the segments [s].
     n_subsets
         J of CoSS-SSI.
+    has_equal_counts
+        Subsets of CoSS-SSI hold equally many segments, instead of spanning equal ranges of level (thesis).
+    is_biased
+        Correlations are divided by the number of samples (thesis), not of products: see `sprung.correlation.average`.
     block_rows
         i: block rows of the block matrix.
     max_order
@@ -67,6 +71,8 @@ class IdentificationSettings:
     decimate_to: float | None = None
     segment: float | None = None
     n_subsets: int = 3
+    has_equal_counts: bool = False
+    is_biased: bool = False
     block_rows: int | None = None
     max_order: int | None = None
     lifter: Lifter | None = None
@@ -83,7 +89,14 @@ class IdentificationSettings:
         for name in ("decimate_to", "segment"):
             if getattr(self, name) is not None:
                 check_number(name, getattr(self, name), above=0)
+        for name in ("block_rows", "max_order"):
+            if getattr(self, name) is not None:
+                check_number(name, getattr(self, name), at_least=2)
         check_number("n_subsets", self.n_subsets, at_least=1, at_most=50)
+        if self.row_ladder is not None and not 2 <= self.row_ladder[0] <= self.row_ladder[1]:
+            raise ParameterError(f"row_ladder {self.row_ladder[0]} to {self.row_ladder[1]} must rise from 2 or more")
+        if self.references == ():
+            raise ParameterError("references are empty: name at least one channel, or leave them out to use all")
         if self.references is not None and self.has_disjoint_references:
             raise ParameterError("references are chosen by the splits when they are disjoint: leave out one of both")
 
@@ -161,9 +174,12 @@ def usable(recording: Recording, *, vehicle: AnyVehicle | None = None) -> Record
 
 
 def speed_channel(recording: Recording, vehicle: AnyVehicle | None = None) -> str | None:
-    """Return the name of the channel with the vehicle's speed, None where there is none."""
+    """Return the name of the channel with the vehicle's speed, in any case of letters; None where there is none."""
     name = "speed" if vehicle is None else vehicle.speed_channel
-    return name if name in recording.names else None
+    if name in recording.names:
+        return name
+    alike = [other for other in recording.names if other.casefold() == name.casefold()]
+    return alike[0] if len(alike) == 1 else None
 
 
 def _check_alive(recording: Recording, outputs: Sequence[str]) -> None:

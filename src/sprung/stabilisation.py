@@ -13,8 +13,9 @@ from sprung.correlation import Correlations
 from sprung.modal import Modes, Poles, PoleStatus, join_modes, mac, mpc, unit_shapes
 from sprung.subspace import contributions
 
-#: Two poles of one shape are one mode if they lie within this share of their half-power half-bandwidth ...
-_MERGED_BANDWIDTH = 0.5
+#: Two poles of one shape are one mode if they lie within this share of their half-power half-bandwidth (between
+#: rungs, and between modes where damping may differ: there, if their half-power bands overlap) ...
+_ALIGNED_BANDWIDTH, _MERGED_BANDWIDTH = 0.5, 2.0
 #: ... plus this share of their frequency; and two shapes are one if 1 - MAC is below this.
 _MERGED_FREQUENCY = 0.01
 _MERGED_MAC = 0.1
@@ -190,11 +191,13 @@ def align(
     Notes
     -----
     Average linkage on the distance abs(p - q) / (0.01 abs(p) + 0.5 abs(Re p)) + (1 - MAC) / 0.1, cut at 1: poles
-    within half of their half-bandwidth and of one shape are one mode. With free damping p and q are moduli.
+    within half of their half-bandwidth and of one shape are one mode. With free damping p and q are moduli, and 2
+    stands for 0.5: modes of one shape whose half-power bands overlap are one.
     """
     if len(poles) < 2:
         return np.zeros(len(poles), dtype=np.intp)
-    width = _MERGED_FREQUENCY * np.abs(poles) + _MERGED_BANDWIDTH * np.abs(poles.real)
+    share = _MERGED_BANDWIDTH if has_free_damping else _ALIGNED_BANDWIDTH
+    width = _MERGED_FREQUENCY * np.abs(poles) + share * np.abs(poles.real)
     places = np.abs(poles) if has_free_damping else poles
     distance = np.abs(places[:, None] - places) / ((width[:, None] + width) / 2)
     distance += (1 - mac(mode_shapes, mode_shapes)) / _MERGED_MAC

@@ -1,0 +1,205 @@
+"""An identification as tables."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sprung.cli.printing import console, notes, printable, table
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from sprung.harmonics import Harmonic
+    from sprung.identification import Identification, SubsetModes
+
+#: Channels below this share of the largest one are left out of a shape in words.
+_MAIN_SHARE = 0.3
+#: At most so many channels or numbers stand in a cell, and families of harmonics in a table.
+_MOST_WORDS, _MOST_FAMILIES = 6, 8
+#: So many reasons are given why nothing was found.
+_MOST_REASONS = 3
+
+
+def show_identification(identification: "Identification", *, files: Sequence[Path], figures: Sequence[Path]) -> None:
+    """Print the modes, what is no mode, and what a reader should know."""
+    out = console()
+    source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
+    modes = f"{_counted(len(identification.modes), 'mode')} by {identification.method}"
+    channels = _counted(len(identification.channels), "channel")
+    out.print(
+        printable(f"{source}: {modes} from {channels} at {identification.sampling_rate:.5g} Hz"),
+        style="bold",
+        soft_wrap=True,
+    )
+    if len(identification.modes):
+        out.print(_modes(identification))
+        out.print(_CAPTION, style="dim")
+    if len(identification.modes) and len(identification.subsets) > 1:
+        out.print()
+        out.print(_subsets(identification))
+    if identification.harmonics:
+        out.print()
+        out.print(_harmonics(identification.harmonics))
+    out.print()
+    out.print(notes(identification.notes))
+    if figures:
+        out.print(printable(f"figures: {', '.join(map(str, figures))}"), soft_wrap=True)
+
+
+_CAPTION = (
+    "± standard deviation; stable: share of the ladder with this mode; shape: channels over"
+    f" {100 * _MAIN_SHARE:.0f} % of the largest, + in phase with it, - against it, ~ between"
+)
+
+
+def why_none(identification: "Identification") -> str:
+    """Return in a sentence why there is no mode."""
+    from sprung.modal import PoleStatus
+
+    reasons: Counter[int] = Counter()
+    for subset in identification.subsets:
+        for diagram in subset.diagrams:
+            reasons.update(diagram.status.tolist())
+    if not reasons:
+        return "no mode found: there is no oscillating pole at any order: raise --max-order"
+    if PoleStatus.SELECTED in reasons:
+        return "no mode found in half of the subsets or more: record longer, or use fewer --subsets"
+    told = "; ".join(f"{count}: {PoleStatus(status).sentence}" for status, count in reasons.most_common(_MOST_REASONS))
+    return f"no mode found in {reasons.total()} poles ({told}): record longer, or widen --band"
+
+
+def _modes(identification: "Identification") -> "Table":
+    """Return the table of modes."""
+    modes = identification.modes
+    shapes = _shapes(modes.channels, modes.mode_shapes)
+    columns = ("frequency [Hz]", "damping [%]", "stable", "MPC", "label", "shape")
+    rows = [
+        (
+            _value(modes.natural_frequency[k], modes.natural_frequency_std[k]),
+            _value(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
+            f"{100 * modes.stable_rate[k]:.0f} %",
+            f"{modes.mpc[k]:.2f}",
+            (modes.labels[k] or "").replace("_", " "),
+            shapes[k],
+        )
+        for k in range(len(modes))
+    ]
+    return table("", columns, rows, n_words=0)
+
+
+def _value(value: float, deviation: float) -> str:
+    """Return a value with as many digits as its standard deviation leaves it, and the deviation."""
+    if not (math.isfinite(deviation) and deviation > 0):
+        return f"{value:.4g}"
+    decimals = min(max(1 - math.floor(math.log10(deviation)), 0), 6)
+    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
+
+
+def _shapes(channels: Sequence[str], mode_shapes: Any) -> list[str]:
+    """Return shapes in words: the main channels and how they move."""
+    return [_shape(_without_common_head(channels), shape.tolist()) for shape in mode_shapes]
+
+
+def _without_common_head(names: Sequence[str]) -> list[str]:
+    """Return names without what all have up to their last separator: fl, fr for acc_fl, acc_fr."""
+    cuts = [max(name.rfind(separator) for separator in "_-. ") + 1 for name in names]
+    heads = {name[:cut] for name, cut in zip(names, cuts, strict=True)}
+    is_common = len(heads) == 1 and not any(name in heads for name in names)
+    return [name[cuts[0] :] for name in names] if is_common else list(names)
+
+
+def _shape(names: Sequence[str], shape: Sequence[complex]) -> str:
+    """Return the main channels of a shape that is 1 at its largest channel."""
+    main = [k for k, part in enumerate(shape) if abs(part) >= _MAIN_SHARE]
+    named = sorted(sorted(main, key=lambda k: -abs(shape[k]))[:_MOST_WORDS])
+    words = [names[k] + _sign(shape[k]) for k in named]
+    return " ".join([*words, "..."] if len(main) > len(named) else words)
+
+
+def _sign(part: complex) -> str:
+    """Return how a channel moves against the largest one: within 60 degrees of its phase, against it or between."""
+    cosine = part.real / abs(part)
+    return "~" if abs(cosine) < 0.5 else "+" if cosine > 0 else "-"
+
+
+def _subsets(identification: "Identification") -> "Table":
+    """Return what each subset says about each mode."""
+    columns = ["mode", *(_heading(subset) for subset in identification.subsets), ""]
+    rows = [
+        [
+            f"{identification.modes.natural_frequency[k]:.4g} Hz",
+            *(
+                _found(subset, int(member))
+                for subset, member in zip(identification.subsets, identification.members[k], strict=True)
+            ),
+            "",
+        ]
+        for k in range(len(identification.modes))
+    ]
+    return table("Subsets of segments by level", columns, rows)
+
+
+def _heading(subset: "SubsetModes") -> str:
+    """Return level and number of segments."""
+    level = "" if subset.level is None else f"{subset.level[0]:.3g} to {subset.level[1]:.3g}\n"
+    return f"{level}{_counted(subset.n_segments, 'segment')}"
+
+
+def _found(subset: "SubsetModes", member: int) -> str:
+    """Return frequency and damping of a mode in a subset."""
+    if member < 0:
+        return "-"
+    return f"{subset.modes.natural_frequency[member]:.4g} Hz, {100 * subset.modes.damping_ratio[member]:.3g} %"
+
+
+def _harmonics(harmonics: Sequence["Harmonic"]) -> "Table":
+    """Return the table of lines that are no modes, the strongest first, multiples of one fundamental in one row."""
+    families: dict[tuple[str, float], list[Harmonic]] = {}
+    for line in harmonics:
+        families.setdefault((line.kind, line.fundamental or line.frequency), []).append(line)
+    rows = [_family(fundamental, lines) for (_, fundamental), lines in sorted(families.items(), key=_faintness)]
+    left = len(rows) - _MOST_FAMILIES
+    if left > 0:
+        rows = [*rows[:_MOST_FAMILIES], (f"{left} fainter", "", "", "", "")]
+    columns = ("line", "multiples", "at [Hz]", "stands out by", "channels")
+    return table("Harmonics of the excitation, not modes", columns, rows, n_words=2)
+
+
+def _faintness(family: tuple[tuple[str, float], Sequence["Harmonic"]]) -> float:
+    """Return what sorts families from the most to the least prominent."""
+    return -max(line.prominence for line in family[1])
+
+
+def _family(fundamental: float, lines: Sequence["Harmonic"]) -> tuple[str, ...]:
+    """Return the row of a line and its multiples."""
+    is_constant = lines[0].kind == "constant"
+    low, high = min(line.band[0] for line in lines), max(line.band[1] for line in lines)
+    return (
+        f"{fundamental:.4g} {'Hz' if is_constant else 'per metre'}",
+        _ranges(sorted(line.order for line in lines)),
+        f"{low:.3g} to {high:.3g}" if len(lines) > 1 or not is_constant else f"{lines[0].frequency:.4g}",
+        f"{max(line.prominence for line in lines):.0f} dB",
+        _listed(sorted({name for line in lines for name in line.channels})),
+    )
+
+
+def _ranges(orders: Sequence[int]) -> str:
+    """Return rising whole numbers in few words: 1 to 4, 6 ...; none for a line by itself."""
+    if orders[-1] == 1:
+        return ""
+    starts = [k for k in range(len(orders)) if k == 0 or orders[k] > orders[k - 1] + 1]
+    runs = [(orders[first], orders[last - 1]) for first, last in pairwise([*starts, len(orders)])]
+    return _listed([f"{first}" if first == last else f"{first} to {last}" for first, last in runs], ", ")
+
+
+def _listed(words: Sequence[str], separator: str = " ") -> str:
+    """Return words in a row, not too many."""
+    return separator.join([*words[:_MOST_WORDS], *(["..."] if len(words) > _MOST_WORDS else [])])
+
+
+def _counted(number: int, thing: str) -> str:
+    """Return a number of things."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"

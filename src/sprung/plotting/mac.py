@@ -1,0 +1,101 @@
+"""The MAC matrix of the modes, and between the subsets."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from numpy.typing import NDArray
+
+from sprung.identification import Identification
+from sprung.modal import Modes, join_modes, mac
+from sprung.plotting.style import (
+    INK,
+    NO_MODE,
+    NORMAL,
+    SMALL,
+    in_hertz,
+    mode_colour,
+    mode_name,
+    new_figure,
+    origin,
+    say,
+)
+
+#: Side of a cell [in], and up to how many modes the values are printed in them.
+_CELL, _MOST_PRINTED = 0.52, 24
+
+
+def mac_figure(identification: Identification, *, source: str = "") -> Figure:
+    """Draw the modal assurance criterion between all modes and, where there are several subsets, between theirs.
+
+    Parameters
+    ----------
+    identification
+        With any number of modes.
+    source
+        Name of the recording, for the heading.
+    """
+    modes = identification.modes
+    what = f"MAC of the mode shapes: {source}" if source else "MAC of the mode shapes"
+    if not len(modes):
+        return say(new_figure(what, origin(identification), width=8, height=3), NO_MODE)
+    parts = [subset.modes for subset in identification.subsets]
+    n_parts = sum(len(part) for part in parts)
+    has_subsets = len(parts) > 1
+    sides = [max(_CELL * n, 1.5) for n in ((len(modes), n_parts) if has_subsets else (len(modes),))]
+    sides = [min(side, 9.0) for side in sides]
+    figure = new_figure(
+        what, origin(identification), width=max(sum(sides) + 2.2 * len(sides) + 0.8, 7.5), height=max(sides) + 2.6
+    )
+    panels = figure.subplots(1, len(sides), squeeze=False, width_ratios=sides)[0]
+    for axes in panels:
+        axes.set_anchor("N")
+    names = [f"{mode_name(modes, k)}\n{in_hertz(modes.natural_frequency[k])}" for k in range(len(modes))]
+    image = draw_mac(panels[0], mac(modes.mode_shapes, modes.mode_shapes), names)
+    panels[0].set_title("between the modes", fontsize=NORMAL)
+    _colour_ticks(panels[0], list(range(len(modes))))
+    if has_subsets:
+        _draw_subsets(panels[1], parts, identification.members)
+    figure.colorbar(image, ax=list(panels), shrink=0.7, pad=0.02, panchor=False).set_label("MAC [-]", fontsize=NORMAL)
+    return figure
+
+
+def draw_mac(axes: Axes, values: NDArray[np.float64], names: Sequence[str]) -> AxesImage:
+    """Draw a MAC matrix with its values in the cells."""
+    image = axes.imshow(values, cmap="Blues", vmin=0, vmax=1, gid="mac")
+    n = len(values)
+    axes.set_xticks(range(n), names, fontsize=SMALL, rotation=90)
+    axes.set_yticks(range(n), names, fontsize=SMALL)
+    axes.tick_params(length=0)
+    if n <= _MOST_PRINTED:
+        for (row, column), value in np.ndenumerate(values):
+            colour = "white" if value > 0.55 else INK
+            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, color=colour, gid="value")
+    return image
+
+
+def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: NDArray[np.intp]) -> None:
+    """Draw the MAC between the modes of all subsets, with lines between the subsets."""
+    together = join_modes(parts)
+    names, merged = [], []
+    for k, part in enumerate(parts):
+        for index, frequency in enumerate(part.natural_frequency):
+            names.append(f"S{k + 1}  {in_hertz(frequency)}")
+            found = np.flatnonzero(members[:, k] == index)
+            merged.append(int(found[0]) if found.size else None)
+    draw_mac(axes, mac(together.mode_shapes, together.mode_shapes), names)
+    for edge in np.cumsum([len(part) for part in parts])[:-1] - 0.5:
+        axes.axhline(edge, color=INK, linewidth=1.5)
+        axes.axvline(edge, color=INK, linewidth=1.5)
+    axes.set_title("between the subsets (S1: lowest level; grey: not kept in merging)", fontsize=NORMAL)
+    _colour_ticks(axes, merged)
+
+
+def _colour_ticks(axes: Axes, modes: Sequence[int | None]) -> None:
+    """Write the names in the modes' colours, grey for what is in too few subsets to be a mode."""
+    for labels in (axes.get_xticklabels(), axes.get_yticklabels()):
+        for label, mode in zip(labels, modes, strict=True):
+            label.set_color("#777777" if mode is None else mode_colour(mode))
+            label.set_fontweight("bold")

@@ -1,0 +1,140 @@
+"""What all pictures share: colours, words, the layout of panels, and labels that do not overlap."""
+
+import math
+import textwrap
+from collections.abc import Sequence
+from types import MappingProxyType
+from typing import TypeVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import isotonic_regression
+
+from sprung.identification import Identification
+from sprung.modal import Modes
+
+#: Colours of the modes by rising frequency, the same in all pictures (Okabe and Ito; told apart by colour-blind
+#: readers), and used for nothing else.
+MODE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#C0609A", "#3FA0DC", "#7F4909", "#5B2C8A", "#8A8A00")
+#: Colours of harmonics, of what is text or frame, of what is behind, and of what counts less.
+HARMONIC_COLOUR, INK, BACKGROUND_CURVE, FAINT = "#C08A00", "#222222", "#9FB4C7", "#8C8C8C"
+SMALL, NORMAL, LARGE = 8.0, 9.5, 12.0
+METHOD_NAMES = MappingProxyType({"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"})
+NO_MODE = "No mode was identified."
+AnyFigure = TypeVar("AnyFigure", bound=FigureBase)
+#: Width of a character over the size of the font.
+_CHARACTER = 0.6
+_MOST_NAMES = 8
+
+
+def mode_colour(index: int) -> str:
+    """Return the colour of the mode at `index`, counted by rising frequency from 0."""
+    return MODE_COLOURS[index % len(MODE_COLOURS)]
+
+
+def mode_name(modes: Modes, index: int) -> str:
+    """Return the number of a mode with its label, such as "1 bounce"."""
+    label = modes.labels[index]
+    return f"{index + 1} {label.replace('_', ' ')}" if label else f"{index + 1}"
+
+
+def in_hertz(frequency: float) -> str:
+    """Return a frequency with three or four digits, such as "7.01 Hz" or "19.65 Hz"."""
+    n_decimals = 3 if frequency < 1 else 2 if frequency < 100 else 1 if frequency < 1000 else 0
+    return f"{frequency:.{n_decimals}f} Hz"
+
+
+def in_percent(ratio: float) -> str:
+    """Return a ratio in percent, such as "1.12 %" or "22.9 %"."""
+    return f"{100 * ratio:.2f} %" if abs(ratio) < 0.1 else f"{100 * ratio:.1f} %"
+
+
+def mode_values(modes: Modes, index: int) -> str:
+    """Return frequency and damping of a mode, such as "7.01 Hz, 1.12 %"."""
+    return f"{in_hertz(modes.natural_frequency[index])}, {in_percent(modes.damping_ratio[index])}"
+
+
+def pretty_unit(unit: str) -> str:
+    """Return a unit as it is set in print; "unit unknown" for an empty one."""
+    return unit.replace("^2", "²").replace("^3", "³") or "unit unknown"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names in a row, the first few of many."""
+    if len(names) <= _MOST_NAMES:
+        return ", ".join(names)
+    return ", ".join(names[: _MOST_NAMES - 1]) + f" and {len(names) - _MOST_NAMES + 1} more"
+
+
+def origin(identification: Identification) -> str:
+    """Return in words where the modes come from: method, channels, rate."""
+    names = listed([channel.name for channel in identification.channels])
+    method = METHOD_NAMES.get(identification.method, identification.method)
+    remark = "" if len(identification.modes) else f". {NO_MODE}"
+    return f"{method} of {names} at {identification.sampling_rate:.4g} Hz{remark}"
+
+
+def new_figure(what: str, where: str, *, width: float, height: float) -> Figure:
+    """Return an empty figure of a size [in] whose heading says what it shows, and below it where that comes from."""
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    n_characters = int(width / (_CHARACTER * LARGE / 72))
+    lines = [line for part in (what, where) for line in textwrap.wrap(part, n_characters)]
+    figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=LARGE, color=INK, linespacing=1.4)
+    return figure
+
+
+def say(figure: AnyFigure, sentence: str) -> AnyFigure:
+    """Write a sentence where a picture would have been."""
+    axes = figure.add_subplot()
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, sentence, ha="center", va="center", fontsize=LARGE, color=INK, transform=axes.transAxes)
+    return figure
+
+
+def panel_grid(n_panels: int, *, most_columns: int) -> tuple[int, int]:
+    """Return rows and columns for a number of panels, as few rows as possible and no row nearly empty."""
+    n_rows = math.ceil(n_panels / most_columns)
+    return n_rows, math.ceil(n_panels / n_rows)
+
+
+def plain(axes: Axes) -> None:
+    """Give axes a light grid, small tick labels and no frame at the top."""
+    axes.tick_params(labelsize=SMALL)
+    axes.grid(visible=True, color="#E6E6E6", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines["top"].set_visible(False)
+
+
+def spread(wanted: ArrayLike, distance: float) -> NDArray[np.float64]:
+    """Return places in 0 to 1 at least `distance` apart, as near as possible to the wanted ones.
+
+    Parameters
+    ----------
+    wanted
+        Rising, shape (labels,).
+    distance
+        At most 1 / labels; a larger one is lowered to it.
+
+    Notes
+    -----
+    Least squares: x_k - k distance must not fall, which isotonic regression solves; the bounds only clip it.
+
+    Examples
+    --------
+    >>> spread([0.5, 0.5], 0.2).round(3).tolist()
+    [0.4, 0.6]
+    """
+    places = np.asarray(wanted, dtype=np.float64)
+    if not places.size:
+        return places
+    distance = min(distance, 1 / len(places))
+    steps = distance * np.arange(len(places))
+    free = isotonic_regression(places - steps).x
+    return np.asarray(np.clip(free, distance / 2, 1 - distance / 2 - steps[-1]) + steps)
+
+
+def text_width(text: str, size: float) -> float:
+    """Return about how wide the longest line of a text is [in]."""
+    return max(len(line) for line in text.split("\n")) * _CHARACTER * size / 72

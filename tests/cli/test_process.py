@@ -1,0 +1,88 @@
+"""The command line as a process of its own: what it imports, and how it ends."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs the streams of POSIX")
+
+RUN = [sys.executable, "-c", "import sys; from sprung.cli import main; sys.exit(main())"]
+
+
+def python(code):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["info", "--help"], ["identify", "--help"]])
+def test_help_needs_no_numerics(words):
+    code = f"""
+import sys
+from sprung.cli import main
+code = main({words!r})
+heavy = [name for name in ("numpy", "scipy", "pyarrow", "h5py", "matplotlib") if name in sys.modules]
+sys.exit(f"{{heavy}} were imported" if heavy or code else 0)
+"""
+    outcome = python(code)
+    assert outcome.returncode == 0, outcome.stderr
+    assert outcome.stdout
+
+
+def test_import_of_the_command_line_is_light():
+    heavy = python("import sys, sprung.cli; print({'numpy', 'rich', 'pydantic'} & set(sys.modules))")
+    assert heavy.stdout.strip() == "set()"
+
+
+def test_help_tells_every_option_of_the_contract(sprung):
+    contract = {
+        "info": "--json",
+        "identify": "--vehicle --method --channels --sampling-rate --band --decimate-to --segment --subsets --json"
+        " --block-rows --max-order --cepstrum --references --stable-rate --figures",
+        "simulate": "--vehicle --minutes --sampling-rate --snr --seed --out --json",
+    }
+    for command, options in contract.items():
+        shown = sprung(command, "--help").out
+        assert all(option in shown for option in options.split())
+
+
+def test_progress_is_shown_on_a_terminal_only(chain):
+    outer, inner = os.openpty()
+    with subprocess.Popen(
+        [*RUN, "identify", str(chain), "--json", "-"], stdout=subprocess.PIPE, stderr=inner, text=True
+    ) as process:
+        os.close(inner)
+        shown = b""
+        try:
+            while piece := os.read(outer, 4096):
+                shown += piece
+        except OSError:  # how Linux tells that the other side of a terminal is closed
+            pass
+        out = process.stdout.read()
+    os.close(outer)
+    assert len(json.loads(out)["modes"]) == 3
+    assert "━".encode() in shown
+    silent = subprocess.run([*RUN, "identify", str(chain), "--json", "-"], capture_output=True, text=True, check=True)
+    assert silent.stderr == ""
+    assert silent.stdout == out
+
+
+def test_broken_pipe_is_silent(chain):
+    for words in (["info", str(chain)], ["identify", str(chain), "--json", "-"]):
+        reading, writing = os.pipe()
+        os.close(reading)
+        outcome = subprocess.run([*RUN, *words], stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+        os.close(writing)
+        assert outcome.stderr == ""
+
+
+def test_closed_and_narrow_streams(chain):
+    closed = subprocess.run(
+        [*RUN, "info", str(chain)], preexec_fn=lambda: os.close(1), stderr=subprocess.PIPE, check=False
+    )
+    assert (closed.returncode, closed.stderr) == (0, b"")
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    ascii_only = subprocess.run([*RUN, "identify", str(chain)], env=environment, capture_output=True, check=False)
+    assert (ascii_only.returncode, ascii_only.stderr) == (0, b"")
+    assert b"3 modes by cov" in ascii_only.stdout

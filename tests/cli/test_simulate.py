@@ -1,0 +1,85 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sprung.formats import read
+from sprung.vehicles import read_vehicle
+
+SHORT = ("--minutes", "0.2", "--sampling-rate", "200")
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "npz", "mat"])
+def test_formats_by_ending(sprung, tmp_path, ending):
+    path = tmp_path / f"run.{ending}"
+    outcome = sprung("simulate", "chain", *SHORT, "--out", path)
+    assert (outcome.code, outcome.err) == (0, "")
+    recording = read(path)
+    assert recording.names == ("acc_1", "acc_2", "acc_3")
+    assert (recording.n_samples, recording.sampling_rate) == (2400, 200.0)
+    assert all(channel.quantity == "acceleration" for channel in recording.channels)
+
+
+def test_truth_and_vehicle_stand_beside_the_recording(sprung, tmp_path):
+    path = tmp_path / "run.csv"
+    document = sprung("simulate", "chain", *SHORT, "--seed", "7", "--out", path, "--json", "-").document()
+    assert document == json.loads(Path(f"{path}.truth.json").read_text())
+    assert document["schema"] == "sprung.truth/1"
+    # F. Liu (2020), table 4-1
+    assert [mode["natural_frequency"] for mode in document["modes"]] == pytest.approx([7.01, 19.65, 28.39], abs=0.005)
+    assert [100 * mode["damping_ratio"] for mode in document["modes"]] == pytest.approx([1.12, 3.15, 4.55], abs=0.005)
+    assert document["components"]["mass_1"]["spring"]["value"] == 9800.0
+    assert (document["seed"], document["speed"], document["faults"]) == (7, None, {})
+    assert document["files"] == [str(path)]
+    assert read_vehicle(f"{path}.vehicle.toml") == read_vehicle("chain3")
+
+
+def test_vehicle_file_that_was_written_can_be_simulated(sprung, tmp_path):
+    assert sprung("simulate", "quarter", *SHORT, "--out", tmp_path / "a.npz").code == 0
+    words = ("simulate", "quarter", *SHORT, "--vehicle", tmp_path / "a.npz.vehicle.toml", "--out", tmp_path / "b.npz")
+    assert sprung(*words).code == 0
+    np.testing.assert_array_equal(read(tmp_path / "a.npz").samples, read(tmp_path / "b.npz").samples)
+
+
+def test_noise_has_the_stated_ratio(sprung, tmp_path):
+    words = ("simulate", "chain", *SHORT, "--seed", "2")
+    sprung(*words, "--out", tmp_path / "clean.npz")
+    sprung(*words, "--snr", "0.5", "--out", tmp_path / "noisy.npz")
+    clean, noisy = (read(tmp_path / f"{name}.npz").samples for name in ("clean", "noisy"))
+    ratio = np.sqrt(np.mean(clean**2, axis=1) / np.mean((noisy - clean) ** 2, axis=1))
+    np.testing.assert_allclose(ratio, 0.5, rtol=1e-6)
+
+
+def test_noise_is_in_its_band(sprung, tmp_path):
+    words = ("simulate", "chain", "--minutes", "1", "--sampling-rate", "200")
+    sprung(*words, "--out", tmp_path / "clean.npz")
+    sprung(*words, "--snr", "1", "--noise-band", "20", "30", "--out", tmp_path / "noisy.npz")
+    noise = read(tmp_path / "noisy.npz").samples - read(tmp_path / "clean.npz").samples
+    power = np.abs(np.fft.rfft(noise)).sum(axis=0) ** 2
+    frequency = np.fft.rfftfreq(noise.shape[1], 1 / 200)
+    assert power[(frequency > 10) & (frequency < 50)].sum() > 0.99 * power.sum()
+    assert power[(frequency > 20) & (frequency < 30)].sum() > 0.5 * power.sum()
+
+
+def test_cases_of_the_quarter_vehicle_differ_by_their_lines(sprung, tmp_path):
+    levels = []
+    for case in (1, 4):
+        path = tmp_path / f"case{case}.npz"
+        assert sprung("simulate", "quarter", "--minutes", "1", "--case", case, "--out", path).code == 0
+        body = read(path).samples[0]
+        spectrum = np.abs(np.fft.rfft(body * np.hanning(body.size)))
+        levels.append(spectrum[round(17.0 * 60)] / np.median(spectrum[round(15.5 * 60) : round(16.5 * 60)]))
+    assert levels[0] < 5
+    assert levels[1] > 20
+
+
+def test_records_differ_and_repeat_with_their_seed(sprung, tmp_path):
+    for name in ("a", "b"):
+        words = ("simulate", "chain", *SHORT, "--records", "2", "--seed", "4", "--out", tmp_path / f"{name}.npz")
+        assert sprung(*words).code == 0
+    first, second = (read(tmp_path / f"a-0{k}.npz").samples for k in (1, 2))
+    assert np.abs(np.corrcoef(first[0], second[0])[0, 1]) < 0.2
+    np.testing.assert_array_equal(second, read(tmp_path / "b-02.npz").samples)
+    truth = json.loads((tmp_path / "a.npz.truth.json").read_text())
+    assert truth["files"] == [str(tmp_path / "a-01.npz"), str(tmp_path / "a-02.npz")]

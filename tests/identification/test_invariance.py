@@ -1,0 +1,73 @@
+"""Order, scale, offset and time do not change what is identified."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.identification import METHODS, cov_ssi
+from sprung.modal import mac
+from sprung.preparation import IdentificationSettings
+from sprung.simulation import simulate, usual_excitation
+from sprung.vehicles import chain
+
+CHAIN = chain()
+
+
+def run(seed=1, *, snr=10.0, band=None, duration=60.0, sampling_rate=500.0, vehicle=CHAIN):
+    excitation = usual_excitation(vehicle)
+    return simulate(
+        vehicle, excitation, duration=duration, sampling_rate=sampling_rate, seed=seed, snr=snr, noise_band=band
+    )
+
+
+def assert_same(one, other, *, deviations):
+    """The same modes, each within a share of its standard deviation."""
+    assert len(one.modes) == len(other.modes)
+    for name in ("natural_frequency", "damping_ratio"):
+        difference = np.abs(getattr(one.modes, name) - getattr(other.modes, name))
+        assert np.all(difference <= deviations * getattr(one.modes, f"{name}_std") + 1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_permuted_channels_give_the_same_modes(method):
+    records = [run(seed) for seed in range(3)]
+    order = ["acc_3", "acc_1", "acc_2"]
+    straight, turned = METHODS[method](records), METHODS[method]([record.select(order) for record in records])
+    assert_same(straight, turned, deviations=1e-6)
+    assert turned.modes.channels == tuple(order)
+    np.testing.assert_allclose(turned.modes.mode_shapes, straight.modes.mode_shapes[:, [2, 0, 1]], atol=1e-6)
+
+
+@pytest.mark.parametrize("factors", [(1e-6, 1.0, 1e6), (1e6, 1e6, 1e6), (-1.0, 1.0, 1e-3)])
+@pytest.mark.parametrize("method", METHODS)
+def test_scaled_channels_give_the_same_poles_and_scaled_shapes(method, factors):
+    records = [run(seed) for seed in range(3)]
+    scale = np.array(factors)
+    scaled = [record.changed("scaled", samples=record.samples * scale[:, None]) for record in records]
+    straight, changed = METHODS[method](records), METHODS[method](scaled)
+    assert_same(straight, changed, deviations=1e-6)
+    back = mac(changed.modes.mode_shapes / scale, straight.modes.mode_shapes)
+    assert 1 - np.diag(back).min() < 1e-9
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_offsets_and_the_time_of_day_do_not_matter(method):
+    record = run()
+    moved = replace(record.changed("offset", samples=record.samples + 9.81), start=1_700_000_000_000_000_000)
+    assert_same(METHODS[method](record), METHODS[method](moved), deviations=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_order_of_records_hardly_matters(method):
+    """What is chosen from the first record (scales of channels) changes in the fourth digit."""
+    records = [run(seed) for seed in range(4)]
+    settings = IdentificationSettings(band=(4.0, 40.0), decimate_to=125.0, block_rows=40, max_order=40, segment=5.0)
+    straight = METHODS[method](records, settings=settings)
+    assert_same(straight, METHODS[method](records[::-1], settings=settings), deviations=0.01)
+
+
+def test_a_shift_in_time_hardly_matters():
+    record = run()
+    later = record.changed("three samples later", samples=record.samples[:, 3:])
+    assert_same(cov_ssi(record), cov_ssi(later), deviations=0.3)

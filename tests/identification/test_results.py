@@ -1,0 +1,217 @@
+"""Records and channels of every make, and what a result says about how it came about."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.identification import METHODS, acs_ssi, coss_ssi, cov_ssi
+from sprung.modal import PoleStatus, mac
+from sprung.preparation import IdentificationSettings
+from sprung.recording import Channel, Gap, Recording
+from sprung.simulation import simulate, usual_excitation
+from sprung.stabilisation import StabilityCriteria
+from sprung.vehicles import chain
+
+CHAIN = chain()
+TRUTH = CHAIN.modes()
+
+
+def run(seed=1, *, snr=10.0, band=None, duration=60.0, sampling_rate=500.0, vehicle=CHAIN):
+    excitation = usual_excitation(vehicle)
+    return simulate(
+        vehicle, excitation, duration=duration, sampling_rate=sampling_rate, seed=seed, snr=snr, noise_band=band
+    )
+
+
+def recorded(samples, sampling_rate=500.0):
+    samples = np.atleast_2d(samples)
+    channels = tuple(Channel(f"acc_{k}", "acceleration") for k in range(1, len(samples) + 1))
+    return Recording(samples, sampling_rate, channels)
+
+
+def assert_same(one, other, *, deviations):
+    """The same modes, each within a share of its standard deviation."""
+    assert len(one.modes) == len(other.modes)
+    for name in ("natural_frequency", "damping_ratio"):
+        difference = np.abs(getattr(one.modes, name) - getattr(other.modes, name))
+        assert np.all(difference <= deviations * getattr(one.modes, f"{name}_std") + 1e-9)
+
+
+# Layouts of channels and records
+
+
+@pytest.mark.parametrize("names", [["acc_1"], ["acc_3"], ["acc_1", "acc_3"], ["acc_2", "acc_3"]])
+def test_one_or_two_channels_are_enough(names):
+    found = cov_ssi(run().select(names))
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+    assert found.modes.channels == tuple(names)
+    columns = [TRUTH.channels.index(name) for name in names]
+    assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes[:, columns])).min() > 0.98
+
+
+def test_a_single_channel_is_noted():
+    notes = cov_ssi(run().select(["acc_1"])).notes
+    assert any(note.startswith("one channel") for note in notes)
+
+
+@pytest.mark.parametrize("references", [("acc_1",), ("acc_2", "acc_3")])
+def test_references_can_be_chosen(references):
+    found = cov_ssi([run(1), run(2), run(3)], settings=IdentificationSettings(references=references))
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+    assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes)).min() > 0.98
+    assert found.subsets[0].diagrams[0].poles.channels == TRUTH.channels
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_generator_is_read_once_one_record_at_a_time(method):
+    records = [run(seed) for seed in range(4)]
+    settings = IdentificationSettings(segment=6.0)
+    alive = []
+
+    def one_by_one():
+        for k, record in enumerate(records):
+            alive.append(k)
+            yield record
+
+    found = METHODS[method](one_by_one(), settings=settings)
+    assert alive == [0, 1, 2, 3]
+    assert_same(found, METHODS[method](records, settings=settings), deviations=1e-9)
+
+
+def test_a_record_with_gaps_is_used_up_to_its_gaps():
+    record = replace(run(), gaps=(Gap(1_000, 1.0), Gap(1_010, 1.0), Gap(20_000, 3.0)))
+    found = cov_ssi(record)
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+
+
+def test_missing_values_are_left_out():
+    samples = run().samples.copy()
+    samples[1, 1_000:1_100] = np.nan
+    found = cov_ssi(run().changed("lost", samples=samples))
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+
+
+def test_records_of_a_higher_rate_are_brought_down():
+    records = [run(), run(2, sampling_rate=1000.0)]
+    found = cov_ssi(records)
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_poor_records_among_good_ones_are_left_out_and_noted(first):
+    good = run()
+    poor = good.changed("cut", samples=good.samples[:, :1])
+    dead = good.changed("cable off", samples=np.where([[True], [False], [True]], good.samples, 0.0))
+    found = cov_ssi([good, poor, run(2), dead][first:])
+    left_out = [note for note in found.notes if "left out" in note]
+    assert left_out == [
+        f"record {2 - first} left out: the recording has 1 sample(s): record at least a minute",
+        f"record {4 - first} left out: channel 'acc_2' is constant at 0: leave it out with --channels acc_1,acc_3",
+    ]
+    assert_same(found, cov_ssi([good, run(2)][first:]), deviations=0.5)
+
+
+# What leads to the modes
+
+
+@pytest.mark.parametrize("has_disjoint_references", [False, True])
+@pytest.mark.parametrize("method", METHODS)
+def test_every_mode_leads_back_to_its_subsets_and_their_poles(method, has_disjoint_references):
+    settings = IdentificationSettings(has_disjoint_references=has_disjoint_references)
+    found = METHODS[method]([run(seed) for seed in range(4)], settings=settings)
+    assert found.members.shape == (len(found.modes), len(found.subsets))
+    assert len(found.modes) == 3
+    assert np.all(np.diff(found.modes.natural_frequency) > 0)
+    np.testing.assert_allclose(np.abs(found.modes.mode_shapes).max(axis=1), 1)
+    for mode, row in enumerate(found.members):
+        for subset, member in zip(found.subsets, row, strict=True):
+            if member < 0:
+                continue
+            own = subset.modes.natural_frequency[member]
+            assert own == pytest.approx(found.modes.natural_frequency[mode], rel=0.03)
+            for diagram, alignment in zip(subset.diagrams, subset.alignments[member], strict=True):
+                if alignment < 0:
+                    continue
+                behind = diagram.alignments == alignment
+                assert set(diagram.status[behind]) == {PoleStatus.SELECTED}
+                assert np.median(diagram.poles.natural_frequency[behind]) == pytest.approx(own, rel=0.03)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_modes_that_contribute_too_little_are_dropped_with_all_that_belongs_to_them(method):
+    few = IdentificationSettings(criteria=StabilityCriteria(contribution=1e9))
+    found = METHODS[method](run(), settings=few)
+    assert len(found.modes) == 0
+    assert found.members.shape == (0, len(found.subsets))
+    for subset in found.subsets:
+        statuses = subset.diagrams[0].status
+        assert PoleStatus.INSIGNIFICANT in statuses
+        behind = np.isin(subset.diagrams[0].alignments, subset.alignments[:, 0])
+        assert set(statuses[behind]) <= {PoleStatus.INSIGNIFICANT, PoleStatus.SELECTED}
+
+
+def test_subsets_hold_all_segments_and_rise_in_level():
+    found = coss_ssi([run(seed) for seed in range(6)])
+    levels = [subset.level for subset in found.subsets]
+    assert all(low < high for low, high in levels)
+    assert [high for _, high in levels[:-1]] == [low for low, _ in levels[1:]]
+    expected = 6 * int(60.0 // found.settings.segment)
+    assert sum(subset.n_segments for subset in found.subsets) == expected
+    assert cov_ssi(run()).subsets[0].level is None
+
+
+def test_subsets_can_hold_equally_many_segments():
+    found = coss_ssi([run(seed) for seed in range(6)], settings=IdentificationSettings(has_equal_counts=True))
+    sizes = [subset.n_segments for subset in found.subsets]
+    assert len(sizes) == 3
+    assert max(sizes) - min(sizes) <= 1
+
+
+def test_one_subset_is_the_average_of_all_segments():
+    """F. Liu (2020), section 4.2: J = 1 is ACS-Cov-SSI."""
+    records = [run(seed) for seed in range(3)]
+    settings = IdentificationSettings(n_subsets=1, segment=10.0)
+    assert_same(coss_ssi(records, settings=settings), acs_ssi(records, settings=settings), deviations=1e-9)
+
+
+def test_merged_subsets_are_noted():
+    found = coss_ssi(run(), settings=IdentificationSettings(n_subsets=10))
+    assert len(found.subsets) < 10
+    assert sum("merged with" in note for note in found.notes) == 10 - len(found.subsets)
+
+
+def test_choices_are_noted_and_filled_in():
+    found = cov_ssi(run())
+    assert found.notes[0].startswith("band ")
+    assert found.notes[0].endswith("Hz (where the channels move together), sampled at 125 Hz")
+    for name in ("decimate_to", "segment", "block_rows", "max_order"):
+        assert getattr(found.settings, name) is not None
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_progress_rises_from_nothing_to_everything(method):
+    calls = []
+    METHODS[method]([run(1), run(2), run(3)], on_progress=lambda doing, share: calls.append((doing, share)))
+    shares = [share for _, share in calls]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert [doing for doing, _ in calls[:3]] == [f"correlating record {k}" for k in (1, 2, 3)]
+    assert calls[-1] == ("done", 1.0)
+    assert len(set(shares)) == len(shares) >= 5
+
+
+def test_nothing_given_is_changed():
+    record = run()
+    before = record.samples.copy()
+    cov_ssi(record)
+    np.testing.assert_array_equal(record.samples, before)
+
+
+def test_noise_alone_has_no_modes():
+    noise = np.random.default_rng(0).normal(size=(3, 30_000))
+    for method in METHODS.values():
+        found = method(recorded(noise))
+        assert len(found.modes) == 0
+        assert found.members.shape == (0, len(found.subsets))
+        assert found.modes.mode_shapes.shape == (0, 3)

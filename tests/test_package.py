@@ -1,0 +1,43 @@
+import subprocess
+import sys
+
+import pytest
+
+import sprung
+
+
+def test_import_is_light():
+    code = "import sys, sprung; print(sorted({'numpy', 'scipy', 'pydantic', 'typer'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_every_public_name_is_there_and_listed():
+    for name in sprung.__all__:
+        assert getattr(sprung, name) is not None
+        assert name in dir(sprung)
+
+
+def test_public_names_are_those_with_a_home():
+    homes = [name for names in sprung._HOMES.values() for name in names]
+    assert sorted(homes) == sorted(sprung.__all__)
+
+
+def test_unknown_names_are_refused():
+    with pytest.raises(AttributeError, match="'frequencies'"):
+        _ = sprung.frequencies
+
+
+def test_three_lines_from_a_file_to_modes(tmp_path):
+    from sprung.simulation import usual_excitation
+    from sprung.vehicles import chain
+
+    masses = chain()
+    simulated = sprung.simulate(masses, usual_excitation(masses), duration=120.0, sampling_rate=200.0, seed=1)
+    sprung.write(simulated, tmp_path / "run.csv")
+
+    run = sprung.read(tmp_path / "run.csv")
+    lines = str(sprung.cov_ssi(run)).splitlines()
+
+    assert lines[0].split("  ")[-1] == "label"
+    assert [float(line.split()[0]) for line in lines[1:]] == pytest.approx([7.01, 19.65, 28.39], rel=0.01)
+    assert [float(line.split()[3]) for line in lines[1:]] == pytest.approx([1.12, 3.15, 4.55], rel=0.3)
