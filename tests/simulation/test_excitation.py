@@ -54,7 +54,7 @@ def test_band_of_everything_is_white():
         ((20.0, 10.0), "upper edge of the band=10 must be above 20"),
         ((-1.0, 10.0), "lower edge of the band=-1 must be at least 0"),
         ((1e-9, 10.0), "lower edge of the band=1e-09 must be at least 0.0001: use 0"),
-        ((0.0, np.nan), "upper edge of the band=nan must be above"),
+        ((0.0, np.nan), "upper edge of the band=nan must be finite and above"),
     ],
 )
 def test_impossible_bands_are_refused(band, message):

@@ -139,7 +139,10 @@ class Clock:
     def describe(self) -> str:
         """Return the line for the history."""
         rate = f"time stamps advance at {self.sampling_rate:.8g} Hz"
-        jitter = f"jitter {100 * self.jitter_rms:.2g} % of a sample (RMS), {100 * self.jitter_max:.2g} % at most"
+        rms, largest = (
+            f"{max(100 * share, 0.001):.3f}".rstrip("0").rstrip(".") for share in (self.jitter_rms, self.jitter_max)
+        )
+        jitter = f"jitter {rms} % of a sample (RMS), {largest} % at most"
         if self.in_bursts:
             return f"{rate} in bursts, {jitter}: time taken from a straight line, samples left as they are"
         if self.is_resampled:
