@@ -23,7 +23,8 @@ _CHANCE_OF_COHERENCE = 1e-3
 #: Of a vehicle's own modes, the band reaches from this share of the lowest to this multiple of the highest.
 _BELOW_LOWEST, _ABOVE_HIGHEST = 0.3, 1.5
 #: Least sampling rate over the band's upper edge: decimation passes up to 0.8 of the new Nyquist frequency.
-_RATE_OVER_BAND = 3.0
+#: A given band may end right above its modes: heavily damped ones then need more room.
+_RATE_OVER_BAND, _RATE_OVER_GIVEN_BAND = 3.0, 5.0
 #: Lags span this many periods of the slowest motion, but no more than a multiple of the lag up to which most of the
 #: power of the cross-correlations lies (heavily damped motion forgets before it has swung often), within these numbers
 #: of block rows and this size of matrix.
@@ -66,15 +67,16 @@ def make_plan(recording: Recording, *, settings: IdentificationSettings, vehicle
     -----
     Band: of the coherent part of all cross spectra (of the spectrum, for one channel), weighted with 1/frequency, 1 %
     lies below its lower edge and 99 % below its upper edge over 1.25. Sampling rate: an integer part of the original
-    one, at least 3 times the upper edge.
+    one, at least 3 times the upper edge (5 times that of a given band).
     """
     speed = speed_channel(recording, vehicle)
     outputs = [name for name in recording.names if name != speed]
     longest = _longest(recording)
     _check_length(longest, recording.sampling_rate)
     motion = detrend(recording.select(outputs))
+    rate_over_band = _RATE_OVER_BAND
     if settings.band is not None:
-        band, source = settings.band, "given"
+        band, source, rate_over_band = settings.band, "given", _RATE_OVER_GIVEN_BAND
     elif vehicle is not None:
         band, source = _band_of_vehicle(vehicle, recording.sampling_rate), "around the vehicle's own modes"
     else:
@@ -84,7 +86,7 @@ def make_plan(recording: Recording, *, settings: IdentificationSettings, vehicle
         notes.append("one channel: what its sensor adds cannot be told from motion, so modes are less certain")
     fastest = recording.sampling_rate
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
-    rate = settings.decimate_to or _chosen_rate(fastest, band[1])
+    rate = settings.decimate_to or _chosen_rate(fastest, rate_over_band * band[1])
     check_number("decimate_to", rate, at_most=fastest * (1 + 1e-9), advice="decimation only lowers the sampling rate")
     return Plan(
         channels=tuple(outputs),
@@ -209,9 +211,9 @@ def _coherent_power(spectra: SpectralMatrix) -> NDArray[np.float64]:
     return power
 
 
-def _chosen_rate(sampling_rate: float, upper_edge: float) -> float:
-    """Return the lowest integer part of the rate that carries the band."""
-    return sampling_rate / max(1, int(sampling_rate / (_RATE_OVER_BAND * upper_edge)))
+def _chosen_rate(sampling_rate: float, least: float) -> float:
+    """Return the lowest integer part of the rate that is not below the least."""
+    return sampling_rate / max(1, int(sampling_rate / least))
 
 
 def _with_sizes(
