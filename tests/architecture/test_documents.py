@@ -1,0 +1,75 @@
+"""What the documents show works: vehicle files parse, commands exist, examples run."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+import sprung
+from sprung.preparation import IdentificationSettings
+from sprung.vehicles import parse_vehicle
+
+REPOSITORY = Path(__file__).parents[2]
+DOCUMENTS = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
+
+
+def blocks(path, language):
+    """Return the fenced blocks of one language."""
+    return re.findall(rf"```{language}\n(.*?)```", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+def test_vehicle_file_of_the_documentation_parses():
+    (block,) = blocks(REPOSITORY / "docs" / "vehicle-file.md", "toml")
+    vehicle = parse_vehicle(tomllib.loads(block))
+    assert vehicle.name == "zafira"
+    assert vehicle.sensor[0].channel == "acc_fl"
+
+
+def commands():
+    """Return the sprung commands that the documents show, without comments."""
+    lines = [line for path in DOCUMENTS for block in blocks(path, "console") for line in block.splitlines()]
+    return [line.split("#")[0].split("sprung ", 1)[1].split() for line in lines if ".venv/bin/sprung " in line]
+
+
+@pytest.mark.parametrize("words", commands(), ids=" ".join)
+def test_commands_of_the_documents_have_their_options(words):
+    shown = subprocess.run(
+        [sys.executable, "-c", "from sprung.cli import main; raise SystemExit(main())", words[0], "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "COLUMNS": "200"},
+    ).stdout
+    for word in words[1:]:
+        if word.startswith("--"):
+            assert word in shown
+
+
+def test_links_of_the_documents_lead_somewhere():
+    for path in DOCUMENTS:
+        for target in re.findall(r"\]\(([^)#:]+)\)", path.read_text(encoding="utf-8")):
+            assert (path.parent / target).exists(), f"{path.name}: {target}"
+
+
+def test_every_public_name_is_documented():
+    for name in sprung.__all__:
+        value = getattr(sprung, name)
+        assert isinstance(value, str) or value.__doc__, name
+
+
+def test_every_setting_is_documented():
+    for setting in fields(IdentificationSettings):
+        assert re.search(rf"^    .*\b{setting.name}\b", IdentificationSettings.__doc__ or "", flags=re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", sorted((REPOSITORY / "examples").glob("*.py")), ids=lambda path: path.name)
+def test_examples_run(path, tmp_path):
+    outcome = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert outcome.stderr == ""
+    assert "true bounce: 1.52 Hz" in outcome.stdout
