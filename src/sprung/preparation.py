@@ -21,6 +21,8 @@ _CONDITIONS = ("speed", "temperature")
 _SLOWEST = 3.0
 #: Chance of finding any line in a record without one.
 _FALSE_LINES = 1e-4
+#: Lines of wheels and engines are searched for below half of this rate [Hz], also where modes are sought far lower.
+_RATE_FOR_LINES = 200.0
 #: A mode has at least this many periods in the lags, and lies below this share of the sampling rate (where
 #: decimation passes everything).
 _LEAST_PERIODS, _HIGHEST_MODE = 1.2, 0.4
@@ -235,8 +237,9 @@ def prepare(recording: Recording, plan: Plan) -> Prepared:
     settings = plan.settings
     rate = min(settings.decimate_to or recording.sampling_rate, recording.sampling_rate)
     centred = detrend(recording.select(plan.channels))
+    searched = _decimated(recording, max(rate, _RATE_FOR_LINES))
+    harmonics = find_harmonics(searched, speed=plan.speed, false_alarm_rate=_FALSE_LINES)
     slow = _decimated(recording, rate)
-    harmonics = find_harmonics(slow, speed=plan.speed, false_alarm_rate=_FALSE_LINES)
     spectra = spectral_matrix(slow.select(plan.channels), segment_length=plan.spectrum_segment)
     motion, edited_spectra = detrend(slow.select(plan.channels)), None
     if settings.lifter is not None:
