@@ -6,6 +6,10 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: matrices are small, more threads only wait
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("same every time", derandomize=True)
+settings.load_profile("same every time")
 
 DATA = Path(os.environ.get("SPRUNG_DATA", Path(__file__).parents[2] / "shared" / "data"))
 

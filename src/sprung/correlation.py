@@ -102,6 +102,18 @@ class Correlations:
         """Which (channel, reference) pairs are of two different channels, shape (channels, references)."""
         return np.array([[channel != reference for reference in self.references] for channel in self.channels])
 
+    @property
+    def changes(self) -> NDArray[np.float64]:
+        """Change of `values` with each block, scaled so that squares add up to the variance of the average.
+
+        Shape (blocks, channels, references, lags); no blocks where there is only one.
+        """
+        n_blocks = len(self.blocks)
+        if n_blocks < 2:
+            return np.zeros((0, *self.values.shape))
+        scale = self.weights * np.sqrt(n_blocks / (n_blocks - 1))
+        return np.asarray(scale[:, None, None, None] * (self.blocks - self.values))
+
     def select(self, channels: Sequence[str], references: Sequence[str]) -> "Correlations":
         """Return only the given outputs and references."""
         pairs = np.ix_(

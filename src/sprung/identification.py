@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sprung._checks import frozen_array
 from sprung.cepstrum import Exponential, Lifter, ShortPass, subtract_lifter_damping
+from sprung.contribution import complete_shapes
 from sprung.correlation import (
     Correlations,
     SegmentCorrelations,
@@ -35,7 +36,7 @@ from sprung.stabilisation import (
     with_status,
 )
 from sprung.subsets import subsets_of_equal_count, subsets_of_equal_width
-from sprung.subspace import block_row_ladder, complete_shapes, poles_of_orders, realise
+from sprung.subspace import block_row_ladder, poles_of_orders, realise
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -9,9 +9,9 @@ from scipy import stats
 from scipy.cluster import hierarchy
 
 from sprung._checks import check_number, frozen_array
+from sprung.contribution import contributions
 from sprung.correlation import Correlations
 from sprung.modal import Modes, Poles, PoleStatus, join_modes, mac, mpc, unit_shapes
-from sprung.subspace import contributions
 
 #: Two poles of one shape are one mode if they lie within this share of their half-power half-bandwidth (between
 #: rungs, and between modes where damping may differ: there, if their half-power bands overlap) ...
@@ -43,7 +43,7 @@ class StabilityCriteria:
         The change of frequency may also be up to this share of the half-power half-bandwidth (damping ratio times
         frequency): the frequency of a heavily damped mode is known no better.
     contribution
-        Least contribution (see `subspace.contributions`) of a mode; 0 for no bound.
+        Least contribution (see `contribution.contributions`) of a mode; 0 for no bound.
     uncertainty
         Largest standard deviation of the frequency over the half-power half-bandwidth; infinite for no bound.
 
@@ -286,7 +286,7 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> ND
     correlations
         With blocks; of all segments.
     least
-        Least contribution (see `subspace.contributions`); 0: all are kept.
+        Least contribution (see `contribution.contributions`); 0: all are kept.
 
     Returns
     -------

@@ -165,7 +165,7 @@ def realise(
         observability=matrix @ Z,
         singular_values=S,
         right_factor=right_factor,
-        changes=_changes(correlations)[..., first_lag : first_lag + n_lags],
+        changes=correlations.changes[..., first_lag : first_lag + n_lags],
         channels=correlations.channels,
         sampling_rate=correlations.sampling_rate,
     )
@@ -240,15 +240,6 @@ def _svd(matrix: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     except linalg.LinAlgError:
         U, S, Vt = linalg.svd(matrix, full_matrices=False, lapack_driver="gesvd")
     return U, S, Vt
-
-
-def _changes(correlations: Correlations) -> Matrix:
-    """Return what each block changes, scaled so that the squares of a linear function of it add to its variance."""
-    n_blocks = len(correlations.blocks)
-    if n_blocks == 1:
-        return np.zeros((0, *correlations.values.shape))
-    scale = correlations.weights * np.sqrt(n_blocks / (n_blocks - 1))
-    return np.asarray(scale[:, None, None, None] * (correlations.blocks - correlations.values))
 
 
 def poles_of_orders(realisation: Realisation, orders: Sequence[int]) -> Poles:
@@ -398,103 +389,3 @@ def block_row_ladder(
         realisation = realise(correlations, block_rows=i, max_order=order, is_weighted=is_weighted, is_hankel=is_hankel)
         rungs.append(poles_of_orders(realisation, [order]))
     return replace(join_ladders(rungs), ladder=tuple(block_rows))
-
-
-def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Matrix:
-    """Return how far the part of each mode in the correlations between channels stands above chance.
-
-    Parameters
-    ----------
-    poles
-        Continuous and damped, rad/s, shape (modes,).
-    mode_shapes
-        Shape (modes, channels).
-    correlations
-        With blocks. Only pairs of two different channels count (of one channel with itself, if there are no
-        others): noise of a sensor is in the correlation of that sensor with itself alone.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (modes,): about 1 for a mode that is not there; infinite for exact correlations.
-
-    Notes
-    -----
-    Lambda_m = sum over modes of 2 Re(shape g^T lambda^(m - 1)) is solved for the participation g of each reference
-    by least squares over lags and the other channels, for the average and for each block. The contribution is the
-    sum over references of abs(mean g)^2, weighted with the shape's power on the channels used, over the same sum of
-    the variances of g.
-    """
-    lagged = correlations.values[:, :, 1:]
-    changes = _changes(correlations)[..., 1:]
-    if not len(changes):
-        return np.full(len(poles), np.inf)
-    use = correlations.is_cross if correlations.is_cross.any() else ~correlations.is_cross
-    powers = np.exp(poles[:, None] / correlations.sampling_rate * np.arange(lagged.shape[-1]))
-    signal, noise = np.zeros(len(poles)), np.zeros(len(poles))
-    for reference in range(use.shape[1]):
-        others = np.flatnonzero(use[:, reference])
-        responses = _responses(mode_shapes[:, others], powers)
-        solve = _participation_operator(responses)
-        weight = np.sum(np.abs(mode_shapes[:, others]) ** 2, axis=1)
-        signal += weight * np.abs(lagged[others, reference].ravel() @ solve) ** 2
-        spread = changes[:, others, reference].reshape(len(changes), -1) @ solve
-        noise += weight * np.sum(np.abs(spread) ** 2, axis=0)
-    return np.asarray(signal / noise)
-
-
-def _responses(shapes: Complex, powers: Complex) -> Complex:
-    """Return shape times power of the eigenvalue for each mode, channels and lags in one row."""
-    return np.asarray((shapes[:, :, None] * powers[:, None]).reshape(len(shapes), shapes.shape[1] * powers.shape[1]))
-
-
-def _participation_operator(responses: Complex) -> Complex:
-    """Return the matrix (samples, modes) that takes real data to the least-squares g of data = 2 Re(responses^T g)."""
-    basis = np.concatenate([2 * responses.real, -2 * responses.imag]).T
-    inverse = np.linalg.pinv(basis, rcond=1e-8) if basis.size else basis.T
-    return np.asarray(inverse[: len(responses)] + 1j * inverse[len(responses) :]).T
-
-
-def complete_shapes(
-    poles: Complex, mode_shapes: Complex, correlations: Correlations, channels: Sequence[str]
-) -> Complex:
-    """Return the shapes on all channels of modes that were identified on some of them.
-
-    Parameters
-    ----------
-    poles
-        Continuous and damped, rad/s, shape (modes,).
-    mode_shapes
-        Shape (modes, outputs).
-    correlations
-        Of all channels with all of them as references. A channel's correlation with itself is not used.
-    channels
-        Names of the outputs in `mode_shapes`.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (modes, channels of `correlations`).
-
-    Notes
-    -----
-    Two linear steps of Lambda_m = sum of 2 Re(shape g^T lambda^(m - 1)): participations g of all references from the
-    known outputs, then the shape of every channel from all references but itself.
-    """
-    n_channels = len(correlations.channels)
-    known = [correlations.channels.index(name) for name in channels]
-    lagged = correlations.values[:, :, 1:]
-    powers = np.exp(poles[:, None] / correlations.sampling_rate * np.arange(lagged.shape[-1]))
-    participations = np.zeros((len(poles), n_channels), dtype=complex)
-    for reference in range(n_channels):
-        others = [row for row in known if row != reference]
-        if others:
-            columns = [known.index(row) for row in others]
-            responses = _responses(mode_shapes[:, columns], powers)
-            participations[:, reference] = lagged[others, reference].ravel() @ _participation_operator(responses)
-    shapes = np.zeros((len(poles), n_channels), dtype=complex)
-    for channel in range(n_channels):
-        others = [reference for reference in range(n_channels) if reference != channel]
-        responses = _responses(participations[:, others], powers)
-        shapes[:, channel] = lagged[channel, others].ravel() @ _participation_operator(responses)
-    return shapes

@@ -13,7 +13,7 @@ FLOORS = (
     ("_checks",),
     ("recording", "modal", "units"),
     ("formats", "inspection", "conditioning", "spectrum", "correlation", "vehicles"),
-    ("cepstrum", "lines", "excitation", "layout", "labels", "subsets", "subspace"),
+    ("cepstrum", "lines", "excitation", "layout", "labels", "subsets", "subspace", "contribution"),
     ("harmonics", "simulation", "stabilisation"),
     ("preparation",),
     ("planning",),

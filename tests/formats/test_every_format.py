@@ -45,6 +45,7 @@ def any_recording(draw):
 @pytest.mark.parametrize("ending", WRITERS)
 @RELAXED
 @given(recording=any_recording())
+@example(recording=Recording(np.eye(1, 12), 1.0, (Channel("0[]", "acceleration"),)))
 @example(recording=Recording(np.eye(2, 20), 50.0, (Channel("größe 1"), Channel('a "b"; c,d', "acceleration"))))
 def test_write_then_read_gives_the_same(tmp_path, ending, recording):
     path = tmp_path / f"run{ending}"

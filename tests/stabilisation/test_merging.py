@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sprung.contribution import contributions
 from sprung.correlation import average, correlate_segments
 from sprung.modal import Modes, mac
 from sprung.simulation import simulate, usual_excitation
@@ -15,7 +16,6 @@ from sprung.stabilisation import (
     merge_modes,
     significant,
 )
-from sprung.subspace import contributions
 from sprung.vehicles import chain
 
 

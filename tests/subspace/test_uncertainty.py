@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from sprung.contribution import complete_shapes, contributions
 from sprung.correlation import average, correlate_segments, exact_correlations
 from sprung.modal import mac
 from sprung.simulation import simulate, usual_excitation
-from sprung.subspace import complete_shapes, contributions, poles_of_orders, realise
+from sprung.subspace import poles_of_orders, realise
 
 BLOCK_ROWS = 20
 FORMS = {

@@ -242,8 +242,8 @@ def _reads_back(heading: str, expected: Column) -> bool:
     name = expected.name
     if not name.isprintable() or is_number(name) or name in MISSING or is_time(heading):
         return False
-    try:
-        return column(heading, path=Path()) == expected
+    try:  # formats that state units elsewhere read the name by itself
+        return column(heading, path=Path()) == expected and column(name, path=Path()) == Column(name, name)
     except FormatError:
         return False
 
