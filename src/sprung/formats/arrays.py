@@ -125,7 +125,7 @@ def _all_of_one_length(
 
 def written_arrays(recording: Recording) -> dict[str, NDArray[Any]]:
     """Return the arrays that read back as the recording."""
-    written_headings(recording)  # refuses names that would not read back
+    written_headings(recording, has_units=False)  # refuses names that would not read back
     name, stamps = written_stamps(recording)
     return {
         name: stamps,

@@ -216,8 +216,10 @@ def written_unit(quantity: str) -> tuple[str, float]:
     return "", 1.0
 
 
-def written_headings(recording: Recording) -> list[str]:
+def written_headings(recording: Recording, *, has_units: bool = True) -> list[str]:
     """Return a heading for each channel that reads back as its name and quantity.
+
+    Without units the heading is the name alone, for formats that state units elsewhere.
 
     Raises
     ------
@@ -227,8 +229,11 @@ def written_headings(recording: Recording) -> list[str]:
     headings = []
     for channel in recording.channels:
         unit, factor = written_unit(channel.quantity)
-        heading = f"{channel.name} [{unit}]" if unit else channel.name
-        if not _reads_back(heading, Column(heading, channel.name, channel.quantity, factor)):
+        expected = Column(channel.name, channel.name)
+        if unit and has_units:
+            expected = Column(f"{channel.name} [{unit}]", channel.name, channel.quantity, factor)
+        heading = expected.heading
+        if not _reads_back(heading, expected):
             raise ParameterError(
                 f"channel name {channel.name!r} would not be read back from a file: rename it to plain text "
                 "without a unit, a number or a name of time"
@@ -242,8 +247,8 @@ def _reads_back(heading: str, expected: Column) -> bool:
     name = expected.name
     if not name.isprintable() or is_number(name) or name in MISSING or is_time(heading):
         return False
-    try:  # formats that state units elsewhere read the name by itself
-        return column(heading, path=Path()) == expected and column(name, path=Path()) == Column(name, name)
+    try:
+        return column(heading, path=Path()) == expected
     except FormatError:
         return False
 
