@@ -118,7 +118,7 @@ def write(recording: Recording, path: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    written_headings(recording)  # refuses names that would not read back
+    written_headings(recording, has_units=False)  # refuses names that would not read back
     name, stamps = written_stamps(recording)
     if stamps.dtype.kind == "M":
         arrays = [pa.array(stamps.view(np.int64)).cast(pa.timestamp("ns", "UTC"))]
