@@ -92,6 +92,7 @@ def make_plan(recording: Recording, *, settings: IdentificationSettings, vehicle
         channels=tuple(outputs),
         speed=speed,
         factors=dict(zip(motion.names, 1 / np.std(motion.samples, axis=1), strict=True)),
+        sampling_rate=fastest,
         settings=replace(settings, decimate_to=rate),
         band=band,
         spectrum_segment=max(min(recording.duration / _SPECTRUM_AVERAGES, longest / fastest), 8 / rate),

@@ -1,7 +1,7 @@
 """What identification does to recordings first."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from sprung.spectrum import SpectralMatrix, spectral_matrix
 from sprung.stabilisation import StabilityCriteria
 from sprung.vehicles import Chain, Quarter, Vehicle
 
+#: Rates of records within this share of each other are one: those of one logger, by different clocks.
+_SAME_RATE = 5e-4
 #: Quantities that are conditions of the motion, not outputs.
 _CONDITIONS = ("speed", "temperature")
 _SLOWEST = 3.0
@@ -115,6 +117,8 @@ class Plan:
         Name of the speed channel, None without.
     factors
         For each output what makes its RMS 1.
+    sampling_rate
+        Of the first record before decimation [Hz].
     settings
         With the choices made.
     band
@@ -128,6 +132,7 @@ class Plan:
     channels: tuple[str, ...]
     speed: str | None
     factors: dict[str, float]
+    sampling_rate: float
     settings: IdentificationSettings
     band: tuple[float, float]
     spectrum_segment: float
@@ -235,6 +240,8 @@ def prepare(recording: Recording, plan: Plan) -> Prepared:
         From `make_plan`.
     """
     settings = plan.settings
+    if abs(recording.sampling_rate / plan.sampling_rate - 1) <= _SAME_RATE:
+        recording = replace(recording, sampling_rate=plan.sampling_rate)
     rate = min(settings.decimate_to or recording.sampling_rate, recording.sampling_rate)
     centred = detrend(recording.select(plan.channels))
     searched = _decimated(recording, max(rate, _RATE_FOR_LINES))

@@ -189,3 +189,21 @@ def test_mistakes_of_the_program_are_not_hidden():
 
     with pytest.raises(ZeroDivisionError):
         explained(run)
+
+
+def test_nothing_that_is_read_is_written_over(sprung, tmp_path):
+    out = tmp_path / "run.csv"
+    assert sprung("simulate", "chain", "--minutes", 1, "--out", out).code == 0
+    before = out.read_bytes()
+    vehicle = tmp_path / "run.csv.vehicle.toml"
+    for words in (
+        ("info", out, "--json", out),
+        ("identify", out, "--json", tmp_path / "." / "run.csv"),
+        ("identify", out, "--vehicle", vehicle, "--json", vehicle),
+        ("simulate", "chain", "--out", out, "--json", out),
+    ):
+        outcome = sprung(*words)
+        assert outcome.code == 2
+        assert "would be written over" in outcome.err
+    assert out.read_bytes() == before
+    assert vehicle.read_text().startswith("schema")

@@ -1,5 +1,7 @@
 """One clear sentence for each input that cannot be identified from."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -124,3 +126,12 @@ def test_bad_input_gets_one_clear_sentence(method, record, settings, error, sent
     with pytest.raises(error) as refusal:
         METHODS[method](record(), settings=IdentificationSettings(**settings))
     assert str(refusal.value) == sentence
+
+
+def test_records_of_one_logger_by_slightly_different_clocks_are_one_condition():
+    masses = chain()
+    runs = [simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=500.0, seed=k) for k in range(2)]
+    late = replace(runs[1], sampling_rate=500.0 * 1.0002)
+    for settings in (IdentificationSettings(), IdentificationSettings(decimate_to=100.0)):
+        modes = METHODS["cov"]([runs[0], late], settings=settings).modes
+        assert modes.natural_frequency == pytest.approx([7.01, 19.65, 28.39], rel=0.01)

@@ -60,10 +60,12 @@ def names(text: str | None) -> tuple[str, ...] | None:
     return tuple(found)
 
 
-def check_file(option: str, path: str | Path | None) -> None:
-    """Refuse a file that cannot be written for want of a folder, before any long work."""
+def check_file(option: str, path: str | Path | None, *, inputs: Sequence[str | Path] = ()) -> None:
+    """Refuse a file that has no folder, or that would be written over what the command reads, before any long work."""
     if path is None or str(path) == "-":
         return
+    if Path(path).exists() and any(Path(name).exists() and Path(path).samefile(name) for name in inputs):
+        raise ParameterError(f"{option} {path} would be written over what is read: give another name")
     if Path(path).is_dir():
         raise ParameterError(f"{option} {path} is a folder: give the name of a file in it")
     if not Path(path).parent.is_dir():

@@ -107,7 +107,7 @@ def identify(
     json: Json = None,
 ) -> None:
     """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
-    check_file("--json", json)
+    check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
     if figures is not None and figures.exists() and not figures.is_dir():
         raise ParameterError(f"--figures {figures} is a file: give the name of a folder")
     if subsets is not None and method != "coss":

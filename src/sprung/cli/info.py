@@ -21,7 +21,7 @@ def info(
     json: Json = None,
 ) -> None:
     """Tell what recordings hold: channels, units, rate, length, gaps, levels and faults."""
-    check_file("--json", json)
+    check_file("--json", json, inputs=files)
     inspections = []
     for path in files:
         inspection = _inspected(path, sampling_rate, names(channels))

@@ -78,6 +78,8 @@ def simulate(
     """Simulate recordings with known truth; FILE.truth.json and FILE.vehicle.toml are written beside them."""
     check_file("--out", out)
     check_file("--json", json)
+    if json is not None and Path(json).resolve() == out.resolve():
+        raise ParameterError(f"--json {json} would be written over --out: give another name")
     if noise_band is not None and snr is None:
         raise ParameterError("--noise-band needs --snr: state how strong the noise is")
     if case is not None and kind != "quarter":
