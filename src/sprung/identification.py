@@ -308,16 +308,17 @@ def _gather(method: str, prepared: Prepared, plan: Plan) -> _Gathered:
 
 
 def _notes_on_modes(modes: Modes, lifter: Lifter | None) -> list[str]:
-    """Tell where there are no modes, or a short-pass lifter is shorter than the ring-down of one."""
+    """Tell where there are no modes, or a short-pass lifter is too short for the ring-down of one."""
     if not len(modes):
         return ["no mode found: record longer, widen the band, or look at the reasons in the stabilisation diagram"]
     if not isinstance(lifter, ShortPass):
         return []
+    # The lifter itself shortens a ring-down to about its own length, so a margin of two is needed to see that.
     return [
-        f"the lifter of {lifter.length:g} s is shorter than the ring-down of the mode at {frequency:.3g} Hz"
-        f" ({-1 / pole.real:.2g} s): its damping ratio is too high, use a longer lifter"
+        f"the lifter of {lifter.length:g} s is hardly longer than the ring-down of the mode at {frequency:.3g} Hz"
+        f" ({-1 / pole.real:.2g} s): its damping ratio may be far too high, use a longer lifter"
         for frequency, pole in zip(modes.natural_frequency, modes.poles, strict=True)
-        if -1 / pole.real > lifter.length
+        if -1 / pole.real > lifter.length / 2
     ]
 
 

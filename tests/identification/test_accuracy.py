@@ -179,4 +179,4 @@ def test_a_lifter_shorter_than_the_ring_down_is_noted():
         noted[length] = [note for note in notes if "ring-down" in note]
     assert noted[4.0] == []
     assert len(noted[1.0]) == 1
-    assert noted[1.0][0].startswith("the lifter of 1 s is shorter than the ring-down of the mode at 7.")
+    assert noted[1.0][0].startswith("the lifter of 1 s is hardly longer than the ring-down of the mode at 7.")
