@@ -190,7 +190,7 @@ def test_chain_has_no_body_to_carry_sensors():
 
 
 def test_neither_file_nor_name():
-    with pytest.raises(ParameterError, match="vehicle 'zafirra' is neither a file nor one of chain3, quarter, "):
+    with pytest.raises(ParameterError, match="vehicle 'zafirra' is neither a file nor one of chain3, plate, "):
         read_vehicle("zafirra")
     with pytest.raises(ParameterError, match="is neither a file"):
         read_vehicle("/")

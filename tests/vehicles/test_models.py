@@ -3,6 +3,8 @@
 F. Liu, Online Identification of Vehicle Dynamic Systems for Condition Monitoring, Huddersfield (2020), is "the thesis".
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -318,3 +320,157 @@ def test_sensor_on_a_wheel_reads_the_wheel():
 def test_element_on_the_base_has_no_damper():
     with pytest.raises(ParameterError, match="damping=3 of front_left tyre must be 0"):
         Element("front_left", "tyre", np.ones(1), 10.0, 3.0, foot="road_front_left")
+
+
+def with_bushing(name, stiffness):
+    vehicle = read_vehicle(name)
+    axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": stiffness}) for axle in vehicle.axle)
+    return structure(vehicle.model_copy(update={"axle": axles}))
+
+
+def test_a_hard_bushing_is_none_and_a_soft_one_takes_the_damping_away():
+    plain, hard, soft = (
+        structure(read_vehicle("zafira")).modes(),
+        *(with_bushing("zafira", k).modes() for k in (1e12, 1e-3)),
+    )
+    assert hard.natural_frequency == pytest.approx(plain.natural_frequency, rel=1e-5)
+    assert hard.damping_ratio == pytest.approx(plain.damping_ratio, rel=1e-5)
+    assert np.all(soft.damping_ratio < 1e-6)
+
+
+def test_oscillator_with_a_bushing_has_the_roots_of_its_cubic():
+    m, k, c, b = 2.0, 800.0, 12.0, 500.0
+    chain = structure(
+        parse_vehicle({"name": "one", "kind": "chain", "mass": [{"mass": m, "stiffness": k, "damping": c}]})
+    )
+    bushed = replace(chain, elements=(replace(chain.elements[0], series_stiffness=b),))
+    # (m s^2 + k)(c s + b) + b c s = 0
+    expected = np.roots([m * c, m * b, (k + b) * c, k * b])
+    assert np.sort_complex(np.linalg.eigvals(bushed.system.state_matrix())) == pytest.approx(np.sort_complex(expected))
+
+
+def test_plate_has_the_published_frequencies():
+    """Section 6.2 of the thesis; stiffness and dimensions are chosen so, see the file."""
+    modes = structure(read_vehicle("plate")).modes()
+    assert modes.natural_frequency == pytest.approx([2.73, 3.81, 4.53], abs=0.005)
+    assert modes.labels == ("bounce", "pitch", "roll")
+
+
+def test_plate_is_bounce_pitch_and_roll_in_closed_form():
+    """f = sqrt(4 k / m), sqrt(4 k x^2 / I), sqrt(4 k y^2 / I) over 2 pi (eq. 6-10 and 6-11)."""
+    plate = read_vehicle("plate")
+    k, body, axle = plate.axle[0].spring_stiffness, plate.body, plate.axle[0]
+    stiffness = 4 * k * np.array([1, axle.x**2, axle.half_track**2])
+    expected = np.sqrt(stiffness / [body.mass, body.pitch_inertia, body.roll_inertia]) / (2 * np.pi)
+    assert structure(plate).modes().natural_frequency == pytest.approx(expected)
+
+
+def test_y25_comes_within_a_fifth_of_the_published_frequencies():
+    """Figure 8-3: bounce 11.42, roll 13.59, pitch 14.77 Hz; the geometry is not published."""
+    modes = structure(read_vehicle("y25")).modes()
+    found = dict(zip(modes.labels, modes.natural_frequency, strict=True))
+    assert [found["bounce"], found["roll"], found["pitch"]] == pytest.approx([11.42, 13.59, 14.77], rel=0.2)
+    assert found["bounce"] < found["roll"] < found["pitch"]
+
+
+def test_wheelset_on_rails_in_closed_form():
+    """A frame that is too heavy to move leaves wheelsets that bounce and roll between two pairs of springs."""
+    y25 = read_vehicle("y25")
+    heavy = y25.body.model_copy(update={"mass": 1e9, "pitch_inertia": 1e9, "roll_inertia": 1e9})
+    axles = tuple(axle.model_copy(update={"damping": 0.0}) for axle in y25.axle)
+    modes = structure(y25.model_copy(update={"body": heavy, "axle": axles, "mounted_mass": ()})).modes()
+    bounce = (2 * 1e9 + 2 * 2.44e6) / (1300 + 2 * 160)
+    roll = (2 * 1e9 * 0.75**2 + 2 * 2.44e6 * 1.0**2) / (688 + 2 * 160 * 1.0**2)
+    expected = np.sort(np.repeat(np.sqrt([bounce, roll]) / (2 * np.pi), 2))
+    assert modes.natural_frequency[-4:] == pytest.approx(expected, rel=1e-4)
+
+
+def lateral(**axle):
+    fields = {"half_track": 0.7, "spring_stiffness": 30e3, "damping": 0.0, "lateral_stiffness": 50e3, **axle}
+    front, rear = {**fields, "x": 1.2}, {**fields, "x": -1.5}
+    body = {"mass": 1000.0, "pitch_inertia": 1500.0, "roll_inertia": 300.0, "yaw_inertia": 1600.0}
+    return structure(parse_vehicle({"name": "l", "kind": "road", "body": body, "axle": [front, rear]}))
+
+
+def test_sway_and_yaw_in_closed_form():
+    """Two coordinates, uncoupled from the others at height 0: [m, I] and lateral springs at x = 1.2 and -1.5 m."""
+    modes = lateral().modes()
+    stiffness = 2 * 50e3 * np.array([[2, 1.2 - 1.5], [1.2 - 1.5, 1.2**2 + 1.5**2]])
+    expected = np.sqrt(np.linalg.eigvals(np.diag([1 / 1000, 1 / 1600]) @ stiffness)) / (2 * np.pi)
+    for label in ("sway", "yaw"):
+        assert np.abs(modes.natural_frequency[modes.labels.index(label)] - expected).min() < 1e-9
+    assert {"bounce", "pitch", "roll"} <= set(modes.labels)
+
+
+def test_low_suspension_couples_roll_with_sway():
+    system = lateral(height=-0.4).system
+    names = system.coordinates
+    roll, sway = names.index("roll"), names.index("sway")
+    assert system.stiffness[roll, sway] == pytest.approx(4 * 50e3 * 0.4)
+    flat = lateral().system.stiffness
+    assert system.stiffness[roll, roll] - flat[roll, roll] == pytest.approx(4 * 50e3 * 0.4**2)
+    assert np.linalg.eigvalsh(system.stiffness)[0] > 0
+
+
+def test_a_lateral_sensor_reads_sway_yaw_and_roll():
+    sensor = {"channel": "y", "quantity": "displacement", "unit": "m"}
+    fields = {"half_track": 0.7, "spring_stiffness": 30e3, "damping": 0.0, "lateral_stiffness": 50e3}
+    vehicle = parse_vehicle(
+        {
+            "name": "l",
+            "kind": "road",
+            "body": {"mass": 1000.0},
+            "axle": [{**fields, "x": 1.2}, {**fields, "x": -1.5}],
+            "sensor": [{**sensor, "position": [2.0, 0.5, 0.3], "direction": [0.0, 1.0, 0.0]}],
+        }
+    )
+    row = dict(zip(vehicle.coordinates, structure(vehicle).outputs.displacement[0], strict=True))
+    assert row == {"bounce": 0, "pitch": 0, "roll": pytest.approx(-0.3), "sway": 1.0, "yaw": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"body": {"mass": 1480.0, "pitch_inertia": 2.2e9}},
+            r"body, pitch_inertia=2.2e\+09 kg m2 must be .* correct the unit",
+        ),
+        ({"body": {"mass": 1480.0, "roll_inertia": 0.36}}, "body, roll_inertia=0.36 kg m2 must be"),
+        ({"body": {"mass": 1.48e12}}, r"spring_stiffness: a body of 1.48e\+12 kg would bounce"),
+        (
+            {
+                "sensor": [
+                    {
+                        "channel": "a",
+                        "quantity": "acceleration",
+                        "unit": "g",
+                        "position": [1220.0, 0.0, 0.0],
+                        "direction": [0.0, 0.0, 1.0],
+                    }
+                ]
+            },
+            r"\[\[sensor\]\] 1, position=\[1220.0, 0.0, 0.0\] is more than 14 m, five wheelbases",
+        ),
+    ],
+)
+def test_what_no_vehicle_can_be_is_refused(change, message):
+    fields = read_vehicle("zafira").model_dump(exclude_defaults=True)
+    with pytest.raises(ParameterError, match=message):
+        parse_vehicle({**fields, "kind": "road", **change})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"wheelset_mass": 1300.0}, "wheelset_mass needs wheelset_roll_inertia"),
+        ({"contact_half_track": 0.75}, "contact_half_track needs wheelset_mass"),
+        ({"lateral_damping": 10.0}, "lateral_damping needs lateral_stiffness"),
+        ({"lateral_stiffness": 10.0}, "lateral_stiffness is given for some axles only"),
+        ({"damper_bushing_stiffness": 0.0}, r"\[\[axle\]\] 1, damper_bushing_stiffness=0.0 must be above 0"),
+    ],
+)
+def test_half_a_description_of_an_axle_is_refused(change, message):
+    fields = read_vehicle("zafira").model_dump(exclude_defaults=True)
+    front, rear = fields["axle"]
+    with pytest.raises(ParameterError, match=message):
+        parse_vehicle({**fields, "kind": "road", "axle": [{**front, **change}, rear]})

@@ -15,10 +15,12 @@ from sprung.vehicles.description import (
     Vehicle,
     corner_names,
 )
+from sprung.vehicles.faults import Fault, parse_fault, with_faults
 from sprung.vehicles.files import VEHICLES, parse_vehicle, read_vehicle, write_vehicle
-from sprung.vehicles.models import body_row, chain, structure, wheel_hop_frequencies
+from sprung.vehicles.models import chain, structure, wheel_hop_frequencies
 from sprung.vehicles.modes import ExactModes, modes, participation
-from sprung.vehicles.structure import Element, Structure, sensor_outputs
+from sprung.vehicles.response import Sensitivities, frequency_response, sensitivities
+from sprung.vehicles.structure import Element, Structure, body_row, sensor_outputs
 from sprung.vehicles.system import (
     MechanicalSystem,
     Outputs,
@@ -39,12 +41,14 @@ __all__ = [
     "Description",
     "Element",
     "ExactModes",
+    "Fault",
     "MechanicalSystem",
     "MountedMass",
     "Outputs",
     "Quarter",
     "QuarterBody",
     "QuarterCorner",
+    "Sensitivities",
     "Sensor",
     "StateSpace",
     "Structure",
@@ -54,14 +58,18 @@ __all__ = [
     "corner_names",
     "discretised",
     "exact_correlations",
+    "frequency_response",
     "modes",
+    "parse_fault",
     "parse_vehicle",
     "participation",
     "read_vehicle",
+    "sensitivities",
     "sensor_outputs",
     "state_space",
     "stationary_covariance",
     "structure",
     "wheel_hop_frequencies",
+    "with_faults",
     "write_vehicle",
 ]

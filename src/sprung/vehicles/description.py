@@ -19,6 +19,14 @@ Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^\S(.*\S)?$"
 Vector = Annotated[tuple[Length, Length, Length], Field(strict=False)]
 
 
+#: Coordinates of the body; sway and yaw only where lateral stiffness is given.
+BODY_MOTIONS = ("bounce", "pitch", "roll", "sway", "yaw")
+#: Radius of gyration over the farthest axle or wheel that is plausible, and distance of a sensor over the wheelbase.
+_GYRATION, _FARTHEST_SENSOR = (0.05, 4.0), 5.0
+#: Plausible natural frequency of the body on its springs alone [Hz].
+_BOUNCE = (0.05, 500.0)
+
+
 class Corner(StrEnum):
     """Corners of a vehicle with two axles."""
 
@@ -125,7 +133,7 @@ class Description(_Section):
     @property
     def parts(self) -> tuple[str, ...]:
         """What can carry a sensor: the body, and every coordinate that is no motion of the body."""
-        others = tuple(name for name in self.coordinates if name not in {"bounce", "pitch", "roll"})
+        others = tuple(name for name in self.coordinates if name not in BODY_MOTIONS and not name.endswith("_roll"))
         return others if "bounce" not in self.coordinates else ("body", *others)
 
     @model_validator(mode="after")
@@ -150,11 +158,14 @@ class Body(_Section):
         In kg; 1 where left out, so that every mass, stiffness and damping of the file is per kilogram of body.
     pitch_inertia, roll_inertia
         In kg m^2; where left out, estimated from mass, wheelbase and track width.
+    yaw_inertia
+        In kg m^2, used with lateral stiffness only; where left out, that of pitch.
     """
 
     mass: Positive = 1.0
     pitch_inertia: Positive | None = None
     roll_inertia: Positive | None = None
+    yaw_inertia: Positive | None = None
 
 
 class Axle(_Section):
@@ -167,13 +178,26 @@ class Axle(_Section):
     half_track
         Distance of the suspension from the middle [m].
     unsprung_mass
-        In kg; where left out, one ninth of the body's mass is shared by all wheels.
+        In kg; where left out, one ninth of the body's mass is shared by all wheels. With a wheelset what is fixed to
+        it at the suspension, such as an axle box; where left out, nothing.
+    wheelset_mass, wheelset_roll_inertia
+        Of a rigid wheelset in the place of two wheels [kg, kg m^2]; both or none.
     spring_stiffness, damping
         In N/m and N s/m.
     tyre_stiffness
         Of the tyre or the wheel-rail contact [N/m]; left out, the suspension stands on the ground without wheels.
     anti_roll_stiffness
         Force per difference between the deflections of the two springs [N/m].
+    damper_bushing_stiffness
+        Of the rubber in series with the damper [N/m]; left out, the damper is fixed rigidly.
+    contact_half_track
+        Distance of tyre or rail contact from the middle [m], of a wheelset only; left out, that of the suspension.
+    longitudinal_stiffness, lateral_stiffness, lateral_damping
+        Of the suspension in the plane [N/m, N s/m]; lateral stiffness adds sway and yaw to the body's motions. Wheels
+        do not move in the plane.
+    height
+        Of the suspension in the plane above the body's centre of gravity [m], usually negative: it couples pitch with
+        longitudinal and roll with lateral stiffness.
     """
 
     x: Length
@@ -183,11 +207,29 @@ class Axle(_Section):
     damping: NotNegative
     tyre_stiffness: Positive | None = None
     anti_roll_stiffness: NotNegative = 0.0
+    damper_bushing_stiffness: Positive | None = None
+    wheelset_mass: Positive | None = None
+    wheelset_roll_inertia: Positive | None = None
+    contact_half_track: Positive | None = None
+    longitudinal_stiffness: NotNegative = 0.0
+    lateral_stiffness: Positive | None = None
+    lateral_damping: NotNegative = 0.0
+    height: Length = 0.0
 
     @model_validator(mode="after")
     def _wheels_stand_on_tyres(self) -> "Axle":
-        if self.unsprung_mass is not None and self.tyre_stiffness is None:
-            raise ValueError("unsprung_mass needs tyre_stiffness: add it, or leave both out")
+        for name in ("unsprung_mass", "wheelset_mass"):
+            if getattr(self, name) is not None and self.tyre_stiffness is None:
+                raise ValueError(f"{name} needs tyre_stiffness: add it, or leave both out")
+        for name, needed in (
+            ("wheelset_mass", "wheelset_roll_inertia"),
+            ("wheelset_roll_inertia", "wheelset_mass"),
+            ("contact_half_track", "wheelset_mass"),
+        ):
+            if getattr(self, name) is not None and getattr(self, needed) is None:
+                raise ValueError(f"{name} needs {needed}: add it, or leave {name} out")
+        if self.lateral_damping > 0 and self.lateral_stiffness is None:
+            raise ValueError("lateral_damping needs lateral_stiffness: add it, or leave both out")
         return self
 
 
@@ -221,12 +263,17 @@ class Vehicle(Description):
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Bounce, pitch and roll of the body, the wheels that stand on tyres, the mounted masses."""
+        """Motions of the body, the wheels or wheelsets that stand on tyres or rails, the mounted masses."""
         corners = corner_names(len(self.axle))
-        has_wheels = [axle.tyre_stiffness is not None for axle in self.axle for _ in "lr"]
-        wheels = [f"wheel_{corner}" for corner, has in zip(corners, has_wheels, strict=True) if has]
+        wheels: list[str] = []
+        for axle, left, right in zip(self.axle, corners[::2], corners[1::2], strict=True):
+            name = left.removesuffix("_left")
+            if axle.wheelset_mass is not None:
+                wheels += [f"wheelset_{name}", f"wheelset_{name}_roll"]
+            elif axle.tyre_stiffness is not None:
+                wheels += [f"wheel_{left}", f"wheel_{right}"]
         mounted = [f"mounted_mass_{number}" for number in range(1, len(self.mounted_mass) + 1)]
-        return ("bounce", "pitch", "roll", *wheels, *mounted)
+        return (*BODY_MOTIONS[: 5 if self.axle[0].lateral_stiffness is not None else 3], *wheels, *mounted)
 
     @model_validator(mode="after")
     def _axles_in_order(self) -> "Vehicle":
@@ -239,7 +286,36 @@ class Vehicle(Description):
         for sensor in self.sensor:
             if sensor.on == "body" and sensor.quantity in MOTIONS:
                 self._check_layout(sensor)
+        self._check_plausible()
         return self
+
+    def _check_plausible(self) -> None:
+        """Refuse what no vehicle can be; the usual reason is a wrong unit."""
+        if len({axle.lateral_stiffness is None for axle in self.axle}) > 1:
+            raise ValueError("lateral_stiffness is given for some axles only: give it for all, or for none")
+        reach = max(abs(axle.x) for axle in self.axle), max(axle.half_track for axle in self.axle)
+        for name, length in zip(("pitch_inertia", "roll_inertia"), reach, strict=True):
+            inertia = getattr(self.body, name)
+            if inertia is not None:
+                low, high = ((share * length) ** 2 * self.body.mass for share in _GYRATION)
+                if not low <= inertia <= high:
+                    raise ValueError(
+                        f"body, {name}={inertia:g} kg m2 must be {low:.3g} to {high:.3g} for a mass of "
+                        f"{self.body.mass:g} kg with axles and wheels within {length:g} m: correct the unit"
+                    )
+        bounce = math.sqrt(2 * sum(axle.spring_stiffness for axle in self.axle) / self.body.mass) / (2 * math.pi)
+        if not _BOUNCE[0] <= bounce <= _BOUNCE[1]:
+            raise ValueError(
+                f"[[axle]], spring_stiffness: a body of {self.body.mass:g} kg would bounce on these springs at "
+                f"{bounce:.3g} Hz, but must do so at {_BOUNCE[0]:g} to {_BOUNCE[1]:g} Hz: correct the units, N/m and kg"
+            )
+        farthest = _FARTHEST_SENSOR * (self.axle[0].x - self.axle[-1].x)
+        for number, sensor in enumerate(self.sensor, start=1):
+            if sensor.position is not None and max(map(abs, sensor.position)) > farthest:
+                raise ValueError(
+                    f"[[sensor]] {number}, position={list(sensor.position)} is more than {farthest:.3g} m, five "
+                    "wheelbases, from the centre of gravity: give metres"
+                )
 
     @staticmethod
     def _check_layout(sensor: Sensor) -> None:
@@ -258,6 +334,7 @@ class QuarterCorner(_Section):
     spring_stiffness: Positive
     damping: NotNegative
     tyre_stiffness: Positive
+    damper_bushing_stiffness: Positive | None = None
 
 
 class QuarterBody(_Section):

@@ -14,7 +14,7 @@ from sprung.errors import FormatError, ParameterError
 from sprung.vehicles.description import KINDS, Chain, Quarter, Vehicle
 
 #: Vehicles that come with the package.
-VEHICLES = ("chain3", "quarter", "scale-bogie", "zafira", "zafira-printed")
+VEHICLES = ("chain3", "plate", "quarter", "scale-bogie", "y25", "zafira", "zafira-printed")
 
 # A vehicle file is a page of text; anything larger is another file.
 _LARGEST_FILE = 1_000_000

@@ -1,5 +1,6 @@
 """Vehicles as structures: chain of masses, quarter car, body on wheels."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.vehicles.description import Axle, Chain, Description, MountedMass, Quarter, Vehicle, corner_names
 from sprung.vehicles.files import parse_vehicle
-from sprung.vehicles.structure import MOTIONS, Element, Structure, sensor_outputs
+from sprung.vehicles.structure import MOTIONS, Element, Structure, body_row, sensor_outputs
 from sprung.vehicles.system import Outputs
 
 
@@ -115,7 +116,14 @@ def _quarter(description: Quarter) -> Structure:
         coordinates=coordinates,
         mass=np.diag([description.body.mass, corner.unsprung_mass]),
         elements=(
-            Element("corner", "suspension", np.array([1.0, -1.0]), corner.spring_stiffness, corner.damping),
+            Element(
+                "corner",
+                "suspension",
+                np.array([1.0, -1.0]),
+                corner.spring_stiffness,
+                corner.damping,
+                series_stiffness=corner.damper_bushing_stiffness,
+            ),
             Element("corner", "tyre", np.array([0.0, 1.0]), corner.tyre_stiffness, foot="road"),
         ),
         inputs=("road",),
@@ -129,7 +137,7 @@ def _vehicle(description: Vehicle) -> Structure:
     corners = _corners(description)
     coordinates = description.coordinates
     mounted = coordinates[len(coordinates) - len(description.mounted_mass) :]
-    elements = [element for corner in corners for element in _corner_elements(coordinates, *corner)]
+    elements = [element for corner in corners for element in _corner_elements(coordinates, corner)]
     elements += [
         element
         for left, right in zip(corners[::2], corners[1::2], strict=True)
@@ -150,29 +158,18 @@ def _vehicle(description: Vehicle) -> Structure:
     )
 
 
-def body_row(coordinates: Sequence[str], *, x: float, y: float) -> NDArray[np.float64]:
-    """Return the upward displacement of the body at (x, y) [m] for one unit of each coordinate, shape (n,).
-
-    Notes
-    -----
-    The row is [1, -x, y] for bounce, pitch (positive nose down) and roll (positive left side up); ISO 8855.
-    """
-    row = np.zeros(len(coordinates))
-    row[[coordinates.index(name) for name in ("bounce", "pitch", "roll")]] = 1.0, -x, y
-    return row
-
-
 def wheel_hop_frequencies(description: Vehicle) -> NDArray[np.float64]:
     """Return the wheel hop frequency of each axle with the body held still [Hz], shape (axles,); NaN without wheels.
 
     Notes
     -----
-    sqrt((spring + tyre stiffness) / unsprung mass) / 2 pi. The exact undamped modes lie a little off, as the body
-    moves too.
+    sqrt((spring + tyre stiffness) / unsprung mass) / 2 pi, of a wheelset with half its mass. The exact undamped modes
+    lie a little off, as the body moves too.
     """
-    unsprung = _unsprung_masses(description)
+    halves = np.array([(axle.wheelset_mass or 0.0) / 2 for axle in description.axle])
+    unsprung = _unsprung_masses(description) + halves
     stiffness = [axle.spring_stiffness + (axle.tyre_stiffness or np.nan) for axle in description.axle]
-    return np.sqrt(np.array(stiffness) / unsprung) / (2 * np.pi)
+    return np.asarray(np.sqrt(np.array(stiffness) / unsprung) / (2 * np.pi))
 
 
 def _corners(description: Vehicle) -> list[_Corner]:
@@ -193,33 +190,63 @@ def _masses(description: Vehicle) -> list[float]:
     half_track = max(axle.half_track for axle in axles)
     pitch_inertia = body.pitch_inertia or PITCH_SHARE * body.mass * axles[0].x * -axles[-1].x
     roll_inertia = body.roll_inertia or ROLL_SHARE * body.mass * half_track**2
-    with_wheels = np.array([axle.tyre_stiffness is not None for axle in axles])
-    wheels = np.repeat(_unsprung_masses(description)[with_wheels], 2)
-    return [body.mass, pitch_inertia, roll_inertia, *wheels, *(part.mass for part in description.mounted_mass)]
+    plane = [] if axles[0].lateral_stiffness is None else [body.mass, body.yaw_inertia or pitch_inertia]
+    wheels: list[float] = []
+    for axle, unsprung in zip(axles, _unsprung_masses(description), strict=True):
+        if axle.wheelset_mass is not None and axle.wheelset_roll_inertia is not None:
+            wheels += [
+                axle.wheelset_mass + 2 * unsprung,
+                axle.wheelset_roll_inertia + 2 * unsprung * axle.half_track**2,
+            ]
+        elif axle.tyre_stiffness is not None:
+            wheels += [unsprung, unsprung]
+    return [body.mass, pitch_inertia, roll_inertia, *plane, *wheels, *(part.mass for part in description.mounted_mass)]
 
 
 def _unsprung_masses(description: Vehicle) -> NDArray[np.float64]:
-    """Mass of one wheel of each axle."""
+    """Mass of one wheel of each axle, or of what is fixed to one end of a wheelset."""
     usual = UNSPRUNG_SHARE * description.body.mass / (2 * len(description.axle))
-    return np.array([axle.unsprung_mass or usual for axle in description.axle])
+    return np.array([axle.unsprung_mass or (usual if axle.wheelset_mass is None else 0.0) for axle in description.axle])
+
+
+def _wheel_row(coordinates: Sequence[str], corner: _Corner, y: float) -> NDArray[np.float64]:
+    """Upward displacement of a corner's wheel, or of its wheelset at y [m], for one unit of each coordinate."""
+    row = np.zeros(len(coordinates))
+    wheelset = f"wheelset_{corner.name.rsplit('_', 1)[0]}"
+    if corner.axle.wheelset_mass is not None:
+        row[[coordinates.index(wheelset), coordinates.index(f"{wheelset}_roll")]] = 1.0, y
+    elif corner.axle.tyre_stiffness is not None:
+        row[coordinates.index(f"wheel_{corner.name}")] = 1.0
+    return row
 
 
 def _deflection(coordinates: Sequence[str], corner: _Corner) -> NDArray[np.float64]:
     """Elongation of a corner's suspension for one unit of each coordinate."""
-    row = body_row(coordinates, x=corner.axle.x, y=corner.y)
-    if corner.axle.tyre_stiffness is not None:
-        row[coordinates.index(f"wheel_{corner.name}")] = -1.0
-    return row
+    return body_row(coordinates, x=corner.axle.x, y=corner.y) - _wheel_row(coordinates, corner, corner.y)
 
 
-def _corner_elements(coordinates: Sequence[str], name: str, axle: Axle, y: float) -> Iterator[Element]:
+def _corner_elements(coordinates: Sequence[str], corner: _Corner) -> Iterator[Element]:
     """Suspension and tyre of one corner."""
-    deflection = _deflection(coordinates, _Corner(name, axle, y))
-    yield Element(name, "suspension", deflection, axle.spring_stiffness, axle.damping)
+    name, axle, y = corner
+    yield Element(
+        name,
+        "suspension",
+        _deflection(coordinates, corner),
+        axle.spring_stiffness,
+        axle.damping,
+        series_stiffness=axle.damper_bushing_stiffness,
+    )
     if axle.tyre_stiffness is not None:
-        wheel = np.zeros(len(coordinates))
-        wheel[coordinates.index(f"wheel_{name}")] = 1.0
+        wheel = _wheel_row(coordinates, corner, math.copysign(axle.contact_half_track or axle.half_track, y))
         yield Element(name, "tyre", wheel, axle.tyre_stiffness, foot=f"road_{name}")
+    plane = dict.fromkeys(coordinates, 0.0)
+    if axle.longitudinal_stiffness > 0:
+        forward = plane | {"pitch": axle.height} | ({"yaw": -y} if "yaw" in plane else {})
+        yield Element(name, "longitudinal", np.array(list(forward.values())), axle.longitudinal_stiffness)
+    if axle.lateral_stiffness is not None:
+        sideways = plane | {"sway": 1.0, "yaw": axle.x, "roll": -axle.height}
+        elongation = np.array(list(sideways.values()))
+        yield Element(name, "lateral", elongation, axle.lateral_stiffness, axle.lateral_damping)
 
 
 def _anti_roll_bar(coordinates: Sequence[str], left: _Corner, right: _Corner) -> Iterator[Element]:

@@ -31,7 +31,7 @@ class ExactModes:
     channels
         Names of the channels of the mode shapes.
     labels
-        For each mode "bounce", "pitch", "roll", "wheel_hop" or None.
+        For each mode "bounce", "pitch", "roll", "sway", "yaw", "wheel_hop" or None.
     """
 
     poles: NDArray[np.complex128]
@@ -63,8 +63,7 @@ def modes(system: MechanicalSystem, outputs: Outputs) -> ExactModes:
     The shape of pole s with coordinate vector q is (s^2 Ya + s Yv + Yd) q, divided by its largest component.
     """
     n = system.n_coordinates
-    accelerations = -np.linalg.solve(system.mass, np.hstack([system.stiffness, system.damping]))
-    eigenvalues, vectors = np.linalg.eig(np.vstack([np.eye(n, 2 * n, k=n), accelerations]))
+    eigenvalues, vectors = np.linalg.eig(system.state_matrix())
     oscillating = np.flatnonzero(eigenvalues.imag > _REAL_POLE * np.abs(eigenvalues))
     order = oscillating[np.argsort(np.abs(eigenvalues[oscillating]))]
     poles, coordinates = eigenvalues[order], vectors[:n, order]
@@ -97,8 +96,13 @@ def _seen_shapes(shapes: NDArray[np.complex128], reach: NDArray[np.float64]) -> 
 
 
 def participation(mass: NDArray[np.float64], shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the share of each coordinate in the kinetic energy of each shape (modes, n); rows sum to 1."""
-    energy = np.abs(shapes) ** 2 * np.diag(mass)
+    """Return the share of each coordinate in the kinetic energy of each shape (modes, n); rows sum to 1.
+
+    Notes
+    -----
+    The share of coordinate i is Re(conj(q_i) (M q)_i) / (q^H M q).
+    """
+    energy = (shapes.conj() * (shapes @ mass)).real
     return np.asarray(energy / energy.sum(axis=1, keepdims=True))
 
 
@@ -107,7 +111,9 @@ def _labels(system: MechanicalSystem, shapes: NDArray[np.complex128]) -> tuple[s
     shares = participation(system.mass, shapes)
     labels: list[str | None] = [None] * len(shapes)
     wheels = [name.startswith("wheel") for name in system.coordinates]
-    body = [index for index, name in enumerate(system.coordinates) if name in {"bounce", "pitch", "roll"}]
+    body = [
+        index for index, name in enumerate(system.coordinates) if name in {"bounce", "pitch", "roll", "sway", "yaw"}
+    ]
     is_body = shares[:, body].sum(axis=1) > 0.5
     for mode in np.flatnonzero(shares[:, wheels].sum(axis=1) > 0.5):
         labels[mode] = "wheel_hop"

@@ -1,7 +1,7 @@
 """Rigid masses joined by springs with dampers: the form in which every vehicle is put together."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -26,6 +26,8 @@ PARTS = MappingProxyType(
         "tyre": ("tyre", None),
         "anti_roll": ("anti_roll", None),
         "mount": ("spring", "damper"),
+        "lateral": ("lateral_spring", "lateral_damper"),
+        "longitudinal": ("longitudinal_spring", None),
     }
 )
 
@@ -59,6 +61,8 @@ class Element:
     foot
         Name of the base displacement that moves its lower end; None where that end is fixed or on a mass.
         Such an element has no damping: the velocity of the base is no input.
+    series_stiffness
+        Of the bushing in series with the damper [N/m], above 0; None where the damper is fixed rigidly.
     """
 
     owner: str
@@ -67,12 +71,15 @@ class Element:
     stiffness: float
     damping: float = 0.0
     foot: str | None = None
+    series_stiffness: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "elongation", frozen_array("elongation", self.elongation, ndim=1))
         check_one_of("part", self.part, PARTS)
         check_number(f"stiffness of {self.owner} {self.part}", self.stiffness, at_least=0)
         check_number(f"damping of {self.owner} {self.part}", self.damping, at_least=0)
+        if self.series_stiffness is not None:
+            check_number(f"series_stiffness of {self.owner} {self.part}", self.series_stiffness, above=0)
         if self.foot is not None and self.damping != 0:
             raise ParameterError(
                 f"damping={self.damping:g} of {self.owner} {self.part} must be 0: it stands on the moving base"
@@ -140,11 +147,13 @@ class Structure:
 
         Notes
         -----
-        With elongations e = D q - F u: K = D^T diag(k) D, C = D^T diag(c) D, B = forces + D^T diag(k) F.
+        With elongations e = D q - F u: K = D^T diag(k) D, C = D^T diag(c) D, B = forces + D^T diag(k) F. A damper with
+        a bushing is no part of C but an arm of its own.
         """
         D = self.elongations
         stiffness = np.array([element.stiffness for element in self.elements])
-        damping = np.array([element.damping for element in self.elements])
+        damping = np.array([0.0 if element.series_stiffness else element.damping for element in self.elements])
+        arms = [element for element in self.elements if element.series_stiffness and element.damping > 0]
         return MechanicalSystem(
             mass=self.mass,
             damping=_weighted_gram(D, damping),
@@ -152,7 +161,50 @@ class Structure:
             input_matrix=self.forces + (D.T * stiffness) @ self.feet,
             coordinates=self.coordinates,
             inputs=self.inputs,
+            arm_elongations=np.array([arm.elongation for arm in arms]).reshape(-1, len(self.coordinates)),
+            arm_stiffness=np.array([arm.series_stiffness for arm in arms], dtype=np.float64),
+            arm_damping=np.array([arm.damping for arm in arms], dtype=np.float64),
         )
+
+    def changed(self, factors: Mapping[str, float]) -> "Structure":
+        """Return the structure with some components multiplied by a factor.
+
+        Parameters
+        ----------
+        factors
+            By owner and component, such as {"front_left.spring": 0.8}; at least 0.
+
+        Raises
+        ------
+        ParameterError
+            Where there is no such component.
+        """
+        known = {f"{owner}.{name}" for owner, owned in self.components().items() for name in owned}
+        for name, factor in factors.items():
+            check_one_of("component", name, known)
+            check_number(f"factor of {name}", factor, at_least=0)
+        elements = []
+        for element in self.elements:
+            spring, damper = (f"{element.owner}.{name}" for name in PARTS[element.part])
+            stiffness = element.stiffness * factors.get(spring, 1.0)
+            damping = element.damping * factors.get(damper, 1.0)
+            elements.append(replace(element, stiffness=stiffness, damping=damping))
+        return replace(self, elements=tuple(elements))
+
+    def with_payload(self, mass: float, *, x: float = 0.0, y: float = 0.0) -> "Structure":
+        """Return the structure with a load fixed to its body.
+
+        Parameters
+        ----------
+        mass
+            In kg, at least 0.
+        x, y
+            Place ahead and to the left of the body's own centre of gravity [m]. The coordinates stay those of the
+            empty body, so that sensors and springs keep their places.
+        """
+        check_number("mass of the payload", mass, at_least=0)
+        row = body_row(self.coordinates, x=x, y=y)
+        return replace(self, mass=self.mass + mass * np.outer(row, row))
 
     def modes(self) -> ExactModes:
         """Return the exact modes as the sensors see them."""
@@ -198,8 +250,9 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
     Notes
     -----
     Small motions of a rigid body in ISO 8855 axes: with bounce z, pitch p (positive nose down), roll r (positive
-    left side up) the point (x, y, h) moves by (h p, -h r, z - x p + y r), and the angular velocity is
-    (r', p', 0). Gravity's share in the reading of a tilted accelerometer is left out.
+    left side up), sway s and yaw w (positive to the left) the point (x, y, h) moves by (h p - y w, s + x w - h r,
+    z - x p + y r), and the angular velocity is (r', p', w'). A wheelset bounces and rolls. Gravity's share in
+    the reading of a tilted accelerometer is left out.
     """
     rows = {order: np.zeros((len(sensors), len(coordinates))) for order in (0, 1, 2)}
     for row, (sensor, carrier) in enumerate(zip(sensors, carriers, strict=True)):
@@ -208,7 +261,7 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
                 f"quantity {sensor.quantity!r} of channel {sensor.name!r} is no motion: use one of {', '.join(MOTIONS)}"
             )
         order, is_rotation = MOTIONS[sensor.quantity]
-        for name, value in _motion(sensor, carrier, is_rotation=is_rotation).items():
+        for name, value in _motion(sensor, carrier, is_rotation=is_rotation).items():  # names that it lacks are 0
             if name in coordinates:
                 rows[order][row, coordinates.index(name)] = value
         if carrier != "body" and carrier not in coordinates:
@@ -216,6 +269,21 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
                 f"channel {sensor.name!r} is on {carrier!r}, but the parts are body, {', '.join(coordinates)}"
             )
     return Outputs(channels=tuple(sensors), acceleration=rows[2], velocity=rows[1], displacement=rows[0])
+
+
+def body_row(coordinates: Sequence[str], *, x: float, y: float) -> NDArray[np.float64]:
+    """Return the upward displacement of the body at (x, y) [m] for one unit of each coordinate, shape (n,).
+
+    Notes
+    -----
+    The row is [1, -x, y] for bounce, pitch (positive nose down) and roll (positive left side up); ISO 8855.
+    """
+    row = np.zeros(len(coordinates))
+    for name, value in (("bounce", 1.0), ("pitch", -x), ("roll", y)):
+        if name not in coordinates:
+            raise ParameterError(f"the structure has no {name}: only a body on axles has a place at x and y")
+        row[coordinates.index(name)] = value
+    return row
 
 
 def _weighted_gram(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -229,7 +297,8 @@ def _motion(sensor: Channel, carrier: str, *, is_rotation: bool) -> dict[str, fl
     x, y, h = sensor.position or (0.0, 0.0, 0.0)
     dx, dy, dz = sensor.direction or (0.0, 0.0, 1.0)
     if carrier == "body" and is_rotation:
-        return {"bounce": 0.0, "pitch": dy, "roll": dx}
+        return {"pitch": dy, "roll": dx, "yaw": sensor.direction[2] if sensor.direction else 0.0}
     if carrier == "body":
-        return {"bounce": dz, "pitch": dx * h - dz * x, "roll": dz * y - dy * h}
-    return {carrier: 0.0 if is_rotation else dz}
+        plane = {"sway": dy, "yaw": dy * x - dx * y}
+        return {"bounce": dz, "pitch": dx * h - dz * x, "roll": dz * y - dy * h, **plane}
+    return {carrier: 0.0 if is_rotation else dz, f"{carrier}_roll": dx if is_rotation else dz * y}

@@ -1,6 +1,6 @@
 """Linear mechanical systems: matrices, state space and exact correlations."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,10 @@ class MechanicalSystem:
         Names of the n coordinates.
     inputs
         Names of the inputs.
+    arm_elongations
+        Shape (arms, n): elongation, for one unit of each coordinate, of each damper in series with a bushing.
+    arm_stiffness, arm_damping
+        Of the bushing [N/m] and of the damper [N s/m] of each arm, above 0, shape (arms,).
 
     Raises
     ------
@@ -37,7 +41,8 @@ class MechanicalSystem:
 
     Notes
     -----
-    The equation of motion is M q'' + C q' + K q = B u.
+    The equation of motion is M q'' + C q' + K q + A^T k (A q - z) = B u, with the elongation z of the dampers behind
+    bushings: c z' = k (A q - z).
     """
 
     mass: NDArray[np.float64]
@@ -46,10 +51,17 @@ class MechanicalSystem:
     input_matrix: NDArray[np.float64]
     coordinates: tuple[str, ...]
     inputs: tuple[str, ...]
+    arm_elongations: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    arm_stiffness: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    arm_damping: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        _freeze(self, "mass", "damping", "stiffness", "input_matrix")
         n = len(self.coordinates)
+        if self.arm_elongations.size == 0:
+            object.__setattr__(self, "arm_elongations", np.zeros((0, n)))
+        _freeze(self, "mass", "damping", "stiffness", "input_matrix", "arm_elongations")
+        for name in ("arm_stiffness", "arm_damping"):
+            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
         shapes = {"mass": (n, n), "damping": (n, n), "stiffness": (n, n), "input_matrix": (n, len(self.inputs))}
         _check_shapes(self, shapes, reason=f"{n} coordinates and {len(self.inputs)} inputs are named")
         if not np.allclose(self.mass, self.mass.T) or np.linalg.eigvalsh(self.mass)[0] <= 0:
@@ -61,6 +73,19 @@ class MechanicalSystem:
     def n_coordinates(self) -> int:
         """Number of degrees of freedom."""
         return len(self.coordinates)
+
+    def accelerations(self) -> NDArray[np.float64]:
+        """Return q'' for one unit of each state of [q, q', z], shape (n, 2 n + arms)."""
+        held = (self.arm_elongations.T * self.arm_stiffness) @ self.arm_elongations
+        released = -self.arm_elongations.T * self.arm_stiffness
+        return np.asarray(-np.linalg.solve(self.mass, np.hstack([self.stiffness + held, self.damping, released])))
+
+    def state_matrix(self) -> NDArray[np.float64]:
+        """Return A of x' = A x + B u with the state [q, q', z], shape (2 n + arms, 2 n + arms)."""
+        n, n_arms = self.n_coordinates, self.arm_damping.size
+        rates = self.arm_stiffness / self.arm_damping
+        arms = np.hstack([rates[:, None] * self.arm_elongations, np.zeros((n_arms, n)), -np.diag(rates)])
+        return np.vstack([np.eye(n, 2 * n + n_arms, k=n), self.accelerations(), arms])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -123,20 +148,20 @@ class StateSpace:
 
 
 def state_space(system: MechanicalSystem, outputs: Outputs) -> StateSpace:
-    """Return the continuous state space of `system` with the state [q, q'].
+    """Return the continuous state space of `system` with the state [q, q', z].
 
     Notes
     -----
-    A = [[0, I], [-M^-1 K, -M^-1 C]] and B = [0, M^-1 B]; an acceleration output adds its row of -M^-1 K, -M^-1 C
-    to the output matrix and of M^-1 B to the feed-through.
+    Without bushings A = [[0, I], [-M^-1 K, -M^-1 C]] and B = [0, M^-1 B]; an acceleration output adds its row of
+    -M^-1 K, -M^-1 C to the output matrix and of M^-1 B to the feed-through.
     """
-    n = system.n_coordinates
-    accelerations = -np.linalg.solve(system.mass, np.hstack([system.stiffness, system.damping]))
+    n_arms = system.arm_damping.size
     forces = np.linalg.solve(system.mass, system.input_matrix)
     return StateSpace(
-        state_matrix=np.vstack([np.eye(n, 2 * n, k=n), accelerations]),
-        input_matrix=np.vstack([np.zeros_like(forces), forces]),
-        output_matrix=np.hstack([outputs.displacement, outputs.velocity]) + outputs.acceleration @ accelerations,
+        state_matrix=system.state_matrix(),
+        input_matrix=np.vstack([np.zeros_like(forces), forces, np.zeros((n_arms, forces.shape[1]))]),
+        output_matrix=outputs.acceleration @ system.accelerations()
+        + np.hstack([outputs.displacement, outputs.velocity, np.zeros((len(outputs.channels), n_arms))]),
         feedthrough=outputs.acceleration @ forces,
     )
 

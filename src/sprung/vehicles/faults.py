@@ -1,0 +1,99 @@
+"""Faults: a spring, damper or tyre that is softer or stiffer than it was, suddenly or growing."""
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sprung._checks import check_number
+from sprung.errors import ParameterError
+from sprung.vehicles.structure import Structure
+
+_FORM = re.compile(r"(?P<owner>\w+)\.(?P<component>\w+)=(?P<change>[^@]+)(@(?P<onset>[^+]+)(\+(?P<growth>.+))?)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A change of one component.
+
+    Parameters
+    ----------
+    component
+        Owner and name, such as "front_left.spring".
+    change
+        Relative, above -1: -0.2 is 20 % softer.
+    onset
+        When it begins [s].
+    growth
+        Time over which it grows linearly to its full size [s]; 0: sudden.
+    """
+
+    component: str
+    change: float
+    onset: float = 0.0
+    growth: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_number(f"change of {self.component}", self.change, above=-1, advice="-0.2 means 20 % less")
+        check_number(f"onset of {self.component}", self.onset, at_least=0)
+        check_number(f"growth of {self.component}", self.growth, at_least=0)
+
+    @property
+    def is_constant(self) -> bool:
+        """Tell whether the fault is there from the start and does not grow."""
+        return self.onset == 0 and self.growth == 0
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Times at which the course of the fault bends [s]; two equal ones are a step."""
+        return (self.onset, self.onset + self.growth)
+
+    def factor(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Return value over healthy value of the component at times [s]."""
+        t = np.asarray(time, dtype=np.float64)
+        if self.growth == 0:
+            return np.where(t >= self.onset, 1 + self.change, 1.0)
+        return 1 + self.change * np.clip((t - self.onset) / self.growth, 0, 1)
+
+
+def parse_fault(text: str) -> Fault:
+    """Return the fault written as CORNER.COMPONENT=CHANGE, with @ONSET and +GROWTH in seconds where it is not constant.
+
+    Examples
+    --------
+    >>> parse_fault("front_left.spring=-0.2")
+    Fault(component='front_left.spring', change=-0.2, onset=0.0, growth=0.0)
+    >>> parse_fault("rear_right.damper=-0.3@120+60").factor([0, 150, 180]).tolist()
+    [1.0, 0.85, 0.7]
+    """
+    match = _FORM.fullmatch(text.strip())
+    numbers = [match[name] for name in ("change", "onset", "growth")] if match else []
+    try:
+        if match is None:
+            raise ValueError
+        change, onset, growth = (float(number) if number else 0.0 for number in numbers)
+        if not all(map(math.isfinite, (change, onset, growth))):
+            raise ValueError
+    except ValueError:
+        raise ParameterError(
+            f"fault {text!r} is not of the form CORNER.COMPONENT=CHANGE, such as front_left.spring=-0.2, with "
+            "@ONSET+GROWTH in seconds for one that begins later or grows: correct it"
+        ) from None
+    return Fault(f"{match['owner']}.{match['component']}", change, onset, growth)
+
+
+def with_faults(structure: Structure, faults: Iterable[Fault], *, time: float = math.inf) -> Structure:
+    """Return a structure with its faults as they are at a time [s]; default: full-grown.
+
+    Raises
+    ------
+    ParameterError
+        Where the structure has no such component.
+    """
+    factors: dict[str, float] = {}
+    for fault in faults:
+        factors[fault.component] = factors.get(fault.component, 1.0) * float(fault.factor(time))
+    return structure.changed(factors)

@@ -1,0 +1,129 @@
+"""Frequency responses of a structure, and how its modes move with each component."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sprung._checks import frozen_array
+from sprung.errors import ParameterError
+from sprung.vehicles.structure import PARTS, Element, Structure
+
+Complex = NDArray[np.complex128]
+
+
+def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
+    """Return what the sensors read for one unit of each input.
+
+    Parameters
+    ----------
+    structure
+        With sensors.
+    frequencies
+        Shape (frequencies,), in Hz, at least 0.
+
+    Returns
+    -------
+    ndarray
+        Shape (frequencies, channels, inputs): output over input, such as m/s^2 over m.
+
+    Raises
+    ------
+    ParameterError
+        Where a frequency is negative or not finite.
+
+    Notes
+    -----
+    H(f) = C (i w I - A)^-1 B + D with w = 2 pi f.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> quarter = structure(read_vehicle("quarter"))
+    >>> frequency_response(quarter, [13.21]).shape
+    (1, 2, 1)
+    """
+    f = frozen_array("frequencies", frequencies, ndim=1)
+    if not np.all(np.isfinite(f)) or np.any(f < 0):
+        raise ParameterError("frequencies must be finite and at least 0: correct them")
+    space = structure.state_space()
+    resolvent = 2j * np.pi * f[:, None, None] * np.eye(len(space.state_matrix)) - space.state_matrix
+    states = np.linalg.solve(resolvent, np.broadcast_to(space.input_matrix, (f.size, *space.input_matrix.shape)))
+    return np.asarray(space.output_matrix @ states + space.feedthrough)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sensitivities:
+    """How natural frequencies and damping ratios move with each component.
+
+    Parameters
+    ----------
+    components
+        Owner and name, such as "front_left.spring".
+    natural_frequency
+        d f / d ln(value) [Hz], shape (modes, components): 0.01 times it is the change for 1 % of the component.
+    damping_ratio
+        d xi / d ln(value), shape (modes, components).
+    """
+
+    components: tuple[str, ...]
+    natural_frequency: NDArray[np.float64]
+    damping_ratio: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("natural_frequency", "damping_ratio"):
+            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=2))
+
+
+def sensitivities(structure: Structure) -> Sensitivities:
+    """Return how the modes of a structure, in the order of `Structure.modes`, move with each component.
+
+    Notes
+    -----
+    With the dynamic stiffness D(s) = s^2 M + sum z(s) d d^T, symmetric, and D(s) q = 0: ds / dp =
+    -(q^T dD/dp q) / (q^T dD/ds q).
+
+    References
+    ----------
+    R. L. Fox and M. P. Kapoor, Rates of change of eigenvalues and eigenvectors, AIAA Journal 6 (1968), 2426-2429.
+    """
+    poles = structure.modes().poles
+    shapes = _coordinate_shapes(structure, poles)
+    elongations = np.einsum("mi,ei->me", shapes, structure.elongations) ** 2
+    slope = 2 * poles * np.einsum("mi,ij,mj->m", shapes, structure.mass, shapes)
+    for number, element in enumerate(structure.elements):
+        slope = slope + _arm_slope(element, poles) * elongations[:, number]
+    found: dict[str, Complex] = {}
+    for number, element in enumerate(structure.elements):
+        spring, damper = PARTS[element.part]
+        found[f"{element.owner}.{spring}"] = -element.stiffness * elongations[:, number] / slope
+        if damper is not None:
+            found[f"{element.owner}.{damper}"] = -_arm_change(element, poles) * elongations[:, number] / slope
+    change = np.array(list(found.values())).T.reshape(poles.size, len(found))
+    size = np.abs(poles)[:, None]
+    growth = (poles.conj()[:, None] * change).real / size
+    damping = -change.real / size + poles.real[:, None] * growth / size**2
+    return Sensitivities(tuple(found), growth / (2 * np.pi), damping)
+
+
+def _coordinate_shapes(structure: Structure, poles: Complex) -> Complex:
+    """Shapes of the poles in the coordinates, shape (modes, n)."""
+    eigenvalues, vectors = np.linalg.eig(structure.system.state_matrix())
+    order = np.argmin(np.abs(eigenvalues[:, None] - poles), axis=0)
+    return np.asarray(vectors[: len(structure.coordinates), order].T)
+
+
+def _arm_slope(element: Element, s: Complex) -> Complex:
+    """Derivative of a damper's dynamic stiffness, with its bushing, for s."""
+    if element.series_stiffness is None or element.damping == 0:
+        return np.full_like(s, element.damping)
+    stiffness = 1 / (1 / (s * element.damping) + 1 / element.series_stiffness)
+    return stiffness**2 / (s**2 * element.damping)
+
+
+def _arm_change(element: Element, s: Complex) -> Complex:
+    """Derivative of a damper's dynamic stiffness, with its bushing, for ln(damping)."""
+    if element.series_stiffness is None or element.damping == 0:
+        return s * element.damping
+    stiffness = 1 / (1 / (s * element.damping) + 1 / element.series_stiffness)
+    return np.asarray(stiffness**2 / (s * element.damping))
