@@ -1,0 +1,45 @@
+"""What drives a vehicle: random forces, hammer blows, base motions, roads, rails, roller rigs, lines."""
+
+from sprung.excitation.base_motion import QUARTER_CASES, BaseMotion, pulse_indices
+from sprung.excitation.hammer import HammerBlows
+from sprung.excitation.lines import Lines, Sum
+from sprung.excitation.noise import BAND_ORDER, Excitation, RandomInputs, noise
+from sprung.excitation.rig import RollerRig
+from sprung.excitation.speed import SpeedProfile, constant_speed, random_speed
+from sprung.excitation.surface import (
+    ROAD_CLASSES,
+    Joints,
+    Potholes,
+    Profile,
+    Rail,
+    Road,
+    SurfaceMotion,
+    rail_quality,
+    road_class,
+)
+
+__all__ = [
+    "BAND_ORDER",
+    "QUARTER_CASES",
+    "ROAD_CLASSES",
+    "BaseMotion",
+    "Excitation",
+    "HammerBlows",
+    "Joints",
+    "Lines",
+    "Potholes",
+    "Profile",
+    "Rail",
+    "RandomInputs",
+    "Road",
+    "RollerRig",
+    "SpeedProfile",
+    "Sum",
+    "SurfaceMotion",
+    "constant_speed",
+    "noise",
+    "pulse_indices",
+    "rail_quality",
+    "random_speed",
+    "road_class",
+]

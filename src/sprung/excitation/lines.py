@@ -1,0 +1,108 @@
+"""Lines that follow a speed, such as of wheels and engine; and sums of excitations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._checks import check_number
+from sprung.errors import ParameterError
+from sprung.excitation.noise import Excitation
+from sprung.excitation.speed import SpeedProfile
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Lines:
+    """Sines whose frequency is proportional to a speed.
+
+    Parameters
+    ----------
+    speed
+        In m/s (or revolutions per second).
+    orders
+        Periods per metre (or revolution): 1 / (2 pi 0.3) for the first order of a wheel of 0.3 m.
+    amplitudes
+        Of each order at the reference speed [N, or m for base displacements].
+    shares
+        What of it acts on each input, shape (inputs,).
+    reference_speed, speed_exponent
+        amplitude = amplitudes (speed / reference_speed)^speed_exponent; unbalance grows with the square.
+
+    Notes
+    -----
+    The phase is 2 pi order distance(t): the integral of the frequency, so that it runs on when the speed changes.
+    """
+
+    speed: SpeedProfile
+    orders: tuple[float, ...]
+    amplitudes: tuple[float, ...]
+    shares: tuple[float, ...]
+    reference_speed: float = 10.0
+    speed_exponent: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_number("reference_speed", self.reference_speed, above=0)
+        if len(self.orders) != len(self.amplitudes):
+            raise ParameterError(
+                f"{len(self.orders)} orders have {len(self.amplitudes)} amplitudes: give one for each order"
+            )
+
+    @property
+    def n_inputs(self) -> int:
+        """As many as there are shares."""
+        return len(self.shares)
+
+    @property
+    def is_smooth(self) -> bool:
+        """Sines run on between samples."""
+        return True
+
+    def samples(
+        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Return the lines with random phases from time `start` [s] on, shape (inputs, samples)."""
+        time = start + np.arange(n_samples) / sampling_rate
+        distance = self.speed.distance(time)
+        growth = (self.speed.speed(time) / self.reference_speed) ** self.speed_exponent
+        total = np.zeros(n_samples)
+        for order, amplitude in zip(self.orders, self.amplitudes, strict=True):
+            total += amplitude * np.sin(2 * np.pi * order * distance + generator.uniform(0, 2 * np.pi))
+        return np.outer(self.shares, growth * total)
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """Excitations of the same inputs together.
+
+    Parameters
+    ----------
+    parts
+        At least one, all with the same number of inputs, drawn one after the other.
+    """
+
+    parts: tuple[Excitation, ...]
+
+    def __post_init__(self) -> None:
+        if len({part.n_inputs for part in self.parts}) != 1:
+            counts = ", ".join(str(part.n_inputs) for part in self.parts)
+            raise ParameterError(f"parts have {counts or 'no'} inputs, but must all have the same number: correct it")
+
+    @property
+    def n_inputs(self) -> int:
+        """Of each part."""
+        return self.parts[0].n_inputs
+
+    @property
+    def is_smooth(self) -> bool:
+        """Smooth where all parts are."""
+        return all(part.is_smooth for part in self.parts)
+
+    def samples(
+        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Return the sum of the parts, shape (inputs, samples)."""
+        drawn = [
+            part.samples(n_samples, sampling_rate=sampling_rate, generator=generator, start=start)
+            for part in self.parts
+        ]
+        return np.asarray(np.sum(drawn, axis=0))

@@ -1,0 +1,104 @@
+"""Speed over time: of a drive, or the rotation of a roller."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sprung._checks import check_number, frozen_array
+from sprung.errors import ParameterError
+
+#: Accelerations of a drive and of braking to a stop [m/s^2], times of steady speed and of standing still [s].
+_ACCELERATIONS, _STEADY, _STANDING = (0.4, 1.5), (8.0, 40.0), (5.0, 15.0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SpeedProfile:
+    """Speed that is linear between knots and constant before the first and after the last.
+
+    Parameters
+    ----------
+    times
+        Rising, shape (knots,) [s].
+    speeds
+        At the knots, at least 0, shape (knots,) [m/s, or revolutions per second].
+
+    Raises
+    ------
+    ParameterError
+        Where times do not rise or a speed is negative.
+    """
+
+    times: NDArray[np.float64]
+    speeds: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("times", "speeds"):
+            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
+        if self.times.size == 0 or self.times.shape != self.speeds.shape or np.any(np.diff(self.times) <= 0):
+            raise ParameterError(
+                f"times of a speed profile must rise, one for each of {self.speeds.size} speeds: correct"
+            )
+        if not np.all(np.isfinite(self.speeds)) or np.any(self.speeds < 0):
+            raise ParameterError("speeds must be finite and at least 0: vehicles drive forward here")
+
+    def speed(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Return the speed at times [s]."""
+        return np.asarray(np.interp(np.asarray(time), self.times, self.speeds))
+
+    def distance(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Return the distance from time 0, the exact integral of the speed; negative before.
+
+        Examples
+        --------
+        >>> SpeedProfile([0.0, 10.0], [0.0, 20.0]).distance([5.0, 10.0, 11.0]).tolist()
+        [25.0, 100.0, 120.0]
+        """
+        return self._since_first(time) - self._since_first(0.0)
+
+    def _since_first(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Distance from the first knot."""
+        t = np.asarray(time, dtype=np.float64)
+        steps = np.diff(self.times) * (self.speeds[1:] + self.speeds[:-1]) / 2
+        passed = np.concatenate([[0.0], np.cumsum(steps)])
+        knot = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, None)
+        return np.asarray(passed[knot] + (t - self.times[knot]) * (self.speed(t) + self.speeds[knot]) / 2)
+
+
+def constant_speed(speed: float) -> SpeedProfile:
+    """Return the same speed at all times."""
+    check_number("speed", speed, at_least=0)
+    return SpeedProfile(np.zeros(1), np.array([speed]))
+
+
+def random_speed(
+    duration: float, *, low: float, high: float, n_stops: int = 0, generator: np.random.Generator
+) -> SpeedProfile:
+    """Return the speed of a drive: stretches of steady speed, changes between them, stops.
+
+    Parameters
+    ----------
+    duration
+        In s; the last stretch goes beyond it.
+    low, high
+        Range of the steady speeds [m/s].
+    n_stops
+        Stops, spread over the drive; fewer where it is too short for them.
+    generator
+        Source of the randomness.
+    """
+    check_number("duration", duration, above=0)
+    check_number("lowest speed", low, above=0)
+    check_number("highest speed", high, at_least=low)
+    stops = list(np.sort(generator.uniform(0.1, 0.9, size=n_stops)) * duration)
+    times, speeds = [0.0], [float(generator.uniform(low, high))]
+    while times[-1] < duration:
+        is_stop = bool(stops) and times[-1] > stops[0] and speeds[-1] > 0
+        if is_stop:
+            stops.pop(0)
+        held = generator.uniform(*(_STANDING if speeds[-1] == 0 else _STEADY))
+        wanted = 0.0 if is_stop else float(generator.uniform(low, high))
+        change = max(abs(wanted - speeds[-1]) / generator.uniform(*_ACCELERATIONS), 0.1)
+        times += [times[-1] + held, times[-1] + held + change]
+        speeds += [speeds[-1], wanted]
+    return SpeedProfile(np.array(times), np.array(speeds))

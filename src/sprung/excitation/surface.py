@@ -1,0 +1,345 @@
+"""Roads and rails: random unevenness, potholes, joints, and how the wheels of a vehicle follow them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.interpolate import CubicSpline
+
+from sprung._checks import check_number, check_one_of
+from sprung.errors import ParameterError
+from sprung.excitation.speed import SpeedProfile
+
+Real = NDArray[np.float64]
+
+#: Level of the road classes at 0.1 cycles/m, geometric mean [m^3] (ISO 8608:2016, table C.1).
+ROAD_CLASSES: MappingProxyType[str, float] = MappingProxyType({name: 16e-6 * 4**k for k, name in enumerate("ABCDEFGH")})
+#: Spatial frequency at which the level of a road is given [1/m], and the range in which it is uneven.
+REFERENCE, LOWEST, HIGHEST = 0.1, 0.01, 10.0
+#: Distance between the points of a profile [m], and its shortest length.
+SPACING, _SHORTEST = 0.02, 1000.0
+#: Points that a profile may have.
+_MOST_POINTS = 2e8
+
+
+class Surface(Protocol):
+    """Unevenness of a left and a right track as a common and a differing part."""
+
+    def common(self, wave_number: Real) -> Real:
+        """Return the one-sided spectral density of (left + right) / 2 over cycles/m [m^3]."""
+
+    def differing(self, wave_number: Real) -> Real:
+        """Return the one-sided spectral density of (left - right) / 2 over cycles/m [m^3]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Road:
+    """A road by ISO 8608 with coherence of left and right.
+
+    Parameters
+    ----------
+    level
+        G(n0): one-sided displacement spectral density at n0 = 0.1 cycles/m [m^3].
+    exponent
+        w; 2 in the standard.
+    coherence_length
+        In m: left and right have the coherence function g = exp(-coherence_length n).
+
+    Notes
+    -----
+    G(n) = level (n / n0)^-exponent between 0.01 and 10 cycles/m, and the cross spectrum of left and right is G g:
+    their half sum has G (1 + g) / 2 and their half difference G (1 - g) / 2.
+    """
+
+    level: float
+    exponent: float = 2.0
+    coherence_length: float = 1.5
+
+    def __post_init__(self) -> None:
+        check_number("level", self.level, above=0)
+        check_number("exponent", self.exponent, at_least=0, at_most=5)
+        check_number("coherence_length", self.coherence_length, at_least=0)
+
+    def density(self, wave_number: Real) -> Real:
+        """Return G(n) of one track [m^3]; 0 outside the range."""
+        inside = (wave_number >= LOWEST) & (wave_number <= HIGHEST)
+        return np.where(inside, self.level * (np.maximum(wave_number, LOWEST) / REFERENCE) ** -self.exponent, 0.0)
+
+    def coherence(self, wave_number: Real) -> Real:
+        """Return g(n), the cross over the auto spectrum of the tracks."""
+        return np.asarray(np.exp(-self.coherence_length * wave_number))
+
+    def common(self, wave_number: Real) -> Real:
+        """Return the density of the half sum."""
+        return self.density(wave_number) * (1 + self.coherence(wave_number)) / 2
+
+    def differing(self, wave_number: Real) -> Real:
+        """Return the density of the half difference."""
+        return self.density(wave_number) * (1 - self.coherence(wave_number)) / 2
+
+
+def road_class(name: str) -> Road:
+    """Return the road of a class of ISO 8608, A (very good) to H.
+
+    Examples
+    --------
+    >>> road_class("C").level
+    0.000256
+    """
+    return Road(ROAD_CLASSES[check_one_of("road class", name.upper(), ROAD_CLASSES)])
+
+
+@dataclass(frozen=True, slots=True)
+class Rail:
+    """A track by the spectra of ERRI B176.
+
+    Parameters
+    ----------
+    level
+        A [m rad]: 4.032e-7 for a good track, 1.080e-6 for a bad one.
+
+    Notes
+    -----
+    Over the pulsation W [rad/m], one-sided: vertical A Wc^2 / ((W^2 + Wr^2)(W^2 + Wc^2)); half the cross level that
+    times W^2 / (W^2 + Ws^2); Wc = 0.8246, Wr = 0.0206, Ws = 0.4380 rad/m. Over cycles they are 2 pi times larger.
+
+    References
+    ----------
+    ERRI B176, Bogies with steered or steering wheelsets (1989); H. Claus and W. Schiehlen, Modeling and simulation of
+    railway bogie structural vibrations, Vehicle System Dynamics 29 (1998), supplement, 538-552.
+    """
+
+    level: float
+
+    def __post_init__(self) -> None:
+        check_number("level", self.level, above=0)
+
+    def common(self, wave_number: Real) -> Real:
+        """Return the density of the vertical unevenness."""
+        squared = (2 * np.pi * wave_number) ** 2
+        return np.asarray(2 * np.pi * self.level * 0.8246**2 / ((squared + 0.0206**2) * (squared + 0.8246**2)))
+
+    def differing(self, wave_number: Real) -> Real:
+        """Return the density of half the cross level as a height."""
+        squared = (2 * np.pi * wave_number) ** 2
+        return np.asarray(self.common(wave_number) * squared / (squared + 0.4380**2))
+
+
+def rail_quality(name: str) -> Rail:
+    """Return a "good" or a "bad" track of ERRI B176."""
+    levels = {"good": 4.032e-7, "bad": 1.080e-6}
+    return Rail(levels[check_one_of("rail quality", name, levels)])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Profile:
+    """Heights of a left and a right track along the way.
+
+    Parameters
+    ----------
+    first
+        Place of the first height [m].
+    heights
+        Shape (2, points): left and right [m], `SPACING` apart.
+    """
+
+    first: float
+    heights: Real
+    _splines: CubicSpline = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        places = self.first + SPACING * np.arange(self.heights.shape[1])
+        object.__setattr__(self, "_splines", CubicSpline(places, self.heights, axis=1))
+
+    def height(self, is_left: bool, place: ArrayLike) -> Real:
+        """Return the height of a track at places [m], by a cubic spline through its points."""
+        side = 0 if is_left else 1
+        return np.asarray(CubicSpline.construct_fast(self._splines.c[..., side], self._splines.x)(np.asarray(place)))
+
+
+class Obstacle(Protocol):
+    """Something on the way that is not random unevenness."""
+
+    def heights(self, places: Real, generator: np.random.Generator) -> Real:
+        """Return the height of left and right at rising places, shape (2, points) [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Potholes:
+    """Potholes and bumps at random places.
+
+    Parameters
+    ----------
+    per_kilometre
+        Mean number, on either side.
+    depth
+        Smallest and largest [m]; a share of them are bumps of that height.
+    length
+        Shortest and longest [m].
+    share_of_bumps, share_of_both_sides
+        0 to 1.
+
+    Notes
+    -----
+    Each has the form depth (1 - cos(2 pi x / length)) / 2.
+    """
+
+    per_kilometre: float = 5.0
+    depth: tuple[float, float] = (0.01, 0.04)
+    length: tuple[float, float] = (0.4, 1.2)
+    share_of_bumps: float = 0.3
+    share_of_both_sides: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_number("per_kilometre", self.per_kilometre, at_least=0)
+        for name in ("share_of_bumps", "share_of_both_sides"):
+            check_number(name, getattr(self, name), at_least=0, at_most=1)
+
+    def heights(self, places: Real, generator: np.random.Generator) -> Real:
+        """Return their heights."""
+        found = np.zeros((2, places.size))
+        span = places[-1] - places[0]
+        for _ in range(generator.poisson(self.per_kilometre * span / 1000)):
+            start, length = places[0] + generator.uniform(0, span), generator.uniform(*self.length)
+            height = generator.uniform(*self.depth) * (1 if generator.random() < self.share_of_bumps else -1)
+            sides = [0, 1] if generator.random() < self.share_of_both_sides else [int(generator.integers(2))]
+            inside = slice(*np.searchsorted(places, [start, start + length]))
+            found[sides, inside] += height * (1 - np.cos(2 * np.pi * (places[inside] - start) / length)) / 2
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Joints:
+    """Dipped rail joints at equal distances on both rails.
+
+    Parameters
+    ----------
+    rail_length
+        In m.
+    depth, length
+        Of a dip [m]; it falls off exponentially to both sides, with a kink at the joint.
+    """
+
+    rail_length: float = 18.0
+    depth: float = 0.002
+    length: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name in ("rail_length", "depth", "length"):
+            check_number(name, getattr(self, name), above=0)
+
+    def heights(self, places: Real, generator: np.random.Generator) -> Real:
+        """Return their heights: -depth exp(-3 distance / length)."""
+        del generator  # joints are regular
+        distance = np.abs((places + self.rail_length / 2) % self.rail_length - self.rail_length / 2)
+        return np.broadcast_to(-self.depth * np.exp(-3 * distance / self.length), (2, places.size))
+
+
+def random_profile(
+    surface: Surface,
+    *,
+    first: float,
+    last: float,
+    generator: np.random.Generator,
+    contact_length: float = 0.0,
+    obstacles: Sequence[Obstacle] = (),
+) -> Profile:
+    """Return the profile of a way drawn at random.
+
+    Parameters
+    ----------
+    surface
+        Its spectra.
+    first, last
+        Where it begins and ends [m].
+    generator
+        Source of the randomness.
+    contact_length
+        Over which a wheel averages [m]; 0 for none.
+    obstacles
+        Potholes, joints.
+
+    Notes
+    -----
+    Every Fourier coefficient of the half sum and the half difference is Gaussian with the variance that the spectra
+    ask for; the average over the contact is their factor sin(pi n a) / (pi n a).
+    """
+    n_points = next_fast_len(math.ceil(max(last - first, _SHORTEST) / SPACING) + 2, real=True)
+    check_number("points of the way", n_points, at_most=_MOST_POINTS, advice="simulate a shorter drive")
+    n = np.arange(n_points // 2 + 1) / (n_points * SPACING)
+    draws = generator.standard_normal((2, 2, n.size))
+    densities = np.stack([surface.common(n), surface.differing(n)])
+    densities[:, n < LOWEST] = densities[:, n > HIGHEST] = 0.0
+    # one-sided density G: each coefficient of the real transform has E|X|^2 = G n_points / (2 spacing)
+    common, differing = (draws[:, 0] + 1j * draws[:, 1]) * np.sqrt(densities * n_points / (4 * SPACING))
+    heights = irfft(np.stack([common + differing, common - differing]), n=n_points, axis=1)
+    places = np.asarray(first + SPACING * np.arange(n_points), dtype=np.float64)
+    for obstacle in obstacles:
+        heights = heights + obstacle.heights(places, generator)
+    return Profile(first, irfft(rfft(heights, axis=1) * np.sinc(n * contact_length), n=n_points, axis=1))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SurfaceMotion:
+    """Height of a road or track under each wheel of a vehicle that drives along it.
+
+    Parameters
+    ----------
+    surface
+        `Road` or `Rail`.
+    axle_positions
+        Distance of each axle ahead of the centre of gravity, front to rear [m].
+    speed
+        Of the drive [m/s].
+    contact_length
+        Over which a wheel averages the way [m].
+    obstacles
+        Potholes, joints.
+
+    Notes
+    -----
+    The wheel of axle j reads its track at distance(t) - (x_1 - x_j): what the front wheel passed, later by however
+    long the vehicle needs at its speed. Inputs are the corners front to rear, left before right.
+    """
+
+    surface: Surface
+    axle_positions: tuple[float, ...]
+    speed: SpeedProfile
+    contact_length: float = 0.1
+    obstacles: tuple[Obstacle, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.axle_positions or list(self.axle_positions) != sorted(self.axle_positions, reverse=True):
+            raise ParameterError(f"axle_positions {self.axle_positions} must fall from front to rear: order them")
+        check_number("contact_length", self.contact_length, at_least=0)
+
+    @property
+    def n_inputs(self) -> int:
+        """Two wheels on each axle."""
+        return 2 * len(self.axle_positions)
+
+    @property
+    def is_smooth(self) -> bool:
+        """The way runs on between samples."""
+        return True
+
+    def samples(
+        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
+    ) -> Real:
+        """Return the height under every wheel from time `start` [s] on, shape (wheels, samples) [m]."""
+        distance = self.speed.distance(start + np.arange(n_samples) / sampling_rate)
+        behind = self.axle_positions[0] - np.array(self.axle_positions)
+        profile = random_profile(
+            self.surface,
+            first=distance[0] - behind[-1] - 1,
+            last=distance[-1] + 1,
+            generator=generator,
+            contact_length=self.contact_length,
+            obstacles=self.obstacles,
+        )
+        return np.stack([profile.height(is_left, distance - gap) for gap in behind for is_left in (True, False)])
