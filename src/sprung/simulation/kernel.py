@@ -1,0 +1,181 @@
+"""Inner loops of the nonlinear integration, compiled by numba; imported only where they run.
+
+State of a vehicle with n coordinates and m elements: coordinates q, velocities v, elongations z of dampers behind
+bushings and forces r of rubber, in one vector [q, v, z, r].
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+# Columns of the table of laws; the order of the fields of `sprung.simulation.laws.Law`.
+ASYMMETRY, ASYMMETRY_VELOCITY, KNEE, KNEE_SLOPE, FRICTION, FRICTION_VELOCITY = 0, 1, 2, 3, 4, 5
+CUBIC, GAP, STOP_STIFFNESS, RUBBER_STIFFNESS, RUBBER_FORCE = 6, 7, 8, 9, 10
+
+
+@njit(cache=True, error_model="numpy")
+def forces(e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, law: Any) -> Any:
+    """Return the tension of an element, and the rates of its damper's elongation and of its rubber's force."""
+    tension = k * (e + law[CUBIC] * e * e * e) + r
+    if abs(e) > law[GAP]:
+        tension += law[STOP_STIFFNESS] * (e - law[GAP] if e > 0 else e + law[GAP])
+    if bushing > 0 and c > 0:
+        arm = bushing * (e - z)
+        tension += arm
+        z_rate = arm / c
+    else:
+        z_rate = 0.0
+        speed = abs(rate)
+        bent = rate
+        if speed > law[KNEE]:
+            beyond = (speed - law[KNEE]) * law[KNEE_SLOPE] + law[KNEE]
+            bent = beyond if rate > 0 else -beyond
+        damping = c
+        if law[ASYMMETRY] != 0:
+            damping = c * (1 + law[ASYMMETRY] * rate / np.sqrt(rate * rate + law[ASYMMETRY_VELOCITY] ** 2))
+        tension += damping * bent
+    if law[FRICTION] > 0:
+        tension += law[FRICTION] * rate / np.sqrt(rate * rate + law[FRICTION_VELOCITY] ** 2)
+    r_rate = 0.0
+    if law[RUBBER_STIFFNESS] > 0:
+        sign = 1.0 if rate > 0 else -1.0
+        r_rate = law[RUBBER_STIFFNESS] * rate * (1 - sign * r / law[RUBBER_FORCE])
+    return tension, z_rate, r_rate
+
+
+@njit(cache=True, error_model="numpy")
+def rates(
+    state: Any,
+    u: Any,
+    inverse_mass: Any,
+    elongations: Any,
+    feet: Any,
+    input_forces: Any,
+    k: Any,
+    c: Any,
+    bushings: Any,
+    laws: Any,
+    out: Any,
+) -> None:
+    """Write the time derivative of the state for the inputs u."""
+    n = inverse_mass.shape[0]
+    m = elongations.shape[0]
+    force = np.zeros(n)
+    for i in range(n):
+        for j in range(u.size):
+            force[i] += input_forces[i, j] * u[j]
+    for row in range(m):
+        e = 0.0
+        rate = 0.0
+        for i in range(n):
+            e += elongations[row, i] * state[i]
+            rate += elongations[row, i] * state[n + i]
+        if feet[row] >= 0:
+            e -= u[feet[row]]
+        tension, z_rate, r_rate = forces(
+            e, rate, state[2 * n + row], state[2 * n + m + row], k[row], c[row], bushings[row], laws[row]
+        )
+        out[2 * n + row] = z_rate
+        out[2 * n + m + row] = r_rate
+        for i in range(n):
+            force[i] -= elongations[row, i] * tension
+    for i in range(n):
+        out[i] = state[n + i]
+        acceleration = 0.0
+        for j in range(n):
+            acceleration += inverse_mass[i, j] * force[j]
+        out[n + i] = acceleration
+
+
+@njit(cache=True, error_model="numpy")
+def integrate(
+    inverse_mass: Any,
+    elongations: Any,
+    feet: Any,
+    input_forces: Any,
+    stiffness: Any,
+    damping: Any,
+    bushings: Any,
+    laws: Any,
+    knots: Any,
+    factors: Any,
+    inputs: Any,
+    step: Any,
+    start: Any,
+    coordinates: Any,
+    velocities: Any,
+    by_acceleration: Any,
+    by_velocity: Any,
+    by_displacement: Any,
+) -> Any:
+    """Return outputs (steps, channels), coordinates and velocities (steps, n)."""
+    n, m = inverse_mass.shape[0], elongations.shape[0]
+    n_steps, n_channels = inputs.shape[0], by_acceleration.shape[0]
+    outputs = np.zeros((n_steps, n_channels))
+    places = np.zeros((n_steps, n))
+    speeds = np.zeros((n_steps, n))
+    state = np.zeros(2 * n + 2 * m)
+    state[:n] = coordinates
+    state[n : 2 * n] = velocities
+    first = np.zeros(state.size)
+    second = np.zeros(state.size)
+    third = np.zeros(state.size)
+    fourth = np.zeros(state.size)
+    k = stiffness * factors[:, 0, 0]
+    c = damping * factors[:, 1, 0]
+    knot = 0
+    for number in range(n_steps):
+        if knots.size > 1:
+            time = start + number * step
+            while knot < knots.size - 2 and time >= knots[knot + 1]:
+                knot += 1
+            share = min(max((time - knots[knot]) / (knots[knot + 1] - knots[knot]), 0.0), 1.0)
+            k = stiffness * (factors[:, 0, knot] * (1 - share) + factors[:, 0, knot + 1] * share)
+            c = damping * (factors[:, 1, knot] * (1 - share) + factors[:, 1, knot + 1] * share)
+        u = inputs[number]
+        rates(state, u, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, first)
+        for channel in range(n_channels):
+            reading = 0.0
+            for i in range(n):
+                reading += (
+                    by_displacement[channel, i] * state[i]
+                    + by_velocity[channel, i] * state[n + i]
+                    + by_acceleration[channel, i] * first[n + i]
+                )
+            outputs[number, channel] = reading
+        places[number] = state[:n]
+        speeds[number] = state[n : 2 * n]
+        if number == n_steps - 1:
+            break
+        later = inputs[number + 1]
+        between = (u + later) / 2
+        rates(
+            state + step / 2 * first,
+            between,
+            inverse_mass,
+            elongations,
+            feet,
+            input_forces,
+            k,
+            c,
+            bushings,
+            laws,
+            second,
+        )
+        rates(
+            state + step / 2 * second,
+            between,
+            inverse_mass,
+            elongations,
+            feet,
+            input_forces,
+            k,
+            c,
+            bushings,
+            laws,
+            third,
+        )
+        rates(state + step * third, later, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, fourth)
+        state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
+    return outputs, places, speeds

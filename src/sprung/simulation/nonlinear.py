@@ -1,0 +1,222 @@
+"""Nonlinear and time-varying vehicles, integrated by a compiled Runge-Kutta method."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sprung._checks import check_number, check_one_of
+from sprung.conditioning import decimate
+from sprung.errors import MissingPackageError, ParameterError
+from sprung.excitation import Excitation
+from sprung.recording import Recording
+from sprung.simulation.laws import Law
+from sprung.simulation.linear import SMOOTH_RATE, check_fits, settling_time
+from sprung.simulation.sensors import with_noise
+from sprung.vehicles import Structure
+from sprung.vehicles.structure import PARTS
+
+Real = NDArray[np.float64]
+#: Times [s] and the factors of a component at them; straight between, constant outside.
+Course = tuple[ArrayLike, ArrayLike]
+
+#: Step times the fastest rate of the vehicle: the limit of stability of the method is near 2.8.
+_STEP = 0.5
+
+
+class Motion(NamedTuple):
+    """What an integration gives at every step: sensors (channels, steps), coordinates and velocities (n, steps)."""
+
+    outputs: Real
+    coordinates: Real
+    velocities: Real
+
+
+def simulate_nonlinear(
+    vehicle: Structure,
+    excitation: Excitation,
+    *,
+    duration: float,
+    sampling_rate: float,
+    laws: Mapping[str, Law] | None = None,
+    courses: Mapping[str, Course] | None = None,
+    snr: float | None = None,
+    seed: int | np.random.Generator = 0,
+) -> Recording:
+    """Simulate what the sensors of a nonlinear or time-varying vehicle record.
+
+    Parameters
+    ----------
+    vehicle
+        Structure with at least one sensor.
+    excitation
+        What drives its inputs; drawn at the steps of the integration and straight between them.
+    duration
+        Recorded time [s], after a lead-in that is cut off.
+    sampling_rate
+        Of the recording [Hz]; the integration takes 1000 steps a second or more, as many as the vehicle needs.
+    laws
+        By part ("suspension", "tyre", "mount") or by owner and part ("front_left.suspension"); without one linear.
+    courses
+        Factors over time by owner and component, such as {"front_left.spring": ([60, 120], [1.0, 0.8])}.
+    snr
+        Sensor noise, see `with_noise`; none by default.
+    seed
+        A seed, or a generator to draw from.
+
+    Returns
+    -------
+    Recording
+        In SI units.
+
+    Raises
+    ------
+    MissingPackageError
+        Without numba.
+    """
+    check_number("duration", duration, above=0)
+    check_number("sampling_rate", sampling_rate, above=0)
+    check_fits(vehicle, excitation)
+    generator = np.random.default_rng(seed)
+    oversampling = math.ceil(max(SMOOTH_RATE, steps_needed(vehicle, laws or {})) / sampling_rate)
+    rate = oversampling * sampling_rate
+    n_samples = max(1, round(duration * sampling_rate)) * oversampling
+    lead_in = math.ceil(settling_time(vehicle) * rate)
+    inputs = excitation.samples(lead_in + n_samples, sampling_rate=rate, generator=generator, start=-lead_in / rate)
+    motion = integrate(vehicle, inputs, rate=rate, laws=laws, courses=courses, start=-lead_in / rate)
+    recording = Recording(
+        samples=motion.outputs[:, lead_in:],
+        sampling_rate=rate,
+        channels=vehicle.outputs.channels,
+        history=(f"integrated {duration:g} s at {rate:g} Hz, driven by {type(excitation).__name__}",),
+    )
+    if oversampling > 1:
+        recording = decimate(recording, sampling_rate)
+    return recording if snr is None else with_noise(recording, snr=snr, generator=generator)
+
+
+def steps_needed(vehicle: Structure, laws: Mapping[str, Law]) -> float:
+    """Return the steps per second that an integration of a vehicle with laws needs."""
+    stiffest, fastest = vehicle, 0.0
+    for element in vehicle.elements:
+        law = _law(laws, element.owner, element.part)
+        if law is not None:
+            fastest = max(fastest, law.fastest)
+            stiffness, damping = law.steepest
+            spring, damper = PARTS[element.part]
+            factors = {f"{element.owner}.{spring}": 1 + stiffness / max(element.stiffness, 1e-300)}
+            if damper is not None and element.damping > 0:
+                factors[f"{element.owner}.{damper}"] = 1 + law.asymmetry + damping / element.damping
+            stiffest = stiffest.changed(factors)
+    return max(float(np.max(np.abs(np.linalg.eigvals(stiffest.system.state_matrix())))), fastest) / _STEP
+
+
+def integrate(
+    vehicle: Structure,
+    inputs: Real,
+    *,
+    rate: float,
+    laws: Mapping[str, Law] | None = None,
+    courses: Mapping[str, Course] | None = None,
+    start: float = 0.0,
+    coordinates: ArrayLike | None = None,
+    velocities: ArrayLike | None = None,
+) -> Motion:
+    """Integrate the motion of a vehicle in fixed steps (classical Runge-Kutta method of order 4).
+
+    Parameters
+    ----------
+    vehicle
+        Any structure.
+    inputs
+        At every step, shape (inputs, steps); straight between them.
+    rate
+        Steps per second.
+    laws, courses
+        As for `simulate_nonlinear`.
+    start
+        Time of the first step, for the courses [s].
+    coordinates, velocities
+        At the first step, shape (n,); at rest by default.
+
+    Returns
+    -------
+    Motion
+    """
+    n = len(vehicle.coordinates)
+    if inputs.ndim != 2 or inputs.shape[0] != len(vehicle.inputs):
+        raise ParameterError(f"inputs has shape {inputs.shape}, but must be ({len(vehicle.inputs)}, steps)")
+    check_number("rate", rate, above=0)
+    elements = vehicle.elements
+    _check_laws(vehicle, laws or {})
+    feet = [vehicle.inputs.index(e.foot) if e.foot is not None else -1 for e in elements]
+    numbers = [(_law(laws or {}, e.owner, e.part) or Law()).numbers for e in elements]
+    times, factors = _factors(vehicle, courses or {})
+    state = [
+        np.zeros(n) if values is None else np.array(values, dtype=np.float64) for values in (coordinates, velocities)
+    ]
+    results = _compiled()(
+        np.linalg.inv(vehicle.mass),
+        vehicle.elongations,
+        np.array(feet),
+        np.ascontiguousarray(vehicle.forces),
+        np.array([e.stiffness for e in elements]),
+        np.array([e.damping for e in elements]),
+        np.array([e.series_stiffness or 0.0 for e in elements]),
+        np.array(numbers),
+        times,
+        factors,
+        np.ascontiguousarray(inputs.T),
+        1 / rate,
+        start,
+        *state,
+        *(
+            np.ascontiguousarray(m)
+            for m in (vehicle.outputs.acceleration, vehicle.outputs.velocity, vehicle.outputs.displacement)
+        ),
+    )
+    return Motion(*(np.ascontiguousarray(result.T) for result in results))
+
+
+def _check_laws(vehicle: Structure, laws: Mapping[str, Law]) -> None:
+    """Refuse laws of parts that the vehicle does not have."""
+    known = {e.part for e in vehicle.elements} | {f"{e.owner}.{e.part}" for e in vehicle.elements}
+    for name in laws:
+        check_one_of("law of", name, known)
+
+
+def _law(laws: Mapping[str, Law], owner: str, part: str) -> Law | None:
+    """Law of an element, its own before that of its part."""
+    return laws.get(f"{owner}.{part}", laws.get(part))
+
+
+def _factors(vehicle: Structure, courses: Mapping[str, Course]) -> tuple[Real, Real]:
+    """Common knots of all courses (knots,), and the factors of stiffness and damping there (elements, 2, knots)."""
+    known = {f"{owner}.{name}" for owner, owned in vehicle.components().items() for name in owned}
+    for name, (times, values) in courses.items():
+        check_one_of("component", name, known)
+        if np.shape(times) != np.shape(values) or np.any(np.diff(np.asarray(times)) < 0) or np.min(values) < 0:
+            raise ParameterError(f"the course of {name} must have rising times and a factor of at least 0 for each")
+    knots = np.unique(np.concatenate([[0.0], *(np.asarray(times, dtype=np.float64) for times, _ in courses.values())]))
+    factors = np.ones((len(vehicle.elements), 2, knots.size))
+    for number, element in enumerate(vehicle.elements):
+        for row, component in enumerate(PARTS[element.part]):
+            course = courses.get(f"{element.owner}.{component}")
+            if course is not None:
+                factors[number, row] = np.interp(knots, np.asarray(course[0]), np.asarray(course[1]))
+    return knots, factors
+
+
+def _compiled() -> Any:
+    """Return the integrator, compiled at the first call and kept on disk."""
+    try:
+        from sprung.simulation import kernel
+    except ImportError as error:
+        if error.name != "numba":
+            raise
+        raise MissingPackageError(
+            "nonlinear simulation needs the package numba: install it with pip install 'sprung[simulate]'"
+        ) from None
+    return kernel.integrate

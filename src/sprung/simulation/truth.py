@@ -1,0 +1,95 @@
+"""What a simulated recording holds, as JSON."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from sprung.excitation import SpeedProfile
+from sprung.vehicles import ExactModes, Fault, Structure, with_faults
+
+#: Instants at which changing modes are given.
+_INSTANTS = 11
+
+
+def truth(
+    vehicle: Structure,
+    *,
+    seed: int | None = None,
+    speed: SpeedProfile | None = None,
+    duration: float = 0.0,
+    faults: Sequence[Fault] = (),
+) -> dict[str, Any]:
+    """Return what a simulated recording holds, as the JSON object `sprung.truth/1`.
+
+    Parameters
+    ----------
+    vehicle
+        Structure that was simulated, healthy.
+    seed
+        Of the simulation.
+    speed
+        Of the drive.
+    duration
+        Of the recording [s].
+    faults
+        What was changed.
+
+    Returns
+    -------
+    dict
+        Exact modes as the sensors see them and components by corner or mass with their SI values, both at the end of
+        the recording; speed (mean, lowest, highest [m/s]) or null, faults by component; and where a fault begins
+        later or grows, modes_over_time: frequencies and damping at equal intervals.
+    """
+    changed = with_faults(vehicle, faults, time=duration)
+    modes = changed.modes()
+    document: dict[str, Any] = {
+        "schema": "sprung.truth/1",
+        "channels": list(modes.channels),
+        "modes": list(_modes(modes)),
+        "components": {
+            owner: {name: {"value": value} for name, value in owned.items()}
+            for owner, owned in changed.components().items()
+        },
+        "speed": None if speed is None else _speed(speed, duration),
+        "faults": {fault.component: fault.change for fault in faults},
+        "seed": seed,
+    }
+    if not all(fault.is_constant for fault in faults):
+        document["fault_courses"] = {
+            fault.component: {"onset": fault.onset, "growth": fault.growth} for fault in faults
+        }
+        document["modes_over_time"] = [
+            {
+                "time": float(time),
+                "modes": [
+                    {key: mode[key] for key in ("natural_frequency", "damping_ratio", "label")}
+                    for mode in _modes(with_faults(vehicle, faults, time=time).modes())
+                ],
+            }
+            for time in np.linspace(0, duration, _INSTANTS)
+        ]
+    return document
+
+
+def _modes(modes: ExactModes) -> Iterable[dict[str, Any]]:
+    """Yield each mode as a JSON object."""
+    columns = zip(modes.natural_frequency, modes.damping_ratio, modes.mode_shapes, modes.labels, strict=True)
+    for frequency, ratio, shape, label in columns:
+        yield {
+            "natural_frequency": float(frequency),
+            "damping_ratio": float(ratio),
+            "mode_shape": {"real": shape.real.tolist(), "imag": shape.imag.tolist()},
+            "label": label,
+        }
+
+
+def _speed(speed: SpeedProfile, duration: float) -> dict[str, float]:
+    """Return mean and range of a speed over a recording."""
+    values = speed.speed(np.linspace(0, duration, 10_001))
+    return {
+        "mean": float(speed.distance(duration) / duration),
+        "lowest": float(values.min()),
+        "highest": float(values.max()),
+    }

@@ -1,0 +1,128 @@
+import numpy as np
+import pytest
+
+from sprung.errors import ParameterError
+from sprung.recording import Channel, Recording
+from sprung.simulation import (
+    Clipped,
+    Dead,
+    Delayed,
+    Drifting,
+    Gained,
+    Hum,
+    Inverted,
+    Jittered,
+    Noisy,
+    Quantised,
+    Spiking,
+    Stuck,
+    Swapped,
+    WithGap,
+    with_imperfections,
+)
+
+RATE = 200.0
+N = 20_000
+TIME = np.arange(N) / RATE
+
+
+@pytest.fixture
+def run():
+    samples = np.stack([np.sin(2 * np.pi * 1.3 * TIME), np.cos(2 * np.pi * 2.9 * TIME), 10 + 0 * TIME])
+    channels = (Channel("a", "acceleration"), Channel("b", "acceleration"), Channel("speed", "speed"))
+    return Recording(samples, RATE, channels)
+
+
+def applied(recording, *imperfections):
+    return with_imperfections(recording, imperfections, seed=1)
+
+
+def test_quantisation_error_has_the_variance_of_a_step(run):
+    found = applied(run, Quantised(full_scale=2.0, bits=10))
+    error = found.samples[:2] - run.samples[:2]
+    step = 4.0 / 1024
+    assert error.var(axis=1) == pytest.approx(step**2 / 12, rel=0.05)
+    assert np.allclose(found.samples[:2] / step, np.rint(found.samples[:2] / step))
+    assert np.array_equal(found.samples[2], run.samples[2])  # no acceleration
+
+
+def test_quantisation_clips_at_full_scale(run):
+    found = applied(run, Quantised(full_scale=0.5, bits=8))
+    assert [found.samples[0].min(), found.samples[0].max()] == pytest.approx([-0.5, 0.5 - 1 / 256])
+
+
+def test_noise_has_its_size_on_its_channels(run):
+    found = applied(run, Noisy(0.1)).samples - run.samples
+    assert found.std(axis=1) == pytest.approx([0.1, 0.1, 0], rel=0.03)
+    assert abs(np.corrcoef(found[:2])[0, 1]) < 0.03
+    one = applied(run, Noisy(0.1, channel="b", band=(1.0, 20.0))).samples - run.samples
+    assert one.std(axis=1) == pytest.approx([0, 0.1, 0], rel=0.1)
+
+
+def test_delay_moves_one_channel_by_a_fraction_of_a_sample(run):
+    found = applied(run, Delayed("a", 0.0123)).samples
+    inside = slice(400, -400)
+    assert found[0][inside] == pytest.approx(np.sin(2 * np.pi * 1.3 * (TIME - 0.0123))[inside], abs=2e-4)
+    assert np.array_equal(found[1], run.samples[1])
+
+
+def test_drift_after_an_hour(run):
+    ends = [
+        with_imperfections(run, [Drifting("a", 2.0)], seed=seed).samples[0, -1] - run.samples[0, -1]
+        for seed in range(200)
+    ]
+    assert np.std(ends) == pytest.approx(2.0 * np.sqrt(N / RATE / 3600), rel=0.15)
+
+
+def test_jitter_is_the_slope_times_the_error_in_time(run):
+    error = applied(run, Jittered(1e-4)).samples[0] - run.samples[0]
+    assert error.std() == pytest.approx(1e-4 * 2 * np.pi * 1.3 / np.sqrt(2), rel=0.05)
+
+
+def test_hum_has_its_frequency_and_amplitude(run):
+    error = applied(run, Hum("a", 0.2)).samples[0] - run.samples[0]
+    spectrum = np.abs(np.fft.rfft(error)) * 2 / N
+    assert np.argmax(spectrum) * RATE / N == pytest.approx(50.0)
+    assert spectrum.max() == pytest.approx(0.2)
+
+
+def test_channels_fail_from_their_onset_on(run):
+    for imperfection, value in ((Dead("a", onset=10.0), 0.0), (Stuck("a", onset=10.0), run.samples[0, 1999])):
+        found = applied(run, imperfection).samples
+        assert np.array_equal(found[0, :2000], run.samples[0, :2000])
+        assert np.all(found[0, 2000:] == value)
+        assert np.array_equal(found[1:], run.samples[1:])
+
+
+def test_signs_gains_and_cables(run):
+    found = applied(run, Inverted("a"), Gained("b", 0.5), Swapped("a", "b")).samples
+    assert np.array_equal(found[0], 0.5 * run.samples[1])
+    assert np.array_equal(found[1], -run.samples[0])
+
+
+def test_clipping_and_spikes(run):
+    assert np.abs(applied(run, Clipped("a", 0.7)).samples[0]).max() == 0.7
+    error = applied(run, Spiking("b", rate=2.0, height=30.0)).samples[1] - run.samples[1]
+    assert np.count_nonzero(error) == pytest.approx(200, abs=50)
+    assert np.unique(np.abs(error[error != 0]).round(9)).tolist() == [30.0]
+
+
+def test_gap_takes_the_samples_out_and_is_marked(run):
+    found = applied(run, WithGap(20.0, 3.0))
+    assert found.n_samples == N - 600
+    assert (found.gaps[0].index, found.gaps[0].duration) == (4000, pytest.approx(3.0))
+    assert np.array_equal(found.samples[:, 4000:], run.samples[:, 4600:])
+
+
+def test_every_step_is_in_the_history(run):
+    found = applied(run, Inverted("a"), Dead("b", onset=3.0), Quantised(2.0))
+    assert found.history == ("a: inverted", "b: dead from 3 s on", "quantised to 16 bits of +-2")
+
+
+def test_what_does_not_fit_is_refused(run):
+    with pytest.raises(ParameterError, match="there is no channel 'c'"):
+        applied(run, Inverted("c"))
+    with pytest.raises(ParameterError, match="must lie inside the recording"):
+        applied(run, WithGap(99.0, 5.0))
+    with pytest.raises(ParameterError, match="bits=40 must be"):
+        applied(run, Quantised(1.0, bits=40))
