@@ -83,3 +83,55 @@ def test_records_differ_and_repeat_with_their_seed(sprung, tmp_path):
     np.testing.assert_array_equal(second, read(tmp_path / "b-02.npz").samples)
     truth = json.loads((tmp_path / "a.npz.truth.json").read_text())
     assert truth["files"] == [str(tmp_path / "a-01.npz"), str(tmp_path / "a-02.npz")]
+
+
+@pytest.mark.parametrize(("kind", "vehicle"), [("road", "zafira"), ("rail", "y25"), ("rig", "scale-bogie")])
+def test_drives_have_speed_truth_and_vehicle(sprung, tmp_path, kind, vehicle):
+    path = tmp_path / "run.parquet"
+    words = ("simulate", kind, "--minutes", "0.2", "--fault", "front_left.spring=-0.2", "--out", path, "--json", "-")
+    document = sprung(*words).document()
+    recording = read(path)
+    assert recording.channels[recording.index("speed")].quantity == "speed"
+    nominal = read_vehicle(vehicle).axle[0].spring_stiffness
+    assert document["components"]["front_left"]["spring"]["value"] == pytest.approx(0.8 * nominal)
+    assert document["components"]["front_right"]["spring"]["value"] == nominal
+    assert document["faults"] == {"front_left.spring": -0.2}
+    speed = document["speed"]
+    assert 0 < speed["lowest"] * 0.999 < speed["mean"] < speed["highest"] * 1.001
+    assert read_vehicle(f"{path}.vehicle.toml") == read_vehicle(vehicle)
+
+
+def test_units_of_a_drive_are_in_its_table(sprung, tmp_path):
+    assert sprung("simulate", "road", "--minutes", "0.05", "--out", tmp_path / "run.csv").code == 0
+    heading = (tmp_path / "run.csv").read_text().split("\n")[0]
+    assert heading == "time,acc_fl [m/s^2],acc_fr [m/s^2],acc_rl [m/s^2],acc_rr [m/s^2],speed [m/s]"
+
+
+def test_records_of_a_drive_differ_and_each_has_its_speed(sprung, tmp_path):
+    words = ("simulate", "road", "--minutes", "0.1", "--records", "2", "--out", tmp_path / "r.npz", "--json", "-")
+    document = sprung(*words).document()
+    first, second = (read(tmp_path / f"r-0{k}.npz").samples for k in (1, 2))
+    assert not np.allclose(first, second)
+    assert len(document["speeds"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("chain", "--road", "C"), "--road means nothing for chain"),
+        (("rig", "--road", "C"), "--road means nothing for rig"),
+        (("road", "--case", "2"), "--case means nothing for road"),
+        (("road", "--driven", "front"), "--driven means nothing for road"),
+        (("road", "--road", "K"), "road class 'K' is not one of A, B"),
+        (("road", "--fault", "front_left.spring"), "is not of the form CORNER.COMPONENT=CHANGE"),
+        (("road", "--fault", "front_left.sprong=-0.1"), "component 'front_left.sprong' is not one of"),
+        (("road", "--vehicle", "chain3"), "vehicle 'chain3' is of kind chain, not road"),
+        (("road", "--speed", "20", "10"), "highest speed=10 must be at least 20"),
+        (("quarter", "--fault", "corner.spring=-0.1@5"), "only drives have such faults"),
+    ],
+)
+def test_options_of_drives_that_do_not_fit(sprung, tmp_path, words, message):
+    outcome = sprung("simulate", *words, "--minutes", "0.1", "--out", tmp_path / "a.csv")
+    assert outcome.code == 2
+    assert message in outcome.err
+    assert not list(tmp_path.iterdir())

@@ -1,6 +1,7 @@
 """Simulated recordings with known truth: linear and nonlinear vehicles, and what sensors do to their signals."""
 
-from sprung.simulation.laws import REALISTIC_LAWS, Law
+from sprung.simulation.drives import Drive, DriveSettings, simulate_drive
+from sprung.simulation.laws import REALISTIC_LAWS, Law, damping_factor
 from sprung.simulation.linear import response, settling_time, simulate, usual_excitation, with_linear_inputs, with_rises
 from sprung.simulation.nonlinear import integrate, simulate_nonlinear
 from sprung.simulation.sensors import (
@@ -30,6 +31,8 @@ __all__ = [
     "Dead",
     "Delayed",
     "Drifting",
+    "Drive",
+    "DriveSettings",
     "Gained",
     "Hum",
     "Imperfection",
@@ -42,10 +45,12 @@ __all__ = [
     "Stuck",
     "Swapped",
     "WithGap",
+    "damping_factor",
     "integrate",
     "response",
     "settling_time",
     "simulate",
+    "simulate_drive",
     "simulate_nonlinear",
     "truth",
     "usual_excitation",

@@ -120,6 +120,7 @@ def simulate(
     sampling_rate: float,
     snr: float | None = None,
     noise_band: tuple[float, float] | None = None,
+    lead_in: float | None = None,
     seed: int | np.random.Generator = 0,
 ) -> Recording:
     """Simulate what the sensors of a linear vehicle record in the steady state.
@@ -132,11 +133,14 @@ def simulate(
         What drives its inputs. Noise and pulses are held from each sample to the next (zero-order hold); a smooth one
         runs straight between samples (first-order hold) and is simulated at 1000 Hz at least, then decimated.
     duration
-        Recorded time [s], after a lead-in of the vehicle's settling time that is cut off.
+        Recorded time [s], after a lead-in that is cut off.
     sampling_rate
         In Hz.
     snr, noise_band
         Sensor noise, see `with_noise`; none by default.
+    lead_in
+        Time before the recording [s]; None: the vehicle's settling time. With a given one, vehicles that differ a
+        little drive over the same way.
     seed
         A seed, or a generator to draw from.
 
@@ -157,14 +161,14 @@ def simulate(
     oversampling = math.ceil(SMOOTH_RATE / sampling_rate) if excitation.is_smooth else 1
     rate = oversampling * sampling_rate
     n_samples = max(1, round(duration * sampling_rate)) * oversampling
-    lead_in = math.ceil(settling_time(vehicle) * rate)
-    inputs = excitation.samples(lead_in + n_samples, sampling_rate=rate, generator=generator, start=-lead_in / rate)
+    n_lead = math.ceil((settling_time(vehicle) if lead_in is None else lead_in) * sampling_rate) * oversampling
+    inputs = excitation.samples(n_lead + n_samples, sampling_rate=rate, generator=generator, start=-n_lead / rate)
     if excitation.is_smooth:
         discrete, inputs = with_linear_inputs(vehicle.state_space(), sampling_rate=rate), with_rises(inputs)
     else:
         discrete = vehicle.discretised(rate)
     recording = Recording(
-        samples=response(discrete, inputs)[:, lead_in:],
+        samples=response(discrete, inputs)[:, n_lead:],
         sampling_rate=rate,
         channels=vehicle.outputs.channels,
         history=(f"simulated {duration:g} s at {rate:g} Hz, driven by {type(excitation).__name__}",),

@@ -43,6 +43,7 @@ def simulate_nonlinear(
     laws: Mapping[str, Law] | None = None,
     courses: Mapping[str, Course] | None = None,
     snr: float | None = None,
+    lead_in: float | None = None,
     seed: int | np.random.Generator = 0,
 ) -> Recording:
     """Simulate what the sensors of a nonlinear or time-varying vehicle record.
@@ -63,6 +64,9 @@ def simulate_nonlinear(
         Factors over time by owner and component, such as {"front_left.spring": ([60, 120], [1.0, 0.8])}.
     snr
         Sensor noise, see `with_noise`; none by default.
+    lead_in
+        Time before the recording [s]; None: the vehicle's settling time. With a given one, vehicles that differ a
+        little drive over the same way.
     seed
         A seed, or a generator to draw from.
 
@@ -83,11 +87,11 @@ def simulate_nonlinear(
     oversampling = math.ceil(max(SMOOTH_RATE, steps_needed(vehicle, laws or {})) / sampling_rate)
     rate = oversampling * sampling_rate
     n_samples = max(1, round(duration * sampling_rate)) * oversampling
-    lead_in = math.ceil(settling_time(vehicle) * rate)
-    inputs = excitation.samples(lead_in + n_samples, sampling_rate=rate, generator=generator, start=-lead_in / rate)
-    motion = integrate(vehicle, inputs, rate=rate, laws=laws, courses=courses, start=-lead_in / rate)
+    n_lead = math.ceil((settling_time(vehicle) if lead_in is None else lead_in) * sampling_rate) * oversampling
+    inputs = excitation.samples(n_lead + n_samples, sampling_rate=rate, generator=generator, start=-n_lead / rate)
+    motion = integrate(vehicle, inputs, rate=rate, laws=laws, courses=courses, start=-n_lead / rate)
     recording = Recording(
-        samples=motion.outputs[:, lead_in:],
+        samples=motion.outputs[:, n_lead:],
         sampling_rate=rate,
         channels=vehicle.outputs.channels,
         history=(f"integrated {duration:g} s at {rate:g} Hz, driven by {type(excitation).__name__}",),
