@@ -324,18 +324,25 @@ def _notes_on_modes(modes: Modes, lifter: Lifter | None) -> list[str]:
 
 def _common_harmonics(found: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, ...]:
     """Return the lines that at least half of the records show, each as its most prominent record has it."""
-    common: list[Harmonic] = []
-    for line in sorted((line for lines in found for line in lines), key=lambda line: -line.prominence):
-        n_records = sum(any(_is_same(line, other) for other in lines) for lines in found)
-        if 2 * n_records >= len(found) and not any(_is_same(line, other) for other in common):
-            common.append(line)
-    return tuple(sorted(common, key=lambda line: (line.kind, line.frequency)))
+    lines = sorted((line for lines in found for line in lines), key=lambda line: -line.prominence)
+    n_records = sum(_same(lines, others).any(axis=1) for others in found) if lines else np.zeros(0)
+    common = [
+        line for line, n in zip(lines, np.broadcast_to(n_records, len(lines)), strict=True) if 2 * n >= len(found)
+    ]
+    is_same = _same(common, common)
+    kept: list[int] = []
+    for row in range(len(common)):
+        if not is_same[row, kept].any():
+            kept.append(row)
+    return tuple(sorted((common[row] for row in kept), key=lambda line: (line.kind, line.frequency)))
 
 
-def _is_same(line: Harmonic, other: Harmonic) -> bool:
-    """Tell whether two records show the same line."""
-    width = max(line.resolution, other.resolution)
-    return line.kind == other.kind and abs(line.frequency - other.frequency) <= width
+def _same(lines: Sequence[Harmonic], others: Sequence[Harmonic]) -> NDArray[np.bool_]:
+    """Tell which lines are the same, shape (lines, others): of one kind, within the coarser resolution."""
+    width = np.maximum.outer([line.resolution for line in lines], [other.resolution for other in others])
+    apart = np.abs(np.subtract.outer([line.frequency for line in lines], [other.frequency for other in others]))
+    is_one_kind = np.equal.outer([line.kind == "speed" for line in lines], [other.kind == "speed" for other in others])
+    return np.asarray(is_one_kind & (apart <= width), dtype=np.bool_)
 
 
 def _subsets(

@@ -375,7 +375,7 @@ def block_row_ladder(
         With lags for the largest number.
     block_rows
         Rungs of the ladder, rising (the thesis: 12 to 45, 48 or 82). The model order is the largest even number up
-        to the number of block rows.
+        to the number of block rows, or to one less with one channel, which carries no more.
     is_weighted, is_hankel
         As in `realise`.
 
@@ -385,7 +385,8 @@ def block_row_ladder(
     """
     rungs = []
     for i in block_rows:
-        order = i - i % 2
+        largest = min(i, (i - 1) * len(correlations.channels))
+        order = largest - largest % 2
         realisation = realise(correlations, block_rows=i, max_order=order, is_weighted=is_weighted, is_hankel=is_hankel)
         rungs.append(poles_of_orders(realisation, [order]))
     return replace(join_ladders(rungs), ladder=tuple(block_rows))

@@ -248,3 +248,12 @@ def test_a_matrix_that_cannot_be_built_is_refused(known, options, sentence):
     with pytest.raises(ParameterError) as refusal:
         realise(known("chain3", 125.0)[0], **options)
     assert str(refusal.value) == sentence
+
+
+def test_ladder_over_block_rows_of_one_channel():
+    """One channel carries one order less than it has block rows."""
+    decays = np.exp(-0.1 * np.arange(40)) * np.cos(0.5 * np.arange(40))
+    correlations = exact_correlations(decays[None, None], sampling_rate=1.0, channels=("a",))
+    poles = block_row_ladder(correlations, range(6, 12))
+    assert poles.ladder == (6, 7, 8, 9, 10, 11)
+    assert np.abs(poles.poles - (-0.1 + 0.5j)).min() < 1e-9
