@@ -1,19 +1,33 @@
-"""Pictures of an identification: one function for each, which takes values and returns a matplotlib figure."""
+"""Pictures: one function for each, which takes values and returns a matplotlib figure."""
 
-from sprung.plotting.mac import mac_figure
+from sprung.plotting.mac import mac_figure, reference_mac_figure
+from sprung.plotting.rates import alignment_rates, stable_rates_figure
+from sprung.plotting.responses import cepstrum_figure, response_figure
+from sprung.plotting.runs import Spread, runs_figure
 from sprung.plotting.saving import figures, save_figures
 from sprung.plotting.shapes import complexity_figure, shapes_figure
+from sprung.plotting.signals import densities_figure, histories_figure, levels_figure
 from sprung.plotting.spectra import spectra_figure
 from sprung.plotting.stabilisation import stabilisation_figure
 from sprung.plotting.subsets import subsets_figure
 
 __all__ = [
+    "Spread",
+    "alignment_rates",
+    "cepstrum_figure",
     "complexity_figure",
+    "densities_figure",
     "figures",
+    "histories_figure",
+    "levels_figure",
     "mac_figure",
+    "reference_mac_figure",
+    "response_figure",
+    "runs_figure",
     "save_figures",
     "shapes_figure",
     "spectra_figure",
     "stabilisation_figure",
+    "stable_rates_figure",
     "subsets_figure",
 ]

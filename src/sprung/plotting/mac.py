@@ -99,3 +99,43 @@ def _colour_ticks(axes: Axes, modes: Sequence[int | None]) -> None:
         for label, mode in zip(labels, modes, strict=True):
             label.set_color("#777777" if mode is None else mode_colour(mode))
             label.set_fontweight("bold")
+
+
+def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *, title: str) -> Figure:
+    """Draw the modal assurance criterion between found and reference modes, a panel for each part.
+
+    Parameters
+    ----------
+    parts
+        Found modes with the name of what they were found in, such as a subset.
+    reference
+        Modes of the same channels.
+    title
+        Heading.
+    """
+    width = max(7.5, 1.0 + sum(max(_CELL * len(modes), 1.2) + 1.2 for _, modes in parts))
+    figure = new_figure(title, "", width=min(width, 12.0), height=1.9 + _CELL * len(reference))
+    panels = figure.subplots(1, len(parts), squeeze=False)[0]
+    names = [f"{mode_name(reference, k)}\n{in_hertz(reference.natural_frequency[k])}" for k in range(len(reference))]
+    for axes, (name, modes) in zip(panels, parts, strict=True):
+        axes.set_title(name, fontsize=NORMAL)
+        if not len(modes):
+            say_nothing(axes)
+            continue
+        values = mac(reference.mode_shapes, modes.mode_shapes)
+        axes.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+        axes.set_yticks(range(len(reference)), names, fontsize=SMALL)
+        axes.set_xticks(
+            range(len(modes)), [in_hertz(value) for value in modes.natural_frequency], fontsize=SMALL, rotation=30
+        )
+        axes.tick_params(length=0)
+        for (row, column), value in np.ndenumerate(values):
+            colour = "white" if value > 0.55 else INK
+            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, color=colour)
+    return figure
+
+
+def say_nothing(axes: Axes) -> None:
+    """Write into an empty panel that nothing was found."""
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, NO_MODE, ha="center", va="center", fontsize=SMALL, color=INK, transform=axes.transAxes)

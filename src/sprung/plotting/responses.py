@@ -1,0 +1,105 @@
+"""Frequency responses, and cepstra."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from sprung.plotting.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+
+
+def response_figure(
+    frequencies: NDArray[np.float64],
+    responses: Sequence[tuple[str, NDArray[np.complex128]]],
+    *,
+    title: str,
+    unit: str,
+    marked: Sequence[tuple[str, float]] = (),
+    has_phase: bool = False,
+) -> Figure:
+    """Draw the magnitude of frequency responses, and their phase where asked for.
+
+    Parameters
+    ----------
+    frequencies
+        Shape (frequencies,) [Hz].
+    responses
+        With their names; shape (frequencies,) each.
+    title
+        Heading.
+    unit
+        Of the magnitude.
+    marked
+        Names and frequencies [Hz] of vertical lines.
+    has_phase
+        Draw the phase too.
+    """
+    figure = new_figure(title, "", width=9.5, height=5.5 if has_phase else 3.8)
+    panels = figure.subplots(2 if has_phase else 1, 1, sharex=True, squeeze=False)[:, 0]
+    for number, (name, values) in enumerate(responses):
+        colour = MODE_COLOURS[number % len(MODE_COLOURS)]
+        panels[0].semilogy(frequencies, np.abs(values), color=colour, label=name, linewidth=1.3)
+        if has_phase:
+            panels[1].plot(frequencies, np.degrees(np.unwrap(np.angle(values))), color=colour, linewidth=1.3)
+    for axes in panels:
+        plain(axes)
+        for _, frequency in marked:
+            axes.axvline(frequency, color="#888888", linewidth=0.8, linestyle=":")
+    for name, frequency in marked:
+        panels[0].annotate(
+            f"{name} {frequency:.2f} Hz",
+            (frequency, 0.02),
+            xycoords=("data", "axes fraction"),
+            rotation=90,
+            fontsize=SMALL,
+            ha="right",
+            va="bottom",
+            color="#555555",
+        )
+    panels[0].set_ylabel(f"Magnitude [{unit}]", fontsize=NORMAL)
+    if has_phase:
+        panels[1].set_ylabel("Phase [degrees]", fontsize=NORMAL)
+    panels[-1].set_xlabel("Frequency [Hz]", fontsize=NORMAL)
+    panels[-1].set_xlim(frequencies[0], frequencies[-1])
+    if len(responses) > 1:
+        panels[0].legend(fontsize=SMALL, frameon=False)
+    return figure
+
+
+def cepstrum_figure(
+    quefrencies: NDArray[np.float64],
+    cepstrum: NDArray[np.float64],
+    lifter: NDArray[np.float64],
+    *,
+    title: str,
+    pulse_period: float | None = None,
+) -> Figure:
+    """Draw a cepstrum before and after editing with the lifter that does it.
+
+    Parameters
+    ----------
+    quefrencies
+        Shape (quefrencies,) [s].
+    cepstrum, lifter
+        At the quefrencies.
+    title
+        Heading.
+    pulse_period
+        Of a pulse train [s]: its rahmonics are marked.
+    """
+    figure = new_figure(title, "", width=9.5, height=4.2)
+    panels = figure.subplots(2, 1, sharex=True)
+    limit = 1.3 * np.abs(cepstrum[quefrencies > 0.02]).max()
+    for axes, values, name in ((panels[0], cepstrum, "raw"), (panels[1], cepstrum * lifter, "edited")):
+        plain(axes)
+        axes.plot(quefrencies, values, color=MODE_COLOURS[0], linewidth=0.8)
+        axes.plot(quefrencies, limit * 0.9 * lifter, color=INK, linewidth=1.2, linestyle="--")
+        axes.set_ylim(-limit, limit)
+        axes.set_ylabel(f"{name} [-]", fontsize=NORMAL)
+        if pulse_period is not None:
+            for number in range(1, int(quefrencies[-1] / pulse_period) + 1):
+                axes.axvline(number * pulse_period, color=MODE_COLOURS[1], linewidth=0.8, linestyle=":")
+    dotted = "" if pulse_period is None else "; dotted: rahmonics of the pulses"
+    panels[1].set_xlabel(f"Quefrency [s]; dashed: lifter{dotted}", fontsize=NORMAL)
+    return figure
