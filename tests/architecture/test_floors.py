@@ -19,6 +19,7 @@ FLOORS = (
     ("planning",),
     ("identification",),
     ("plotting",),
+    ("reproduce",),
     ("cli",),
 )
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

@@ -1,0 +1,299 @@
+"""Chapter 4: a chain of three masses, noise of two sizes, three methods."""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung.identification import METHODS, Identification
+from sprung.modal import Modes
+from sprung.plotting import (
+    Spread,
+    densities_figure,
+    histories_figure,
+    levels_figure,
+    reference_mac_figure,
+    runs_figure,
+    stabilisation_figure,
+    stable_rates_figure,
+)
+from sprung.preparation import IdentificationSettings
+from sprung.recording import Recording
+from sprung.reproduce.matching import matched, theoretical
+from sprung.reproduce.report import Block, Report, Section, Table, deviation, picture
+from sprung.reproduce.runs import Effort, Progress, over_seeds
+from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.simulation import simulate, usual_excitation, with_noise
+from sprung.vehicles import Structure, read_vehicle, structure
+
+RATE, DURATION, N_RECORDS = 500.0, 60.0, 20
+RATIOS = (10.0, 0.5)
+#: Bands of the noise [Hz]; the thesis says only "band-pass white noise".
+BANDS: dict[str, tuple[float, float] | None] = {"white": None, "0.5 to 50 Hz": (0.5, 50.0)}
+NAMES = {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"}
+#: Frequencies [Hz] and damping [%] of tables 4-2 and 4-3 by method and SNR, NaN where the thesis found none.
+NONE = (np.nan, np.nan, np.nan)
+PUBLISHED = {
+    ("cov", 10.0): ((7.03, 19.67, 28.44), (1.25, 3.11, 4.30)),
+    ("cov", 0.5): (NONE, NONE),
+    ("acs", 10.0): ((7.01, 19.69, 28.32), (1.08, 3.29, 4.81)),
+    ("acs", 0.5): ((7.01, 19.68, np.nan), (1.19, 3.41, np.nan)),
+}
+#: Table 4-4: the three subsets of CoSS-SSI.
+SUBSETS = {
+    10.0: (
+        ((7.03, 19.33, 28.52), (2.17, 4.45, 6.53)),
+        ((7.01, 19.34, 28.58), (1.97, 5.91, 6.71)),
+        ((7.04, 19.33, 28.51), (5.17, 3.92, 5.83)),
+    ),
+    0.5: (
+        ((7.02, 19.59, 28.43), (3.47, 5.14, 6.53)),
+        ((7.02, 19.59, 28.51), (2.58, 3.74, 3.50)),
+        ((7.02, 19.59, 28.47), (4.45, 3.51, 5.53)),
+    ),
+}
+PUBLISHED_THEORY = ((7.01, 19.65, 28.39), (1.12, 3.15, 4.55))
+
+
+def report(effort: Effort, on_progress: Progress) -> Report:
+    """Return the report of the chapter."""
+    vehicle = structure(read_vehicle("chain3"))
+    truth = theoretical(vehicle)
+    on_progress("one set of records, as the thesis shows it", 0.0)
+    clean = records(vehicle, seed=0)
+    shown = {snr: noisy(clean, snr, BANDS["0.5 to 50 Hz"], seed=0) for snr in RATIOS}
+    found = {(name, snr): identified(name, shown[snr]) for name in METHODS for snr in RATIOS}
+    runs = np.array(
+        over_seeds(
+            experiment,
+            range(1, effort.n_seeds + 1),
+            n_processes=effort.n_processes,
+            on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
+        )
+    )
+    sections = (
+        Section("The model", (_theory(truth),)),
+        Section("What the sensors read", _signals(shown)),
+        Section("Stabilisation diagrams", _diagrams(found)),
+        Section("Modal parameters", _tables(found, runs, truth)),
+        Section("Mode shapes", _shapes(found, truth)),
+        Section(f"Spread over {len(runs)} sets of records", _spreads(runs, truth)),
+    )
+    return Report(
+        "Chapter 4: CoSS-SSI on a chain of three masses",
+        _verdict(runs, found),
+        sections,
+        (
+            f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; Cov-SSI has the first record, the others all.",
+            THRESHOLDS + " Block rows 12 to 45; delta 0.5 for Cov and ACS, 0.7 for CoSS with J = 3.",
+            f"Noise of RMS(signal) / RMS(noise) = 10 and 0.5 in each channel, white up to {RATE / 2:g} Hz or in 0.5 to 50 Hz.",
+            "Figures are of set 0 with noise in 0.5 to 50 Hz; the sets of the spread have the seeds 1 and up.",
+            "Command: sprung reproduce 4 --out DIR",
+        ),
+    )
+
+
+def records(vehicle: Structure, *, seed: int) -> list[Recording]:
+    """Return one set of records without noise."""
+    excitation = usual_excitation(vehicle)
+    generators = [np.random.default_rng([seed, k]) for k in range(N_RECORDS)]
+    return [simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=one) for one in generators]
+
+
+def noisy(clean: list[Recording], snr: float, band: tuple[float, float] | None, *, seed: int) -> list[Recording]:
+    """Return the records with sensor noise."""
+    generators = [np.random.default_rng([seed, k, 1]) for k in range(len(clean))]
+    return [with_noise(one, snr=snr, band=band, generator=g) for one, g in zip(clean, generators, strict=True)]
+
+
+def settings(method: str) -> IdentificationSettings:
+    """Return the settings of the thesis for a method."""
+    segment = None if method == "cov" else DURATION
+    return thesis_settings(
+        rows=(12, 45), stable_rate=0.7 if method == "coss" else 0.5, segment=segment, sampling_rate=RATE
+    )
+
+
+def identified(method: str, runs: list[Recording], *, is_default: bool = False) -> Identification:
+    """Return what a method finds: Cov-SSI in the first record, the others in all."""
+    chosen = runs[:1] if method == "cov" else runs
+    return METHODS[method](chosen, settings=None if is_default else settings(method))
+
+
+def experiment(seed: int) -> NDArray[np.float64]:
+    """Return frequency, damping, MAC and number of other modes, (SNR, band, thesis or default, method, 4, modes)."""
+    vehicle = structure(read_vehicle("chain3"))
+    truth, clean = theoretical(vehicle), records(vehicle, seed=seed)
+    results = np.empty((len(RATIOS), len(BANDS), 2, len(METHODS), 4, len(truth)))
+    for i, snr in enumerate(RATIOS):
+        for j, band in enumerate(BANDS.values()):
+            runs = noisy(clean, snr, band, seed=seed)
+            for k, is_default in enumerate((False, True)):
+                for m, method in enumerate(METHODS):
+                    match = matched(identified(method, runs, is_default=is_default).modes, truth)
+                    results[i, j, k, m, :3] = match.natural_frequency, match.damping_ratio, match.mac
+                    results[i, j, k, m, 3] = match.n_others
+    return results
+
+
+def _theory(truth: Modes) -> Table:
+    """Table 4-1."""
+    rows = [
+        (
+            f"Mode {k + 1}",
+            f"{PUBLISHED_THEORY[0][k]:.2f}",
+            f"{truth.natural_frequency[k]:.4f}",
+            deviation(truth.natural_frequency[k], PUBLISHED_THEORY[0][k]),
+            f"{PUBLISHED_THEORY[1][k]:.2f}",
+            f"{100 * truth.damping_ratio[k]:.4f}",
+            deviation(100 * truth.damping_ratio[k], PUBLISHED_THEORY[1][k]),
+        )
+        for k in range(len(truth))
+    ]
+    columns = ("", "f published [Hz]", "f ours [Hz]", "deviation", "ξ published [%]", "ξ ours [%]", "deviation")
+    remark = (
+        "m = 1 kg, k = 9800 N/m, c = 5 N s/m, recovered: figure 4-3 with the parameters is lost, the modes fix them."
+    )
+    return Table("Table 4-1: theoretical modal parameters", columns, tuple(rows), remark)
+
+
+def _signals(shown: dict[float, list[Recording]]) -> tuple[Block, ...]:
+    """Figures 4-4 to 4-6."""
+    curves = [(f"SNR {snr:g}", shown[snr][0]) for snr in sorted(RATIOS)]
+    marked = [(f"{f:.2f} Hz", f) for f in PUBLISHED_THEORY[0]]
+    return (
+        picture(histories_figure(curves, title="Accelerations of the masses"), "Figure 4-4: accelerations over time."),
+        picture(levels_figure(curves, title="RMS in intervals of two seconds"), "Figure 4-5: level every two seconds."),
+        picture(
+            densities_figure(curves, title="Power spectral densities", highest=50.0, marked=marked),
+            "Figure 4-6: power spectral densities. Dotted: theoretical natural frequencies.",
+        ),
+    )
+
+
+def _diagrams(found: dict[tuple[str, float], Identification]) -> tuple[Block, ...]:
+    """Figures 4-7 to 4-11."""
+    blocks: list[Block] = []
+    for figure, method in (("4-7", "cov"), ("4-8", "acs"), ("4-9", "coss")):
+        for letter, snr in zip("ab", RATIOS, strict=True):
+            source = f"SNR {snr:g}"
+            caption = f"Figure {figure}({letter}): stabilisation diagram of {NAMES[method]} at SNR {snr:g}."
+            blocks.append(picture(stabilisation_figure(found[method, snr], source=source), caption))
+    for figure, method, snr in (("4-10(a)", "cov", 10.0), ("4-10(b)", "acs", 10.0), ("4-11", "coss", 0.5)):
+        caption = f"Figure {figure}: rate of stable points of {NAMES[method]} at SNR {snr:g}; dashed: threshold."
+        blocks.append(picture(stable_rates_figure(found[method, snr], source=f"SNR {snr:g}"), caption))
+    return tuple(blocks)
+
+
+def _tables(
+    found: dict[tuple[str, float], Identification], runs: NDArray[np.float64], truth: Modes
+) -> tuple[Block, ...]:
+    """Tables 4-2 to 4-4."""
+    blocks: list[Block] = []
+    columns = ("", "f published [Hz]", "f ours [Hz]", "ξ published [%]", "ξ ours [%]")
+    spreads = ("f, white noise: found in, median (5 to 95 %)", "f, noise in 0.5 to 50 Hz")
+    for table, method in (("4-2", "cov"), ("4-3", "acs")):
+        rows = []
+        for i, snr in enumerate(RATIOS):
+            match = matched(found[method, snr].modes, truth)
+            for k in range(len(truth)):
+                frequency, damping = PUBLISHED[method, snr]
+                values = runs[:, i, :, 0, list(METHODS).index(method), 0, k]
+                rows.append(
+                    (
+                        f"SNR {snr:g}, mode {k + 1}",
+                        number(frequency[k]),
+                        number(match.natural_frequency[k]),
+                        number(damping[k]),
+                        number(100 * match.damping_ratio[k]),
+                        of_runs(values[:, 0]),
+                        of_runs(values[:, 1]),
+                    )
+                )
+        title = f"Table {table}: modes found by {NAMES[method]}"
+        blocks.append(Table(title, (*columns, *spreads), tuple(rows), "–: not found."))
+    lines = []
+    for snr in RATIOS:
+        subsets = found["coss", snr].subsets
+        for s, published in enumerate(SUBSETS[snr]):
+            one = matched(subsets[s].modes, truth) if s < len(subsets) else None
+            for k in range(len(truth)):
+                ours = (np.nan, np.nan) if one is None else (one.natural_frequency[k], one.damping_ratio[k])
+                lines.append(
+                    (
+                        f"SNR {snr:g}, S{s + 1}, mode {k + 1}",
+                        number(published[0][k]),
+                        number(ours[0]),
+                        number(published[1][k]),
+                        number(100 * ours[1]),
+                    )
+                )
+    remark = "Subsets with fewer than two segments are joined with their neighbour, so there can be fewer than three."
+    blocks.append(Table("Table 4-4: modes found by CoSS-SSI in each subset", columns, tuple(lines), remark))
+    return tuple(blocks)
+
+
+def _shapes(found: dict[tuple[str, float], Identification], truth: Modes) -> tuple[Block, ...]:
+    """Figures 4-12 to 4-14."""
+    blocks: list[Block] = []
+    for figure, method in (("4-12", "cov"), ("4-13", "acs"), ("4-14", "coss")):
+        parts = []
+        for snr in RATIOS:
+            for s, subset in enumerate(found[method, snr].subsets):
+                name = f"SNR {snr:g}" + (f", S{s + 1}" if method == "coss" else "")
+                parts.append((name, subset.modes))
+        title = f"MAC of theory (rows) and {NAMES[method]} (columns)"
+        caption = f"Figure {figure}: MAC between theoretical and identified mode shapes, {NAMES[method]}."
+        blocks.append(picture(reference_mac_figure(parts, truth, title=title), caption))
+    return tuple(blocks)
+
+
+def _spreads(runs: NDArray[np.float64], truth: Modes) -> tuple[Block, ...]:
+    """Spread over the sets, the thesis' settings and sprung's own."""
+    blocks: list[Block] = []
+    rows = tuple(f"{NAMES[m]}, {how}" for how in ("thesis", "default") for m in METHODS)
+    for i, snr in enumerate(RATIOS):
+        for j, band in enumerate(BANDS):
+            spreads = []
+            for quantity, name, factor in ((0, "frequency [Hz]", 1.0), (1, "damping [%]", 100.0)):
+                for k in range(len(truth)):
+                    values = factor * runs[:, i, j, :, :, quantity, k].reshape(len(runs), -1).T
+                    true = (truth.natural_frequency, 100 * truth.damping_ratio)[quantity][k]
+                    published = tuple(
+                        PUBLISHED[m, snr][quantity][k] if m != "coss" else SUBSETS[snr][0][quantity][k] for m in METHODS
+                    )
+                    spreads.append(Spread(f"Mode {k + 1}: {name}", rows, values, true, published))
+            others = runs[:, i, j, :, :, 3, 0].mean(axis=0).ravel()
+            caption = (
+                f"SNR {snr:g}, noise {band}. Other modes per set: "
+                + ", ".join(f"{name} {value:.2f}" for name, value in zip(rows, others, strict=True))
+                + ". Published for CoSS: its first subset."
+            )
+            blocks.append(picture(runs_figure(spreads, title=f"SNR {snr:g}, noise {band}"), caption))
+    return tuple(blocks)
+
+
+def _verdict(runs: NDArray[np.float64], found: dict[tuple[str, float], Identification]) -> str:
+    """Say what reproduces and what does not."""
+    white = [[share(runs[:, i, 0, 0, m, 0, k]) for k in range(3)] for i in range(2) for m in range(3)]
+    low = {m: [share(runs[:, 1, 1, 0, n, 0, k]) for k in range(3)] for n, m in enumerate(METHODS)}
+    default = [share(runs[:, 1, 1, 1, 2, 0, k]) for k in range(3)]
+    truth = theoretical(structure(read_vehicle("chain3")))
+    error = worst_error(runs[:, :, :, 1, 2, 0], truth.natural_frequency)
+    damping = worst_error(runs[:, :, :, 0, 2, 1], truth.damping_ratio)
+
+    def shares(values: list[float]) -> str:
+        return ", ".join(f"{100 * value:.0f} %" for value in values)
+
+    return (
+        "The theoretical modes reproduce to every printed digit. Tables 4-2 and 4-3 depend on the band of the noise, which the "
+        f"thesis does not state: with noise white up to half the sampling rate the thesis' settings find each mode in at "
+        f"least {100 * np.min(white):.0f} % of the sets with all three methods, at both noise levels. With noise in the "
+        f"modes' own band at SNR 0.5 the published pattern appears for Cov-SSI (modes 1, 2, 3 in {shares(low['cov'])} of the "
+        f"sets; published: none) and ACS-Cov-SSI ({shares(low['acs'])}; published: the first two). What does not reproduce "
+        f"is CoSS-SSI's advantage there: with its published threshold of 0.7 it finds the modes in {shares(low['coss'])} of "
+        "the sets, since splitting the segments leaves fewer of them in each average. Nor do its published damping errors "
+        f"of up to 360 %: where modes are found, the median damping of CoSS-SSI is within {100 * damping:.0f} %. Sprung's own defaults, "
+        f"which test whether a mode stands out of chance between channels, find the modes in {shares(default)} of the sets "
+        f"in this hardest case, the median frequency within {100 * error:.2f} % in all cases."
+    )

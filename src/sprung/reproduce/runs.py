@@ -1,0 +1,80 @@
+"""Many runs of one experiment, each with a seed of its own, spread over processes."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from typing import TypeVar
+
+from sprung._checks import check_number
+
+Result = TypeVar("Result")
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How much is run for a report.
+
+    Parameters
+    ----------
+    n_seeds
+        Runs where the thesis shows one, at least 2.
+    n_processes
+        Processes to spread them over.
+    """
+
+    n_seeds: int = 50
+    n_processes: int = 1
+
+    def __post_init__(self) -> None:
+        check_number("n_seeds", self.n_seeds, at_least=2)
+        check_number("n_processes", self.n_processes, at_least=1)
+
+
+def over_seeds(
+    experiment: Callable[[int], Result],
+    seeds: Sequence[int],
+    *,
+    n_processes: int = 1,
+    on_progress: Callable[[float], None] | None = None,
+) -> list[Result]:
+    """Return what an experiment gives for each seed, in the order of the seeds.
+
+    Parameters
+    ----------
+    experiment
+        A function of a module (it is sent to other processes), or a `functools.partial` of one, that takes a seed.
+    seeds
+        One run for each.
+    n_processes
+        At least 1; with 1 everything runs in this process. More give the same results.
+    on_progress
+        Called with the share of the runs that is done.
+    """
+    check_number("n_processes", n_processes, at_least=1)
+    report = on_progress or (lambda share: None)
+    results: dict[int, Result] = {}
+    if n_processes == 1:
+        for number, seed in enumerate(seeds):
+            results[number] = experiment(seed)
+            report(len(results) / len(seeds))
+    else:
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(n_processes, mp_context=context, initializer=_one_thread) as pool:
+            numbers = {pool.submit(experiment, seed): number for number, seed in enumerate(seeds)}
+            for future in as_completed(numbers):
+                results[numbers[future]] = future.result()
+                report(len(results) / len(seeds))
+    return [results[number] for number in range(len(seeds))]
+
+
+def usual_processes() -> int:
+    """Return how many processes this one may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _one_thread() -> None:
+    """Keep numerical libraries that are loaded later to one thread: the processes share the machine."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"

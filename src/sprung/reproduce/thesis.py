@@ -1,0 +1,91 @@
+"""How the thesis identifies, as settings; and words for reports."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sprung.cepstrum import Lifter
+from sprung.preparation import IdentificationSettings
+from sprung.reproduce.report import found_in, spread
+from sprung.stabilisation import THESIS_CRITERIA
+
+BODY_MOTIONS = ("bounce", "pitch", "roll")
+THRESHOLDS = (
+    "Thresholds of the thesis: relative change of frequency 0.1, of damping 0.2, 1 - MAC 0.5 against the rung below; one "
+    "realisation for each number of block rows, block Hankel matrix of correlations divided by the number of samples."
+)
+
+
+def thesis_settings(
+    *,
+    rows: tuple[int, int],
+    stable_rate: float,
+    segment: float | None = None,
+    n_subsets: int = 3,
+    sampling_rate: float | None = None,
+    lifter: Lifter | None = None,
+    band: tuple[float, float] | None = None,
+) -> IdentificationSettings:
+    """Return the settings of the thesis.
+
+    Parameters
+    ----------
+    rows
+        First and last number of block rows.
+    stable_rate
+        Least rate of stable points of a mode, delta of eq. 3-57.
+    segment
+        In s.
+    n_subsets
+        J.
+    sampling_rate
+        At which correlations are taken [Hz].
+    lifter
+        Of cepstrum editing.
+    band
+        Of the modes wanted [Hz].
+    """
+    return IdentificationSettings(
+        row_ladder=rows,
+        decimate_to=sampling_rate,
+        segment=segment,
+        n_subsets=n_subsets,
+        is_weighted=False,
+        is_biased=True,
+        is_hankel=True,
+        lifter=lifter,
+        band=band,
+        criteria=replace(THESIS_CRITERIA, stable_rate=stable_rate),
+    )
+
+
+def number(value: float, *, digits: int = 2) -> str:
+    """Return a number, or a dash where there is none."""
+    return f"{value:.{digits}f}" if np.isfinite(value) else "–"
+
+
+def of_runs(values: ArrayLike, *, digits: int = 2) -> str:
+    """Return in how many runs there is a value, with median and range."""
+    return f"{found_in(values)}: {spread(values, digits=digits)}"
+
+
+def worst_error(values: ArrayLike, truth: ArrayLike) -> float:
+    """Return the largest relative error of the medians over the runs; columns that no run found do not count.
+
+    Parameters
+    ----------
+    values
+        Shape (runs, ..., modes), NaN where a run found none.
+    truth
+        Shape (modes,), above 0.
+    """
+    relative = np.asarray(values) / np.asarray(truth)
+    columns = relative.reshape(len(relative), -1).T
+    medians = [np.median(column[np.isfinite(column)]) for column in columns if np.isfinite(column).any()]
+    return float(np.max(np.abs(np.array(medians) - 1), initial=0.0))
+
+
+def share(values: ArrayLike) -> float:
+    """Return the share of the runs in which there is a value."""
+    return float(np.isfinite(np.asarray(values)).mean())
