@@ -56,13 +56,14 @@ def rates(
     c: Any,
     bushings: Any,
     laws: Any,
+    force: Any,
     out: Any,
 ) -> None:
-    """Write the time derivative of the state for the inputs u."""
+    """Write the time derivative of the state for the inputs u; `force` is room for the generalised forces."""
     n = inverse_mass.shape[0]
     m = elongations.shape[0]
-    force = np.zeros(n)
     for i in range(n):
+        force[i] = 0.0
         for j in range(u.size):
             force[i] += input_forces[i, j] * u[j]
     for row in range(m):
@@ -122,6 +123,9 @@ def integrate(
     second = np.zeros(state.size)
     third = np.zeros(state.size)
     fourth = np.zeros(state.size)
+    between = np.zeros(inputs.shape[1])
+    trial = np.zeros(state.size)
+    force = np.zeros(n)
     k = stiffness * factors[:, 0, 0]
     c = damping * factors[:, 1, 0]
     knot = 0
@@ -131,10 +135,11 @@ def integrate(
             while knot < knots.size - 2 and time >= knots[knot + 1]:
                 knot += 1
             share = min(max((time - knots[knot]) / (knots[knot + 1] - knots[knot]), 0.0), 1.0)
-            k = stiffness * (factors[:, 0, knot] * (1 - share) + factors[:, 0, knot + 1] * share)
-            c = damping * (factors[:, 1, knot] * (1 - share) + factors[:, 1, knot + 1] * share)
+            for row in range(m):
+                k[row] = stiffness[row] * (factors[row, 0, knot] * (1 - share) + factors[row, 0, knot + 1] * share)
+                c[row] = damping[row] * (factors[row, 1, knot] * (1 - share) + factors[row, 1, knot + 1] * share)
         u = inputs[number]
-        rates(state, u, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, first)
+        rates(state, u, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, force, first)
         for channel in range(n_channels):
             reading = 0.0
             for i in range(n):
@@ -144,38 +149,23 @@ def integrate(
                     + by_acceleration[channel, i] * first[n + i]
                 )
             outputs[number, channel] = reading
-        places[number] = state[:n]
-        speeds[number] = state[n : 2 * n]
+        for i in range(n):
+            places[number, i] = state[i]
+            speeds[number, i] = state[n + i]
         if number == n_steps - 1:
             break
         later = inputs[number + 1]
-        between = (u + later) / 2
-        rates(
-            state + step / 2 * first,
-            between,
-            inverse_mass,
-            elongations,
-            feet,
-            input_forces,
-            k,
-            c,
-            bushings,
-            laws,
-            second,
-        )
-        rates(
-            state + step / 2 * second,
-            between,
-            inverse_mass,
-            elongations,
-            feet,
-            input_forces,
-            k,
-            c,
-            bushings,
-            laws,
-            third,
-        )
-        rates(state + step * third, later, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, fourth)
-        state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
+        for j in range(between.size):
+            between[j] = (u[j] + later[j]) / 2
+        for i in range(state.size):
+            trial[i] = state[i] + step / 2 * first[i]
+        rates(trial, between, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, force, second)
+        for i in range(state.size):
+            trial[i] = state[i] + step / 2 * second[i]
+        rates(trial, between, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, force, third)
+        for i in range(state.size):
+            trial[i] = state[i] + step * third[i]
+        rates(trial, later, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, force, fourth)
+        for i in range(state.size):
+            state[i] += step / 6 * (first[i] + 2 * second[i] + 2 * third[i] + fourth[i])
     return outputs, places, speeds
