@@ -137,8 +137,9 @@ def _panels(title: str, n_channels: int) -> tuple[Figure, list[Axes]]:
 
 
 def _name_axis(panels: Sequence[Axes], name: str) -> None:
-    """Write the name of the common axis below the lowest panels."""
+    """Write the name and the ticks of the common axis below the lowest panel of each column."""
     for axes in panels[-1 if len(panels) <= 3 else -2 :]:
+        axes.tick_params(labelbottom=True)
         axes.set_xlabel(name, fontsize=NORMAL)
 
 

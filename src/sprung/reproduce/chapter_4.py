@@ -287,8 +287,8 @@ def _verdict(runs: NDArray[np.float64], found: dict[tuple[str, float], Identific
 
     return (
         "The theoretical modes reproduce to every printed digit. Tables 4-2 and 4-3 depend on the band of the noise, which the "
-        f"thesis does not state: with noise white up to half the sampling rate the thesis' settings find each mode in at "
-        f"least {100 * np.min(white):.0f} % of the sets with all three methods, at both noise levels. With noise in the "
+        f"thesis does not state: with noise white up to half the sampling rate the thesis' settings find each mode in "
+        f"{100 * np.min(white):.0f} % of the sets or more with all three methods, at both noise levels. With noise in the "
         f"modes' own band at SNR 0.5 the published pattern appears for Cov-SSI (modes 1, 2, 3 in {shares(low['cov'])} of the "
         f"sets; published: none) and ACS-Cov-SSI ({shares(low['acs'])}; published: the first two). What does not reproduce "
         f"is CoSS-SSI's advantage there: with its published threshold of 0.7 it finds the modes in {shares(low['coss'])} of "
