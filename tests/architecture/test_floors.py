@@ -16,7 +16,7 @@ FLOORS = (
     ("cepstrum", "lines", "excitation", "layout", "labels", "subsets", "subspace", "contribution"),
     ("harmonics", "simulation", "stabilisation"),
     ("preparation",),
-    ("planning",),
+    ("planning", "likelihood"),
     ("identification",),
     ("plotting",),
     ("reproduce",),

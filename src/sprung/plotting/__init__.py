@@ -1,5 +1,6 @@
 """Pictures: one function for each, which takes values and returns a matplotlib figure."""
 
+from sprung.plotting.corners import corners_figure, correlation_figure, fitted_spectra_figure
 from sprung.plotting.mac import mac_figure, reference_mac_figure
 from sprung.plotting.rates import alignment_rates, stable_rates_figure
 from sprung.plotting.responses import cepstrum_figure, response_figure
@@ -16,8 +17,11 @@ __all__ = [
     "alignment_rates",
     "cepstrum_figure",
     "complexity_figure",
+    "corners_figure",
+    "correlation_figure",
     "densities_figure",
     "figures",
+    "fitted_spectra_figure",
     "histories_figure",
     "levels_figure",
     "mac_figure",

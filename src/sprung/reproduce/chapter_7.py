@@ -31,7 +31,7 @@ from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, wit
 RATE, DURATION, N_RECORDS, SEGMENT, SNR = 1500.0, 40.0, 10, 4096 / 1500.0, 10.0
 ROWS = (12, 82)
 #: Rate at which the runs of the spread are identified [Hz], and their block rows.
-FAST_RATE, FAST_ROWS = 750.0, (12, 60)
+FAST_RATE, FAST_ROWS = 750.0, (12, 44)
 PUBLISHED_TIME = 29.56
 CONDITIONS = {
     "normal": (),

@@ -18,7 +18,7 @@ from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, 
 from sprung.simulation import Law, simulate, simulate_nonlinear, with_noise
 from sprung.vehicles import Structure, read_vehicle, structure
 
-RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 10, 20.0, 1.0
+RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 8, 20.0, 1.0
 #: Force of the records that differ in level: from 1 to 10 over the set.
 LEVELS = np.geomspace(1.0, 10.0, N_RECORDS)
 #: Rubber beside each spring: 15 % stiffer at small amplitudes than at large ones.
@@ -58,7 +58,7 @@ def report(effort: Effort, on_progress: Progress) -> Report:
             f"Chain of three masses; {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; all three methods have all records. Segments of {SEGMENT:g} s, J = 3 for CoSS.",
             "Settings are the same for all methods. Thesis: "
             + THRESHOLDS
-            + " Block rows 12 to 45, delta 0.5. Default: sprung's own.",
+            + " Block rows 12 to 32, delta 0.5. Default: sprung's own.",
             "Command: sprung reproduce comparison --out DIR",
         ),
     )
@@ -100,7 +100,7 @@ def settings(how: str) -> IdentificationSettings:
     """Return the settings of all methods."""
     if how == "default":
         return IdentificationSettings(segment=SEGMENT)
-    return thesis_settings(rows=(12, 45), stable_rate=0.5, segment=SEGMENT, sampling_rate=RATE)
+    return thesis_settings(rows=(12, 32), stable_rate=0.5, segment=SEGMENT, sampling_rate=RATE)
 
 
 def experiment(seed: int) -> NDArray[np.float64]:

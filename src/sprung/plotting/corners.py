@@ -1,0 +1,121 @@
+"""Pictures of a fit of the corners: spectra, the vehicle from above, correlations."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from sprung.likelihood import CornerFit
+from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+
+_UNITS = {"bounce": "(m/s²)²/Hz", "pitch": "(rad/s²)²/Hz", "roll": "(rad/s²)²/Hz"}
+_COMPONENTS = ("spring", "damper", "tyre")
+
+
+def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
+    """Draw measured and fitted spectra of every coordinate, averaged over the speed classes, and their misfit.
+
+    Parameters
+    ----------
+    fit
+        Any.
+    source
+        Name of the recording, for the heading.
+    """
+    spectra, names = fit.model.spectra, fit.model.layout.coordinates
+    fitted = np.einsum("cfii->cif", fit.model.matrix(fit.parameters)).real
+    measured = np.einsum("cfii->cif", spectra.matrices).real
+    what = f"Measured and fitted spectra: {source}" if source else "Measured and fitted spectra"
+    where = f"{spectra.n_segments} segments of {spectra.segment_length:.3g} s in {spectra.counts.size} speed classes"
+    figure = new_figure(what, where, width=9.5, height=1.3 + 1.9 * len(names))
+    panels = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
+    chance = 1.96 * np.sqrt(1.06 / spectra.n_segments)
+    for row, name in enumerate(names):
+        left, right = panels[row]
+        for axes in (left, right):
+            plain(axes)
+        for values, colour, label in ((measured, FAINT, "measured"), (fitted, MODE_COLOURS[1], "fitted")):
+            mean = np.average(values[:, row], axis=0, weights=spectra.counts)
+            left.semilogy(spectra.frequencies, mean, color=colour, label=label, linewidth=1.4)
+        left.set_ylabel(f"{name}\n[{_UNITS.get(name, 'squared units/Hz')}]", fontsize=SMALL)
+        right.axhspan(-100 * chance, 100 * chance, color="#E6E6E6")
+        right.plot(spectra.frequencies, 100 * fit.misfit[row], color=MODE_COLOURS[0], linewidth=1)
+        right.axhline(0, color=INK, linewidth=0.8)
+        right.set_ylabel("misfit [%]", fontsize=SMALL)
+    panels[0, 0].legend(fontsize=SMALL, frameon=False)
+    panels[0, 1].set_title("measured over fitted, less 1; grey: 95 % by chance", fontsize=SMALL)
+    for axes in panels[-1]:
+        axes.set_xlabel("Frequency [Hz]", fontsize=NORMAL)
+    return figure
+
+
+def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
+    """Draw the vehicle from above with each corner's components as bars against nominal, with 95 % intervals.
+
+    Parameters
+    ----------
+    fit, source
+        As for `fitted_spectra_figure`.
+    """
+    owners = list(dict.fromkeys(component.owner for component in fit.components))
+    n_axles = len(owners) // 2
+    what = f"Corners against nominal: {source}" if source else "Corners against nominal"
+    where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: this run cannot tell."
+    figure = new_figure(what, where, width=9.5, height=1.4 + 2.1 * n_axles)
+    panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
+    change = 100 * (np.exp(fit.log_ratios) - 1)
+    low, high = (100 * (np.exp(fit.log_ratios + sign * 1.96 * fit.log_ratios_std) - 1) for sign in (-1, 1))
+    reach = max(10.0, 1.3 * np.abs(np.concatenate([low[fit.is_told], high[fit.is_told], [5.0]])).max())
+    for axes, owner in zip(panels.ravel(), owners, strict=True):
+        rows = [k for k, component in enumerate(fit.components) if component.owner == owner]
+        _draw_corner(axes, fit, rows, change, low, high)
+        axes.set_title(owner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
+        axes.set_ylim(-reach, reach)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("change [%]", fontsize=SMALL)
+    return figure
+
+
+def _draw_corner(axes: Axes, fit: CornerFit, rows: list[int], *changes: np.ndarray) -> None:
+    """Draw the bars of one corner."""
+    change, low, high = changes
+    plain(axes)
+    axes.axhline(0, color=INK, linewidth=1)
+    for place, row in enumerate(rows):
+        name = fit.components[row].name
+        colour = MODE_COLOURS[_COMPONENTS.index(name) % 3] if fit.is_told[row] else "#C8C8C8"
+        axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change[row], color=colour, alpha=0.75, linewidth=0))
+        axes.vlines(place, low[row], high[row], color=INK, linewidth=1.3)
+        if fit.is_told[row]:
+            above = change[row] >= 0
+            axes.annotate(
+                f"{change[row]:+.1f} %",
+                (place, high[row] if above else low[row]),
+                xytext=(0, 3 if above else -3),
+                textcoords="offset points",
+                ha="center",
+                va="bottom" if above else "top",
+                fontsize=SMALL,
+            )
+    axes.set_xlim(-0.6, len(rows) - 0.4)
+    axes.set_xticks(range(len(rows)), [fit.components[row].name for row in rows], fontsize=SMALL)
+
+
+def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:
+    """Draw the correlation of the components' estimates; parameters as for `fitted_spectra_figure`."""
+    count = len(fit.components)
+    deviations = np.sqrt(np.diag(fit.covariance))[:count]
+    values = fit.covariance[:count, :count] / np.outer(deviations, deviations)
+    names = [f"{component.owner.replace('_', ' ')} {component.name}" for component in fit.components]
+    what = f"Correlation of the estimates: {source}" if source else "Correlation of the estimates"
+    size = 2.6 + 0.42 * count
+    figure = new_figure(what, "", width=max(size + 1, 7.5), height=size)
+    axes = figure.subplots()
+    image = axes.imshow(values, cmap="RdBu_r", vmin=-1, vmax=1)
+    axes.set_xticks(range(count), names, fontsize=SMALL, rotation=90)
+    axes.set_yticks(range(count), names, fontsize=SMALL)
+    for (row, column), value in np.ndenumerate(values):
+        if row != column and abs(value) >= 0.3:
+            axes.text(column, row, f"{value:.1f}", ha="center", va="center", fontsize=SMALL - 1)
+    figure.colorbar(image, ax=axes, shrink=0.8).set_label("correlation [-]", fontsize=NORMAL)
+    return figure

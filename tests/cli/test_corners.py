@@ -1,0 +1,68 @@
+import json
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """A drive of three minutes with a soft front-left spring."""
+    from sprung.formats import write
+    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.vehicles import parse_fault, read_vehicle, write_vehicle
+
+    folder = tmp_path_factory.mktemp("drive")
+    faults = (parse_fault("front_left.spring=-0.4"),)
+    settings = DriveSettings("road", duration=180.0, faults=faults, snr=50.0)
+    one = simulate_drive(read_vehicle("zafira"), settings, seed=1)
+    write(one.recording, folder / "run.parquet")
+    write_vehicle(read_vehicle("zafira"), folder / "car.toml")
+    return folder / "run.parquet", folder / "car.toml"
+
+
+def test_json_has_the_contracts_names(sprung, drive, tmp_path):
+    run, car = drive
+    document = sprung("corners", run, "--vehicle", car, "--json", "-").document()
+    assert document["schema"] == "sprung.corners/1"
+    spring = document["corners"]["front_left"]["spring"]
+    assert spring["relative_to_nominal"] == pytest.approx(0.6, abs=0.06)
+    assert spring["value"] == pytest.approx(0.6 * 44179, rel=0.1)
+    assert 0 < spring["std"] < 0.05 * spring["value"]
+    assert set(document["corners"]) == {"front_left", "front_right", "rear_left", "rear_right"}
+    assert set(document["corners"]["rear_right"]) == {"spring", "damper", "tyre"}
+    assert [mode["label"] for mode in document["modes"][:3]] == ["bounce", "pitch", "roll"]
+    assert {"level", "exponent", "coherence_length"} <= set(document["road"])
+    assert {"imperfection", "n_segments", "band", "correlation"} <= set(document["fit"])
+    assert isinstance(document["notes"], list)
+
+
+def test_table_and_figures(sprung, drive, tmp_path):
+    run, car = drive
+    outcome = sprung("corners", run, "--vehicle", car, "--figures", tmp_path / "figures", "--json", tmp_path / "c.json")
+    assert outcome.code == 0
+    assert "front left" in outcome.out
+    assert "█" in outcome.out
+    assert "bounce" in outcome.out
+    for name in ("corners", "spectra", "correlation"):
+        assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 10_000
+    assert json.loads((tmp_path / "c.json").read_text())["schema"] == "sprung.corners/1"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--vehicle", "chain3"), "corners need a body on axles"),
+        (("--vehicle", "nowhere.toml"), "is neither a file nor one of"),
+        (("--vehicle", "zafira", "--band", "9", "2"), "band 9 to 2 Hz must rise"),
+        (("--vehicle", "zafira", "--channels", "acc_fl,nothing"), "nothing"),
+    ],
+)
+def test_bad_usage_is_one_sentence(sprung, drive, words, message):
+    outcome = sprung("corners", drive[0], *words)
+    assert outcome.code == 2
+    assert message in outcome.err
+
+
+def test_missing_speed_is_not_enough_data(sprung, drive):
+    outcome = sprung("corners", drive[0], "--vehicle", "zafira", "--channels", "acc_fl,acc_fr,acc_rl,acc_rr")
+    assert outcome.code == 3
+    assert "no speed channel 'speed'" in outcome.err
