@@ -84,5 +84,5 @@ def test_rubber_softens_with_the_level_and_nothing_else_does():
     """The frequency of mode 1 falls from the lowest to the highest subset with rubber, by default settings."""
     results = comparison.experiment(1)
     change = results[:, 1, 2, 5, 0] / results[:, 1, 2, 4, 0] - 1
-    assert change[3] < -0.003
-    assert np.abs(change[:3]).max() < 0.003
+    assert change[3] < -0.01
+    assert np.abs(change[:3]).max() < 0.005

@@ -239,7 +239,8 @@ def _shaken(
     from sprung.simulation import simulate, truth, usual_excitation
     from sprung.vehicles import parse_fault, structure, with_faults
 
-    options["sampling_rate"] = options["sampling_rate"] or _USUAL_RATE[vehicle.kind]
+    if options["sampling_rate"] is None:
+        options["sampling_rate"] = _USUAL_RATE[vehicle.kind]
     _check_length(options["duration"], options["sampling_rate"])
     parsed = tuple(parse_fault(text) for text in faults)
     for one in parsed:

@@ -196,7 +196,7 @@ def _paired(runs: NDArray[np.float64], truth: Modes) -> Table:
     remark = (
         "Mean of |error of ACS| - |error of CoSS| with its standard error: positive where CoSS is nearer to the truth."
     )
-    return Table("Where CoSS-SSI wins, and by how much", columns, tuple(rows), remark)
+    return Table("Error of ACS-Cov-SSI less that of CoSS-SSI", columns, tuple(rows), remark)
 
 
 def _levels(runs: NDArray[np.float64]) -> Table:

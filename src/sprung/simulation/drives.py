@@ -86,12 +86,14 @@ class DriveSettings:
         check_one_of("kind", self.kind, USUAL_RATES)
         check_one_of("driven", self.driven, ("all", "front"))
         check_number("duration", self.duration, above=0)
+        if self.sampling_rate is not None:
+            check_number("sampling_rate", self.sampling_rate, above=0)
         check_number("payload", self.payload, at_least=0)
 
     @property
     def rate(self) -> float:
         """Sampling rate [Hz]."""
-        return self.sampling_rate or USUAL_RATES[self.kind]
+        return USUAL_RATES[self.kind] if self.sampling_rate is None else self.sampling_rate
 
     @property
     def speeds(self) -> tuple[float, float]:
