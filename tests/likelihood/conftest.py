@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.likelihood import ClassSpectra, Component, Model, RoadInputs, rigid_layout
+from sprung.likelihood import ClassSpectra, Component, Model, RoadInputs, SensorChange, rigid_layout
 from sprung.vehicles import read_vehicle, structure
 
 SEGMENT = 5.12
@@ -19,10 +19,10 @@ def _classes(n_coordinates, *, counts=9.0, n_classes=6):
     f = np.arange(4, 100) / SEGMENT
     unit = np.broadcast_to(np.eye(n_coordinates), (n_classes, f.size, n_coordinates, n_coordinates))
     speeds, spreads = np.geomspace(5, 20, n_classes), np.full(n_classes, 0.02)
-    return ClassSpectra(f, np.full(n_classes, counts), speeds, spreads, unit, SEGMENT)
+    return ClassSpectra(f, np.full(n_classes, counts), speeds, spreads, unit, SEGMENT, np.full(unit.shape[:2], counts))
 
 
-def _road_model(vehicle, *, spectra=None, masses=(), model=None, **options):
+def _road_model(vehicle, *, spectra=None, masses=(), model=None, sensors=False, **options):
     """The model of a vehicle on a road with all its corners free."""
     model = structure(vehicle) if model is None else model
     layout = rigid_layout(model)
@@ -34,7 +34,12 @@ def _road_model(vehicle, *, spectra=None, masses=(), model=None, **options):
         for name in owned
     )
     inputs = RoadInputs(spectra, np.repeat([axle.x for axle in vehicle.axle], 2), np.array([1.0, -1.0, 1.0, -1.0]))
-    return Model(model, layout, spectra, inputs, free, masses=masses, **options)
+    changes = ()
+    if sensors:
+        ahead = np.zeros(layout.motion.shape)
+        ahead[0, model.coordinates.index("pitch")] = -1.0
+        changes = (SensorChange("ahead", 0.1, motion=ahead), SensorChange("lag", 0.01, channel=1))
+    return Model(model, layout, spectra, inputs, free, masses=masses, sensors=changes, **options)
 
 
 def _with_data(model, parameters, *, counts=None, generator=None):
@@ -47,7 +52,9 @@ def _with_data(model, parameters, *, counts=None, generator=None):
         matrices = values @ values.conj().swapaxes(-1, -2)
     spectra = replace(model.spectra, matrices=matrices)
     if counts is not None:
-        spectra = replace(spectra, counts=np.full(spectra.counts.size, counts))
+        spectra = replace(
+            spectra, counts=np.full(spectra.counts.size, counts), weights=np.full(spectra.weights.shape, counts)
+        )
     return replace(model, spectra=spectra, inputs=replace(model.inputs, spectra=spectra))
 
 

@@ -1,7 +1,7 @@
 """The command `sprung corners`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -50,8 +50,35 @@ def corners(
             rich_help_panel=INPUT,
         ),
     ] = 0.7,
+    kind: Annotated[
+        Literal["road", "rail", "rig"] | None,
+        typer.Option(
+            help="What drives the wheels; road and rail repeat at the rear wheels. Default: as the vehicle file says.",
+            show_default=False,
+            rich_help_panel=INPUT,
+        ),
+    ] = None,
+    free: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B,..",
+            help="Components to fit, such as spring,damper or front_left.tyre. Default: all.",
+            show_default=False,
+            rich_help_panel=INPUT,
+        ),
+    ] = None,
     payload: Annotated[
-        bool, typer.Option("--payload", help="Fit mass, inertias and centre of gravity too.", rich_help_panel=INPUT)
+        bool | None,
+        typer.Option(
+            "--payload/--no-payload",
+            help="Fit mass, inertias and centre of gravity too. Default: not on a rig.",
+            show_default=False,
+            rich_help_panel=INPUT,
+        ),
+    ] = None,
+    sensors: Annotated[
+        bool,
+        typer.Option("--sensors", help="Fit places and lags of the sensors too.", rich_help_panel=INPUT),
     ] = False,
     figures: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for figures.", show_default=False, rich_help_panel=OUTPUT)
@@ -69,7 +96,15 @@ def corners(
         raise ParameterError(
             f"--vehicle {vehicle} is a {description.kind}: corners need a body on axles (road, rail or rig)"
         )
-    settings = CornerSettings(band=band, segment=segment, width=width, has_payload=payload)
+    settings = CornerSettings(
+        band=band,
+        segment=segment,
+        width=width,
+        free=names(free),
+        has_payload=payload,
+        has_free_sensors=sensors,
+        kind=kind,
+    )
     with progress_bar() as report:
         recordings = list(records(files, sampling_rate=sampling_rate, channels=names(channels), report=report))
         report("fitting", 0.5)
@@ -110,6 +145,8 @@ def document(fit: "CornerFit") -> dict[str, Any]:
         ],
         "channels": list(modes.channels),
         "road": inputs,
+        "payload": fit.payload,
+        "sensors": fit.sensors,
         "fit": {
             "imperfection": fit.imperfection,
             "n_segments": fit.n_segments,
@@ -182,7 +219,9 @@ def _show(fit: "CornerFit", paths: list[Path]) -> None:
     out.print(
         table("Modes of the fitted vehicle", ("frequency [Hz]", "±", "damping [%]", "±", "label"), lines, n_words=0)
     )
-    out.print(notes([*fit.notes, *(f"wrote {path}" for path in paths)]))
+    load = fit.payload.get("payload_mass")
+    said = [] if load is None else [f"on the body beyond the vehicle file: {load['value']:.0f} ± {load['std']:.0f} kg"]
+    out.print(notes([*said, *fit.notes, *(f"wrote {path}" for path in paths)]))
 
 
 def _bar(change: float) -> str:

@@ -1,27 +1,36 @@
 """Whittle likelihood of a vehicle on its road: springs, dampers and tyres of every corner from the body's motion."""
 
 from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.fitting import CornerSettings, fit_corners, fit_segments
-from sprung.likelihood.inputs import IndependentInputs, InputModel, RoadInputs
+from sprung.likelihood.fitting import CornerSettings, fit_corners, fit_segments, vehicle_model
+from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs, SurfaceInputs
 from sprung.likelihood.layout import RigidLayout, rigid_layout
+from sprung.likelihood.lines import SpectralLine, residual_lines
+from sprung.likelihood.modal import corners_from_modes
 from sprung.likelihood.spectra import ClassSpectra, SegmentSpectra, class_spectra, segment_spectra
-from sprung.likelihood.whittle import Component, MassChange, Model
+from sprung.likelihood.whittle import Component, MassChange, Model, SensorChange
 
 __all__ = [
     "ClassSpectra",
     "Component",
     "CornerFit",
     "CornerSettings",
-    "IndependentInputs",
     "InputModel",
     "MassChange",
     "Model",
+    "RailInputs",
+    "RigInputs",
     "RigidLayout",
     "RoadInputs",
     "SegmentSpectra",
+    "SensorChange",
+    "SpectralLine",
+    "SurfaceInputs",
     "class_spectra",
+    "corners_from_modes",
     "fit_corners",
     "fit_segments",
+    "residual_lines",
     "rigid_layout",
     "segment_spectra",
+    "vehicle_model",
 ]

@@ -83,12 +83,31 @@ class CornerFit:
     @property
     def inputs(self) -> dict[str, float]:
         """What drives the wheels: level [m^3], exponent, coherence length [m] of a road; levels of a rig [m^2/Hz]."""
-        first = len(self.components) + len(self.model.masses)
+        first = self.model.n_free
         found = dict(zip(self.model.inputs.names, self.parameters[first:], strict=False))
         return {
             name: value if name == "exponent" else float(np.exp(value))
             for name, value in found.items()
             if not name.startswith("class_")
+        }
+
+    @property
+    def payload(self) -> dict[str, dict[str, float]]:
+        """What is on the body beyond the vehicle file: mass [kg], moments [kg m], inertias [kg m^2], and deviations."""
+        return self._free_parts(len(self.components), {part.name: part.unit for part in self.model.masses})
+
+    @property
+    def sensors(self) -> dict[str, dict[str, float]]:
+        """Where [m] and how much later [s] than stated the sensors are, with deviations."""
+        first = len(self.components) + len(self.model.masses)
+        return self._free_parts(first, {part.name: 1.0 for part in self.model.sensors})
+
+    def _free_parts(self, first: int, units: dict[str, float]) -> dict[str, dict[str, float]]:
+        """Return parameters in units and their standard deviations."""
+        deviations = np.sqrt(np.diag(self.covariance))
+        return {
+            name: {"value": unit * float(self.parameters[row]), "std": unit * float(deviations[row])}
+            for row, (name, unit) in enumerate(units.items(), start=first)
         }
 
     def structure(self) -> Structure:

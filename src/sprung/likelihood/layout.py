@@ -31,29 +31,30 @@ class RigidLayout:
         Order of the time derivative that each channel measures (acceleration 2, angular velocity 1).
     reduction
         Shape (coordinates, channels): coordinates = reduction times the channels, differentiated to accelerations.
-    rows
-        Shape (coordinates, n): the coordinates for one unit of acceleration of each coordinate of the structure.
+    motion
+        Shape (channels, n): the channels, differentiated to accelerations, for one unit of acceleration of each
+        coordinate of the structure.
     noise
-        Shape (orders present, coordinates, coordinates): covariance of the coordinates for noise of the usual size
-        on all channels of one order.
+        Shape (channels, coordinates, coordinates): covariance of the coordinates for noise of the usual size on one
+        channel.
     """
 
     names: tuple[str, ...]
     coordinates: tuple[str, ...]
     orders: NDArray[np.intp]
     reduction: NDArray[np.float64]
-    rows: NDArray[np.float64]
+    motion: NDArray[np.float64]
     noise: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "orders", frozen_array("orders", self.orders, ndim=1, dtype=np.intp))
-        for name, ndim in (("reduction", 2), ("rows", 2), ("noise", 3)):
+        for name, ndim in (("reduction", 2), ("motion", 2), ("noise", 3)):
             object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=ndim))
 
     @property
-    def noise_orders(self) -> NDArray[np.intp]:
-        """Order of the time derivative of each of the matrices of `noise`."""
-        return np.unique(self.orders)
+    def rows(self) -> NDArray[np.float64]:
+        """The coordinates for one unit of acceleration of each coordinate of the structure, (coordinates, n)."""
+        return self.reduction @ self.motion
 
     def differentiator(self, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return factors that make each channel's spectrum that of an acceleration, shape (frequencies, channels)."""
@@ -97,10 +98,10 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     U, S, _ = np.linalg.svd(weights[:, None] * T, full_matrices=False)
     kept = U[:, S / S[0] > _WEAKEST]
     mix, names = _as_motions(kept.T @ (weights[:, None] * T), structure.coordinates)
-    noise = np.array([mix @ kept[orders == one].T @ kept[orders == one] @ mix.T for one in np.unique(orders)])
+    noise = np.einsum("ic,jc->cij", mix @ kept.T, mix @ kept.T)
     reduction = mix @ (kept.T * weights)
     channels = tuple(outputs.names[row] for row in seen)
-    return RigidLayout(channels, names, orders, reduction, reduction @ T, noise)
+    return RigidLayout(channels, names, orders, reduction, T, noise)
 
 
 def _as_motions(rows: NDArray[np.float64], coordinates: tuple[str, ...]) -> tuple[NDArray[np.float64], tuple[str, ...]]:

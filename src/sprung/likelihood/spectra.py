@@ -12,6 +12,9 @@ from sprung.errors import DataError
 from sprung.likelihood.layout import RigidLayout
 from sprung.recording import Recording
 
+#: Half-overlapping Hann windows count every sample about twice: variance over that of independent segments and
+#: frequencies, the sum of the squared coherences of all overlapping pairs (19 / 9).
+OVERCOUNT = 19 / 9
 #: Length of a segment [s] and share that the next one repeats.
 SEGMENT, OVERLAP = 5.12, 0.5
 #: Slowest mean speed [m/s], and coefficient of variation of the speed in a segment: up to the first, or where too few
@@ -21,7 +24,7 @@ _ENOUGH = 60
 # Share of the speed's spread within a segment that blurs the delay of the rear wheels (of a Hann window).
 _BLUR = 0.6
 #: Width of a speed class, relative to its speed.
-CLASS_WIDTH = 0.03
+CLASS_WIDTH = 0.05
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -72,6 +75,9 @@ class ClassSpectra:
         Shape (classes, frequencies, coordinates, coordinates), Hermitian.
     segment_length
         In s.
+    weights
+        How many segments each class and frequency counts for, shape (classes, frequencies): the counts, less where
+        the model is not trusted, 0 where a line of wheels or engine sits.
     """
 
     frequencies: NDArray[np.float64]
@@ -80,8 +86,10 @@ class ClassSpectra:
     spreads: NDArray[np.float64]
     matrices: NDArray[np.complex128]
     segment_length: float
+    weights: NDArray[np.float64]
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "weights", frozen_array("weights", self.weights, ndim=2))
         for name in ("frequencies", "counts", "speeds", "spreads"):
             object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
         object.__setattr__(self, "matrices", frozen_array("matrices", self.matrices, ndim=4, dtype=np.complex128))
@@ -190,12 +198,13 @@ def class_spectra(segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Cl
         spreads.append(np.sqrt(within + between))
         matrices.append(np.einsum("sfi,sfj->fij", values, values.conj()) / members.size)
     return ClassSpectra(
-        segments.frequencies,
-        np.array(counts, dtype=np.float64),
-        np.array(speeds),
-        np.array(spreads),
-        np.array(matrices),
-        segments.segment_length,
+        frequencies=segments.frequencies,
+        counts=np.array(counts, dtype=np.float64),
+        speeds=np.array(speeds),
+        spreads=np.array(spreads),
+        matrices=np.array(matrices),
+        segment_length=segments.segment_length,
+        weights=np.repeat(np.array(counts, dtype=np.float64)[:, None], segments.frequencies.size, axis=1),
     )
 
 

@@ -19,7 +19,7 @@ Arm = tuple[Element, Complex, list[tuple[int, Complex]]]
 
 
 #: Value of the likelihood where a step of the search went beyond all numbers.
-_TOO_FAR = 1e100
+TOO_FAR = 1e100
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +42,36 @@ class MassChange:
         Shape (n, n): what one unit of the parameter adds to the mass matrix.
     width
         Standard deviation of the parameter about 0 before any data.
+    unit
+        Of the parameter in kg, kg m or kg m^2.
     """
 
     name: str
     matrix: Real
     width: float
+    unit: float = 1.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SensorChange:
+    """A free place or time of a sensor.
+
+    Parameters
+    ----------
+    name
+        Of its parameter.
+    motion
+        Shape (channels, n): what one unit of the parameter adds to `RigidLayout.motion`; None for a lag.
+    channel
+        Row of the channel that one unit of the parameter delays by one second; None for a place.
+    width
+        Standard deviation of the parameter about 0 before any data.
+    """
+
+    name: str
+    width: float
+    motion: Real | None = None
+    channel: int | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,13 +92,15 @@ class Model:
         Free components; their parameters are ln(value / nominal value).
     masses
         Free parts of the mass matrix, such as a payload.
+    sensors
+        Free places and lags of sensors.
     width
         Standard deviation of these parameters before any data.
 
     Notes
     -----
-    The parameters are those of the components, of the masses, of the inputs, and for each order of derivative ln of the
-    noise density over that of `sprung.likelihood.layout`.
+    The parameters are those of the components, of the masses, of the sensors, of the inputs, and for each channel ln of
+    its noise density over that of `sprung.likelihood.layout`.
     """
 
     structure: Structure
@@ -82,28 +109,35 @@ class Model:
     inputs: InputModel
     components: tuple[Component, ...]
     masses: tuple[MassChange, ...] = ()
+    sensors: tuple[SensorChange, ...] = ()
     width: float = 0.7
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters."""
         free = [f"{component.owner}.{component.name}" for component in self.components]
-        masses = [mass.name for mass in self.masses]
-        return (*free, *masses, *self.inputs.names, *(f"noise_{order}" for order in self.layout.noise_orders))
+        others = [*(part.name for part in self.masses), *(part.name for part in self.sensors)]
+        return (*free, *others, *self.inputs.names, *(f"noise_{name}" for name in self.layout.names))
+
+    @property
+    def n_free(self) -> int:
+        """Parameters of components, masses and sensors: the first ones."""
+        return len(self.components) + len(self.masses) + len(self.sensors)
 
     @property
     def start(self) -> Real:
         """Nominal components, usual inputs and sensor noise: the centre of the prior."""
-        n_free = len(self.components) + len(self.masses)
-        return np.concatenate([np.zeros(n_free), self.inputs.start, self._noise_start()])
+        return np.concatenate([np.zeros(self.n_free), self.inputs.start, self._noise_start()])
 
-    def scaled_start(self) -> Real:
-        """Return `start` with inputs and noise scaled so that the model has the power of the data."""
+    def scaled_start(self, components: Real | None = None) -> Real:
+        """Return `start`, or given components, with inputs and noise scaled so that the model has the data's power."""
         parameters = self.start
+        if components is not None:
+            parameters[: len(self.components)] = components
         inverse = np.linalg.inv(self.matrix(parameters))
         ratio = np.einsum("cfij,cfji->cf", inverse, self.spectra.matrices).real / len(self.layout.rows)
         shift = np.log(np.median(np.average(ratio, axis=0, weights=self.spectra.counts)))
-        first, last = len(self.components) + len(self.masses), parameters.size - len(self.layout.noise)
+        first, last = self.n_free, parameters.size - len(self.layout.noise)
         parameters[first:last] += shift * self.inputs.is_level
         parameters[last:] += shift
         return parameters
@@ -111,7 +145,8 @@ class Model:
     @property
     def widths(self) -> Real:
         """Standard deviations before any data."""
-        free = [self.width] * len(self.components) + [mass.width for mass in self.masses]
+        free = [self.width] * len(self.components)
+        free += [*(part.width for part in self.masses), *(part.width for part in self.sensors)]
         return np.concatenate([free, self.inputs.widths, np.full(len(self.layout.noise), 5.0)])
 
     def _noise_start(self) -> Real:
@@ -119,8 +154,8 @@ class Model:
         return np.full(len(self.layout.noise), np.log(1e-2))
 
     def split(self, parameters: Real) -> tuple[Real, Real, Real]:
-        """Return the parameters of components and masses, of inputs, and of noise."""
-        first, last = len(self.components) + len(self.masses), parameters.size - len(self.layout.noise)
+        """Return the parameters of components, masses and sensors, of inputs, and of noise."""
+        first, last = self.n_free, parameters.size - len(self.layout.noise)
         return parameters[:first], parameters[first:last], parameters[last:]
 
     def arms(self, parameters: Real) -> list[Arm]:
@@ -146,32 +181,72 @@ class Model:
             found.append((element, np.asarray(stiffness + arm, dtype=np.complex128), derivatives))
         return found
 
-    def response(self, arms: Sequence[Arm], free: Real) -> tuple[Complex, Complex]:
-        """Return X = D^-1 B (frequencies, n, inputs) and L = -w^2 R D^-1 (frequencies, coordinates, n)."""
+    def response(self, arms: Sequence[Arm], free: Real) -> tuple[Complex, Complex, Complex]:
+        """Return X = D^-1 B (frequencies, n, inputs), L = -w^2 R D^-1 (frequencies, coordinates, n) and H = L B."""
         frequencies = self.spectra.grid
         squared = (2 * np.pi * frequencies) ** 2
-        mass = self.structure.mass + sum(
-            p * part.matrix for p, part in zip(free[len(self.components) :], self.masses, strict=True)
-        )
+        mass = self.mass(free)
         directions = np.array([element.elongation for element, _, _ in arms])
         values = np.array([value for _, value, _ in arms])
-        dynamic = np.einsum("ef,ei,ej->fij", values, directions, directions) - squared[:, None, None] * mass
+        pulled = values.T[:, None, :] * directions.T
+        dynamic = pulled @ directions - squared[:, None, None] * mass
         feet = np.array([self._foot(element) for element, _, _ in arms])
-        drive = np.einsum("ef,ei,eu->fiu", values, directions, feet) + self.structure.forces
-        rows = np.broadcast_to(self.layout.rows.T, (frequencies.size, *self.layout.rows.T.shape))
-        solved = np.linalg.solve(dynamic, np.concatenate([drive, rows], axis=2))
+        drive = pulled @ feet + self.structure.forces
+        rows = self.rows(free)
+        solved = np.linalg.solve(dynamic, np.concatenate([drive, rows.swapaxes(1, 2)], axis=2))
         n_inputs = drive.shape[2]
+        X = np.asarray(solved[..., :n_inputs], dtype=np.complex128)
         L = -squared[:, None, None] * solved[..., n_inputs:].swapaxes(1, 2)
-        return np.asarray(solved[..., :n_inputs]), np.asarray(L, dtype=np.complex128)
+        return X, np.asarray(L, dtype=np.complex128), np.asarray(-squared[:, None, None] * (rows @ X))
+
+    def rows(self, free: Real) -> Complex:
+        """Return the coordinates of the data for one unit of each of the structure's, (grid, coordinates, n)."""
+        size = self.spectra.grid.size
+        if not self.sensors:
+            rows = self.layout.rows.astype(np.complex128)
+            return np.broadcast_to(rows, (size, *rows.shape))
+        motion, delay = self._sensed(free)
+        return np.asarray(self.layout.reduction @ (delay[..., None] * motion))
+
+    def _sensed(self, free: Real) -> tuple[Real, Complex]:
+        """Return the motion of the channels where they are, (channels, n), and what lags do, (grid, channels)."""
+        motion, lags = self.layout.motion.copy(), np.zeros(len(self.layout.names))
+        for p, part in zip(free[self.n_free - len(self.sensors) :], self.sensors, strict=True):
+            if part.motion is not None:
+                motion += p * part.motion
+            if part.channel is not None:
+                lags[part.channel] += p
+        return motion, np.exp(-2j * np.pi * self.spectra.grid[:, None] * lags)
+
+    def rows_changes(self, free: Real) -> list[Complex]:
+        """Return the derivative of `rows` for each parameter of the sensors."""
+        if not self.sensors:
+            return []
+        motion, delay = self._sensed(free)
+        reduction = self.layout.reduction
+        found = []
+        for part in self.sensors:
+            if part.motion is not None:
+                found.append(reduction @ (delay[..., None] * part.motion))
+            else:
+                k = part.channel
+                later = -2j * np.pi * self.spectra.grid * delay[:, k]
+                found.append(later[:, None, None] * np.outer(reduction[:, k], motion[k]))
+        return found
+
+    def mass(self, free: Real) -> Real:
+        """Return the mass matrix."""
+        added = zip(free[len(self.components) :], self.masses, strict=False)
+        return np.asarray(self.structure.mass + sum(p * part.matrix for p, part in added))
 
     def _foot(self, element: Element) -> Real:
         """Return which input moves the lower end of an element, shape (inputs,)."""
         return np.array([float(element.foot == name) for name in self.structure.inputs])
 
     def noise(self, parameters: Real) -> Complex:
-        """Return the spectral matrix of each kind of sensor noise, shape (kinds, grid, coordinates, coordinates)."""
+        """Return the spectral matrix of each channel's noise, shape (channels, grid, coordinates, coordinates)."""
         pulsation = 2 * np.pi * self.spectra.grid
-        colours = pulsation[None, :] ** (2 * (2 - self.layout.noise_orders[:, None]))
+        colours = pulsation[None, :] ** (2 * (2 - self.layout.orders[:, None]))
         return np.asarray(
             np.einsum("k,kf,kij->kfij", np.exp(np.minimum(parameters, 100.0)), colours, self.layout.noise)
         )
@@ -180,14 +255,9 @@ class Model:
         """Return the model's spectral matrix, shape of the data's."""
         free, road, noise = self.split(parameters)
         arms = self.arms(free)
-        H = self._transfer(self.response(arms, free)[0])
+        H = self.response(arms, free)[2]
         true = H @ self.inputs.matrix(road) @ H.conj().swapaxes(-1, -2) + self.noise(noise).sum(axis=0)
         return through_window(true)
-
-    def _transfer(self, X: Complex) -> Complex:
-        """Return H = -w^2 R D^-1 B."""
-        squared = (2 * np.pi * self.spectra.grid) ** 2
-        return np.asarray(-squared[:, None, None] * (self.layout.rows @ X))
 
     def objective(self, parameters: Real) -> tuple[float, Real]:
         """Return minus the log likelihood, the prior included, and its gradient.
@@ -195,20 +265,25 @@ class Model:
         Notes
         -----
         sum over classes n sum over frequencies [ln det S + tr(S^-1 S^)] + sum (parameter - start)^2 / (2 width^2).
-        Beyond all numbers a value that makes any search turn back.
+        Beyond all numbers, or with a mass matrix that no vehicle has, a value that makes any search turn back.
         """
-        with np.errstate(all="ignore"):
-            value, gradient = self._objective(parameters)
+        too_far = TOO_FAR, np.zeros_like(parameters)
+        if np.linalg.eigvalsh(self.mass(parameters))[0] <= 0:
+            return too_far
+        try:
+            with np.errstate(all="ignore"):
+                value, gradient = self._objective(parameters)
+        except np.linalg.LinAlgError:
+            return too_far
         if np.isfinite(value) and np.all(np.isfinite(gradient)):
             return value, gradient
-        return _TOO_FAR, np.zeros_like(parameters)
+        return too_far
 
     def _objective(self, parameters: Real) -> tuple[float, Real]:
         """Return the value and its gradient, whatever numbers they are."""
         free, road, noise = self.split(parameters)
         arms = self.arms(free)
-        X, L = self.response(arms, free)
-        H = self._transfer(X)
+        X, L, H = self.response(arms, free)
         Hc = H.conj().swapaxes(-1, -2)
         Sr = self.inputs.matrix(road)
         N = self.noise(noise)
@@ -216,23 +291,27 @@ class Model:
         S = through_window(H @ SrHc + N.sum(axis=0))
         inverse, logdet = inverse_and_logdet(S)
         data = self.spectra.matrices
-        counts = self.spectra.counts[:, None, None, None]
+        weights = self.spectra.weights
         ratio = inverse @ data
-        value = float(np.sum(self.spectra.counts[:, None] * (logdet + np.einsum("cfii->cf", ratio).real)))
-        W = onto_grid(counts * (inverse - ratio @ inverse))
+        value = float(np.sum(weights * (logdet + np.einsum("cfii->cf", ratio).real)))
+        W = onto_grid(weights[..., None, None] * (inverse - ratio @ inverse))
         HcW = Hc @ W
         Q = (SrHc @ W).sum(axis=0)
         E = Q @ L
         G = X @ E
         gradient = np.empty_like(parameters)
-        for element, _, derivatives in arms:
-            d, foot = element.elongation, self._foot(element)
-            inner = -np.einsum("i,fij,j->f", d, G, d) + (foot @ E) @ d
+        directions = np.array([element.elongation for element, _, _ in arms])
+        feet = np.array([self._foot(element) for element, _, _ in arms])
+        inner = np.sum((feet @ E - directions @ G) * directions, axis=-1)
+        for column, (_, _, derivatives) in enumerate(arms):
             for number, derivative in derivatives:
-                gradient[number] = 2 * float(np.sum((derivative * inner).real))
+                gradient[number] = 2 * float(np.sum((derivative * inner[:, column]).real))
         squared = (2 * np.pi * self.spectra.grid) ** 2
         for number, part in enumerate(self.masses, start=len(self.components)):
             gradient[number] = 2 * float(np.einsum("f,ij,fji->", squared, part.matrix, G).real)
+        sensed = self.n_free - len(self.sensors)
+        for number, change in enumerate(self.rows_changes(free), start=sensed):
+            gradient[number] = -2 * float(np.einsum("f,fni,fij,fjn->", squared, X, Q, change).real)
         first, last = len(free), parameters.size - len(noise)
         gradient[first:last] = self.inputs.gradient(HcW @ H, Sr, road)
         total = W.sum(axis=0)
@@ -244,8 +323,7 @@ class Model:
         """Return the derivative of the model's spectral matrix for each parameter, (parameters, ...)."""
         free, road, noise = self.split(parameters)
         arms = self.arms(free)
-        X, L = self.response(arms, free)
-        H = self._transfer(X)
+        X, L, H = self.response(arms, free)
         Hc = H.conj().swapaxes(-1, -2)
         Sr = self.inputs.matrix(road)
         SrHc = Sr @ Hc
@@ -259,6 +337,10 @@ class Model:
         squared = (2 * np.pi * self.spectra.grid) ** 2
         for number, part in enumerate(self.masses, start=len(self.components)):
             half = (squared[:, None, None] * (L @ part.matrix @ X)) @ SrHc
+            found[number] = half + half.conj().swapaxes(-1, -2)
+        sensed = self.n_free - len(self.sensors)
+        for number, change in enumerate(self.rows_changes(free), start=sensed):
+            half = (-squared[:, None, None] * (change @ X)) @ SrHc
             found[number] = half + half.conj().swapaxes(-1, -2)
         first, last = len(free), parameters.size - len(noise)
         for number, change in enumerate(self.inputs.derivatives(Sr, road)):
@@ -275,7 +357,7 @@ class Model:
     def whitened_derivatives(self, parameters: Real) -> Complex:
         """Return sqrt(n) L^-1 dS L^-H for each parameter, S = L L^H."""
         factor = np.linalg.inv(np.linalg.cholesky(self.matrix(parameters)))
-        scaled = np.sqrt(self.spectra.counts)[:, None, None, None] * factor
+        scaled = np.sqrt(self.spectra.weights)[..., None, None] * factor
         return np.asarray(scaled @ self.derivatives(parameters) @ factor.conj().swapaxes(-1, -2))
 
 

@@ -1,0 +1,101 @@
+"""Speed of a vehicle from the delay between its axles, where nobody measured it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from sprung.errors import DataError
+from sprung.likelihood.spectra import OVERCOUNT, SLOWEST, SegmentSpectra
+from sprung.likelihood.whittle import Model
+
+Real = NDArray[np.float64]
+
+#: Highest speed looked at [m/s], and ratio of neighbouring speeds.
+FASTEST, STEP = 45.0, 1.02
+#: Usual change of ln speed from one half-overlapping segment to the next.
+_CHANGE = 0.08
+#: Largest standard deviation of ln speed in a segment that is used, and fewest such segments.
+_SHARP, _FEWEST = 0.06, 12
+
+
+def speed_grid() -> Real:
+    """Return the speeds looked at [m/s]."""
+    count = int(np.log(FASTEST / SLOWEST) / np.log(STEP)) + 1
+    return np.asarray(SLOWEST * STEP ** np.arange(count), dtype=np.float64)
+
+
+def with_estimated_speeds(
+    segments: SegmentSpectra, model_at: Callable[[Real], Model], parameters: Real | None = None
+) -> SegmentSpectra:
+    """Return those segments whose speed the delay of the rear wheels tells, with that speed.
+
+    Parameters
+    ----------
+    segments
+        In the order of time, without speeds.
+    model_at
+        The model with one class for each of the given speeds.
+    parameters
+        Free ones of its components and first ones of its surface (see `Model.split`); None: nominal ones.
+
+    Raises
+    ------
+    DataError
+        Where too few segments tell their speed.
+
+    Notes
+    -----
+    The likelihood of each segment at every speed of a grid, its level profiled out; along the segments ln speed is a
+    random walk (forward and backward recursion). The mean and deviation of the posterior are the speed and its spread.
+    """
+    speeds = speed_grid()
+    model = model_at(speeds)
+    start = model.start
+    if parameters is not None:
+        kept = min(parameters.size, start.size - len(model.layout.noise) - speeds.size)
+        start[:kept] = parameters[:kept]
+        start[model.names.index("delay")] = 0.0  # it is the speed that is sought
+    evidence = _evidence(segments, model.matrix(start)) / OVERCOUNT
+    posterior = _smoothed(evidence, np.log(speeds))
+    mean = posterior @ np.log(speeds)
+    deviation = np.sqrt(np.maximum(posterior @ np.log(speeds) ** 2 - mean**2, 0.0))
+    inside = (mean > np.log(speeds[2])) & (mean < np.log(speeds[-3]))
+    is_good = (deviation < _SHARP) & inside
+    if np.count_nonzero(is_good) < min(_FEWEST, is_good.size):
+        raise DataError(
+            f"the recording has no speed channel, and the delay between the axles tells the speed in only "
+            f"{np.count_nonzero(is_good)} of {is_good.size} segments: add the speed [m/s]"
+        )
+    return replace(
+        segments,
+        values=segments.values[is_good],
+        speeds=np.exp(mean[is_good]),
+        spreads=np.maximum(deviation[is_good], STEP - 1),
+        n_rejected=segments.n_rejected + int(np.count_nonzero(~is_good)),
+    )
+
+
+def _evidence(segments: SegmentSpectra, matrices: NDArray[np.complex128]) -> Real:
+    """Return the log likelihood of each segment at each speed, shape (segments, speeds), the level profiled out."""
+    factors = np.linalg.cholesky(matrices)
+    inverse = np.linalg.inv(factors)
+    logdet = 2 * np.log(np.einsum("vfii->vfi", factors).real).sum(axis=(1, 2))
+    size = matrices.shape[1] * matrices.shape[2]
+    level = np.array([np.mean(np.abs(np.einsum("fij,sfj->sfi", one, segments.values)) ** 2, (1, 2)) for one in inverse])
+    return np.asarray(-logdet - size * np.log(level.T))
+
+
+def _smoothed(evidence: Real, places: Real) -> Real:
+    """Return the posterior of each segment over the places, (segments, places)."""
+    step = -0.5 * (np.subtract.outer(places, places) / _CHANGE) ** 2
+    step -= logsumexp(step, axis=1, keepdims=True)
+    forward, backward = evidence.copy(), np.zeros_like(evidence)
+    for k in range(1, len(evidence)):
+        forward[k] += logsumexp(forward[k - 1][:, None] + step, axis=0)
+    for k in range(len(evidence) - 2, -1, -1):
+        backward[k] = logsumexp(step + evidence[k + 1] + backward[k + 1], axis=1)
+    total = forward + backward
+    return np.asarray(np.exp(total - logsumexp(total, axis=1, keepdims=True)))
