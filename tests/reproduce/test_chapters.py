@@ -32,7 +32,8 @@ def test_page_has_every_table_and_figure(tmp_path, chapter):
     page = path.read_text(encoding="utf-8")
     missing = [name for name in WANTED[chapter] if not re.search(rf"{re.escape(name)}\b", page)]
     assert not missing
-    assert "http" not in page
+    assert "http:" not in page
+    assert "https:" not in page
     assert "nan" not in re.sub(r"base64,[^\"]*", "", page).lower().replace("resonance", "").split()
     images = re.findall(r"base64,([^\"]*)", page)
     assert min(map(len, images), default=0) > 5000

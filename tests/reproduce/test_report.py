@@ -35,7 +35,8 @@ def test_page_holds_everything_and_needs_no_network(report):
         "Text with &lt;b&gt;.",
     ):
         assert text in page
-    assert "http" not in page
+    assert "http:" not in page
+    assert "https:" not in page
     assert "<script" not in page
     assert page.count("data:image/png;base64,iVBOR") == 1
 
