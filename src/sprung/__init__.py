@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from sprung.formats import read, read_blocks, write
     from sprung.identification import Identification, acs_ssi, coss_ssi, cov_ssi
     from sprung.inspection import Inspection, inspect
+    from sprung.likelihood import CornerFit, CornerSettings, fit_corners
     from sprung.modal import Modes
     from sprung.preparation import IdentificationSettings
     from sprung.recording import Channel, Gap, Recording
-    from sprung.simulation import simulate
+    from sprung.simulation import DriveSettings, simulate, simulate_drive
     from sprung.stabilisation import THESIS_CRITERIA, StabilityCriteria
     from sprung.vehicles import read_vehicle, write_vehicle
 
@@ -36,7 +37,10 @@ __all__ = [
     "THESIS_CRITERIA",
     "Channel",
     "Comb",
+    "CornerFit",
+    "CornerSettings",
     "DataError",
+    "DriveSettings",
     "Exponential",
     "FormatError",
     "Gap",
@@ -54,11 +58,13 @@ __all__ = [
     "acs_ssi",
     "coss_ssi",
     "cov_ssi",
+    "fit_corners",
     "inspect",
     "read",
     "read_blocks",
     "read_vehicle",
     "simulate",
+    "simulate_drive",
     "write",
     "write_vehicle",
 ]
@@ -77,10 +83,11 @@ _HOMES = {
     "formats": ("read", "read_blocks", "write"),
     "identification": ("Identification", "acs_ssi", "coss_ssi", "cov_ssi"),
     "inspection": ("Inspection", "inspect"),
+    "likelihood": ("CornerFit", "CornerSettings", "fit_corners"),
     "modal": ("Modes",),
     "preparation": ("IdentificationSettings",),
     "recording": ("Channel", "Gap", "Recording"),
-    "simulation": ("simulate",),
+    "simulation": ("DriveSettings", "simulate", "simulate_drive"),
     "stabilisation": ("THESIS_CRITERIA", "StabilityCriteria"),
     "vehicles": ("read_vehicle", "write_vehicle"),
 }

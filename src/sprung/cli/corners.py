@@ -12,6 +12,9 @@ from sprung.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from sprung.likelihood import CornerFit
+    from sprung.modal import Modes
+    from sprung.recording import Recording
+    from sprung.vehicles import Vehicle
 
 _BAR, _FULL = 8, 0.4
 _UNITS = {"spring": "N/m", "damper": "N s/m", "tyre": "N/m"}
@@ -108,7 +111,7 @@ def corners(
     with progress_bar() as report:
         recordings = list(records(files, sampling_rate=sampling_rate, channels=names(channels), report=report))
         report("fitting", 0.5)
-        fit = fit_corners(recordings, description, settings=settings)
+        fit = fit_corners(recordings, description, settings=settings, modes=_modes(recordings, description))
         paths = [] if figures is None else _save(fit, figures, ", ".join(path.name for path in files))
     if json is not None:
         write_json(document(fit), json)
@@ -116,8 +119,21 @@ def corners(
         _show(fit, paths)
 
 
+def _modes(recordings: "list[Recording]", vehicle: "Vehicle") -> "Modes | None":
+    """Return identified modes, another start of the fit and a check of it; None where none can be had."""
+    from sprung.errors import DataError, IdentificationError
+    from sprung.identification import cov_ssi
+
+    try:
+        return cov_ssi(recordings, vehicle=vehicle).modes
+    except (DataError, IdentificationError):
+        return None
+
+
 def document(fit: "CornerFit") -> dict[str, Any]:
     """Return a fit as the JSON object `sprung.corners/1`."""
+    import numpy as np
+
     found: dict[str, dict[str, Any]] = {}
     for row, component in enumerate(fit.components):
         value = float(fit.values[row])
@@ -127,6 +143,8 @@ def document(fit: "CornerFit") -> dict[str, Any]:
             "relative_to_nominal": value / float(fit.nominal[row]),
             "is_told": bool(fit.is_told[row]),
         }
+        if fit.from_modes is not None:
+            found[component.owner][component.name]["from_modes"] = float(fit.nominal[row] * np.exp(fit.from_modes[row]))
     modes, (frequency_std, damping_std) = fit.modes(), fit.modes_std()
     inputs = {name: float(value) for name, value in fit.inputs.items()}
     return {

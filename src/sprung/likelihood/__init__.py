@@ -6,7 +6,7 @@ from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInpu
 from sprung.likelihood.layout import RigidLayout, rigid_layout
 from sprung.likelihood.lines import SpectralLine, residual_lines
 from sprung.likelihood.modal import corners_from_modes
-from sprung.likelihood.spectra import ClassSpectra, SegmentSpectra, class_spectra, segment_spectra
+from sprung.likelihood.spectra import ClassSpectra, RunningClassSpectra, SegmentSpectra, class_spectra, segment_spectra
 from sprung.likelihood.whittle import Component, MassChange, Model, SensorChange
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "RigInputs",
     "RigidLayout",
     "RoadInputs",
+    "RunningClassSpectra",
     "SegmentSpectra",
     "SensorChange",
     "SpectralLine",

@@ -34,6 +34,8 @@ class CornerFit:
         Segments used, and left out for their speed.
     notes
         What a reader should know, one sentence each.
+    from_modes
+        ln(value / nominal value) of each component that identified modes alone give, as a check; None without modes.
     """
 
     model: Model
@@ -44,6 +46,7 @@ class CornerFit:
     n_segments: int
     n_rejected: int
     notes: tuple[str, ...]
+    from_modes: Real | None = None
 
     def __post_init__(self) -> None:
         for name, ndim in (("parameters", 1), ("covariance", 2), ("misfit", 2)):

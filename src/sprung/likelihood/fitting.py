@@ -156,9 +156,10 @@ def fit_corners(
     records = [recordings] if isinstance(recordings, Recording) else list(recordings)
     fitter = _Fitter(vehicle, settings, [usable(record, vehicle=vehicle) for record in records])
     segments = fitter.segments
-    starts = [] if modes is None else fitter.from_modes(modes)
+    check = None if modes is None else fitter.from_modes(modes)
+    starts = [] if check is None else [check]
     if fitter.has_speed:
-        return fitter.fit(segments, starts=starts)
+        return replace(fitter.fit(segments, starts=starts), from_modes=check)
     known = with_estimated_speeds(segments, fitter.at_speeds)
     for _ in range(_ROUNDS - 1):
         fit = fitter.fit(known, starts=starts)
@@ -166,7 +167,7 @@ def fit_corners(
     fit = fitter.fit(known, starts=starts)
     low, high = known.speeds.min(), known.speeds.max()
     note = f"the speed was not recorded: {low:.3g} to {high:.3g} m/s, from the delay between the axles"
-    return replace(fit, notes=(*fit.notes, note))
+    return replace(fit, notes=(*fit.notes, note), from_modes=check)
 
 
 class _Fitter:
@@ -203,16 +204,13 @@ class _Fitter:
         )
         return vehicle_model(empty, self.layout, self.vehicle, self.settings, self.kind)
 
-    def from_modes(self, modes: Modes) -> list[Real]:
-        """Return the components that the body's modes tell, or nothing where they tell none."""
+    def from_modes(self, modes: Modes) -> Real | None:
+        """Return the components that the body's modes tell, or None where there are none."""
         body = [k for k, label in enumerate(modes.labels) if label in MOTIONS]
         if not body or not set(self.layout.names) <= set(modes.channels):
-            return []
-        return [
-            corners_from_modes(
-                modes.take(np.array(body)), self.nominal, self.layout, self.components, width=self.settings.width
-            )
-        ]
+            return None
+        taken = modes.take(np.array(body))
+        return corners_from_modes(taken, self.nominal, self.layout, self.components, width=self.settings.width)
 
 
 def fit_segments(
