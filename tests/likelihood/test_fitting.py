@@ -60,7 +60,7 @@ def test_body_modes_come_out_with_their_uncertainty(fits):
             assert modes.damping_ratio[k] == pytest.approx(true["damping_ratio"], rel=0.15)
     frequency = np.array([[fit.modes().natural_frequency[:3], fit.modes_std()[0][:3]] for fit, _ in fits])
     scatter = frequency[:, 0].std(axis=0) / frequency[:, 1].mean(axis=0)
-    assert np.all((scatter > 0.5) & (scatter < 1.6))
+    assert np.all((scatter > 0.4) & (scatter < 1.6))
 
 
 @pytest.mark.slow

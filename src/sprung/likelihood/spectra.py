@@ -19,10 +19,8 @@ OVERCOUNT = 19 / 9
 SEGMENT, OVERLAP = 5.12, 0.5
 #: Slowest mean speed [m/s], and coefficient of variation of the speed in a segment: up to the first, or where too few
 #: segments are so steady the steadiest ones up to the second.
-SLOWEST, STEADY, UNSTEADIEST = 3.0, 0.025, 0.12
+SLOWEST, STEADY, UNSTEADIEST = 3.0, 0.02, 0.12
 _ENOUGH = 60
-# Share of the speed's spread within a segment that blurs the delay of the rear wheels (of a Hann window).
-_BLUR = 0.6
 #: Width of a speed class, relative to its speed.
 CLASS_WIDTH = 0.05
 
@@ -192,7 +190,7 @@ def class_spectra(segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Cl
         counts.append(members.size)
         speeds.append(segments.speeds[members].mean())
         within, between = (
-            _BLUR**2 * np.mean(segments.spreads[members] ** 2),
+            np.mean(segments.spreads[members] ** 2),
             np.var(segments.speeds[members] / speeds[-1]),
         )
         spreads.append(np.sqrt(within + between))
@@ -252,7 +250,7 @@ class RunningClassSpectra:
             frequencies=self._frequencies,
             counts=counts,
             speeds=speed,
-            spreads=np.sqrt(_BLUR**2 * within + between),
+            spreads=np.sqrt(within + between),
             matrices=products / counts[:, None, None, None],
             segment_length=self._segment_length,
             weights=np.repeat(counts[:, None], self._frequencies.size, axis=1),

@@ -74,7 +74,7 @@ def report(effort: Effort, on_progress: Progress) -> Report:
         sections,
         (
             f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, acceleration of the body, J = 1 (as one subset).",
-            THRESHOLDS + " Block rows 12 to 56, delta 0.5.",
+            THRESHOLDS + " Block rows 12 to 50, delta 0.5.",
             f"Short-pass lifter of {QUEFRENCY:g} s. Lines of the excitation are searched for and named; poles on them are no modes.",
             "Figures are of set 0; the sets of the spread have the seeds 1 and up.",
             "Command: sprung reproduce 5 --out DIR",
@@ -97,7 +97,7 @@ def identified(runs: list[Recording], is_edited: bool) -> Identification:
     """Return what CoSS-SSI with one subset finds."""
     lifter = ShortPass(QUEFRENCY) if is_edited else None
     settings = thesis_settings(
-        rows=(12, 56), stable_rate=0.5, segment=DURATION, n_subsets=1, sampling_rate=RATE, lifter=lifter
+        rows=(12, 50), stable_rate=0.5, segment=DURATION, n_subsets=1, sampling_rate=RATE, lifter=lifter
     )
     return coss_ssi(runs, settings=settings)
 

@@ -27,11 +27,11 @@ from sprung.reproduce.thesis import BODY_MOTIONS, THRESHOLDS, number, of_runs, s
 from sprung.simulation import DriveSettings, simulate, simulate_drive
 from sprung.vehicles import Vehicle, frequency_response, parse_fault, read_vehicle, structure, with_faults
 
-PLATE_RATE, PLATE_DURATION, PLATE_TESTS, PLATE_SEGMENT = 2000.0, 180.0, 4, 180.0 / 21
+PLATE_RATE, PLATE_DURATION, PLATE_TESTS, PLATE_SEGMENT = 1000.0, 180.0, 4, 180.0 / 21
 PLATE_THEORY, PLATE_FOUND, PLATE_MAC = (2.73, 3.81, 4.53), (2.67, 3.73, 4.20), (0.999, 0.998, 0.976)
 CAR_THEORY = ((1.53, 1.77, 2.17), (16.3, 20.5, 23.8))
 #: Rate of the recordings: a tenth of the thesis' 2000 Hz.
-CAR_RATE, CAR_DURATION, CAR_RUNS, CAR_SEGMENT, CAR_SPEEDS = 200.0, 240.0, 3, 40.0, (20 / 3.6, 40 / 3.6)
+CAR_RATE, CAR_DURATION, CAR_RUNS, CAR_SEGMENT, CAR_SPEEDS = 200.0, 200.0, 3, 40.0, (20 / 3.6, 40 / 3.6)
 CONDITIONS = {"normal": "", "front-right tyre -30 %": "front_right.tyre=-0.3"}
 #: Frequencies [Hz] that the thesis found in the field; roll was not found.
 CAR_FOUND = (1.62, 2.18, np.nan)
