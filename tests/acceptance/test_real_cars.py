@@ -78,8 +78,10 @@ def test_modes_of_the_same_car_at_6_and_at_19_metres_per_second(real_file):
 
 @pytest.mark.slow
 def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_file):
-    """Make, masses and the sensor's place are unknown: an ordinary car per kilogram, held within 20 %; free sensors move
-    from anywhere to 1.3 to 1.7 m behind the centre of gravity, where the sensor is put here."""
+    """Make, masses and the sensor's place are unknown: an ordinary car per kilogram, held within 20 %.
+
+    Free places move the sensor from wherever it is put to 1.3 to 1.7 m behind the centre of gravity, in both logs.
+    """
     described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
     car, settings = parse_vehicle(described), CornerSettings(width=0.2)
