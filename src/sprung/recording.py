@@ -148,6 +148,15 @@ class Recording:
         for first, last in itertools.pairwise(edges):
             yield slice(first, last)
 
+    def part(self, first: int, last: int) -> "Recording":
+        """Return the samples from `first` to before `last`, with the gaps among them."""
+        start = self.start
+        if start is not None:
+            lost = sum(gap.duration for gap in self.gaps if gap.index <= first)
+            start += round(1e9 * (first / self.sampling_rate + lost))
+        gaps = tuple(replace(gap, index=gap.index - first) for gap in self.gaps if first < gap.index < last)
+        return replace(self, samples=self.samples[:, first:last], start=start, gaps=gaps)
+
     def changed(self, step: str, **fields: Any) -> "Recording":
         """Return a copy with other `fields` and `step` added to the history."""
         return replace(self, history=(*self.history, step), **fields)

@@ -18,6 +18,7 @@ FLOORS = (
     ("preparation",),
     ("planning", "likelihood"),
     ("identification",),
+    ("diagnosis",),
     ("plotting",),
     ("reproduce",),
     ("cli",),

@@ -10,7 +10,7 @@ import typer
 from typer.main import get_command
 
 from sprung import __version__
-from sprung.cli import corners, identify, info, reproduce, simulate
+from sprung.cli import baseline, corners, diagnose, identify, info, reproduce, simulate
 from sprung.cli.failures import explained
 
 
@@ -50,7 +50,16 @@ def _application() -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     application.callback()(_common)
-    for command in (info.info, identify.identify, corners.corners, simulate.simulate, reproduce.reproduce):
+    commands = (
+        info.info,
+        identify.identify,
+        corners.corners,
+        baseline.baseline,
+        diagnose.diagnose,
+        simulate.simulate,
+        reproduce.reproduce,
+    )
+    for command in commands:
         application.command()(command)
     return application
 

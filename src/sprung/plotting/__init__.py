@@ -1,6 +1,7 @@
 """Pictures: one function for each, which takes values and returns a matplotlib figure."""
 
 from sprung.plotting.corners import corners_figure, correlation_figure, fitted_spectra_figure
+from sprung.plotting.diagnosis import evidence_figure, trends_figure
 from sprung.plotting.mac import mac_figure, reference_mac_figure
 from sprung.plotting.rates import alignment_rates, stable_rates_figure
 from sprung.plotting.responses import cepstrum_figure, response_figure
@@ -20,6 +21,7 @@ __all__ = [
     "corners_figure",
     "correlation_figure",
     "densities_figure",
+    "evidence_figure",
     "figures",
     "fitted_spectra_figure",
     "histories_figure",
@@ -34,4 +36,5 @@ __all__ = [
     "stabilisation_figure",
     "stable_rates_figure",
     "subsets_figure",
+    "trends_figure",
 ]

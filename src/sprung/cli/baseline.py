@@ -1,0 +1,138 @@
+"""The command `sprung baseline`."""
+
+import json as json_module
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sprung.cli.documents import write_json
+from sprung.cli.files import INPUT, Channels, Files, Json, SamplingRate, check_file, names, records
+from sprung.cli.printing import console, notes, table
+from sprung.cli.progress import progress_bar
+from sprung.errors import ParameterError
+
+if TYPE_CHECKING:
+    from sprung.diagnosis import Baseline, Observation
+    from sprung.vehicles import Vehicle
+
+VehicleFile = Annotated[
+    Path,
+    typer.Option(
+        metavar="V.toml|NAME",
+        help="Vehicle file: geometry, masses, sensors, nominal components.",
+        show_default=False,
+    ),
+]
+Minutes = Annotated[
+    float, typer.Option("--window", metavar="MINUTES", help="Length of a window.", rich_help_panel=INPUT)
+]
+
+
+def baseline(
+    files: Files,
+    *,
+    vehicle: VehicleFile,
+    out: Annotated[Path, typer.Option(metavar="B.json", help="Baseline to write.", show_default=False)],
+    channels: Channels = None,
+    sampling_rate: SamplingRate = None,
+    window: Minutes = 10.0,
+    n_windows: Annotated[
+        int, typer.Option("--windows", metavar="N", min=2, help="Fewest windows that teach a baseline.")
+    ] = 6,
+    previous: Annotated[
+        Path | None,
+        typer.Option(metavar="B.json", help="Baseline that this one replaces, after maintenance.", show_default=False),
+    ] = None,
+    reason: Annotated[
+        str, typer.Option(metavar="TEXT", help="Why it is learnt, such as 'new dampers'.")
+    ] = "first learning",
+    json: Json = None,
+) -> None:
+    """Learn what is normal for a vehicle from drives while it is healthy."""
+    from sprung.diagnosis import learn
+
+    check_file("--out", out, inputs=[*files, vehicle])
+    check_file("--json", json, inputs=[*files, vehicle])
+    description = vehicle_of(vehicle)
+    before = None if previous is None else read_baseline(previous)
+    with progress_bar() as report:
+        observations = observed(
+            files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
+        )
+    found = learn(observations, vehicle=description.name, reason=reason, previous=before, n_windows=n_windows)
+    write_json(found.to_dict(), str(out))
+    if json is not None:
+        write_json(found.to_dict(), json)
+    if json != "-":
+        _show(found, observations, out)
+
+
+def vehicle_of(path: Path) -> "Vehicle":
+    """Return the vehicle on axles of a file or a name."""
+    from sprung.vehicles import Vehicle, read_vehicle
+
+    description = read_vehicle(path)
+    if not isinstance(description, Vehicle):
+        raise ParameterError(f"--vehicle {path} is a {description.kind}: corners need a body on axles")
+    return description
+
+
+def read_baseline(path: Path) -> "Baseline":
+    """Return the baseline of a file."""
+    from sprung.diagnosis import baseline_from_dict
+
+    try:
+        document = json_module.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterError(f"{path}: {error.strerror}: give a baseline that `sprung baseline` wrote") from None
+    except ValueError:
+        raise ParameterError(f"{path} is no JSON: give a baseline that `sprung baseline` wrote") from None
+    if not isinstance(document, dict):
+        raise ParameterError(f"{path} is no baseline: give one that `sprung baseline` wrote")
+    return baseline_from_dict(document)
+
+
+def observed(
+    files: list[Path],
+    vehicle: "Vehicle",
+    *,
+    sampling_rate: float | None,
+    channels: str | None,
+    minutes: float,
+    report: Callable[[str, float], None],
+) -> "list[Observation]":
+    """Return the observations of all windows of files."""
+    from sprung._checks import check_number
+    from sprung.diagnosis import observe, windows
+
+    check_number("--window", minutes, at_least=1)
+    recordings = records(files, sampling_rate=sampling_rate, channels=names(channels), report=report)
+    found = []
+    for number, (time, part) in enumerate(windows(recordings, length=60 * minutes), start=1):
+        report(f"window {number}", 0.5)
+        found.append(observe(part, vehicle, time=time))
+    return found
+
+
+def _show(found: "Baseline", observations: "list[Observation]", out: Path) -> None:
+    """Print what is normal."""
+    import numpy as np
+
+    rows = [
+        (name.replace("_", " ").replace(".", " "), f"{100 * np.expm1(mean):+.1f}", f"{100 * deviation:.1f}")
+        for name, mean, deviation in zip(found.components, found.mean, np.sqrt(np.diag(found.covariance)), strict=True)
+    ]
+    screen = console()
+    screen.print(table("Baseline", ("component", "over nominal [%]", "std of a window [%]"), rows, n_words=1))
+    met = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in found.ranges.items())
+    screen.print(
+        notes(
+            [
+                f"version {found.version} ({found.reason}): {found.n_windows} of {len(observations)} windows taught it",
+                *([f"conditions met: {met}"] if met else []),
+                f"wrote {out}",
+            ]
+        )
+    )

@@ -1,0 +1,32 @@
+"""From windows of driving to findings: sensor checks, baseline, change tests, localisation, advice."""
+
+from sprung.diagnosis.baseline import Baseline, baseline_from_dict, learn, nominal_baseline
+from sprung.diagnosis.changes import Candidate, Detection, Hypothesis, detect, false_discoveries
+from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Trend, diagnose, trend
+from sprung.diagnosis.observation import Observation, observation_from_dict, observe, windows
+from sprung.diagnosis.sensors import KINDS, SensorFault, sensor_faults
+
+__all__ = [
+    "KINDS",
+    "SEVERITIES",
+    "Baseline",
+    "Candidate",
+    "Detection",
+    "Diagnosis",
+    "Finding",
+    "Hypothesis",
+    "Observation",
+    "SensorFault",
+    "Trend",
+    "baseline_from_dict",
+    "detect",
+    "diagnose",
+    "false_discoveries",
+    "learn",
+    "nominal_baseline",
+    "observation_from_dict",
+    "observe",
+    "sensor_faults",
+    "trend",
+    "windows",
+]

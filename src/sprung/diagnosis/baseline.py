@@ -1,0 +1,339 @@
+"""What is normal for one vehicle: the mean of its corners, how they scatter, and how they follow conditions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from sprung._checks import check_number, frozen_array
+from sprung.diagnosis.observation import Observation
+from sprung.errors import DataError, ParameterError
+
+Real = NDArray[np.float64]
+
+SCHEMA = "sprung.baseline/1"
+#: Fewest windows that teach.
+FEWEST = 6
+#: Conditions that contrasts may follow, what is one unit of each, and how much a unit usually changes ln values.
+CONDITIONS = {"payload": 100.0, "level": 1.4, "speed": 5.0}
+_SLOPE = 0.01
+#: Usual change of all components of a kind together from window to window (payload, temperature, road), and between
+#: front and rear, in ln values.
+_COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
+_ENDS = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
+#: Windows that the usual scatter is worth when the vehicle's own is estimated.
+_PRIOR_WINDOWS = 8.0
+#: Chance that a healthy window is left out of learning.
+_SUSPECT = 1e-3
+#: Standard deviations of a new vehicle about its file: left against right, front against rear.
+_UNLIKE, _UNLIKE_ENDS = 0.04, 0.15
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Baseline:
+    """What is normal for one vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        Name in its file.
+    components
+        "front_left.spring" and so on.
+    mean
+        Of ln(value / nominal value), shape (components,), in the middle of the conditions.
+    covariance
+        Of one window about that, without what moves all corners or both of an axle together.
+    slopes
+        Change of the mean with each of `CONDITIONS`, shape (components, conditions).
+    middle
+        Of the conditions met.
+    ranges
+        Lowest and highest of the conditions met.
+    nuisance
+        Covariance of what moves components together from window to window (payload, temperature, road).
+    n_windows
+        That taught it; 0: nothing but the vehicle file.
+    n_refused
+        Windows that could not tell or were suspect.
+    version, reason
+        Counts up with every new learning, and why it was learnt.
+    """
+
+    vehicle: str
+    components: tuple[str, ...]
+    mean: Real
+    covariance: Real
+    slopes: Real
+    middle: dict[str, float]
+    ranges: dict[str, tuple[float, float]]
+    nuisance: Real
+    n_windows: int
+    n_refused: int
+    version: int
+    reason: str
+
+    def __post_init__(self) -> None:
+        for name, ndim in (("mean", 1), ("covariance", 2), ("slopes", 2), ("nuisance", 2)):
+            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=ndim))
+
+    def residual(self, observation: Observation) -> Real:
+        """Return how far a window is from what its conditions make normal."""
+        if observation.components != self.components:
+            raise ParameterError("the window has other components than the baseline: fit the same ones, or learn again")
+        return observation.log_ratios - self.mean - self.slopes @ self._units(observation)
+
+    def _units(self, observation: Observation) -> Real:
+        """Return the conditions of a window as units away from the middle."""
+        return _units(observation, self.middle)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the baseline as plain values for JSON."""
+        return {
+            "schema": SCHEMA,
+            "vehicle": self.vehicle,
+            "version": self.version,
+            "reason": self.reason,
+            "n_windows": self.n_windows,
+            "n_refused": self.n_refused,
+            "components": list(self.components),
+            "mean": self.mean.tolist(),
+            "covariance": self.covariance.tolist(),
+            "nuisance": self.nuisance.tolist(),
+            "conditions": {
+                name: {
+                    "middle": self.middle.get(name),
+                    "range": list(self.ranges[name]) if name in self.ranges else None,
+                    "slopes": self.slopes[:, k].tolist(),
+                }
+                for k, name in enumerate(CONDITIONS)
+            },
+        }
+
+
+def baseline_from_dict(document: dict[str, Any]) -> Baseline:
+    """Return the baseline of plain values.
+
+    Raises
+    ------
+    ParameterError
+        Where the document is no baseline.
+    """
+    if document.get("schema") != SCHEMA:
+        raise ParameterError(f"the baseline has the schema {document.get('schema')!r}, not {SCHEMA!r}: learn it again")
+    try:
+        conditions = document["conditions"]
+        return Baseline(
+            vehicle=str(document["vehicle"]),
+            components=tuple(document["components"]),
+            mean=np.array(document["mean"], dtype=np.float64),
+            covariance=np.array(document["covariance"], dtype=np.float64),
+            slopes=np.array([conditions[name]["slopes"] for name in CONDITIONS], dtype=np.float64).T,
+            middle={name: one["middle"] for name, one in conditions.items() if one["middle"] is not None},
+            ranges={name: (one["range"][0], one["range"][1]) for name, one in conditions.items() if one["range"]},
+            nuisance=np.array(document["nuisance"], dtype=np.float64),
+            n_windows=int(document["n_windows"]),
+            n_refused=int(document["n_refused"]),
+            version=int(document["version"]),
+            reason=str(document["reason"]),
+        )
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise ParameterError(f"the baseline lacks or garbles {error}: learn it again") from None
+
+
+def learn(
+    observations: Sequence[Observation],
+    *,
+    vehicle: str,
+    reason: str = "first learning",
+    previous: Baseline | None = None,
+    n_windows: int = FEWEST,
+) -> Baseline:
+    """Learn what is normal.
+
+    Parameters
+    ----------
+    observations
+        Windows of a healthy vehicle over the conditions it meets.
+    vehicle
+        Its name.
+    reason
+        Why: "first learning", "new dampers" ...
+    previous
+        The baseline that this one replaces.
+    n_windows
+        Fewest windows that teach.
+
+    Raises
+    ------
+    DataError
+        Where too few windows can teach.
+
+    Notes
+    -----
+    Means, and slopes over the conditions with a prior about 0, by weighted least squares. Windows whose contrasts lie
+    beyond the 99.9 % quantile of chance are left out, worst first. The scatter of contrasts about the fit widens what
+    the windows report (8 windows' worth of the usual scatter beside it).
+    """
+    check_number("n_windows", n_windows, at_least=2)
+    telling = [one for one in observations if one.can_tell and not one.sensor_faults]
+    common = [one for one in telling if one.components == telling[0].components]
+    while True:
+        if len(common) < n_windows:
+            raise DataError(
+                f"{len(common)} of {len(observations)} windows can teach a baseline, and {n_windows} are needed: "
+                f"give more drives{_why_not(observations)}"
+            )
+        found = _taught(common, vehicle, reason, previous, len(observations))
+        distances = np.array([_distance(found, one) for one in common])
+        worst = int(np.argmax(distances))
+        if distances[worst] <= stats.chi2.isf(_SUSPECT / len(common), len(found.components)):
+            return found
+        del common[worst]
+
+
+def nominal_baseline(components: tuple[str, ...], *, vehicle: str) -> Baseline:
+    """Return the baseline of a vehicle that taught nothing: like its file, left like right, with wide limits."""
+    pairs, ends, _ = _directions(components)
+    covariance = _UNLIKE**2 * pairs.T @ pairs / 2 + _UNLIKE_ENDS**2 * ends.T @ ends
+    size = len(components)
+    return Baseline(
+        vehicle=vehicle,
+        components=components,
+        mean=np.zeros(size),
+        covariance=covariance + 1e-8 * np.eye(size),
+        slopes=np.zeros((size, len(CONDITIONS))),
+        middle={},
+        ranges={},
+        nuisance=usual_nuisance(components, _ENDS),
+        n_windows=0,
+        n_refused=0,
+        version=0,
+        reason="nothing but the vehicle file",
+    )
+
+
+def usual_nuisance(components: tuple[str, ...], ends: dict[str, float]) -> Real:
+    """Return the covariance of what moves components together from window to window."""
+    _, between, together = _directions(components)
+    kinds = sorted({name.split(".")[1] for name in components})
+    of_ends = np.array(
+        [ends.get(kind, max(ends.values())) for kind in kinds for _ in range(len(between) // len(kinds))]
+    )
+    of_all = np.array([_COMMON.get(kind, 0.2) for kind in kinds])
+    return np.asarray((between.T * of_ends**2) @ between + (together.T * of_all**2) @ together, dtype=np.float64)
+
+
+def _directions(components: tuple[str, ...]) -> tuple[Real, Real, Real]:
+    """Return rows: left up and right down for each axle and kind; axles against each other; all of a kind."""
+    kinds = sorted({name.split(".")[1] for name in components})
+    pairs, ends, together = [], [], []
+    for kind in kinds:
+        axles = sorted({_axle(name) for name in components if name.endswith("." + kind)})
+        of_axle = [np.array([float(_axle(n) == axle and n.endswith("." + kind)) for n in components]) for axle in axles]
+        left = np.array([1.0 if n.split(".")[0].endswith("left") else -1.0 for n in components])
+        pairs += [row * left for row in of_axle]
+        ends += [of_axle[k] / 2 - of_axle[k + 1] / 2 for k in range(len(axles) - 1)]
+        together.append(np.sum(of_axle, axis=0))
+    size = len(components)
+    return tuple(np.array(rows).reshape(-1, size) for rows in (pairs, ends, together))  # type: ignore[return-value]
+
+
+def _axle(name: str) -> str:
+    """Return the axle of a component: "front" of "front_left.spring"."""
+    return name.split(".", maxsplit=1)[0].rsplit("_", 1)[0]
+
+
+def _units(observation: Observation, middle: dict[str, float]) -> Real:
+    """Return conditions as units away from the middle; 0 where unknown."""
+    found = []
+    for name, unit in CONDITIONS.items():
+        value = observation.conditions.get(name)
+        if value is None or name not in middle:
+            found.append(0.0)
+        elif name == "level":
+            found.append(float(np.log(value / middle[name])) / unit)
+        else:
+            found.append((value - middle[name]) / unit)
+    return np.asarray(np.clip(np.array(found), -5.0, 5.0), dtype=np.float64)
+
+
+def _taught(
+    observations: Sequence[Observation], vehicle: str, reason: str, previous: Baseline | None, n_all: int
+) -> Baseline:
+    """Return the baseline that windows teach, whatever they are."""
+    components = observations[0].components
+    met = {name: [one.conditions[name] for one in observations if name in one.conditions] for name in CONDITIONS}
+    middle = {name: float(np.median(values)) for name, values in met.items() if values}
+    values = np.array([one.log_ratios for one in observations])
+    units = np.array([_units(one, middle) for one in observations])
+    reported = np.mean([one.covariance for one in observations], axis=0)
+    mean, slopes = _regressed(values, units, np.sqrt(np.diag(reported)))
+    scatter = values - mean - units @ slopes.T
+    pairs, ends, _ = _directions(components)
+    free = max(len(values) - 1, 1)
+    inflation = max(1.0, _weighted(scatter @ pairs.T, reported, pairs, free))
+    kinds = sorted({name.split(".")[1] for name in components})
+    per_kind = len(ends) // max(len(kinds), 1)
+    usual = {}
+    for k, kind in enumerate(kinds):
+        usual[kind] = _ENDS.get(kind, 0.02)
+        if per_kind:
+            rows = ends[k * per_kind : (k + 1) * per_kind]
+            own = np.mean(np.sum((scatter @ rows.T) ** 2, axis=0)) / free
+            chance = inflation * np.mean(np.diag(rows @ reported @ rows.T))
+            extra = max(0.0, own - chance)
+            share = free / (free + _PRIOR_WINDOWS)
+            usual[kind] = float(np.sqrt(share * extra + (1 - share) * usual[kind] ** 2))
+    return Baseline(
+        vehicle=vehicle,
+        components=components,
+        mean=mean,
+        covariance=inflation * reported,
+        slopes=slopes,
+        middle=middle,
+        ranges={name: (min(values_), max(values_)) for name, values_ in met.items() if values_},
+        nuisance=usual_nuisance(components, usual),
+        n_windows=len(observations),
+        n_refused=n_all - len(observations),
+        version=1 if previous is None else previous.version + 1,
+        reason=reason,
+    )
+
+
+def _regressed(values: Real, units: Real, deviations: Real) -> tuple[Real, Real]:
+    """Return means and slopes of each component by ridge regression."""
+    design = np.column_stack([np.ones(len(units)), units])
+    mean, slopes = np.empty(values.shape[1]), np.empty((values.shape[1], units.shape[1]))
+    for k, deviation in enumerate(deviations):
+        prior = np.diag([0.0, *([(deviation / _SLOPE) ** 2] * units.shape[1])])
+        found = np.linalg.solve(design.T @ design + prior, design.T @ values[:, k])
+        mean[k], slopes[k] = found[0], found[1:]
+    return mean, slopes
+
+
+def _weighted(contrasts: Real, reported: Real, rows: Real, free: int) -> float:
+    """Return the mean square of contrasts over what is reported, 8 windows of 1 beside them."""
+    variances = np.diag(rows @ reported @ rows.T)
+    own = np.sum(contrasts**2 / variances) / rows.shape[0]
+    return float((own + _PRIOR_WINDOWS) / (free + _PRIOR_WINDOWS))
+
+
+def _distance(baseline: Baseline, observation: Observation) -> float:
+    """Return the squared Mahalanobis distance of a window from what is normal."""
+    away = baseline.residual(observation)
+    return float(away @ np.linalg.solve(baseline.covariance + baseline.nuisance, away))
+
+
+def _why_not(observations: Sequence[Observation]) -> str:
+    """Return the commonest reason why windows cannot teach, in brackets."""
+    reasons = [
+        one.reason or f"{one.sensor_faults[0].channel} is {one.sensor_faults[0].kind}"
+        for one in observations
+        if not one.can_tell or one.sensor_faults
+    ]
+    if not reasons:
+        return ""
+    return f" ({max(set(reasons), key=reasons.count)})"

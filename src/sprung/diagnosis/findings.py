@@ -1,0 +1,322 @@
+"""From windows and a baseline to findings in plain words: health assessment and advisory generation of ISO 13374."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sprung.diagnosis.baseline import Baseline, nominal_baseline
+from sprung.diagnosis.changes import Candidate, Detection, detect
+from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.sensors import SensorFault
+
+#: Severities by the size of a change that is sure (the end of its interval nearest to 0), with the numbers of
+#: OPC 10000-110 (1 to 1000) and what to do.
+SEVERITIES = (
+    (0.4, "critical", 900, "inspect before the next drive"),
+    (0.2, "high", 700, "inspect before the next 500 km"),
+    (0.1, "medium", 500, "inspect at the next service"),
+    (0.0, "low", 300, "keep watching"),
+)
+#: A runner-up that is less likely by this in ln is not worth a word.
+_CLOSE = 3.0
+#: Change at which a part is due [ln values], for forecasts.
+_LIMIT = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """How a change goes on after its onset.
+
+    Parameters
+    ----------
+    per_hour, interval
+        Relative change per hour of driving, and its 95 % interval.
+    hours_to_limit
+        Until the change is 30 %: earliest and latest (inf: perhaps never); None where there is no trend.
+    """
+
+    per_hour: float
+    interval: tuple[float, float]
+    hours_to_limit: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One change of a suspension.
+
+    Parameters
+    ----------
+    corner
+        "front_left", or "front" for both sides of an axle; "vehicle" for something else.
+    component
+        "spring", "damper" or "tyre"; "something_else".
+    change, interval
+        Relative, -0.2 is a loss of a fifth; 95 %.
+    score
+        Size over its standard deviation.
+    severity, severity_number, advice
+        See `SEVERITIES`.
+    since, since_interval
+        Begin of the first changed window [s], and 95 % of its posterior.
+    runner_up
+        What else it may be, where that is not far less likely; empty otherwise.
+    trend
+        How it goes on.
+    """
+
+    corner: str
+    component: str
+    change: float
+    interval: tuple[float, float]
+    score: float
+    severity: str
+    severity_number: int
+    advice: str
+    since: float
+    since_interval: tuple[float, float]
+    runner_up: str
+    trend: Trend | None
+
+    @property
+    def sentence(self) -> str:
+        """The finding in plain words."""
+        what = f"{self.corner.replace('_', '-')} {self.component}"
+        if self.component == "something_else":
+            return f"the suspension differs from the baseline in a way that no single part explains: {self.advice}"
+        low, high = sorted(100 * abs(end) for end in self.interval)
+        word = "softer" if self.change < 0 else "stiffer"
+        if self.component == "damper":
+            word = "weaker" if self.change < 0 else "stronger"
+        text = f"{what} {100 * abs(self.change):.0f} % ({low:.0f} to {high:.0f} %) {word}"
+        if self.runner_up:
+            text += f" (or {self.runner_up})"
+        return f"{text}, since {self.since / 60:.0f} min; {self.advice}"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Diagnosis:
+    """What a vehicle's windows say.
+
+    Parameters
+    ----------
+    findings
+        Of the suspension; empty where it is healthy.
+    sensor_faults
+        By channel.
+    detection
+        The test behind the findings; None where no window can tell.
+    observations
+        All windows.
+    notes
+        What a reader should know, one sentence each.
+    """
+
+    findings: tuple[Finding, ...]
+    sensor_faults: tuple[SensorFault, ...]
+    detection: Detection | None
+    observations: tuple[Observation, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def is_healthy(self) -> bool:
+        """Whether nothing was found in suspension and sensors."""
+        return not self.findings and not self.sensor_faults
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the JSON object `sprung.diagnosis/1`."""
+        return {
+            "schema": "sprung.diagnosis/1",
+            "healthy": self.is_healthy,
+            "findings": [_plain(finding) for finding in self.findings],
+            "sensor_faults": [
+                {"channel": fault.channel, "kind": fault.kind, "detail": fault.detail} for fault in self.sensor_faults
+            ],
+            "windows": [one.to_dict() for one in self.observations],
+            "detection": None
+            if self.detection is None
+            else {
+                "times": self.detection.times.tolist(),
+                "evidence": self.detection.evidence.tolist(),
+                "threshold": self.detection.threshold,
+                "first_alarm": self.detection.first_alarm,
+                "hypotheses": [
+                    {
+                        "name": one.hypothesis.name,
+                        "log_evidence": one.log_evidence,
+                        "change": one.change,
+                        "interval": list(one.interval),
+                        "score": one.score,
+                    }
+                    for one in self.detection.candidates
+                ],
+            },
+            "notes": list(self.notes),
+        }
+
+
+def diagnose(
+    observations: Iterable[Observation],
+    baseline: Baseline | None = None,
+    *,
+    vehicle: str = "",
+    false_alarms: float = 1e-3,
+    windows_per_day: float = 48.0,
+) -> Diagnosis:
+    """Diagnose a vehicle.
+
+    Parameters
+    ----------
+    observations
+        Windows in the order of time.
+    baseline
+        What is normal; None: the vehicle file and left against right, with wide limits.
+    vehicle
+        Its name.
+    false_alarms
+        Rate of false alarms per vehicle and day.
+    windows_per_day
+        Windows in a day of driving.
+    """
+    every = tuple(observations)
+    telling = [one for one in every if one.can_tell]
+    notes = list(_refusals(every))
+    faults: dict[tuple[str, str], SensorFault] = {}
+    for one in every:
+        for fault in one.sensor_faults:
+            faults.setdefault((fault.channel, fault.kind), fault)
+    detection = None
+    if telling:
+        normal = baseline or nominal_baseline(telling[0].components, vehicle=vehicle)
+        if baseline is None:
+            notes.append("no baseline: compared with the vehicle file and left with right, with wide limits")
+        # A window in which sensors failed is no witness: what they did to it is unknown.
+        sound = [one for one in telling if not one.sensor_faults]
+        notes += _unmet(normal, sound)
+        detection = detect(normal, sound, false_alarms=false_alarms, windows_per_day=windows_per_day)
+    findings = () if detection is None or not detection.is_alarm else (_finding(detection, telling, normal),)
+    return Diagnosis(findings, tuple(faults.values()), detection, every, tuple(notes))
+
+
+def _finding(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> Finding:
+    """Return the best hypothesis as a finding."""
+    best, second = detection.candidates[0], detection.candidates[1]
+    sure = min(abs(end) for end in best.interval) if best.interval[0] * best.interval[1] > 0 else 0.0
+    _, severity, number, advice = next(level for level in SEVERITIES if sure >= level[0])
+    is_else = best.hypothesis.kind == "else"
+    corner, component = ("vehicle", "something_else") if is_else else best.hypothesis.name.split(".")
+    close = best.log_evidence - second.log_evidence < _CLOSE and second.hypothesis.kind != "else"
+    return Finding(
+        corner=corner,
+        component=component,
+        change=best.change,
+        interval=best.interval,
+        score=best.score,
+        severity=severity if not is_else else "medium",
+        severity_number=number if not is_else else 500,
+        advice=advice if not is_else else "inspect at the next service",
+        since=detection.onset,
+        since_interval=detection.onset_interval,
+        runner_up=_words(second) if close else "",
+        trend=None if is_else else trend(best, observations, baseline, since=detection.onset),
+    )
+
+
+def trend(
+    candidate: Candidate, observations: Sequence[Observation], baseline: Baseline, *, since: float
+) -> Trend | None:
+    """Return how a change goes on after its onset; None with fewer than four windows.
+
+    Notes
+    -----
+    A line through the sizes of single windows by weighted least squares; no trend where 0 lies within its interval.
+    """
+    names = baseline.components
+    rows = [names.index(name) for name in names if name == candidate.hypothesis.name or _of_axle(name, candidate)]
+    later = [one for one in observations if one.time >= since and one.components == names]
+    if len(later) < 4 or not rows:
+        return None
+    d = np.zeros(len(names))
+    d[rows] = 1.0
+    hours = np.array([one.time for one in later]) / 3600
+    sizes, weights = np.empty(len(later)), np.empty(len(later))
+    for k, one in enumerate(later):
+        information = np.linalg.inv(baseline.covariance + baseline.nuisance)
+        weights[k] = d @ information @ d
+        sizes[k] = d @ information @ baseline.residual(one) / weights[k]
+    away = hours - np.average(hours, weights=weights)
+    slope = float(np.sum(weights * away * sizes) / np.sum(weights * away**2))
+    scatter = np.sum(weights * (sizes - np.average(sizes, weights=weights) - slope * away) ** 2) / (len(later) - 2)
+    deviation = float(np.sqrt(max(1.0, scatter) / np.sum(weights * away**2)))
+    interval = (slope - 1.96 * deviation, slope + 1.96 * deviation)
+    limit: tuple[float, float] | None = None
+    if interval[0] * interval[1] > 0:
+        now = float(np.average(sizes, weights=weights) + slope * away[-1])
+        left = _LIMIT - abs(now)
+        if left > 0 and now * slope > 0:
+            fast, slow = max(map(abs, interval)), min(map(abs, interval))
+            limit = (left / fast, left / slow)
+    return Trend(slope, interval, limit)
+
+
+def _of_axle(name: str, candidate: Candidate) -> bool:
+    """Tell whether a component is one of the pair of an axle's hypothesis."""
+    owner, component = name.split(".")
+    return candidate.hypothesis.kind == "axle" and candidate.hypothesis.name == f"{owner.rsplit('_', 1)[0]}.{component}"
+
+
+def _words(candidate: Candidate) -> str:
+    """Return a hypothesis in words."""
+    corner, component = candidate.hypothesis.name.split(".")
+    return f"{corner.replace('_', '-')} {component} by {100 * candidate.change:+.0f} %"
+
+
+def _refusals(observations: Sequence[Observation]) -> list[str]:
+    """Say how many windows cannot tell, and why."""
+    reasons = [one.reason for one in observations if not one.can_tell]
+    return [
+        f"{reasons.count(reason)} of {len(observations)} windows cannot tell: {reason}"
+        for reason in dict.fromkeys(reasons)
+    ]
+
+
+def _unmet(baseline: Baseline, observations: Sequence[Observation]) -> list[str]:
+    """Say which conditions the baseline never met."""
+    found = []
+    for name, (low, high) in baseline.ranges.items():
+        room = 0.5 * (high - low)
+        outside = [
+            one for one in observations if not low - room <= one.conditions.get(name, (low + high) / 2) <= high + room
+        ]
+        if outside:
+            found.append(
+                f"{len(outside)} of {len(observations)} windows have a {name} far from what the baseline met "
+                f"({low:.3g} to {high:.3g}): learn it again with such drives"
+            )
+    return found
+
+
+def _plain(finding: Finding) -> dict[str, Any]:
+    """Return a finding as plain values."""
+    return {
+        "corner": finding.corner,
+        "component": finding.component,
+        "change": finding.change,
+        "interval": list(finding.interval),
+        "score": finding.score,
+        "severity": finding.severity,
+        "severity_number": finding.severity_number,
+        "advice": finding.advice,
+        "since": finding.since,
+        "since_interval": list(finding.since_interval),
+        "runner_up": finding.runner_up,
+        "trend": None
+        if finding.trend is None
+        else {
+            "per_hour": finding.trend.per_hour,
+            "interval": list(finding.trend.interval),
+            "hours_to_limit": None if finding.trend.hours_to_limit is None else list(finding.trend.hours_to_limit),
+        },
+        "sentence": finding.sentence,
+    }

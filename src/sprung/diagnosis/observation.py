@@ -1,0 +1,219 @@
+"""What a window of ten minutes says: conditions, corners, modes, sensor faults; or why it says nothing."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._checks import frozen_array
+from sprung.diagnosis.sensors import SensorFault, sensor_faults
+from sprung.errors import DataError, ParameterError
+from sprung.labels import MOTIONS
+from sprung.likelihood import CornerFit, CornerSettings, fit_corners
+from sprung.preparation import speed_channel
+from sprung.recording import Recording
+from sprung.vehicles import Vehicle
+
+Real = NDArray[np.float64]
+
+#: Length of a window [s], shortest one that is used, and fewest segments in it.
+WINDOW, SHORTEST, FEWEST_SEGMENTS = 600.0, 120.0, 40
+#: Misfit from which on a window cannot tell.
+_WORST = 1.0
+#: Misfit that makes an exchange of diagonal sensors worth a try, and by how much it must fall.
+_SUSPECT, _CURED = 0.3, 0.4
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Observation:
+    """A window's estimates and the conditions they were made in.
+
+    Parameters
+    ----------
+    time
+        Of its begin, s since the first window.
+    components
+        "front_left.spring" and so on, shape (components,).
+    log_ratios
+        ln(value / nominal value) of each component; empty where the window cannot tell.
+    covariance
+        Of these.
+    conditions
+        "speed" [m/s] (mean), "level" of the road [m^3], "payload" [kg], "imperfection", "segments", as far as known.
+    modes
+        Natural frequency [Hz] and damping ratio of bounce, pitch and roll where the fit has them.
+    sensor_faults
+        Found in the window.
+    reason
+        Why the window cannot tell; empty where it can.
+    """
+
+    time: float
+    components: tuple[str, ...]
+    log_ratios: Real
+    covariance: Real
+    conditions: dict[str, float]
+    modes: dict[str, tuple[float, float]]
+    sensor_faults: tuple[SensorFault, ...]
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "log_ratios", frozen_array("log_ratios", self.log_ratios, ndim=1))
+        object.__setattr__(self, "covariance", frozen_array("covariance", self.covariance, ndim=2))
+
+    @property
+    def can_tell(self) -> bool:
+        """Whether the window says something about corners."""
+        return not self.reason
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the observation as plain values for JSON."""
+        return {
+            "time": self.time,
+            "components": list(self.components),
+            "log_ratios": self.log_ratios.tolist(),
+            "covariance": self.covariance.tolist(),
+            "conditions": self.conditions,
+            "modes": {name: list(values) for name, values in self.modes.items()},
+            "sensor_faults": [
+                {"channel": fault.channel, "kind": fault.kind, "detail": fault.detail} for fault in self.sensor_faults
+            ],
+            "reason": self.reason,
+        }
+
+
+def observation_from_dict(document: dict[str, Any]) -> Observation:
+    """Return the observation of plain values."""
+    size = len(document["log_ratios"])
+    return Observation(
+        time=float(document["time"]),
+        components=tuple(document["components"]),
+        log_ratios=np.array(document["log_ratios"], dtype=np.float64),
+        covariance=np.array(document["covariance"], dtype=np.float64).reshape(size, size),
+        conditions=dict(document["conditions"]),
+        modes={name: (values[0], values[1]) for name, values in document["modes"].items()},
+        sensor_faults=tuple(SensorFault(**fault) for fault in document["sensor_faults"]),
+        reason=document["reason"],
+    )
+
+
+def windows(recordings: Iterable[Recording], *, length: float = WINDOW) -> Iterator[tuple[float, Recording]]:
+    """Yield windows of recordings and the time at which they begin [s since the first sample of all].
+
+    Recordings without a time of their own follow each other. What is left over at the end joins the last window where
+    it is shorter than half of one.
+    """
+    clock = 0.0
+    first: int | None = None
+    for recording in recordings:
+        if recording.start is not None:
+            first = recording.start if first is None else first
+            clock = (recording.start - first) / 1e9
+        n_samples = recording.n_samples
+        per_window = max(1, round(length * recording.sampling_rate))
+        count = max(1, round(n_samples / per_window))
+        for number in range(count):
+            begin = number * per_window
+            end = n_samples if number == count - 1 else begin + per_window
+            yield clock + begin / recording.sampling_rate, recording.part(begin, end)
+        clock += recording.duration
+
+
+def observe(
+    recording: Recording, vehicle: Vehicle, *, time: float = 0.0, settings: CornerSettings | None = None
+) -> Observation:
+    """Return what a window says.
+
+    Parameters
+    ----------
+    recording
+        As read.
+    vehicle
+        With its sensors.
+    time
+        Of the window's begin [s].
+    settings
+        Of the fit.
+
+    Notes
+    -----
+    Channels that fail are left out and the fit goes on with the rest; a window that cannot tell says why.
+    """
+    faults = sensor_faults(recording, vehicle)
+    bad = {fault.channel for fault in faults}
+    # With one layout only for the rest of a vehicle's life, exchanged channels leave nothing to go on with.
+    names = [name for name in recording.names if name not in bad]
+    try:
+        fit = fit_corners(recording.select(names), vehicle, settings=settings)
+    except (DataError, ParameterError) as error:
+        return _nothing(time, faults, str(error))
+    if not faults and fit.imperfection > _SUSPECT:
+        faults = _exchanged(recording, vehicle, settings, fit)
+        if faults:
+            return _nothing(time, faults, "sensors are exchanged")
+    if fit.n_segments < FEWEST_SEGMENTS:
+        return _nothing(time, faults, f"{fit.n_segments} segments of steady speed are too few")
+    if fit.imperfection > _WORST:
+        return _nothing(time, faults, f"the vehicle file explains the window badly: off by {fit.imperfection:.0%}")
+    return _told(time, fit, recording, vehicle, faults)
+
+
+def _told(
+    time: float, fit: CornerFit, recording: Recording, vehicle: Vehicle, faults: tuple[SensorFault, ...]
+) -> Observation:
+    """Return the observation that a fit makes."""
+    count = len(fit.components)
+    conditions = {"imperfection": fit.imperfection, "segments": float(fit.n_segments)}
+    name = speed_channel(recording, vehicle)
+    if name is not None:
+        conditions["speed"] = float(np.nanmean(recording.samples[recording.index(name)]))
+    if "level" in fit.inputs:
+        conditions["level"] = fit.inputs["level"]
+    if "payload_mass" in fit.payload:
+        conditions["payload"] = fit.payload["payload_mass"]["value"]
+    modes = fit.modes()
+    found = {
+        label: (float(modes.natural_frequency[k]), float(modes.damping_ratio[k]))
+        for k, label in enumerate(modes.labels)
+        if label in MOTIONS
+    }
+    return Observation(
+        time=time,
+        components=tuple(f"{component.owner}.{component.name}" for component in fit.components),
+        log_ratios=fit.log_ratios,
+        covariance=fit.covariance[:count, :count],
+        conditions=conditions,
+        modes=found,
+        sensor_faults=faults,
+    )
+
+
+def _nothing(time: float, faults: tuple[SensorFault, ...], reason: str) -> Observation:
+    """Return an observation that cannot tell."""
+    return Observation(time, (), np.zeros(0), np.zeros((0, 0)), {}, {}, faults, reason)
+
+
+def _exchanged(
+    recording: Recording, vehicle: Vehicle, settings: CornerSettings | None, fit: CornerFit
+) -> tuple[SensorFault, ...]:
+    """Find sensors at opposite corners that are exchanged: bounce is as it was, pitch and roll are turned about."""
+    places = {s.channel: s.position for s in vehicle.sensor if s.quantity == "acceleration" and s.position is not None}
+    names = [name for name in places if name in recording.names]
+    best: tuple[float, tuple[str, str]] | None = None
+    for row, first in enumerate(names):
+        for second in names[row + 1 :]:
+            apart = np.array(places[first])[:2] * np.array(places[second])[:2]
+            if not np.all(apart < 0):
+                continue
+            order = list(range(len(recording.names)))
+            one, other = recording.index(first), recording.index(second)
+            order[one], order[other] = other, one
+            turned = fit_corners(replace(recording, samples=recording.samples[order]), vehicle, settings=settings)
+            if best is None or turned.imperfection < best[0]:
+                best = turned.imperfection, (first, second)
+    if best is None or best[0] > _CURED * fit.imperfection:
+        return ()
+    words = f"{best[1][0]} with {best[1][1]}, or the other two corners with each other"
+    return tuple(SensorFault(name, "swapped", words) for name in names)

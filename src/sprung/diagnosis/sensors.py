@@ -1,0 +1,303 @@
+"""Sensor checks: what is wrong with a channel, before anything is said of a suspension."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung.inspection import inspect
+from sprung.layout import with_layout
+from sprung.preparation import speed_channel
+from sprung.recording import Recording
+from sprung.spectrum import spectral_matrix
+from sprung.vehicles import Vehicle, structure
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: Kinds of faults, each a word of `SensorFault.kind`.
+KINDS = (
+    "dead",
+    "stuck",
+    "clipped",
+    "spiking",
+    "noisy",
+    "drifting",
+    "inverted",
+    "swapped",
+    "wrong_gain",
+    "time_shifted",
+    "hum",
+)
+#: Vehicles slower than this [m/s] stand: sensors may well be constant.
+_MOVING = 2.0
+#: Share of a window that a channel is stuck, and of its samples that are clipped.
+_STUCK, _CLIPPED = 0.02, 3e-4
+#: Spikes stand out by so many robust standard deviations, and are at least so many.
+_SPIKE, _FEWEST_SPIKES = 12.0, 3
+#: Power of a mains line over that beside it, and of a channel's top band over that of its like.
+_HUM, _NOISE = 25.0, 12.0
+#: Change of a channel's mean in a window over its RMS, and over the standard error of the change.
+_DRIFT, _SURE = 0.05, 8.0
+#: Power of what the rigid body cannot explain over the mean power of the channels, and share of it that one faulty
+#: channel must explain.
+_RESIDUAL, _EXPLAINED = 1e-3, 0.7
+#: A channel moves by itself that explains this share of the residual, and so many times more than any other.
+_ALONE, _FAR_MORE = 0.03, 5.0
+#: Gains within this of 1 and delays [s] below this are right.
+_GAIN, _DELAY = 0.03, 1.5e-3
+#: Length of segments of spectra [s].
+_SEGMENT = 2.048
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFault:
+    """A fault of a channel.
+
+    Parameters
+    ----------
+    channel
+        Its name.
+    kind
+        One of `KINDS`.
+    detail
+        How large, in words.
+    """
+
+    channel: str
+    kind: str
+    detail: str
+
+
+def sensor_faults(recording: Recording, vehicle: Vehicle) -> tuple[SensorFault, ...]:
+    """Return what is wrong with the sensors of a window.
+
+    Parameters
+    ----------
+    recording
+        A window of a minute or more, as read.
+    vehicle
+        Says where the sensors are.
+
+    Notes
+    -----
+    Dead, stuck, clipped, spiking, noisy and drifting channels and mains hum are seen in a channel beside others of its
+    quantity. Inverted, swapped, wrongly scaled and late ones are seen in the residual channel n^T y, where n^T T = 0
+    for the rigid body's motions T: it is noise while all are right; a faulty channel y = G x adds n (1 - 1/G) y, which
+    is coherent with that channel over all frequencies and gives G.
+    """
+    ready = with_layout(recording, vehicle.sensor)
+    names = [
+        s.channel for s in vehicle.sensor if s.quantity not in {"speed", "temperature"} and s.channel in ready.names
+    ]
+    moving = _moving(ready, speed_channel(ready, vehicle))
+    facts = inspect(ready.select(names))
+    samples = np.array([ready.samples[ready.index(name)] for name in names])[:, moving]
+    rate = ready.sampling_rate
+    found: dict[str, SensorFault] = {}
+    for name, fact, values in zip(names, facts.channels, samples, strict=True):
+        fault = _still(name, values, rate) or _limited(name, fact.clipped)
+        if fault is not None:
+            found[name] = fault
+    kept = [row for row, name in enumerate(names) if name not in found and np.isfinite(samples[row]).mean() > 0.5]
+    if not kept or samples.shape[1] < 4 * _SEGMENT * rate:
+        return tuple(found.values())
+    clean = np.nan_to_num(samples[kept])
+    channels = tuple(ready.channels[ready.index(names[row])] for row in kept)
+    spectra = spectral_matrix(Recording(clean, rate, channels), segment_length=_SEGMENT)
+    power = np.einsum("iif->if", spectra.matrix).real
+    quantities = [channel.quantity for channel in channels]
+    for check in (
+        _spiking(clean, quantities),
+        _humming(power, spectra.frequencies),
+        _noisy(power, spectra.frequencies, quantities),
+        _drifting(clean, rate, quantities),
+    ):
+        for row, (kind, detail) in check.items():
+            found.setdefault(channels[row].name, SensorFault(channels[row].name, kind, detail))
+    for fault in _unlike_the_rigid_body(spectra.matrix, spectra.frequencies, [c.name for c in channels], vehicle):
+        found.setdefault(fault.channel, fault)
+    return tuple(found.values())
+
+
+def _moving(recording: Recording, speed: str | None) -> NDArray[np.bool_]:
+    """Tell which samples were taken on the move."""
+    if speed is None:
+        return np.ones(recording.n_samples, dtype=np.bool_)
+    is_moving = recording.samples[recording.index(speed)] > _MOVING
+    return is_moving if is_moving.any() else np.ones_like(is_moving)
+
+
+def _still(name: str, values: Real, rate: float) -> SensorFault | None:
+    """Return dead or stuck: a value that stays for a second or more on the move."""
+    finite = values[np.isfinite(values)]
+    if finite.size < 0.5 * values.size:
+        return SensorFault(
+            name, "dead", f"{100 * (1 - finite.size / max(values.size, 1)):.0f} % of its values are missing"
+        )
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(finite) != 0]))
+    lengths = np.diff(starts, append=finite.size)
+    is_long = lengths >= max(10, rate)
+    share = lengths[is_long].sum() / finite.size
+    if share < _STUCK:
+        return None
+    value = float(finite[starts[is_long][np.argmax(lengths[is_long])]])
+    spread = float(np.std(finite))
+    kind = "dead" if abs(value) <= 1e-6 * max(spread, 1e-12) or value == 0 else "stuck"
+    return SensorFault(name, kind, f"stays at {value:.4g} for {100 * share:.0f} % of the time")
+
+
+def _limited(name: str, share: float) -> SensorFault | None:
+    """Return clipped."""
+    return (
+        SensorFault(name, "clipped", f"{100 * share:.2g} % of its samples at the limit") if share > _CLIPPED else None
+    )
+
+
+def _spiking(samples: Real, quantities: list[str]) -> dict[int, tuple[str, str]]:
+    """Find single samples that jump and return while no other channel does."""
+    bend = samples[:, 1:-1] - (samples[:, 2:] + samples[:, :-2]) / 2
+    scale = 1.4826 * np.median(np.abs(bend), axis=1, keepdims=True) + 1e-300
+    size = bend / scale
+    found = {}
+    for row in range(len(samples)):
+        here = size[row]
+        inner = np.abs(here[1:-1]) > _SPIKE
+        returns = (here[:-2] * here[1:-1] < -0.25 * here[1:-1] ** 2) & (here[2:] * here[1:-1] < -0.25 * here[1:-1] ** 2)
+        others = np.delete(np.abs(size[:, 1:-1]), row, axis=0)
+        alone = others.max(axis=0, initial=0.0) < 0.5 * np.abs(here[1:-1])
+        count = int(np.count_nonzero(inner & returns & alone))
+        if count >= _FEWEST_SPIKES:
+            found[row] = ("spiking", f"{count} spikes")
+    return found
+
+
+def _humming(power: Real, frequencies: Real) -> dict[int, tuple[str, str]]:
+    """Find mains lines."""
+    found = {}
+    for mains in (50.0, 60.0):
+        if mains > 0.95 * frequencies[-1]:
+            continue
+        line = np.abs(frequencies - mains) < 0.8
+        beside = (np.abs(frequencies - mains) > 1.5) & (np.abs(frequencies - mains) < 8.0)
+        ratio = power[:, line].max(axis=1) / np.median(power[:, beside], axis=1)
+        for row in np.flatnonzero(ratio > _HUM):
+            found[int(row)] = ("hum", f"{mains:.0f} Hz stands {10 * np.log10(ratio[row]):.0f} dB out")
+    return found
+
+
+def _noisy(power: Real, frequencies: Real, quantities: list[str]) -> dict[int, tuple[str, str]]:
+    """Find channels whose top band is far above that of the others of their quantity."""
+    top = (frequencies > 0.6 * frequencies[-1]) & (frequencies < 0.9 * frequencies[-1])
+    level = np.median(power[:, top], axis=1)
+    found = {}
+    for row, quantity in enumerate(quantities):
+        others = [level[k] for k, other in enumerate(quantities) if other == quantity and k != row]
+        if len(others) >= 2 and level[row] > _NOISE * max(others):
+            found[row] = ("noisy", f"noise {10 * np.log10(level[row] / np.median(others)):.0f} dB above the others")
+    return found
+
+
+def _drifting(samples: Real, rate: float, quantities: list[str]) -> dict[int, tuple[str, str]]:
+    """Find channels whose mean moves away from that of the others of their quantity."""
+    n_blocks = min(60, int(samples.shape[1] / (5 * rate)))
+    if n_blocks < 6:
+        return {}
+    means = samples[:, : samples.shape[1] // n_blocks * n_blocks].reshape(len(samples), n_blocks, -1).mean(axis=2)
+    time = np.linspace(-0.5, 0.5, n_blocks)
+    found = {}
+    for row, quantity in enumerate(quantities):
+        like = [k for k, other in enumerate(quantities) if other == quantity and k != row]
+        away = means[row] - (np.median(means[like], axis=0) if len(like) >= 2 else 0.0)
+        change = float(time @ away / (time @ time))
+        rest = away - away.mean() - change * time
+        error = float(np.sqrt(np.mean(rest**2) / (time @ time))) + 1e-300
+        if abs(change) > max(_SURE * error, _DRIFT * samples[row].std()):
+            found[row] = ("drifting", f"its mean moves by {change:.2g} in the window")
+    return found
+
+
+def _unlike_the_rigid_body(matrix: Complex, frequencies: Real, names: list[str], vehicle: Vehicle) -> list[SensorFault]:
+    """Find inverted, swapped, wrongly scaled, late and noisy channels by what the rigid body cannot explain."""
+    outputs = structure(vehicle).outputs
+    rows = [outputs.names.index(name) for name in names]
+    if np.any(outputs.velocity[rows]) or np.any(outputs.displacement[rows]):
+        return []  # rates beside accelerations: the residual would need differentiation
+    T = outputs.acceleration[rows]
+    T = T[:, np.abs(T).max(axis=0) > 0]
+    left, values, _ = np.linalg.svd(T, full_matrices=True)
+    null = left[:, np.count_nonzero(values > 1e-6 * values[0]) :].T
+    band = (frequencies > 0.5) & (frequencies < 0.5 * frequencies[-1])
+    if not len(null):
+        return []
+    S = matrix.transpose(2, 0, 1)[band]
+    mean_power = np.einsum("fii->", S).real / len(names)
+    residual = np.einsum("ki,fij,kj->", null, S, null).real / len(null)
+    if residual < _RESIDUAL * mean_power:
+        return []
+    return _swapped(S, null, residual, names) or _faulty(S, null, names, frequencies[band])
+
+
+def _faulty(S: Complex, null: Real, names: list[str], frequencies: Real) -> list[SensorFault]:
+    """Return the one channel that explains the residual, and how."""
+    shares = [_explained(S, null, row) for row in range(len(names))]
+    worst = int(np.argmax(shares))
+    if shares[worst] < _EXPLAINED:
+        second = np.sort(shares)[-2]
+        if shares[worst] > _ALONE and shares[worst] > _FAR_MORE * second:
+            return [SensorFault(names[worst], "noisy", "moves by itself")]
+        return []
+    return [SensorFault(names[worst], *_kind(S, null, worst, frequencies))]
+
+
+def _swapped(S: Complex, null: Real, residual: float, names: list[str]) -> list[SensorFault]:
+    """Return the pairs of channels whose exchange makes the residual vanish."""
+    found: list[SensorFault] = []
+    pairs = []
+    for first, second in combinations(range(len(names)), 2):
+        order = np.arange(len(names))
+        order[[first, second]] = second, first
+        changed = null[:, order]
+        if np.einsum("ki,fij,kj->", changed, S, changed).real / len(null) < 0.05 * residual:
+            pairs.append((names[first], names[second]))
+    words = " or ".join(f"{first} with {second}" for first, second in pairs)
+    for pair in pairs:
+        found += [SensorFault(name, "swapped", words) for name in pair]
+    return found
+
+
+def _transfer(S: Complex, null: Real, row: int) -> tuple[Complex, Real, Real]:
+    """Return the residual over a channel, the power of that channel and what it explains, all over frequency."""
+    direction = null[:, row] / max(np.sum(null[:, row] ** 2), 1e-300)
+    cross = np.einsum("k,ki,fi->f", direction, null, S[:, :, row])
+    own = S[:, row, row].real
+    return cross / own, own, np.abs(cross) ** 2 / own
+
+
+def _explained(S: Complex, null: Real, row: int) -> float:
+    """Return the share of the residual's power that a fault of one channel explains."""
+    size = np.sum(null[:, row] ** 2)
+    total = np.einsum("ki,fij,kj->", null, S, null).real
+    return float(np.sum(_transfer(S, null, row)[2]) * size / total)
+
+
+def _kind(S: Complex, null: Real, row: int, frequencies: Real) -> tuple[str, str]:
+    """Return what is wrong with a channel y = G x, 1/G = 1 - residual over channel = e^(i w delay) / gain."""
+    ratio, own, _ = _transfer(S, null, row)
+    inverse = 1 - ratio
+    omega = 2 * np.pi * frequencies
+    delays = np.linspace(-0.1, 0.1, 801)
+    sums = np.exp(-1j * delays[:, None] * omega) @ (own * inverse) / own.sum()
+    best = int(np.argmax(np.abs(sums.real)))
+    delay, amplitude = float(delays[best]), float(sums[best].real)
+    error = inverse - amplitude * np.exp(1j * omega * delay)
+    if np.sum(own * np.abs(error) ** 2) > 0.3 * np.sum(own * np.abs(inverse) ** 2):
+        return "noisy", "moves by itself"
+    if amplitude < 0:
+        return "inverted", f"{-1 / amplitude:.2f} times the opposite of what the others say"
+    if abs(delay) > _DELAY:
+        return "time_shifted", f"{1e3 * delay:.1f} ms late"
+    if abs(1 / amplitude - 1) > _GAIN:
+        return "wrong_gain", f"{1 / amplitude:.2f} times what the others say"
+    return "noisy", "moves by itself"

@@ -1,0 +1,92 @@
+import json
+
+import pytest
+
+from sprung.formats import write
+from sprung.simulation import Dead, DriveSettings, simulate_drive, with_imperfections
+from sprung.vehicles import parse_fault, read_vehicle
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory):
+    """Half an hour of a healthy car, and ten minutes with a stiff rear-right spring."""
+    folder = tmp_path_factory.mktemp("drives")
+    car = read_vehicle("zafira")
+    settings = DriveSettings("road", duration=1800.0, snr=50.0)
+    write(simulate_drive(car, settings, seed=1).recording, folder / "healthy.parquet")
+    faults = (parse_fault("rear_right.spring=0.25"),)
+    broken = simulate_drive(car, DriveSettings("road", snr=50.0, faults=faults), seed=2).recording
+    write(broken, folder / "broken.parquet")
+    write(with_imperfections(broken, [Dead("acc_fl")]), folder / "dead.parquet")
+    return folder
+
+
+@pytest.fixture
+def baseline(sprung, drives):
+    path = drives / "baseline.json"
+    if not path.exists():
+        words = ("--vehicle", "zafira", "--windows", "3", "--out", path, "--reason", "new springs")
+        outcome = sprung("baseline", drives / "healthy.parquet", *words)
+        assert outcome.code == 0, outcome.err
+        assert "version 1 (new springs): 3 of 3 windows taught it" in outcome.out
+    return path
+
+
+def test_diagnosis_has_the_contracts_names(sprung, drives, baseline):
+    words = ("--vehicle", "zafira", "--baseline", baseline, "--json", "-")
+    document = sprung("diagnose", drives / "broken.parquet", *words).document()
+    assert document["schema"] == "sprung.diagnosis/1"
+    assert document["healthy"] is False
+    (finding,) = document["findings"]
+    assert (finding["corner"], finding["component"]) == ("rear_right", "spring")
+    assert finding["interval"][0] < 0.25 < finding["interval"][1] + 0.02
+    assert {"change", "score", "severity", "sentence"} <= set(finding)
+    assert document["sensor_faults"] == []
+
+
+def test_words_and_figures(sprung, drives, baseline, tmp_path):
+    words = ("--vehicle", "zafira", "--baseline", baseline, "--figures", tmp_path / "figures")
+    outcome = sprung("diagnose", drives / "broken.parquet", *words)
+    assert outcome.code == 0
+    assert "rear-right spring" in outcome.out
+    assert "stiffer" in outcome.out
+    for name in ("evidence", "trends"):
+        assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 10_000
+
+
+def test_a_dead_sensor_is_named_and_no_finding(sprung, drives, baseline):
+    words = ("--vehicle", "zafira", "--baseline", baseline, "--json", "-")
+    document = sprung("diagnose", drives / "dead.parquet", *words).document()
+    assert [(fault["channel"], fault["kind"]) for fault in document["sensor_faults"]] == [("acc_fl", "dead")]
+    assert document["findings"] == []
+
+
+def test_healthy_drives_have_no_finding(sprung, drives, baseline):
+    words = ("--vehicle", "zafira", "--baseline", baseline)
+    outcome = sprung("diagnose", drives / "healthy.parquet", *words)
+    assert "nothing has changed" in outcome.out
+
+
+def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
+    run = drives / "broken.parquet"
+    no_json = tmp_path / "b.json"
+    no_json.write_text("x")
+    for words, code, part in (
+        (("--vehicle", "chain3"), 2, "corners need a body on axles"),
+        (("--vehicle", "zafira", "--baseline", tmp_path / "no.json"), 2, "no.json: No such file"),
+        (("--vehicle", "zafira", "--baseline", no_json), 2, "is no JSON"),
+        (("--vehicle", "zafira", "--false-alarms", "0"), 2, "false_alarms=0 must be above 0"),
+        (("--vehicle", "zafira", "--window", "0.1"), 2, "--window=0.1 must be at least 1"),
+    ):
+        outcome = sprung("diagnose", run, *words)
+        assert (outcome.code, outcome.err.count("\n")) == (code, 1)
+        assert part in outcome.err
+    outcome = sprung("baseline", run, "--vehicle", "zafira", "--out", tmp_path / "out.json")
+    assert outcome.code == 3
+    assert "1 of 1 windows can teach a baseline, and 6 are needed" in outcome.err
+
+
+def test_baseline_is_json(drives, baseline):
+    document = json.loads(baseline.read_text())
+    assert document["schema"] == "sprung.baseline/1"
+    assert (document["n_windows"], len(document["components"])) == (3, 12)

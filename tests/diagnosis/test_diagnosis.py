@@ -1,0 +1,215 @@
+"""Baseline, change tests and findings, on windows drawn from their own model and on simulated drives."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.diagnosis import (
+    Observation,
+    SensorFault,
+    baseline_from_dict,
+    detect,
+    diagnose,
+    false_discoveries,
+    learn,
+    observation_from_dict,
+    observe,
+    windows,
+)
+from sprung.diagnosis.baseline import usual_nuisance
+from sprung.errors import DataError, ParameterError
+from sprung.recording import Channel, Recording
+from sprung.simulation import DriveSettings, simulate_drive
+from sprung.vehicles import parse_fault, read_vehicle
+
+CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
+NAMES = tuple(f"{corner}.{kind}" for corner in CORNERS for kind in ("spring", "damper", "tyre"))
+COVARIANCE = 0.012**2 * (np.eye(12) + 0.3)
+ENDS = {"spring": 0.004, "damper": 0.006, "tyre": 0.003}
+
+
+def window(generator, time, change=(), **fields):
+    """A window as the model of the change tests has it."""
+    values = generator.multivariate_normal(np.zeros(12), COVARIANCE + usual_nuisance(NAMES, ENDS))
+    for name, size in dict(change).items():
+        values[NAMES.index(name)] += np.log1p(size)
+    conditions = {
+        "payload": float(generator.uniform(0, 300)),
+        "level": float(np.exp(generator.normal(-8, 1))),
+        "speed": 12.0,
+    }
+    return Observation(time, NAMES, values, COVARIANCE, conditions, {}, (), **fields)
+
+
+def healthy(count, seed=0):
+    generator = np.random.default_rng(seed)
+    return [window(generator, 600.0 * k) for k in range(count)]
+
+
+@pytest.fixture(scope="module")
+def baseline():
+    return learn(healthy(12), vehicle="car")
+
+
+def faulty(seed, change, *, before=4, after=6):
+    generator = np.random.default_rng([seed, 1])
+    return [window(generator, 600.0 * k, change if k >= before else ()) for k in range(before + after)]
+
+
+@pytest.mark.parametrize("name", ["front_left.spring", "rear_right.damper", "front_right.tyre", "rear_left.spring"])
+@pytest.mark.parametrize("size", [-0.1, 0.15])
+def test_change_is_found_at_its_corner_with_its_size_and_onset(baseline, name, size):
+    found = diagnose(faulty(3, {name: size}), baseline)
+    (finding,) = found.findings
+    assert f"{finding.corner}.{finding.component}" == name
+    assert finding.interval[0] <= size <= finding.interval[1]
+    assert abs(finding.since - 2400.0) <= 600.0
+    assert finding.since_interval[0] <= 2400.0 <= finding.since_interval[1]
+    assert finding.corner.replace("_", "-") in finding.sentence
+
+
+def test_both_sides_of_an_axle_are_one_finding(baseline):
+    (finding,) = diagnose(faulty(5, {"rear_left.damper": -0.2, "rear_right.damper": -0.2}), baseline).findings
+    assert (finding.corner, finding.component) == ("rear", "damper")
+    assert finding.change == pytest.approx(-0.2, abs=0.04)
+
+
+def test_several_parts_at_once_are_something_else(baseline):
+    change = {"front_left.spring": -0.1, "rear_right.tyre": 0.12, "front_right.damper": -0.15, "rear_left.tyre": -0.1}
+    (finding,) = diagnose(faulty(5, change), baseline).findings
+    assert finding.component == "something_else"
+
+
+def test_what_moves_all_corners_is_no_finding(baseline):
+    """Cold dampers and a payload: all of a kind by the same factor."""
+    change = {f"{corner}.damper": 0.25 for corner in CORNERS} | {f"{corner}.spring": -0.12 for corner in CORNERS}
+    assert diagnose(faulty(5, change), baseline).findings == ()
+
+
+def test_false_alarms_stay_below_the_rate_asked_for():
+    """200 vehicles with 48 windows each, at one false alarm in ten vehicle-days: 20 expected at most."""
+    alarms = 0
+    for seed in range(200):
+        every = healthy(54, seed=seed + 1000)
+        found = detect(learn(every[:6], vehicle="car"), every[6:], false_alarms=0.1)
+        alarms += found.first_alarm is not None
+    assert alarms <= 28  # 20 and 1.7 standard deviations
+
+
+def test_intervals_cover_the_size(baseline):
+    inside = 0
+    for seed in range(100):
+        (finding,) = diagnose(faulty(seed + 50, {"front_left.spring": -0.15}), baseline).findings
+        inside += finding.interval[0] <= -0.15 <= finding.interval[1]
+    assert inside >= 88
+
+
+def test_suspect_windows_do_not_teach():
+    good = healthy(10)
+    generator = np.random.default_rng(9)
+    bad = [window(generator, 0.0, {"front_left.spring": -0.4}), window(generator, 0.0, {"rear_left.tyre": 0.5})]
+    faulty_sensor = replace(good[0], sensor_faults=(SensorFault("acc_fl", "noisy", ""),))
+    mute = Observation(0.0, (), np.zeros(0), np.zeros((0, 0)), {}, {}, (), reason="standing")
+    found = learn([*good, *bad, faulty_sensor, mute], vehicle="car")
+    assert (found.n_windows, found.n_refused) == (10, 4)
+    assert np.abs(found.mean[0]) < 0.1
+
+
+def test_too_few_windows_are_refused_with_the_reason():
+    mute = Observation(0.0, (), np.zeros(0), np.zeros((0, 0)), {}, {}, (), reason="12 segments are too few")
+    with pytest.raises(DataError, match=r"3 of 5 windows can teach .* 6 are needed: .*\(12 segments are too few\)"):
+        learn([*healthy(3), mute, mute], vehicle="car")
+
+
+def test_baseline_and_observations_survive_json(baseline):
+    again = baseline_from_dict(json.loads(json.dumps(baseline.to_dict())))
+    one = observation_from_dict(json.loads(json.dumps(healthy(1)[0].to_dict())))
+    assert again.residual(one) == pytest.approx(baseline.residual(healthy(1)[0]))
+    assert (again.version, again.reason) == (1, "first learning")
+    later = learn(healthy(8), vehicle="car", reason="new dampers", previous=again)
+    assert (later.version, later.reason) == (2, "new dampers")
+    with pytest.raises(ParameterError, match="lacks or garbles"):
+        baseline_from_dict({**baseline.to_dict(), "mean": "much"})
+
+
+def test_sensor_faults_never_become_findings(baseline):
+    shifted = [
+        replace(one, log_ratios=one.log_ratios + 0.5, sensor_faults=(SensorFault("acc_fl", "wrong_gain", "1.5"),))
+        for one in faulty(5, {"front_left.spring": -0.3})
+    ]
+    found = diagnose(shifted, baseline)
+    assert found.findings == ()
+    assert [fault.kind for fault in found.sensor_faults] == ["wrong_gain"]
+    assert not found.is_healthy
+
+
+def test_growing_change_has_a_trend_and_a_forecast(baseline):
+    generator = np.random.default_rng(4)
+    growing = [window(generator, 600.0 * k, {"front_left.spring": -0.01 * k}) for k in range(16)]
+    (finding,) = diagnose(growing, baseline).findings
+    assert finding.trend.interval[0] < finding.trend.interval[1] < 0
+    assert finding.trend.per_hour == pytest.approx(-0.065, abs=0.02)
+    earliest, latest = finding.trend.hours_to_limit
+    assert 0 < earliest < latest
+    (steady,) = diagnose(faulty(3, {"front_left.spring": -0.2}), baseline).findings
+    assert steady.trend is None or steady.trend.hours_to_limit is None
+
+
+def test_without_a_baseline_limits_are_wide():
+    change = {"front_left.spring": -0.3}
+    found = diagnose(faulty(3, change, before=0))
+    assert any("no baseline" in note for note in found.notes)
+    (finding,) = found.findings
+    assert (finding.corner, finding.component) == ("front_left", "spring")
+    assert finding.interval[1] - finding.interval[0] > 0.06
+    assert diagnose(faulty(3, {"front_left.spring": -0.05}, before=0)).findings == ()
+
+
+def test_conditions_never_met_are_said(baseline):
+    far = [replace(one, conditions={**one.conditions, "payload": 900.0}) for one in healthy(3, seed=8)]
+    assert any("payload far from what the baseline met" in note for note in diagnose(far, baseline).notes)
+
+
+def test_false_discoveries_of_a_fleet():
+    assert false_discoveries([0.0, 12.0, -1.0, 9.0], rate=0.05) == [1, 3]
+    assert false_discoveries([0.0, 1.0, -1.0], rate=0.05) == []
+    with pytest.raises(ParameterError, match="rate"):
+        false_discoveries([0.0], rate=0.0)
+
+
+def test_windows_follow_each_other_and_keep_the_rest():
+    samples = np.arange(1300.0)[None, :]
+    run = Recording(samples, 1.0, (Channel("a", "acceleration"),))
+    parts = list(windows([run, run], length=600.0))
+    assert [time for time, _ in parts] == [0.0, 600.0, 1300.0, 1900.0]
+    assert [part.n_samples for _, part in parts] == [600, 700, 600, 700]
+    dated = replace(run, start=10**18)
+    assert [time for time, _ in windows([dated, replace(dated, start=10**18 + 10**13)], length=2000.0)] == [0.0, 10**4]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["front_right.tyre=-0.3", "rear_left.damper=-0.1"])
+def test_simulated_drives(fault):
+    """Nonlinear drives over roads B to D with payload and warm dampers: the right corner within two windows."""
+    car = read_vehicle("zafira")
+
+    def seen(seed, faults=()):
+        generator = np.random.default_rng(seed)
+        settings = DriveSettings(
+            "road",
+            road=str(generator.choice(["B", "C", "D"])),
+            is_nonlinear=True,
+            payload=float(generator.uniform(0, 300)),
+            temperature=float(generator.uniform(0, 40)),
+            snr=50.0,
+            faults=faults,
+        )
+        return observe(simulate_drive(car, settings, seed=seed).recording, car, time=600.0 * seed)
+
+    normal = learn([seen(seed) for seed in range(6)], vehicle="zafira")
+    assert diagnose([seen(seed) for seed in range(6, 9)], normal).is_healthy
+    (finding,) = diagnose([seen(seed, (parse_fault(fault),)) for seed in (20, 21)], normal).findings
+    assert f"{finding.corner}.{finding.component}" == parse_fault(fault).component
+    assert finding.change == pytest.approx(parse_fault(fault).change, abs=0.04)
