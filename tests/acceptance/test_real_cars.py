@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sprung.diagnosis import diagnose, learn, observe, windows
 from sprung.formats import read
 from sprung.identification import cov_ssi
 from sprung.likelihood import CornerSettings, fit_corners
@@ -153,3 +154,22 @@ def test_sensor_of_the_car_turns_into_the_bodys_axes():
     sensor = Sensor.model_validate(CANEDGE["sensor"][2])
     assert sensor.as_channel().direction == (-1.0, 0.0, 0.0)
     assert sensor.factor == pytest.approx(np.pi / 180)
+
+
+@pytest.mark.slow
+def test_no_finding_between_two_logs_of_the_same_car(real_file):
+    """Learnt on the drive of ten minutes in windows of two, tried on the slow one."""
+    described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
+    described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
+    car, settings = parse_vehicle(described), CornerSettings(width=0.2)
+    slow, fast = (
+        [
+            observe(part, car, time=time, settings=settings)
+            for time, part in windows([read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet"))], length=length)
+        ]
+        for log, length in (("00000165_00000001-60FEB68B", 360.0), ("00000165_00000002-60FEB8E3", 150.0))
+    )
+    assert sum(one.can_tell for one in fast) == 4
+    baseline = learn(fast, vehicle="canedge", n_windows=4)
+    assert diagnose(slow, baseline).findings == ()
+    assert diagnose(fast).findings == ()

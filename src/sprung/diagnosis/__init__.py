@@ -4,6 +4,7 @@ from sprung.diagnosis.baseline import Baseline, baseline_from_dict, learn, nomin
 from sprung.diagnosis.changes import Candidate, Detection, Hypothesis, detect, false_discoveries
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Trend, diagnose, trend
 from sprung.diagnosis.observation import Observation, observation_from_dict, observe, windows
+from sprung.diagnosis.residuals import ResidualReference, ResidualTest, compare_residuals, learn_residuals
 from sprung.diagnosis.sensors import KINDS, SensorFault, sensor_faults
 
 __all__ = [
@@ -16,13 +17,17 @@ __all__ = [
     "Finding",
     "Hypothesis",
     "Observation",
+    "ResidualReference",
+    "ResidualTest",
     "SensorFault",
     "Trend",
     "baseline_from_dict",
+    "compare_residuals",
     "detect",
     "diagnose",
     "false_discoveries",
     "learn",
+    "learn_residuals",
     "nominal_baseline",
     "observation_from_dict",
     "observe",

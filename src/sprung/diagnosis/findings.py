@@ -21,6 +21,8 @@ SEVERITIES = (
 )
 #: A runner-up that is less likely by this in ln is not worth a word.
 _CLOSE = 3.0
+#: Misfit up to which values can be compared with the vehicle file itself.
+_TRUSTED = 0.15
 #: Change at which a part is due [ln values], for forecasts.
 _LIMIT = 0.3
 
@@ -193,6 +195,14 @@ def diagnose(
             notes.append("no baseline: compared with the vehicle file and left with right, with wide limits")
         # A window in which sensors failed is no witness: what they did to it is unknown.
         sound = [one for one in telling if not one.sensor_faults]
+        if baseline is None:
+            trusted = [one for one in sound if one.conditions.get("imperfection", 0.0) <= _TRUSTED]
+            if len(trusted) < len(sound):
+                notes.append(
+                    f"{len(sound) - len(trusted)} of {len(sound)} windows are explained too badly to be compared with the "
+                    "vehicle file: learn a baseline"
+                )
+            sound = trusted
         notes += _unmet(normal, sound)
         detection = detect(normal, sound, false_alarms=false_alarms, windows_per_day=windows_per_day)
     findings = () if detection is None or not detection.is_alarm else (_finding(detection, telling, normal),)

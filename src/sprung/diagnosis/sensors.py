@@ -36,6 +36,10 @@ _MOVING = 2.0
 _STUCK, _CLIPPED = 0.02, 3e-4
 #: Spikes stand out by so many robust standard deviations, and are at least so many.
 _SPIKE, _FEWEST_SPIKES = 12.0, 3
+#: Samples within which a spike rings where time stamps were made regular.
+_ONE_SPIKE = 5
+#: Standard deviations of the samples that no body jumps to and back from within a sample.
+_NO_BODY = 6.0
 #: Power of a mains line over that beside it, and of a channel's top band over that of its like.
 _HUM, _NOISE = 25.0, 12.0
 #: Change of a channel's mean in a window over its RMS, and over the standard error of the change.
@@ -165,9 +169,15 @@ def _spiking(samples: Real, quantities: list[str]) -> dict[int, tuple[str, str]]
         here = size[row]
         inner = np.abs(here[1:-1]) > _SPIKE
         returns = (here[:-2] * here[1:-1] < -0.25 * here[1:-1] ** 2) & (here[2:] * here[1:-1] < -0.25 * here[1:-1] ** 2)
-        others = np.delete(np.abs(size[:, 1:-1]), row, axis=0)
-        alone = others.max(axis=0, initial=0.0) < 0.5 * np.abs(here[1:-1])
-        count = int(np.count_nonzero(inner & returns & alone))
+        like = [k for k, other in enumerate(quantities) if other == quantities[row] and k != row]
+        # A pothole moves all sensors; where there is no other of its quantity, only what no body does is a spike.
+        alone = (
+            np.abs(size[like, 1:-1]).max(axis=0) < 0.5 * np.abs(here[1:-1])
+            if like
+            else np.abs(bend[row, 1:-1]) > _NO_BODY * samples[row].std()
+        )
+        at = np.flatnonzero(inner & returns & alone)
+        count = int(at.size and 1 + np.count_nonzero(np.diff(at) > _ONE_SPIKE))
         if count >= _FEWEST_SPIKES:
             found[row] = ("spiking", f"{count} spikes")
     return found

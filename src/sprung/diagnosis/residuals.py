@@ -1,0 +1,193 @@
+"""Subspace residual test: has anything changed, told without a vehicle file."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from sprung._checks import check_number, frozen_array
+from sprung.conditioning import decimate
+from sprung.correlation import correlate_segments
+from sprung.errors import DataError, ParameterError
+from sprung.preparation import usable
+from sprung.recording import Recording
+from sprung.subspace import block_hankel
+
+Real = NDArray[np.float64]
+
+#: Share of the block Hankel matrix' energy that the model order explains.
+_EXPLAINED = 0.999
+#: Most directions of the residual that are tested, and segments for each.
+_MOST_DIRECTIONS, _SEGMENTS_EACH = 40, 4
+#: Least standard deviation of ln statistic from window to window, and windows that it is worth.
+_LEAST_SCATTER, _PRIOR_WINDOWS = 0.15, 3.0
+#: Fewest windows that teach.
+FEWEST = 3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ResidualReference:
+    """What the residual is when nothing has changed.
+
+    Parameters
+    ----------
+    channels
+        Of the recordings.
+    sampling_rate
+        At which they are correlated [Hz].
+    segment
+        Length of a segment [s].
+    null_space
+        S, shape (block rows x channels, null directions): S^T H = 0 for the healthy system.
+    whitening
+        Shape (directions, residuals): makes the residual of one segment a unit matrix of covariance.
+    center, scatter, n_windows
+        Mean and standard deviation of ln statistic over the windows that taught it, and their number.
+    """
+
+    channels: tuple[str, ...]
+    sampling_rate: float
+    segment: float
+    null_space: Real
+    whitening: Real
+    center: float
+    scatter: float
+    n_windows: int
+
+    def __post_init__(self) -> None:
+        for name in ("null_space", "whitening"):
+            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=2))
+
+    @property
+    def block_rows(self) -> int:
+        """Block rows of the Hankel matrix."""
+        return int(self.null_space.shape[0]) // len(self.channels)
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualTest:
+    """Whether a window differs from the reference.
+
+    Parameters
+    ----------
+    statistic
+        Mean square of the whitened residual, times the number of segments: near 1 where nothing has changed and the
+        excitation is steady.
+    p_value
+        Chance of such a statistic among windows like those that taught.
+    """
+
+    statistic: float
+    p_value: float
+
+
+def learn_residuals(
+    recordings: Iterable[Recording],
+    *,
+    sampling_rate: float | None = None,
+    segment: float = 5.0,
+    block_rows: int = 6,
+) -> ResidualReference:
+    """Learn the null space and the residuals of a healthy system.
+
+    Parameters
+    ----------
+    recordings
+        Windows of it, at least three, over the conditions it meets.
+    sampling_rate
+        To decimate to [Hz]: about five times the highest mode of interest; None: as recorded.
+    segment
+        Length of the segments whose scatter is the yardstick [s].
+    block_rows
+        Of the Hankel matrix.
+
+    Notes
+    -----
+    Left null space S of the mean block Hankel matrix of correlations; residual vec(S^T H_k) of each segment, its
+    largest directions whitened over all segments. Correlations are divided by each window's own power. ln of a window's
+    mean square has a mean and a scatter over the windows, which conditions (speed, road) widen; a new window is
+    compared with these by Student's t.
+
+    References
+    ----------
+    M. Basseville, M. Abdelghani, A. Benveniste, Subspace-based fault detection algorithms for vibration monitoring,
+    Automatica 36 (2000) 101-109. L. Mevel, M. Goursat, M. Basseville, Stochastic subspace-based structural
+    identification and damage detection, MSSP 17 (2003).
+    """
+    check_number("block_rows", block_rows, at_least=2)
+    ready = [_ready(recording, sampling_rate) for recording in recordings]
+    if len(ready) < FEWEST:
+        raise DataError(f"{len(ready)} windows cannot teach the residual test, {FEWEST} can: give more")
+    matrices = [_matrices(recording, segment, block_rows) for recording in ready]
+    every = np.concatenate(matrices)
+    left, values, _ = np.linalg.svd(every.mean(axis=0), full_matrices=True)
+    explained = np.cumsum(values**2) / np.sum(values**2)
+    order = min(int(np.searchsorted(explained, _EXPLAINED)) + 1, len(left) - len(ready[0].names))
+    null_space = left[:, order:]
+    residuals = _residuals(every, null_space)
+    away = residuals - residuals.mean(axis=0)
+    count = max(1, min(_MOST_DIRECTIONS, len(away) // _SEGMENTS_EACH))
+    _, sizes, directions = np.linalg.svd(away, full_matrices=False)
+    whitening = directions[:count] / (sizes[:count, None] / np.sqrt(len(away) - 1))
+    logs = np.log([_statistic(_residuals(one, null_space), whitening) for one in matrices])
+    prior, free = _PRIOR_WINDOWS * _LEAST_SCATTER**2, len(logs) - 1
+    scatter = float(np.sqrt((np.sum((logs - logs.mean()) ** 2) + prior) / (free + _PRIOR_WINDOWS)))
+    return ResidualReference(
+        ready[0].names,
+        ready[0].sampling_rate,
+        segment,
+        null_space,
+        whitening,
+        float(logs.mean()),
+        max(scatter, _LEAST_SCATTER),
+        len(logs),
+    )
+
+
+def compare_residuals(reference: ResidualReference, recording: Recording) -> ResidualTest:
+    """Compare a window with the reference.
+
+    Raises
+    ------
+    ParameterError
+        Where the channels are others.
+    """
+    ready = _ready(recording, reference.sampling_rate)
+    if ready.names != reference.channels:
+        raise ParameterError(f"the window has the channels {', '.join(ready.names)}, the reference others: select them")
+    matrices = _matrices(ready, reference.segment, reference.block_rows)
+    statistic = _statistic(_residuals(matrices, reference.null_space), reference.whitening)
+    spread = reference.scatter * np.sqrt(1 + 1 / reference.n_windows)
+    score = (np.log(statistic) - reference.center) / spread
+    return ResidualTest(statistic, float(stats.t.sf(score, reference.n_windows - 1 + _PRIOR_WINDOWS)))
+
+
+def _ready(recording: Recording, sampling_rate: float | None) -> Recording:
+    """Return the outputs at the rate of the test."""
+    ready = usable(recording)
+    outputs = ready.select([c.name for c in ready.channels if c.quantity not in {"speed", "temperature"}])
+    if sampling_rate is None or outputs.sampling_rate <= sampling_rate:
+        return outputs
+    return decimate(outputs, sampling_rate)
+
+
+def _matrices(recording: Recording, segment: float, block_rows: int) -> Real:
+    """Return the block Hankel matrix of each segment, channels scaled by their power in the whole window."""
+    samples = recording.samples - recording.samples.mean(axis=1, keepdims=True)
+    scaled = recording.changed("scaled", samples=samples / samples.std(axis=1, keepdims=True))
+    segments = correlate_segments(scaled, n_lags=2 * block_rows + 1, segment=segment)
+    values = segments.sums / segments.n_products[:, None, None, :]
+    return np.array([block_hankel(one, block_rows, first_lag=1, n_columns=block_rows) for one in values])
+
+
+def _residuals(matrices: Real, null_space: Real) -> Real:
+    """Return vec(S^T H) of each segment."""
+    return np.asarray((null_space.T @ matrices).reshape(len(matrices), -1))
+
+
+def _statistic(residuals: Real, whitening: Real) -> float:
+    """Return the mean square of the whitened mean residual, times the number of segments."""
+    mean = whitening @ residuals.mean(axis=0)
+    return float(len(residuals) * np.mean(mean**2))

@@ -1,0 +1,61 @@
+"""The subspace residual test: nothing where nothing changed, something where a stiffness did."""
+
+import numpy as np
+import pytest
+
+from sprung.diagnosis import compare_residuals, learn_residuals
+from sprung.errors import DataError, ParameterError
+from sprung.recording import Channel, Recording
+from sprung.simulation import simulate, usual_excitation
+from sprung.vehicles import parse_fault, read_vehicle, structure, with_faults
+
+
+def chain(seed, fault=None, level=1.0):
+    vehicle = structure(read_vehicle("chain3"))
+    if fault is not None:
+        vehicle = with_faults(vehicle, [parse_fault(fault)])
+    run = simulate(vehicle, usual_excitation(vehicle), duration=120.0, sampling_rate=100.0, snr=10.0, seed=seed)
+    return run.changed("level", samples=level * run.samples)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return learn_residuals([chain(seed) for seed in range(8)])
+
+
+def test_healthy_windows_of_any_level_pass(reference):
+    values = [compare_residuals(reference, chain(seed, level=10.0 ** (seed % 3 - 1))).p_value for seed in range(20, 50)]
+    assert min(values) > 1e-3
+    assert 0.2 < np.median(values) < 0.8
+
+
+@pytest.mark.parametrize("change", [-0.15, 0.15])
+def test_a_changed_spring_is_seen(reference, change):
+    name = next(iter(structure(read_vehicle("chain3")).components()))
+    values = [compare_residuals(reference, chain(seed, f"{name}.spring={change}")).p_value for seed in range(60, 66)]
+    assert max(values) < 1e-4
+
+
+def test_it_needs_windows_and_the_same_channels(reference):
+    with pytest.raises(DataError, match="2 windows cannot teach the residual test"):
+        learn_residuals([chain(0), chain(1)])
+    with pytest.raises(ParameterError, match="select them"):
+        compare_residuals(reference, chain(0).select(chain(0).names[:2]))
+
+
+@pytest.mark.slow
+def test_flexible_against_stiff_building(real_file):
+    """One record of 100 s each: learnt on the first windows of the flexible one."""
+
+    def floors(state):
+        archive = np.load(real_file(f"mini_shake_table/{state}_3_story_Northridge.npz"))
+        ground, *above = (archive[f"{name}_acc"][1:, 0] for name in ("Ground", "1st", "2nd", "3rd"))
+        n = min(len(one) for one in (ground, *above))
+        channels = tuple(Channel(f"floor_{k}", "acceleration") for k in range(3))
+        run = Recording(np.array([one[:n] - ground[:n] for one in above]), 120.0, channels)
+        return [run.part(k * n // 8, (k + 1) * n // 8) for k in range(8)]
+
+    flexible, stiff = floors("Flexible"), floors("Stiff")
+    reference = learn_residuals(flexible[:6], segment=2.0)
+    assert min(compare_residuals(reference, window).p_value for window in flexible[6:]) > 0.01
+    assert max(compare_residuals(reference, window).p_value for window in stiff) < 1e-6
