@@ -199,8 +199,8 @@ def diagnose(
             trusted = [one for one in sound if one.conditions.get("imperfection", 0.0) <= _TRUSTED]
             if len(trusted) < len(sound):
                 notes.append(
-                    f"{len(sound) - len(trusted)} of {len(sound)} windows are explained too badly to be compared with the "
-                    "vehicle file: learn a baseline"
+                    f"{len(sound) - len(trusted)} of {len(sound)} windows are explained too badly to be compared with "
+                    "the vehicle file: learn a baseline"
                 )
             sound = trusted
         notes += _unmet(normal, sound)
