@@ -1,12 +1,13 @@
 """Whittle likelihood of a vehicle on its road: springs, dampers and tyres of every corner from the body's motion."""
 
 from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.fitting import CornerSettings, fit_corners, fit_segments, vehicle_model
+from sprung.likelihood.fitting import fit_corners, fit_segments
 from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs, SurfaceInputs
 from sprung.likelihood.layout import RigidLayout, rigid_layout
 from sprung.likelihood.lines import SpectralLine, residual_lines
 from sprung.likelihood.modal import corners_from_modes
 from sprung.likelihood.spectra import ClassSpectra, RunningClassSpectra, SegmentSpectra, class_spectra, segment_spectra
+from sprung.likelihood.vehicle import CornerSettings, vehicle_model
 from sprung.likelihood.whittle import Component, MassChange, Model, SensorChange
 
 __all__ = [

@@ -1,51 +1,46 @@
 """Fit of springs, dampers and tyres of every corner to the spectra of a drive."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from sprung._checks import check_number, check_one_of
-from sprung.errors import ParameterError
 from sprung.labels import MOTIONS
 from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs
 from sprung.likelihood.layout import RigidLayout, rigid_layout
 from sprung.likelihood.lines import SpectralLine, residual_lines, without_lines
 from sprung.likelihood.modal import corners_from_modes
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
-    OVERCOUNT,
     ClassSpectra,
     SegmentSpectra,
     class_spectra,
     segment_spectra,
-    speed_classes,
 )
 from sprung.likelihood.speeds import with_estimated_speeds
-from sprung.likelihood.whittle import TOO_FAR, Component, MassChange, Model, SensorChange
+from sprung.likelihood.uncertainty import credibility, parameter_covariance, power_misfit, segment_weights
+from sprung.likelihood.vehicle import (
+    CornerSettings,
+    Kind,
+    free_components,
+    highest_of_body,
+    usual_choices,
+    vehicle_model,
+    with_sensors,
+)
+from sprung.likelihood.whittle import TOO_FAR, Model
 from sprung.modal import Modes
 from sprung.preparation import speed_channel, usable
 from sprung.recording import Recording
-from sprung.vehicles import Outputs, Structure, Vehicle, corner_names, structure, wheel_hop_frequencies
+from sprung.vehicles import Vehicle, structure
 
 Real = NDArray[np.float64]
-Kind = Literal["road", "rail", "rig"]
 
-#: Band over the lowest and highest natural frequency of the nominal vehicle, and its upper end over its lower.
-_BELOW, _ABOVE, _WIDEST = 0.4, 1.7, 33.0
-#: Highest frequency over the sampling rate.
-_HIGHEST = 0.4
-#: Periods of the nominal vehicle's slowest mode in a segment.
-_PERIODS = 7.5
 #: On a road or track lines are looked for from this many times the highest mode of the body on: what does not fit
 #: below it may be the body's own motion.
 _OVER_BODY = 1.5
-#: Usual error of a sensor's place [m] and of its time [s].
-_PLACE, _LAG = 0.1, 2e-3
 #: Fits and estimates of the speed in turn, where it is missing.
 _ROUNDS = 3
 #: The search ends with a step that gains less than this share of all that was gained, or where the slope is less than
@@ -53,14 +48,8 @@ _ROUNDS = 3
 _TOLERANCE, _SLOPE = 1e-8, 1e-2
 #: Lines that a note names.
 _MOST_NAMED = 6
-#: A segment counts at most this many times the median power.
-_MOST_POWER = 3.0
 #: Relative misfit of the spectra from which on a fit is called imperfect.
 _IMPERFECT = 0.1
-#: Variance of the mean of n half-overlapping segments' relative power, times n.
-_CHANCE = 1.06
-#: Correlation of the misfit below which two frequencies tell different things.
-_UNLIKE = 0.1
 #: Credibility of the first fit below which it may be a local minimum, and ln of a broken spring to start again from.
 _DOUBTFUL, _BROKEN = 0.3, -1.2
 #: Width of the speed classes of the first fit.
@@ -68,51 +57,6 @@ _COARSE = 0.1
 #: Credibility of the segments in the first fit; fits after it, each with the lines and the credibility that the last
 #: one shows; and relative change of the credibility below which there are no more.
 _FIRST, _MOST_FITS, _SETTLED = 0.1, 4, 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class CornerSettings:
-    """How to fit; None means chosen from the vehicle.
-
-    Parameters
-    ----------
-    band
-        Lowest and highest frequency [Hz].
-    segment
-        Length of a segment [s].
-    width
-        Standard deviation of ln(value / nominal value) before any data.
-    free
-        Components to fit, such as ("spring", "rear_left.damper"); the others keep the vehicle file's values. None: all.
-    has_payload
-        Fit the body's mass, moments and inertias too: without, a payload is taken for soft springs. None: not on a
-        rig.
-    has_free_sensors
-        Fit places and lags of the sensors too.
-    has_lines_masked
-        Leave frequencies out where lines of wheels, engine or mains stand out of a first fit.
-    kind
-        What drives the wheels: "road", "rail" (both repeat the front wheels' input at the rear ones and need the speed)
-        or "rig" (rollers); None: as the vehicle file says.
-    """
-
-    band: tuple[float, float] | None = None
-    segment: float | None = None
-    width: float = 0.7
-    free: tuple[str, ...] | None = None
-    has_payload: bool | None = None
-    has_free_sensors: bool = False
-    has_lines_masked: bool = True
-    kind: Kind | None = None
-
-    def __post_init__(self) -> None:
-        check_number("width", self.width, above=0)
-        if self.kind is not None:
-            check_one_of("kind", self.kind, ("road", "rail", "rig"))
-        if self.segment is not None:
-            check_number("segment", self.segment, above=0)
-        if self.band is not None and not 0 < self.band[0] < self.band[1]:
-            raise ParameterError(f"band {self.band[0]:g} to {self.band[1]:g} Hz must rise from above 0: correct it")
 
 
 def fit_corners(
@@ -177,11 +121,11 @@ class _Fitter:
         self.vehicle, self.settings = vehicle, settings
         self.kind: Kind = settings.kind or vehicle.kind
         self.nominal = structure(vehicle)
-        self.layout = rigid_layout(_seen(self.nominal, records[0].names))
-        self.components = _free(self.nominal, vehicle, settings.free)
+        self.layout = rigid_layout(with_sensors(self.nominal, records[0].names))
+        self.components = free_components(self.nominal, vehicle, settings.free)
         speed = None if self.kind == "rig" else speed_channel(records[0], vehicle)
         self.has_speed = self.kind == "rig" or speed is not None
-        band, length = _choices(vehicle, self.nominal, settings, records[0].sampling_rate)
+        band, length = usual_choices(vehicle, self.nominal, settings, records[0].sampling_rate)
         self.segments = segment_spectra(records, self.layout, speed=speed, band=band, segment_length=length)
 
     def fit(self, segments: SegmentSpectra, *, starts: Sequence[Real] = ()) -> CornerFit:
@@ -255,10 +199,10 @@ def fit_segments(
     model = model_of(limited, lines, trust, CLASS_WIDTH)
     parameters = _carried_over(rough, found, model)
     information = model.information(parameters) / trust
-    lowest = 0.0 if kind == "rig" else _OVER_BODY * _highest_of_body(model.structure)
+    lowest = 0.0 if kind == "rig" else _OVER_BODY * highest_of_body(model.structure)
     for _ in range(_MOST_FITS):
         before = trust, lines
-        limits = np.sqrt(_weights(model, parameters, segments))[:, None, None]
+        limits = np.sqrt(segment_weights(model, parameters, segments))[:, None, None]
         limited = replace(segments, values=segments.values * limits)
         if settings.has_lines_masked:
             lines = residual_lines(model, parameters, lowest=lowest)
@@ -287,13 +231,6 @@ def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
     return found
 
 
-def _highest_of_body(nominal: Structure) -> float:
-    """Return the highest natural frequency of bounce, pitch and roll [Hz]."""
-    modes = nominal.modes()
-    body = [f for f, label in zip(modes.natural_frequency, modes.labels, strict=True) if label in MOTIONS]
-    return float(max(body, default=0.0))
-
-
 def preconditioner(model: Model, information: Real) -> Real:
     """Return the factor that makes the information about the parameters, prior included, the unit matrix."""
     return np.asarray(np.linalg.inv(np.linalg.cholesky(information + np.diag(1 / model.widths**2))).T)
@@ -320,207 +257,17 @@ def minimised(model: Model, start: Real, factor: Real) -> Real:
     return np.asarray(start + factor @ found.x)
 
 
-def _seen(nominal: Structure, names: tuple[str, ...]) -> Structure:
-    """Return the structure with only those sensors that were recorded."""
-    outputs = nominal.outputs
-    rows = [row for row, name in enumerate(outputs.names) if name in names]
-    kept = Outputs(
-        tuple(outputs.channels[row] for row in rows),
-        outputs.acceleration[rows],
-        outputs.velocity[rows],
-        outputs.displacement[rows],
-    )
-    return replace(nominal, outputs=kept)
-
-
-def _choices(
-    vehicle: Vehicle, nominal: Structure, settings: CornerSettings, sampling_rate: float
-) -> tuple[tuple[float, float], float]:
-    """Return band and segment length."""
-    slowest = float(nominal.modes().natural_frequency[0])
-    low = _BELOW * slowest
-    high = min(_ABOVE * float(np.nanmax(wheel_hop_frequencies(vehicle))), _WIDEST * low, _HIGHEST * sampling_rate)
-    return settings.band or (low, high), settings.segment or _PERIODS / slowest
-
-
-def vehicle_model(
-    spectra: ClassSpectra, layout: RigidLayout, vehicle: Vehicle, settings: CornerSettings, kind: Kind
-) -> Model:
-    """Return the model of a vehicle with the components, masses and sensors free that the settings name."""
-    nominal = structure(vehicle)
-    has_payload = kind != "rig" if settings.has_payload is None else settings.has_payload
-    inputs: InputModel
-    if kind == "rig":
-        inputs = RigInputs(spectra, nominal.inputs)
-    else:
-        positions, sides = np.repeat([axle.x for axle in vehicle.axle], 2), np.tile([1.0, -1.0], len(vehicle.axle))
-        inputs = (
-            RoadInputs(spectra, positions, sides)
-            if kind == "road"
-            else RailInputs(spectra, positions, sides, contact_length=0.01)
-        )
-    return Model(
-        nominal,
-        layout,
-        spectra,
-        inputs,
-        _free(nominal, vehicle, settings.free),
-        masses=_payload(nominal) if has_payload else (),
-        sensors=_sensors(nominal, layout) if settings.has_free_sensors else (),
-        width=settings.width,
-    )
-
-
-def _free(nominal: Structure, vehicle: Vehicle, names: tuple[str, ...] | None) -> tuple[Component, ...]:
-    """Return the free components of the corners."""
-    corners = corner_names(len(vehicle.axle))
-    every = tuple(
-        Component(owner, name)
-        for owner, owned in nominal.components().items()
-        if owner in corners
-        for name in owned
-        if owned[name] > 0
-    )
-    if names is None:
-        return every
-    for name in names:
-        if not any(name in {one.name, f"{one.owner}.{one.name}"} for one in every):
-            known = ", ".join(f"{one.owner}.{one.name}" for one in every)
-            raise ParameterError(f"free component {name!r} is none of spring, damper, tyre, {known}")
-    return tuple(one for one in every if {one.name, f"{one.owner}.{one.name}"} & set(names))
-
-
-def _sensors(nominal: Structure, layout: RigidLayout) -> tuple[SensorChange, ...]:
-    """Return places of accelerometers on the body and lags of all channels, each with its width."""
-    found = []
-    shape = layout.motion.shape
-    known = {channel.name: channel for channel in nominal.outputs.channels}
-    for row, name in enumerate(layout.names):
-        channel = known[name]
-        found.append(SensorChange(f"{name}_lag", _LAG, channel=row))
-        if layout.orders[row] < 2 or channel.position is None or channel.direction is None:
-            continue
-        for axis, motion, sign in (("x", "pitch", -1.0), ("y", "roll", 1.0)):
-            change = np.zeros(shape)
-            change[row, nominal.coordinates.index(motion)] = sign * channel.direction[2]
-            found.append(SensorChange(f"{name}_{axis}", _PLACE, motion=change))
-    return tuple(found)
-
-
-def _payload(nominal: Structure) -> tuple[MassChange, ...]:
-    """Return mass, moments and inertias of a payload on the body, each with a width of a fifth of the body's."""
-    n = len(nominal.coordinates)
-    names = MOTIONS
-    rows = [nominal.coordinates.index(name) for name in names]
-    sizes = np.sqrt(np.diag(nominal.mass)[rows])
-    found = []
-    for first, second, name in (
-        (0, 0, "payload_mass"),
-        (0, 1, "payload_x_moment"),
-        (0, 2, "payload_y_moment"),
-        (1, 1, "payload_pitch_inertia"),
-        (2, 2, "payload_roll_inertia"),
-    ):
-        matrix = np.zeros((n, n))
-        matrix[rows[first], rows[second]] = matrix[rows[second], rows[first]] = 1.0
-        size = float(sizes[first] * sizes[second])
-        found.append(MassChange(name, matrix * size, 0.2 if first == second else 0.1, unit=size))
-    return tuple(found)
-
-
-def _weights(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
-    """Return the weight of each segment: 1, or less where a pothole makes it far more powerful than the others."""
-    squares = np.mean(np.abs(_whitened_segments(model, parameters, segments)) ** 2, axis=2)
-    is_used = model.spectra.weights[speed_classes(segments.speeds)] > 0
-    power = np.sum(squares * is_used, axis=1) / np.maximum(is_used.sum(axis=1), 1)
-    return np.asarray(np.minimum(1.0, _MOST_POWER * np.median(power) / power))
-
-
-def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra) -> NDArray[np.complex128]:
-    """Return L^-1 y of each segment, S = L L^H the model's spectral matrix of its class."""
-    factor = np.linalg.inv(np.linalg.cholesky(model.matrix(parameters)))
-    numbers = speed_classes(segments.speeds)
-    return np.asarray(np.einsum("sfij,sfj->sfi", factor[numbers], segments.values))
-
-
-def _scores(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
-    """Return the gradient of each segment's minus log likelihood, shape (segments, parameters)."""
-    spectra = model.spectra
-    whitened = (
-        model.whitened_derivatives(parameters) * (np.sqrt(spectra.weights) / spectra.counts[:, None])[..., None, None]
-    )
-    values = _whitened_segments(model, parameters, segments)
-    numbers = speed_classes(segments.speeds)
-    scores = np.empty((values.shape[0], len(parameters)))
-    for number in range(model.spectra.counts.size):
-        members = np.flatnonzero(numbers == number)
-        derivative = whitened[:, number]
-        trace = np.einsum("pfii->p", derivative).real
-        quadratic = np.einsum("sfi,pfij,sfj->sp", values[members].conj(), derivative, values[members], optimize=True)
-        scores[members] = trace - quadratic.real
-    return scores
-
-
-def _covariance(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
-    """Return the covariance of the parameters: from the information, and from the scores where these scatter more."""
-    information = model.information(parameters)
-    bread = np.linalg.inv(information + np.diag(1 / model.widths**2))
-    expected = bread @ (OVERCOUNT * information + np.diag(1 / model.widths**2)) @ bread
-    scores = _scores(model, parameters, segments)
-    scores = scores - scores.mean(axis=0)
-    meat = scores.T @ scores
-    neighbours = scores[1:].T @ scores[:-1] / 2
-    observed = bread @ (meat + neighbours + neighbours.T) @ bread
-    n, p = scores.shape
-    share = n / (n + 2.0 * p)
-    scale = np.sqrt(np.maximum(1.0, share * np.diag(observed) / np.diag(expected) + (1 - share)))
-    return np.asarray(expected * np.outer(scale, scale))
-
-
 def _result(
     model: Model, parameters: Real, segments: SegmentSpectra, lines: tuple[SpectralLine, ...] = ()
 ) -> CornerFit:
     """Return the fit with what is to be said about it."""
-    covariance = _covariance(model, parameters, segments)
-    misfit, excess = _misfit(model, parameters)
+    covariance = parameter_covariance(model, parameters, segments)
+    misfit, excess = power_misfit(model, parameters)
     imperfection = float(np.sqrt(max(0.0, excess)))
     fit = CornerFit(
         model, parameters, covariance, misfit, imperfection, model.spectra.n_segments, segments.n_rejected, notes=()
     )
     return replace(fit, notes=_notes(fit, lines))
-
-
-def _misfit(model: Model, parameters: Real) -> tuple[Real, float]:
-    """Return measured over fitted power less 1, (coordinates, frequencies), and its mean square beyond chance."""
-    fitted = np.einsum("cfii->cif", model.matrix(parameters)).real
-    measured = np.einsum("cfii->cif", model.spectra.matrices).real
-    counts = (model.spectra.counts[:, None] * (model.spectra.weights > 0))[:, None, :]
-    total = counts.sum(axis=0)
-    misfit = np.sum(counts * (measured / fitted - 1), axis=0) / np.maximum(total, 1.0)
-    return misfit, float(np.mean(misfit[:, total[0] > 0] ** 2) - np.mean(_CHANCE / total[total > 0]))
-
-
-def credibility(model: Model, parameters: Real) -> float:
-    """Return by how much the segments count less where the model fits worse than chance allows: 0 to 1.
-
-    Notes
-    -----
-    With a relative error of the model's spectra of variance d^2, the mean of n segments is no more certain than
-    1 / n + d^2; an error that reaches over L neighbouring frequencies counts L times. So 1 / (1 + n d^2 L): with
-    segments that count less the prior holds what an imperfect model would carry away.
-    """
-    misfit, excess = _misfit(model, parameters)
-    if excess <= 0:
-        return 1.0
-    is_used = model.spectra.weights.sum(axis=0) > 0
-    rows = misfit[:, is_used]
-    reach = 1.0
-    for lag in range(1, rows.shape[1] // 2):
-        likeness = float(np.sum(rows[:, lag:] * rows[:, :-lag]) / np.sum(rows**2))
-        if likeness < _UNLIKE:
-            break
-        reach += 2 * likeness
-    return 1 / (1 + model.spectra.n_segments / OVERCOUNT * excess * reach)
 
 
 def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:

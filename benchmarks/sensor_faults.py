@@ -1,0 +1,127 @@
+"""Faults of sensors: how many are named with their channel, and whether any becomes a finding of the suspension."""
+
+import argparse
+import os
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+LEARNING, MINUTES = 8, 5
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument(
+        "--drives", type=int, default=20, help="vehicles' windows that each kind of fault is put into"
+    )
+    arguments.add_argument("--each", type=int, default=10, help="faults of each kind in a drive")
+    arguments.add_argument("--jobs", type=int, default=2)
+    given = arguments.parse_args()
+    with ProcessPoolExecutor(given.jobs) as pool:
+        taught = list(pool.map(observed, range(LEARNING)))
+        parts = list(pool.map(partial(trials, taught, given.each), range(100, 100 + given.drives)))
+    print("| fault | trials | named with its channel | another word or channel | missed | suspension finding |")
+    print("|" + "---|" * 6)
+    for kind in parts[0]:
+        counts = [sum(part[kind][k] for part in parts) for k in range(4)]
+        print(f"| {kind} | {sum(counts[:3])} | " + " | ".join(map(str, counts)) + " |")
+
+
+def drive(seed):
+    """Return a nonlinear drive under changing conditions."""
+    import numpy as np
+
+    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.vehicles import read_vehicle
+
+    generator = np.random.default_rng([seed, 8])
+    settings = DriveSettings(
+        "road",
+        duration=60.0 * MINUTES,
+        road=str(generator.choice(["B", "C", "D"])),
+        payload=float(generator.uniform(0, 300)),
+        temperature=float(generator.uniform(0, 40)),
+        snr=50.0,
+        is_nonlinear=True,
+    )
+    return simulate_drive(read_vehicle("zafira"), settings, seed=seed).recording
+
+
+def observed(seed):
+    """Return what a healthy window says."""
+    from sprung.diagnosis import observe
+    from sprung.vehicles import read_vehicle
+
+    return observe(drive(seed), read_vehicle("zafira"), time=60.0 * MINUTES * seed)
+
+
+def faults(name, rms, generator):
+    """Return a fault of each kind at a channel, of a random size."""
+    from sprung.simulation import (
+        Clipped,
+        Dead,
+        Delayed,
+        Drifting,
+        Gained,
+        Hum,
+        Inverted,
+        Noisy,
+        Spiking,
+        Stuck,
+        Swapped,
+    )
+
+    between = generator.uniform
+    others = [other for other in ("acc_fl", "acc_fr", "acc_rl", "acc_rr") if other != name]
+    gain = between(1.1, 1.5)
+    return {
+        "none": None,
+        "dead": Dead(name, between(0, 200)),
+        "stuck": Stuck(name, between(0, 200)),
+        "clipped": Clipped(name, between(1.5, 3) * rms),
+        "spiking": Spiking(name, between(0.02, 0.2), between(10, 40) * rms),
+        "noisy": Noisy(between(0.2, 1.0) * rms, name),
+        "drifting": Drifting(name, between(2, 10) * rms),
+        "inverted": Inverted(name),
+        "swapped": Swapped(name, str(generator.choice(others))),
+        "wrong_gain": Gained(name, gain if generator.random() < 0.5 else 1 / gain),
+        "time_shifted": Delayed(name, between(4e-3, 30e-3)),
+        "hum": Hum(name, between(0.05, 0.3) * rms),
+    }
+
+
+def trials(taught, each, seed):
+    """Return for each kind how many were named, called something else, missed, and became a finding."""
+    import numpy as np
+
+    from sprung.diagnosis import diagnose, learn, observe, sensor_faults
+    from sprung.simulation import with_imperfections
+    from sprung.vehicles import read_vehicle
+
+    car, run = read_vehicle("zafira"), drive(seed)
+    baseline = learn(taught, vehicle="zafira")
+    generator = np.random.default_rng([seed, 9])
+    counts = {}
+    for number in range(each):
+        name = str(generator.choice(["acc_fl", "acc_fr", "acc_rl", "acc_rr"]))
+        rms = float(run.samples[run.index(name)].std())
+        for kind, fault in faults(name, rms, generator).items():
+            if kind == "none" and number:
+                continue
+            broken = run if fault is None else with_imperfections(run, [fault], seed=number)
+            found = sensor_faults(broken, car)
+            is_finding = False
+            if not found:  # what the checks miss meets the fit
+                window = observe(broken, car)
+                found = window.sensor_faults
+                is_finding = bool(diagnose([window, window], baseline).findings)
+            is_named = (name, kind) in {(one.channel, one.kind) for one in found} or (kind == "none" and not found)
+            row = counts.setdefault(kind, [0, 0, 0, 0])
+            row[0 if is_named else 1 if found else 2] += 1
+            row[3] += is_finding
+    return counts
+
+
+if __name__ == "__main__":
+    main()
