@@ -213,3 +213,21 @@ def test_simulated_drives(fault):
     (finding,) = diagnose([seen(seed, (parse_fault(fault),)) for seed in (20, 21)], normal).findings
     assert f"{finding.corner}.{finding.component}" == parse_fault(fault).component
     assert finding.change == pytest.approx(parse_fault(fault).change, abs=0.04)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("corner", "change"), [("front_left", 0.5), ("rear_left", -0.75)])
+def test_mounts_of_the_bogie_on_its_rig(corner, change):
+    """Chapter 7 of the thesis: the right corner, component and sign."""
+    bogie = read_vehicle("scale-bogie")
+
+    def seen(seed, faults=()):
+        settings = DriveSettings("rig", duration=120.0, speed=(5.6, 5.8), snr=50.0, faults=faults)
+        return observe(simulate_drive(bogie, settings, seed=seed).recording, bogie, time=600.0 * seed)
+
+    normal = learn([seen(seed) for seed in range(6)], vehicle="bogie")
+    assert diagnose([seen(seed) for seed in range(6, 9)], normal).is_healthy
+    faults = (parse_fault(f"{corner}.spring={change}"),)
+    (finding,) = diagnose([seen(seed, faults) for seed in (20, 21)], normal).findings
+    assert (finding.corner, finding.component) == (corner, "spring")
+    assert finding.change == pytest.approx(change, abs=0.08)
