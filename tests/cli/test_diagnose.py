@@ -42,6 +42,10 @@ def test_diagnosis_has_the_contracts_names(sprung, drives, baseline):
     assert finding["interval"][0] < 0.25 < finding["interval"][1] + 0.02
     assert {"change", "score", "severity", "sentence"} <= set(finding)
     assert document["sensor_faults"] == []
+    roll = document["modes"][2]
+    assert roll["label"] == "roll"
+    assert roll["natural_frequency"][1] > roll["natural_frequency"][0]
+    assert 0.5 < roll["mac"] < 1
 
 
 def test_words_and_figures(sprung, drives, baseline, tmp_path):
@@ -50,7 +54,8 @@ def test_words_and_figures(sprung, drives, baseline, tmp_path):
     assert outcome.code == 0
     assert "rear-right spring" in outcome.out
     assert "stiffer" in outcome.out
-    for name in ("evidence", "trends"):
+    assert "MAC" in outcome.out
+    for name in ("evidence", "trends", "modes"):
         assert (tmp_path / "figures" / f"{name}.png").stat().st_size > 10_000
 
 

@@ -13,7 +13,7 @@ from sprung.cli.progress import progress_bar
 from sprung.errors import DataError
 
 if TYPE_CHECKING:
-    from sprung.diagnosis import Diagnosis
+    from sprung.diagnosis import Diagnosis, ModeChange
 
 _SHOWN = 5
 
@@ -47,6 +47,7 @@ def diagnose(
     """Say which spring, damper, tyre or sensor changed, by how much, since when and how sure it is."""
     from sprung._checks import check_number
     from sprung.diagnosis import diagnose as diagnosed
+    from sprung.diagnosis import mode_changes
 
     check_file("--json", json, inputs=[*files, vehicle, *([baseline] if baseline else [])])
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
@@ -63,18 +64,19 @@ def diagnose(
             false_alarms=false_alarms,
             windows_per_day=hours_per_day * 60 / window,
         )
-        paths = [] if figures is None else _save(found, figures)
+        changes = [change for one in found.findings for change in mode_changes(description, one, normal)]
+        paths = [] if figures is None else _save(found, changes, figures)
     if json is not None:
-        write_json(found.to_dict(), json)
+        write_json({**found.to_dict(), "modes": [change.to_dict() for change in changes]}, json)
     if json != "-":
-        _show(found, paths)
+        _show(found, changes, paths)
     if found.detection is None and not found.sensor_faults:
         raise DataError(f"no window can tell: {observations[0].reason if observations else 'there is none'}")
 
 
-def _save(found: "Diagnosis", folder: Path) -> list[Path]:
+def _save(found: "Diagnosis", changes: "list[ModeChange]", folder: Path) -> list[Path]:
     """Write the figures."""
-    from sprung.plotting import evidence_figure, trends_figure
+    from sprung.plotting import evidence_figure, mode_changes_figure, trends_figure
 
     if found.detection is None:
         return []
@@ -83,10 +85,13 @@ def _save(found: "Diagnosis", folder: Path) -> list[Path]:
     for name, draw in (("evidence", evidence_figure), ("trends", trends_figure)):
         paths.append(folder / f"{name}.png")
         draw(found).savefig(paths[-1], dpi=150)
+    if changes:
+        paths.append(folder / "modes.png")
+        mode_changes_figure(changes, heading=found.findings[0].sentence).savefig(paths[-1], dpi=150)
     return paths
 
 
-def _show(found: "Diagnosis", paths: list[Path]) -> None:
+def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) -> None:
     """Print findings, sensor faults and the likeliest hypotheses."""
     screen = console()
     told = [finding.sentence for finding in found.findings]
@@ -108,4 +113,18 @@ def _show(found: "Diagnosis", paths: list[Path]) -> None:
         screen.print(table("What may have changed", columns, rows, n_words=1))
         last = found.detection.evidence[-1]
         screen.print(notes([f"ln evidence of any change {last:.1f}; an alarm needs {found.detection.threshold:.1f}"]))
+    if changes:
+        lines = [
+            (
+                f"{one.frequency[0]:.3g}",
+                f"{one.frequency[1]:.3g}",
+                f"{100 * one.damping[0]:.3g}",
+                f"{100 * one.damping[1]:.3g}",
+                f"{one.mac:.3f}",
+                one.label,
+            )
+            for one in changes
+        ]
+        columns_ = ("before [Hz]", "after [Hz]", "damping [%]", "after [%]", "MAC", "label")
+        screen.print(table("Body modes of the baseline and with the change", columns_, lines, n_words=0))
     screen.print(notes([*found.notes, *(f"wrote {path}" for path in paths)]))

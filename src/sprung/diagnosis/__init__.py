@@ -2,6 +2,7 @@
 
 from sprung.diagnosis.baseline import Baseline, baseline_from_dict, learn, nominal_baseline
 from sprung.diagnosis.changes import Candidate, Detection, Hypothesis, detect, false_discoveries
+from sprung.diagnosis.evidence import ModeChange, mode_changes
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Trend, diagnose, trend
 from sprung.diagnosis.observation import Observation, observation_from_dict, observe, windows
 from sprung.diagnosis.residuals import ResidualReference, ResidualTest, compare_residuals, learn_residuals
@@ -16,6 +17,7 @@ __all__ = [
     "Diagnosis",
     "Finding",
     "Hypothesis",
+    "ModeChange",
     "Observation",
     "ResidualReference",
     "ResidualTest",
@@ -28,6 +30,7 @@ __all__ = [
     "false_discoveries",
     "learn",
     "learn_residuals",
+    "mode_changes",
     "nominal_baseline",
     "observation_from_dict",
     "observe",

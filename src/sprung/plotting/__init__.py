@@ -1,7 +1,7 @@
 """Pictures: one function for each, which takes values and returns a matplotlib figure."""
 
 from sprung.plotting.corners import corners_figure, correlation_figure, fitted_spectra_figure
-from sprung.plotting.diagnosis import evidence_figure, trends_figure
+from sprung.plotting.diagnosis import evidence_figure, mode_changes_figure, trends_figure
 from sprung.plotting.mac import mac_figure, reference_mac_figure
 from sprung.plotting.rates import alignment_rates, stable_rates_figure
 from sprung.plotting.responses import cepstrum_figure, response_figure
@@ -27,6 +27,7 @@ __all__ = [
     "histories_figure",
     "levels_figure",
     "mac_figure",
+    "mode_changes_figure",
     "reference_mac_figure",
     "response_figure",
     "runs_figure",

@@ -1,9 +1,11 @@
 """Pictures of a diagnosis: evidence over time, likelihood of the hypotheses, trends of the components."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from sprung.diagnosis import Diagnosis
+from sprung.diagnosis import Diagnosis, ModeChange
 from sprung.errors import ParameterError
 from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 
@@ -89,4 +91,36 @@ def trends_figure(diagnosis: Diagnosis) -> Figure:
         axes.set_ylabel(f"{kind} [%]", fontsize=NORMAL)
     panels[0].legend(fontsize=SMALL, frameon=False, ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
     panels[-1].set_xlabel("begin of the window [min]", fontsize=NORMAL)
+    return figure
+
+
+def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> Figure:
+    """Draw the shapes of the body's modes before and after a change, with frequencies and MAC.
+
+    Parameters
+    ----------
+    changes
+        One or more.
+    heading
+        Such as the finding's sentence.
+    """
+    if not changes:
+        raise ParameterError("there is no change of a mode to draw")
+    figure = new_figure("Body modes before and after", heading, width=9.5, height=3.4)
+    panels = figure.subplots(1, len(changes), sharey=True, squeeze=False)[0]
+    for axes, change in zip(panels, changes, strict=True):
+        plain(axes)
+        places = np.arange(len(change.channels))
+        for shift, shape, colour, label in (
+            (-0.2, change.shapes[0], FAINT, "before"),
+            (0.2, change.shapes[1], MODE_COLOURS[0], "after"),
+        ):
+            axes.bar(places + shift, shape, 0.4, color=colour, label=label)
+        axes.set_xticks(places, [name.replace("acc_", "").upper() for name in change.channels], fontsize=SMALL)
+        axes.set_title(
+            f"{change.label}: {change.frequency[0]:.3g} to {change.frequency[1]:.3g} Hz, MAC {change.mac:.3f}",
+            fontsize=SMALL,
+        )
+    panels[0].set_ylabel("modulus of the shape", fontsize=NORMAL)
+    panels[-1].legend(fontsize=SMALL, frameon=False, loc="lower right")
     return figure

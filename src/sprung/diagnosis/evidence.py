@@ -1,0 +1,100 @@
+"""Mode-shape evidence beside a finding: the body's modes before and after, as the thesis looks at them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung.diagnosis.baseline import Baseline
+from sprung.diagnosis.findings import Finding
+from sprung.labels import MOTIONS
+from sprung.modal import mac, unit_shapes
+from sprung.vehicles import Vehicle, structure
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ModeChange:
+    """A mode of the body before and after a change.
+
+    Parameters
+    ----------
+    label
+        "bounce", "pitch" or "roll".
+    frequency, damping
+        Natural frequency [Hz] and damping ratio, before and after.
+    mac
+        Of the two shapes: 1 where they are alike.
+    channels
+        Where the shapes are given.
+    shapes
+        Moduli before and after, shape (2, channels), 1 at the largest channel of each.
+    """
+
+    label: str
+    frequency: tuple[float, float]
+    damping: tuple[float, float]
+    mac: float
+    channels: tuple[str, ...]
+    shapes: NDArray[np.float64]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the change as plain values."""
+        return {
+            "label": self.label,
+            "natural_frequency": list(self.frequency),
+            "damping_ratio": list(self.damping),
+            "mac": self.mac,
+            "channels": list(self.channels),
+            "shapes": self.shapes.tolist(),
+        }
+
+
+def mode_changes(vehicle: Vehicle, finding: Finding, baseline: Baseline | None = None) -> tuple[ModeChange, ...]:
+    """Return how a finding changes the body's modes.
+
+    Parameters
+    ----------
+    vehicle
+        As its file says.
+    finding
+        Of one part, or of both of an axle.
+    baseline
+        What the vehicle was like before; None: as its file says.
+
+    Notes
+    -----
+    Exact modes of the vehicle with the baseline's components, and with the finding's change applied to them.
+    """
+    if finding.component == "something_else":
+        return ()
+    known = {} if baseline is None else dict(zip(baseline.components, np.exp(baseline.mean), strict=True))
+    nominal = structure(vehicle)
+    before = {name: float(factor) for name, factor in known.items()}
+    owners = (finding.corner, f"{finding.corner}_left", f"{finding.corner}_right")
+    after = dict(before)
+    for owner, owned in nominal.components().items():
+        if owner in owners and finding.component in owned:
+            name = f"{owner}.{finding.component}"
+            after[name] = before.get(name, 1.0) * (1 + finding.change)
+    healthy, changed = (nominal.changed(factors).modes() for factors in (before, after))
+    found = []
+    for label in MOTIONS:
+        if label not in healthy.labels:
+            continue
+        row = healthy.labels.index(label)
+        likeness = mac(healthy.mode_shapes[row : row + 1], changed.mode_shapes)[0]
+        nearness = np.abs(np.log(changed.natural_frequency / healthy.natural_frequency[row]))
+        other = int(np.argmax(likeness - nearness))
+        shapes = np.abs(unit_shapes(np.array([healthy.mode_shapes[row], changed.mode_shapes[other]])))
+        found.append(
+            ModeChange(
+                label,
+                (float(healthy.natural_frequency[row]), float(changed.natural_frequency[other])),
+                (float(healthy.damping_ratio[row]), float(changed.damping_ratio[other])),
+                float(likeness[other]),
+                tuple(healthy.channels),
+                shapes,
+            )
+        )
+    return tuple(found)
