@@ -122,5 +122,6 @@ def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> 
             fontsize=SMALL,
         )
     panels[0].set_ylabel("modulus of the shape", fontsize=NORMAL)
-    panels[-1].legend(fontsize=SMALL, frameon=False, loc="lower right")
+    panels[0].set_ylim(0, 1.2)
+    panels[-1].legend(fontsize=SMALL, frameon=False, loc="upper right", ncols=2)
     return figure
