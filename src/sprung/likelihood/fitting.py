@@ -52,6 +52,8 @@ _MOST_NAMED = 6
 _IMPERFECT = 0.1
 #: Credibility of the first fit below which it may be a local minimum, and ln of a broken spring to start again from.
 _DOUBTFUL, _BROKEN = 0.3, -1.2
+#: A class' level over the common one, or under it, at most.
+_LEAST_LEVEL = 1e-3
 #: Width of the speed classes of the first fit.
 _COARSE = 0.1
 #: Credibility of the segments in the first fit; fits after it, each with the lines and the credibility that the last
@@ -227,7 +229,8 @@ def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
     levels = [row for row, name in enumerate(model.names) if name.startswith("class_")]
     if levels:
         ratio = np.einsum("cfij,cfji->c", np.linalg.inv(model.matrix(found)), model.spectra.matrices).real
-        found[levels] = np.log(ratio / (model.spectra.frequencies.size * len(model.layout.rows)))
+        mean = ratio / (model.spectra.frequencies.size * len(model.layout.rows))
+        found[levels] = np.log(np.clip(np.nan_to_num(mean, nan=1.0), _LEAST_LEVEL, 1 / _LEAST_LEVEL))
     return found
 
 
