@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sprung.cepstrum import Comb, Exponential, ShortPass
+    from sprung.diagnosis import Baseline, Diagnosis, Observation, diagnose, learn, observe, windows
     from sprung.errors import (
         DataError,
         FormatError,
@@ -35,11 +36,13 @@ __version__ = "0.1.0"
 
 __all__ = [
     "THESIS_CRITERIA",
+    "Baseline",
     "Channel",
     "Comb",
     "CornerFit",
     "CornerSettings",
     "DataError",
+    "Diagnosis",
     "DriveSettings",
     "Exponential",
     "FormatError",
@@ -50,6 +53,7 @@ __all__ = [
     "Inspection",
     "MissingPackageError",
     "Modes",
+    "Observation",
     "ParameterError",
     "Recording",
     "ShortPass",
@@ -58,13 +62,17 @@ __all__ = [
     "acs_ssi",
     "coss_ssi",
     "cov_ssi",
+    "diagnose",
     "fit_corners",
     "inspect",
+    "learn",
+    "observe",
     "read",
     "read_blocks",
     "read_vehicle",
     "simulate",
     "simulate_drive",
+    "windows",
     "write",
     "write_vehicle",
 ]
@@ -72,6 +80,7 @@ __all__ = [
 # Where each name lives; its module is imported when the name is first used, so that `import sprung` costs nothing.
 _HOMES = {
     "cepstrum": ("Comb", "Exponential", "ShortPass"),
+    "diagnosis": ("Baseline", "Diagnosis", "Observation", "diagnose", "learn", "observe", "windows"),
     "errors": (
         "DataError",
         "FormatError",
