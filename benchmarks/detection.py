@@ -27,6 +27,7 @@ def main():
         for one in as_completed(waiting):
             lives.append(one.result())
             progress.advance(task)
+            print(lives[-1], flush=True)
     tables(lives)
 
 

@@ -326,3 +326,29 @@ def test_identified_modes_are_a_check_and_another_start(car):
     fit = fit_corners(one.recording, bogie, modes=cov_ssi(one.recording, vehicle=bogie).modes)
     assert fit.from_modes[0] == pytest.approx(np.log(1.5), abs=0.25)
     assert fit.log_ratios[0] == pytest.approx(np.log(1.5), abs=0.05)
+
+
+def test_a_recording_that_no_vehicle_makes_is_refused_in_words(car, monkeypatch):
+    from sprung.likelihood import fitting
+
+    def hopeless(*_, **__):
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+
+    monkeypatch.setattr(fitting, "fit_segments", hopeless)
+    with pytest.raises(DataError, match="check signs, places and units of the sensors"):
+        fit_corners(drive(car, duration=30.0, n_stops=0).recording, car)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_units_far_off_end_in_a_fit_or_in_words(car, factor):
+    """One channel in other units: the fit says that it is imperfect, or that no vehicle moves so."""
+    run = drive(car, duration=120.0, n_stops=0).recording
+    samples = run.samples.copy()
+    samples[2] *= factor
+    try:
+        fit = fit_corners(replace(run, samples=samples), car)
+    except DataError as error:
+        assert "check signs" in str(error)
+    else:
+        assert fit.imperfection > 0.3

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from sprung.errors import DataError
 from sprung.labels import MOTIONS
 from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.layout import RigidLayout, rigid_layout
@@ -132,7 +133,14 @@ class _Fitter:
 
     def fit(self, segments: SegmentSpectra, *, starts: Sequence[Real] = ()) -> CornerFit:
         """Return the fit to segments."""
-        return fit_segments(segments, self.layout, self.vehicle, settings=self.settings, kind=self.kind, starts=starts)
+        try:
+            return fit_segments(
+                segments, self.layout, self.vehicle, settings=self.settings, kind=self.kind, starts=starts
+            )
+        except np.linalg.LinAlgError:
+            raise DataError(
+                "no vehicle like the file's moves as this recording does: check signs, places and units of the sensors"
+            ) from None
 
     def at_speeds(self, speeds: Real) -> Model:
         """Return the model with a class of each speed and no data."""
@@ -200,6 +208,8 @@ def fit_segments(
         found = min((found, *others), key=lambda parameters: rough.objective(parameters)[0])
     model = model_of(limited, lines, trust, CLASS_WIDTH)
     parameters = _carried_over(rough, found, model)
+    if model.objective(parameters)[0] == TOO_FAR:
+        parameters = model.scaled_start()
     information = model.information(parameters) / trust
     lowest = 0.0 if kind == "rig" else _OVER_BODY * highest_of_body(model.structure)
     for _ in range(_MOST_FITS):
