@@ -91,6 +91,17 @@ def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
     assert "1 of 1 windows can teach a baseline, and 6 are needed" in outcome.err
 
 
+def test_what_cannot_tell_is_not_called_healthy(sprung, drives, baseline, tmp_path):
+    short = simulate_drive(read_vehicle("zafira"), DriveSettings("road", duration=60.0), seed=3).recording
+    write(short, tmp_path / "short.parquet")
+    words = ("--vehicle", "zafira", "--baseline", baseline, "--json", tmp_path / "d.json")
+    outcome = sprung("diagnose", tmp_path / "short.parquet", *words)
+    assert outcome.code == 3
+    assert "no window can tell" in outcome.out
+    assert "segments of steady speed are too few" in outcome.err
+    assert json.loads((tmp_path / "d.json").read_text())["healthy"] is False
+
+
 def test_baseline_is_json(drives, baseline):
     document = json.loads(baseline.read_text())
     assert document["schema"] == "sprung.baseline/1"

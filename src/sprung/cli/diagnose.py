@@ -98,7 +98,9 @@ def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) ->
     told += [
         f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}" for fault in found.sensor_faults
     ]
-    screen.print(notes(told or ["nothing has changed"]))
+    if not told:
+        told = ["no window can tell whether anything has changed" if found.detection is None else "nothing has changed"]
+    screen.print(notes(told))
     if found.detection is not None:
         rows = [
             (

@@ -123,8 +123,8 @@ class Diagnosis:
 
     @property
     def is_healthy(self) -> bool:
-        """Whether nothing was found in suspension and sensors."""
-        return not self.findings and not self.sensor_faults
+        """Whether a window could tell, and nothing was found in suspension and sensors."""
+        return self.detection is not None and not self.findings and not self.sensor_faults
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object `sprung.diagnosis/1`."""

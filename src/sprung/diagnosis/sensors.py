@@ -41,9 +41,10 @@ _ONE_SPIKE = 5
 #: Standard deviations of the samples that no body jumps to and back from within a sample.
 _NO_BODY = 6.0
 #: Power of a mains line over that beside it, and of a channel's top band over that of its like.
-_HUM, _NOISE = 25.0, 12.0
-#: Change of a channel's mean in a window over its RMS, and over the standard error of the change.
-_DRIFT, _SURE = 0.05, 8.0
+_HUM, _NOISE = 12.0, 12.0
+#: Change of a channel's mean in a window over its RMS, beside others of its quantity and alone (slopes of the road move
+#: it too), and over the standard error of the change.
+_DRIFT, _DRIFT_ALONE, _SURE = 0.05, 0.5, 5.0
 #: Power of what the rigid body cannot explain over the mean power of the channels, and share of it that one faulty
 #: channel must explain.
 _RESIDUAL, _EXPLAINED = 1e-3, 0.7
@@ -223,7 +224,8 @@ def _drifting(samples: Real, rate: float, quantities: list[str]) -> dict[int, tu
         change = float(time @ away / (time @ time))
         rest = away - away.mean() - change * time
         error = float(np.sqrt(np.mean(rest**2) / (time @ time))) + 1e-300
-        if abs(change) > max(_SURE * error, _DRIFT * samples[row].std()):
+        least = _DRIFT if len(like) >= 2 else _DRIFT_ALONE
+        if abs(change) > max(_SURE * error, least * samples[row].std()):
             found[row] = ("drifting", f"its mean moves by {change:.2g} in the window")
     return found
 
