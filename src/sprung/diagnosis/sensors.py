@@ -42,9 +42,9 @@ _ONE_SPIKE = 5
 _NO_BODY = 6.0
 #: Power of a mains line over that beside it, and of a channel's top band over that of its like.
 _HUM, _NOISE = 12.0, 12.0
-#: Change of a channel's mean in a window over its RMS, beside others of its quantity and alone (slopes of the road move
-#: it too), and over the standard error of the change.
-_DRIFT, _DRIFT_ALONE, _SURE = 0.05, 0.5, 5.0
+#: Standard deviation of a channel's mean over blocks of seconds, over its RMS: away from the others of its quantity,
+#: where there are so many, and alone (slopes of the road move it too); and over that of the others.
+_DRIFT, _PEERS, _DRIFT_ALONE, _FAR_WANDERED = 0.08, 2, 0.5, 2.5
 #: Power of what the rigid body cannot explain over the mean power of the channels, and share of it that one faulty
 #: channel must explain.
 _RESIDUAL, _EXPLAINED = 1e-3, 0.7
@@ -216,17 +216,18 @@ def _drifting(samples: Real, rate: float, quantities: list[str]) -> dict[int, tu
     if n_blocks < 6:
         return {}
     means = samples[:, : samples.shape[1] // n_blocks * n_blocks].reshape(len(samples), n_blocks, -1).mean(axis=2)
-    time = np.linspace(-0.5, 0.5, n_blocks)
-    found = {}
-    for row, quantity in enumerate(quantities):
-        like = [k for k, other in enumerate(quantities) if other == quantity and k != row]
-        away = means[row] - (np.median(means[like], axis=0) if len(like) >= 2 else 0.0)
-        change = float(time @ away / (time @ time))
-        rest = away - away.mean() - change * time
-        error = float(np.sqrt(np.mean(rest**2) / (time @ time))) + 1e-300
-        least = _DRIFT if len(like) >= 2 else _DRIFT_ALONE
-        if abs(change) > max(_SURE * error, least * samples[row].std()):
-            found[row] = ("drifting", f"its mean moves by {change:.2g} in the window")
+    found, wander = {}, np.empty(len(samples))
+    peers = [
+        [k for k, other in enumerate(quantities) if other == one and k != row] for row, one in enumerate(quantities)
+    ]
+    for row, like in enumerate(peers):
+        away = means[row] - (np.median(means[like], axis=0) if len(like) >= _PEERS else 0.0)
+        wander[row] = np.std(away)
+    for row, like in enumerate(peers):
+        has_peers = len(like) >= _PEERS
+        least = (_DRIFT if has_peers else _DRIFT_ALONE) * samples[row].std()
+        if wander[row] > least and (not has_peers or wander[row] > _FAR_WANDERED * np.median(wander[like])):
+            found[row] = ("drifting", f"its mean wanders by {wander[row]:.2g} (std) in the window")
     return found
 
 
