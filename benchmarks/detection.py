@@ -1,9 +1,15 @@
-"""Faults found, at the right part, after 10, 30 and 120 minutes, and false alarms, over many simulated vehicles."""
+"""Faults found, at the right part, after 10, 30 and 120 minutes, and false alarms, over many simulated vehicles.
+
+Beside it, for every fifth pair of vehicles, the thesis' own way on the same drives: modes by CoSS-SSI, and how far
+frequencies and shapes (MAC) are from those of the learning windows.
+"""
 
 import argparse
+import json
 import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -17,17 +23,22 @@ def main():
     arguments.add_argument("--vehicles", type=int, default=400)
     arguments.add_argument("--healthy", type=int, default=30, help="healthy windows of ten minutes of each vehicle")
     arguments.add_argument("--jobs", type=int, default=2)
+    arguments.add_argument("--lives", type=Path, help="file of vehicles done, to go on from; a line is added for each")
     given = arguments.parse_args()
     from rich.progress import Progress
 
+    lives = [json.loads(line) for line in given.lives.open()] if given.lives and given.lives.exists() else []
+    done = {life["seed"] for life in lives}
+    seeds = [seed for seed in range(given.vehicles) if seed not in done]
     with ProcessPoolExecutor(given.jobs) as pool, Progress() as progress:
-        task = progress.add_task("vehicles", total=given.vehicles)
-        waiting = [pool.submit(partial(vehicle_life, given.healthy), seed) for seed in range(given.vehicles)]
-        lives = []
+        task = progress.add_task("vehicles", total=len(seeds))
+        waiting = [pool.submit(partial(vehicle_life, given.healthy), seed) for seed in seeds]
         for one in as_completed(waiting):
             lives.append(one.result())
             progress.advance(task)
-            print(lives[-1], flush=True)
+            if given.lives:
+                with given.lives.open("a") as file:
+                    file.write(json.dumps(lives[-1]) + "\n")
     tables(lives)
 
 
@@ -74,7 +85,7 @@ def described(seed):
 
 
 def window(file, real, seed, number, faults):
-    """Return what ten minutes of driving say."""
+    """Return what ten minutes of driving say: the observation, and the modes as the thesis finds them."""
     import numpy as np
 
     from sprung.diagnosis import observe
@@ -94,7 +105,50 @@ def window(file, real, seed, number, faults):
     run = simulate_drive(real, settings, seed=[seed, 5, number]).recording
     if seed % 8 == 7:
         run = with_wheel_lines(run, generator)
-    return observe(run, file, time=600.0 * number)
+    return observe(run, file, time=600.0 * number), body_modes(run, file) if is_thesis(seed) else {}
+
+
+def is_thesis(seed):
+    """Tell whether the thesis' way runs beside ours: for pairs of vehicles that take turns over all sizes."""
+    return seed // 10 % 5 == 0
+
+
+def body_modes(run, file):
+    """Return natural frequency and mode shape of the body modes that CoSS-SSI finds, by label."""
+    from sprung.errors import SprungError
+    from sprung.identification import coss_ssi
+    from sprung.preparation import IdentificationSettings
+
+    try:
+        modes = coss_ssi([run], settings=IdentificationSettings(band=(0.5, 8.0)), vehicle=file).modes
+    except SprungError:
+        return {}
+    return {
+        label: (float(frequency), shape)
+        for label, frequency, shape in zip(modes.labels, modes.natural_frequency, modes.mode_shapes, strict=True)
+        if label in {"bounce", "pitch", "roll"}
+    }
+
+
+def compared(before, after):
+    """Return how far the mean modes of windows are from those before: largest change of ln f, and of 1 - MAC."""
+    import numpy as np
+
+    from sprung.modal import mac
+
+    shifts, unlike = [0.0], [0.0]
+    for label in ("bounce", "pitch", "roll"):
+        pair = [[modes[label] for modes in windows if label in modes] for windows in (before, after)]
+        if not all(pair):
+            continue
+        frequencies = [np.mean(np.log([one[0] for one in some])) for some in pair]
+        shapes = []
+        for some in pair:
+            rows = np.array([shape / np.linalg.norm(shape) for _, shape in some])
+            shapes.append(np.linalg.eigh(np.einsum("wi,wj->ij", rows, rows.conj()))[1][:, -1])
+        shifts.append(abs(frequencies[1] - frequencies[0]))
+        unlike.append(1 - float(mac(np.array(shapes[:1]), np.array(shapes[1:]))[0, 0]))
+    return max(shifts), max(unlike)
 
 
 def with_wheel_lines(run, generator):
@@ -123,20 +177,21 @@ def vehicle_life(n_healthy, seed):
     generator = np.random.default_rng([seed, 6])
     name = str(generator.choice([f"{e}_{s}.{k}" for e in ("front", "rear") for s in ("left", "right") for k in KINDS]))
     size = SIZES[seed // 2 % len(SIZES)]
+    taught, taught_modes = several(window(file, real, seed, k, ()) for k in range(LEARNING))
     try:
-        taught = [window(file, real, seed, k, ()) for k in range(LEARNING)]
         baseline = learn(taught, vehicle=file.name)
     except DataError as error:
         return {"seed": seed, "name": name, "size": size, "error": str(error)}
-    healthy = [window(file, real, seed, LEARNING + k, ()) for k in range(n_healthy)]
+    healthy, healthy_modes = several(window(file, real, seed, LEARNING + k, ()) for k in range(n_healthy))
     calm = detect(baseline, healthy)
-    faulty = [window(file, real, seed, 1000 + k, (Fault(name, -size),)) for k in range(MINUTES[-1] // 10)]
+    fault = (Fault(name, -size),)
+    faulty, faulty_modes = several(window(file, real, seed, 1000 + k, fault) for k in range(MINUTES[-1] // 10))
     found = {}
     for minutes in MINUTES:
         findings = diagnose([*healthy[:3], *faulty[: minutes // 10]], baseline).findings
-        found[minutes] = f"{findings[0].corner}.{findings[0].component}" if findings else ""
+        found[str(minutes)] = f"{findings[0].corner}.{findings[0].component}" if findings else ""
     late = detect(baseline, [*healthy[:3], *faulty])
-    return {
+    life = {
         "seed": seed,
         "name": name,
         "size": size,
@@ -146,6 +201,21 @@ def vehicle_life(n_healthy, seed):
         "mute": sum(not one.can_tell for one in [*healthy, *faulty]),
         "delay": None if late.first_alarm is None else (late.first_alarm - faulty[0].time) / 60 + 10,
     }
+    if is_thesis(seed):
+        counts = [n // 10 for n in MINUTES]
+        life["thesis"] = {
+            "healthy": [compared(taught_modes, healthy_modes[:n]) for n in counts],
+            "faulty": [compared(taught_modes, faulty_modes[:n]) for n in counts],
+            "modes": sum(len(modes) for modes in [*healthy_modes, *faulty_modes]),
+            "windows": len(healthy_modes) + len(faulty_modes),
+        }
+    return life
+
+
+def several(pairs):
+    """Return observations and modes of windows."""
+    observations, modes = zip(*pairs, strict=True)
+    return list(observations), list(modes)
 
 
 KINDS = ("spring", "damper", "tyre")
@@ -167,15 +237,15 @@ def tables(lives):
             here = [life for life in some if life["size"] == size]
             cells = []
             for minutes in MINUTES:
-                right = sum(life["found"][minutes] == life["name"] for life in here)
-                wrong = sum(life["found"][minutes] not in {"", life["name"]} for life in here)
+                right = sum(life["found"][str(minutes)] == life["name"] for life in here)
+                wrong = sum(life["found"][str(minutes)] not in {"", life["name"]} for life in here)
                 cells.append(f"{right} ({wrong})")
             print(f"| {100 * size:.0f} % | " + " | ".join(cells) + f" | {len(here)} |")
     print("\nWhat 120 minutes said of faults of 10 % or more\n\n| fault | spring | damper | tyre | other part | none |")
     print("|" + "---|" * 6)
     for kind in KINDS:
         here = [life for life in good if life["name"].endswith(kind) and life["size"] >= 0.1]
-        answers = [life["found"][120] for life in here]
+        answers = [life["found"]["120"] for life in here]
         right = [a == life["name"] for a, life in zip(answers, here, strict=True)]
         counts = [sum(r for r, life in zip(right, here, strict=True) if kind == other) for other in KINDS]
         wrong = sum(a not in {"", life["name"]} for a, life in zip(answers, here, strict=True))
@@ -192,6 +262,28 @@ def tables(lives):
     print(f"{len(bad)} vehicles could not learn; {sum(life['mute'] for life in good)} windows could not tell.")
     for life in bad[:5]:
         print(f"- {life['error']}")
+    thesis_table([life for life in good if "thesis" in life])
+
+
+def thesis_table(lives):
+    """Print what the thesis' way finds where one healthy vehicle in twenty is called changed."""
+    import numpy as np
+
+    if not lives:
+        return
+    share = sum(life["thesis"]["modes"] for life in lives) / sum(3 * life["thesis"]["windows"] for life in lives)
+    print(f"\nThe thesis' way, {len(lives)} vehicles: CoSS-SSI found {share:.0%} of the body modes of single windows.")
+    print("Called changed (any part), where the threshold lets one healthy vehicle in twenty pass\n")
+    print(
+        "| size | " + " | ".join(f"{what}, {m} min" for what in ("frequency", "MAC") for m in MINUTES) + " | vehicles |"
+    )
+    print("|" + "---|" * (2 * len(MINUTES) + 2))
+    values = {state: np.array([life["thesis"][state] for life in lives]) for state in ("healthy", "faulty")}
+    limits = np.quantile(values["healthy"], 0.95, axis=0)
+    for size in SIZES:
+        rows = np.array([life["size"] == size for life in lives])
+        counts = (values["faulty"][rows] > limits).sum(axis=0).T
+        print(f"| {100 * size:.0f} % | " + " | ".join(map(str, counts.ravel())) + f" | {rows.sum()} |")
 
 
 if __name__ == "__main__":

@@ -82,6 +82,13 @@ def test_several_parts_at_once_are_something_else(baseline):
     assert finding.component == "something_else"
 
 
+def test_more_than_usual_at_all_corners_is_one_finding(baseline):
+    (finding,) = diagnose(faulty(5, {f"{corner}.spring": -0.5 for corner in CORNERS}), baseline).findings
+    assert (finding.corner, finding.component) == ("all", "spring")
+    assert finding.sentence.startswith("all springs ")
+    assert finding.interval[0] <= -0.5 <= finding.interval[1]
+
+
 def test_what_moves_all_corners_is_no_finding(baseline):
     """Cold dampers and a payload: all of a kind by the same factor."""
     change = {f"{corner}.damper": 0.25 for corner in CORNERS} | {f"{corner}.spring": -0.12 for corner in CORNERS}
@@ -187,6 +194,25 @@ def test_windows_follow_each_other_and_keep_the_rest():
     assert [part.n_samples for _, part in parts] == [600, 700, 600, 700]
     dated = replace(run, start=10**18)
     assert [time for time, _ in windows([dated, replace(dated, start=10**18 + 10**13)], length=2000.0)] == [0.0, 10**4]
+
+
+def test_conditions_of_a_window_that_cannot_tell():
+    car = read_vehicle("zafira")
+    yaw = car.sensor[0].model_copy(
+        update={"channel": "yaw_rate", "quantity": "angular_velocity", "unit": "deg/s", "direction": (0.0, 0.0, -1.0)}
+    )
+    car = car.model_copy(update={"sensor": (*car.sensor, yaw)})
+    run = simulate_drive(car, DriveSettings("road", duration=30.0), seed=1).recording
+    samples = run.samples.copy()
+    samples[run.index("speed"), : run.n_samples // 4] = 0.0
+    samples[run.index("yaw_rate")] = 0.2
+    warm = np.full((1, run.n_samples), 293.0)
+    channels = (*run.channels, Channel("oil", "temperature"))
+    found = observe(replace(run, samples=np.concatenate([samples, warm]), channels=channels), car)
+    assert not found.can_tell
+    assert found.conditions["standing"] == pytest.approx(0.25, abs=0.01)
+    assert found.conditions["temperature"] == pytest.approx(293.0)
+    assert found.conditions["turning"] == pytest.approx(0.2)
 
 
 @pytest.mark.slow

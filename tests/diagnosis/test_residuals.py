@@ -1,9 +1,12 @@
 """The subspace residual test: nothing where nothing changed, something where a stiffness did."""
 
+import json
+
 import numpy as np
 import pytest
 
 from sprung.diagnosis import compare_residuals, learn_residuals
+from sprung.diagnosis.residuals import residual_reference_from_dict
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
 from sprung.simulation import simulate, usual_excitation
@@ -34,6 +37,12 @@ def test_a_changed_spring_is_seen(reference, change):
     name = next(iter(structure(read_vehicle("chain3")).components()))
     values = [compare_residuals(reference, chain(seed, f"{name}.spring={change}")).p_value for seed in range(60, 66)]
     assert max(values) < 1e-4
+
+
+def test_reference_survives_json(reference):
+    again = residual_reference_from_dict(json.loads(json.dumps(reference.to_dict())))
+    first, second = (compare_residuals(one, chain(60)).statistic for one in (reference, again))
+    assert second == pytest.approx(first, rel=1e-6)
 
 
 def test_it_needs_windows_and_the_same_channels(reference):

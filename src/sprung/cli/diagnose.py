@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sprung.cli.baseline import Minutes, VehicleFile, observed, read_baseline, vehicle_of
+from sprung.cli.baseline import Minutes, VehicleFile, compared, observed, read_baseline, vehicle_of
 from sprung.cli.documents import write_json
 from sprung.cli.files import INPUT, OUTPUT, Channels, Files, Json, SamplingRate, check_file
 from sprung.cli.printing import console, notes, table
@@ -13,7 +13,7 @@ from sprung.cli.progress import progress_bar
 from sprung.errors import DataError
 
 if TYPE_CHECKING:
-    from sprung.diagnosis import Diagnosis, ModeChange
+    from sprung.diagnosis import Baseline, Diagnosis, ModeChange
 
 _SHOWN = 5
 
@@ -45,16 +45,18 @@ def diagnose(
     json: Json = None,
 ) -> None:
     """Say which spring, damper, tyre or sensor changed, by how much, since when and how sure it is."""
+    from dataclasses import replace
+
     from sprung._checks import check_number
     from sprung.diagnosis import diagnose as diagnosed
-    from sprung.diagnosis import mode_changes
+    from sprung.diagnosis import mode_changes, second_opinion
 
     check_file("--json", json, inputs=[*files, vehicle, *([baseline] if baseline else [])])
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
     description = vehicle_of(vehicle)
     normal = None if baseline is None else read_baseline(baseline)
     with progress_bar() as report:
-        observations = observed(
+        observations, outputs = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
         )
         found = diagnosed(
@@ -64,19 +66,27 @@ def diagnose(
             false_alarms=false_alarms,
             windows_per_day=hours_per_day * 60 / window,
         )
+        tests = {} if normal is None else compared(normal, observations, outputs)
+        if tests:
+            found = replace(found, notes=(*found.notes, second_opinion(list(tests.values()))))
         changes = [change for one in found.findings for change in mode_changes(description, one, normal)]
-        paths = [] if figures is None else _save(found, changes, figures)
+        paths = [] if figures is None else _save(found, normal, changes, figures)
     if json is not None:
-        write_json({**found.to_dict(), "modes": [change.to_dict() for change in changes]}, json)
+        document = {
+            **found.to_dict(),
+            "modes": [change.to_dict() for change in changes],
+            "residual_test": [{"time": time, "p_value": test.p_value} for time, test in tests.items()],
+        }
+        write_json(document, json)
     if json != "-":
         _show(found, changes, paths)
     if found.detection is None and not found.sensor_faults:
         raise DataError(f"no window can tell: {observations[0].reason if observations else 'there is none'}")
 
 
-def _save(found: "Diagnosis", changes: "list[ModeChange]", folder: Path) -> list[Path]:
+def _save(found: "Diagnosis", normal: "Baseline | None", changes: "list[ModeChange]", folder: Path) -> list[Path]:
     """Write the figures."""
-    from sprung.plotting import evidence_figure, mode_changes_figure, trends_figure
+    from sprung.plotting import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
 
     if found.detection is None:
         return []
@@ -85,6 +95,8 @@ def _save(found: "Diagnosis", changes: "list[ModeChange]", folder: Path) -> list
     for name, draw in (("evidence", evidence_figure), ("trends", trends_figure)):
         paths.append(folder / f"{name}.png")
         draw(found).savefig(paths[-1], dpi=150)
+    paths.append(folder / "corners.png")
+    corner_changes_figure(found, normal).savefig(paths[-1], dpi=150)
     if changes:
         paths.append(folder / "modes.png")
         mode_changes_figure(changes, heading=found.findings[0].sentence).savefig(paths[-1], dpi=150)
@@ -104,7 +116,7 @@ def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) ->
     if found.detection is not None:
         rows = [
             (
-                one.hypothesis.name.replace("_", " ").replace(".", " "),
+                one.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every "),
                 f"{one.log_evidence:.1f}",
                 f"{100 * one.change:+.1f}" if one.score else "",
                 f"{100 * one.interval[0]:+.1f} .. {100 * one.interval[1]:+.1f}" if one.score else "",

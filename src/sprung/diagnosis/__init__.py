@@ -5,12 +5,25 @@ from sprung.diagnosis.changes import Candidate, Detection, Hypothesis, detect, f
 from sprung.diagnosis.evidence import ModeChange, mode_changes
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Trend, diagnose, trend
 from sprung.diagnosis.observation import Observation, observation_from_dict, observe, windows
-from sprung.diagnosis.residuals import ResidualReference, ResidualTest, compare_residuals, learn_residuals
+from sprung.diagnosis.residuals import (
+    FEWEST as FEWEST_RESIDUALS,
+)
+from sprung.diagnosis.residuals import (
+    VEHICLE_RATE,
+    ResidualReference,
+    ResidualTest,
+    compare_residuals,
+    learn_residuals,
+    outputs_at,
+    second_opinion,
+)
 from sprung.diagnosis.sensors import KINDS, SensorFault, sensor_faults
 
 __all__ = [
+    "FEWEST_RESIDUALS",
     "KINDS",
     "SEVERITIES",
+    "VEHICLE_RATE",
     "Baseline",
     "Candidate",
     "Detection",
@@ -34,6 +47,8 @@ __all__ = [
     "nominal_baseline",
     "observation_from_dict",
     "observe",
+    "outputs_at",
+    "second_opinion",
     "sensor_faults",
     "trend",
     "windows",

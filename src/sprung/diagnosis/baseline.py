@@ -10,6 +10,7 @@ from scipy import stats
 
 from sprung._checks import check_number, frozen_array
 from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.residuals import ResidualReference, residual_reference_from_dict
 from sprung.errors import DataError, ParameterError
 
 Real = NDArray[np.float64]
@@ -74,6 +75,7 @@ class Baseline:
     n_refused: int
     version: int
     reason: str
+    residuals: ResidualReference | None = None
 
     def __post_init__(self) -> None:
         for name, ndim in (("mean", 1), ("covariance", 2), ("slopes", 2), ("nuisance", 2)):
@@ -110,6 +112,7 @@ class Baseline:
                 }
                 for k, name in enumerate(CONDITIONS)
             },
+            "residuals": None if self.residuals is None else self.residuals.to_dict(),
         }
 
 
@@ -138,6 +141,7 @@ def baseline_from_dict(document: dict[str, Any]) -> Baseline:
             n_refused=int(document["n_refused"]),
             version=int(document["version"]),
             reason=str(document["reason"]),
+            residuals=residual_reference_from_dict(document["residuals"]) if document.get("residuals") else None,
         )
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise ParameterError(f"the baseline lacks or garbles {error}: learn it again") from None

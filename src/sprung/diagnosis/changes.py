@@ -15,8 +15,8 @@ Real = NDArray[np.float64]
 
 #: Standard deviation of the size of a fault, ln values, before any window; of something else, per component.
 _SIZE, _ELSE = 0.15, 0.04
-#: Prior shares of a single component, both of an axle, and anything else.
-_SHARES = {"single": 0.8, "axle": 0.15, "else": 0.05}
+#: Prior shares of a single component, both of an axle, all corners, and anything else.
+_SHARES = {"single": 0.78, "axle": 0.15, "all": 0.02, "else": 0.05}
 #: Quantile of a 95 % interval.
 _Z = 1.96
 
@@ -28,13 +28,25 @@ class Hypothesis:
     Parameters
     ----------
     name
-        "front_left.spring", "front.spring" (both of an axle) or "something_else".
+        "front_left.spring", "front.spring" (both of an axle), "all.spring" or "something_else".
     kind
-        "single", "axle" or "else".
+        "single", "axle", "all" or "else".
     """
 
     name: str
     kind: str
+
+    def parts(self, components: tuple[str, ...]) -> tuple[str, ...]:
+        """Return which of the components it moves together; none for something else."""
+        if self.kind == "else":
+            return ()
+        owner, component = self.name.split(".")
+        owners = {"single": {owner}, "axle": {f"{owner}_left", f"{owner}_right"}}.get(self.kind)
+        return tuple(
+            name
+            for name in components
+            if name.split(".")[1] == component and (owners is None or name.split(".")[0] in owners)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,18 +208,21 @@ def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[
 
 
 def _hypotheses(components: tuple[str, ...]) -> list[Hypothesis]:
-    """Return single components, both of an axle, and something else."""
-    singles = [Hypothesis(name, "single") for name in components]
+    """Return single components, both of an axle, all of a kind, and something else."""
     axles = {f"{name.split('.')[0].rsplit('_', 1)[0]}.{name.split('.')[1]}" for name in components}
-    return [*singles, *(Hypothesis(name, "axle") for name in sorted(axles)), Hypothesis("something_else", "else")]
+    kinds = {name.split(".")[1] for name in components}
+    return [
+        *(Hypothesis(name, "single") for name in components),
+        *(Hypothesis(name, "axle") for name in sorted(axles)),
+        *(Hypothesis(f"all.{kind}", "all") for kind in sorted(kinds)),
+        Hypothesis("something_else", "else"),
+    ]
 
 
 def _direction(hypothesis: Hypothesis, components: tuple[str, ...]) -> Real:
     """Return which components a hypothesis moves."""
-    if hypothesis.kind == "single":
-        return np.array([float(name == hypothesis.name) for name in components])
-    axle, kind = hypothesis.name.split(".")
-    return np.array([float(name in {f"{axle}_left.{kind}", f"{axle}_right.{kind}"}) for name in components])
+    parts = hypothesis.parts(components)
+    return np.array([float(name in parts) for name in components])
 
 
 def _own(baseline: Baseline, observation: Observation) -> Real:

@@ -58,7 +58,7 @@ def mode_changes(vehicle: Vehicle, finding: Finding, baseline: Baseline | None =
     vehicle
         As its file says.
     finding
-        Of one part, or of both of an axle.
+        Of one part, of both of an axle or of all corners.
     baseline
         What the vehicle was like before; None: as its file says.
 
@@ -74,7 +74,7 @@ def mode_changes(vehicle: Vehicle, finding: Finding, baseline: Baseline | None =
     owners = (finding.corner, f"{finding.corner}_left", f"{finding.corner}_right")
     after = dict(before)
     for owner, owned in nominal.components().items():
-        if owner in owners and finding.component in owned:
+        if (owner in owners or finding.corner == "all") and finding.component in owned:
             name = f"{owner}.{finding.component}"
             after[name] = before.get(name, 1.0) * (1 + finding.change)
     healthy, changed = (nominal.changed(factors).modes() for factors in (before, after))

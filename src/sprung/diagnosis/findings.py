@@ -51,7 +51,7 @@ class Finding:
     Parameters
     ----------
     corner
-        "front_left", or "front" for both sides of an axle; "vehicle" for something else.
+        "front_left", "front" for both sides of an axle, "all" for all corners; "vehicle" for something else.
     component
         "spring", "damper" or "tyre"; "something_else".
     change, interval
@@ -84,7 +84,7 @@ class Finding:
     @property
     def sentence(self) -> str:
         """The finding in plain words."""
-        what = f"{self.corner.replace('_', '-')} {self.component}"
+        what = f"{self.corner.replace('_', '-')} {self.component}{'s' if self.corner == 'all' else ''}"
         if self.component == "something_else":
             return f"the suspension differs from the baseline in a way that no single part explains: {self.advice}"
         low, high = sorted(100 * abs(end) for end in self.interval)
@@ -243,7 +243,7 @@ def trend(
     A line through the sizes of single windows by weighted least squares; no trend where 0 lies within its interval.
     """
     names = baseline.components
-    rows = [names.index(name) for name in names if name == candidate.hypothesis.name or _of_axle(name, candidate)]
+    rows = [names.index(name) for name in candidate.hypothesis.parts(names)]
     later = [one for one in observations if one.time >= since and one.components == names]
     if len(later) < 4 or not rows:
         return None
@@ -268,12 +268,6 @@ def trend(
             fast, slow = max(map(abs, interval)), min(map(abs, interval))
             limit = (left / fast, left / slow)
     return Trend(slope, interval, limit)
-
-
-def _of_axle(name: str, candidate: Candidate) -> bool:
-    """Tell whether a component is one of the pair of an axle's hypothesis."""
-    owner, component = name.split(".")
-    return candidate.hypothesis.kind == "axle" and candidate.hypothesis.name == f"{owner.rsplit('_', 1)[0]}.{component}"
 
 
 def _words(candidate: Candidate) -> str:

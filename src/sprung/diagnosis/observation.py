@@ -11,6 +11,7 @@ from sprung._checks import frozen_array
 from sprung.diagnosis.sensors import SensorFault, sensor_faults
 from sprung.errors import DataError, ParameterError
 from sprung.labels import MOTIONS
+from sprung.layout import with_layout
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.preparation import speed_channel
 from sprung.recording import Recording
@@ -20,6 +21,10 @@ Real = NDArray[np.float64]
 
 #: Length of a window [s], shortest one that is used, and fewest segments in it.
 WINDOW, SHORTEST, FEWEST_SEGMENTS = 600.0, 120.0, 40
+#: Vehicles slower than this [m/s] stand.
+_STANDS = 1.0
+#: Cosine of the angle within which a gyro turns about the vertical.
+_UPRIGHT = 0.9
 #: Misfit from which on a window cannot tell.
 _WORST = 1.0
 #: Misfit that makes an exchange of diagonal sensors worth a try, and by how much it must fall.
@@ -41,7 +46,9 @@ class Observation:
     covariance
         Of these.
     conditions
-        "speed" [m/s] (mean), "level" of the road [m^3], "payload" [kg], "imperfection", "segments", as far as known.
+        As far as known. Of every window: "speed" [m/s] and "temperature" [K] (means), "standing" (share of time),
+        "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of windows that can tell: "level" of the road
+        [m^3], "payload" [kg], "imperfection", "segments".
     modes
         Natural frequency [Hz] and damping ratio of bounce, pitch and roll where the fit has them.
     sensor_faults
@@ -142,33 +149,50 @@ def observe(
     Channels that fail are left out and the fit goes on with the rest; a window that cannot tell says why.
     """
     faults = sensor_faults(recording, vehicle)
+    conditions = _conditions(recording, vehicle)
     bad = {fault.channel for fault in faults}
     # With one layout only for the rest of a vehicle's life, exchanged channels leave nothing to go on with.
     names = [name for name in recording.names if name not in bad]
     try:
         fit = fit_corners(recording.select(names), vehicle, settings=settings)
     except (DataError, ParameterError) as error:
-        return _nothing(time, faults, str(error))
+        return _nothing(time, conditions, faults, str(error))
     if not faults and fit.imperfection > _SUSPECT:
         faults = _exchanged(recording, vehicle, settings, fit)
         if faults:
-            return _nothing(time, faults, "sensors are exchanged")
+            return _nothing(time, conditions, faults, "sensors are exchanged")
     if fit.n_segments < FEWEST_SEGMENTS:
-        return _nothing(time, faults, f"{fit.n_segments} segments of steady speed are too few")
+        return _nothing(time, conditions, faults, f"{fit.n_segments} segments of steady speed are too few")
     if fit.imperfection > _WORST:
-        return _nothing(time, faults, f"the vehicle file explains the window badly: off by {fit.imperfection:.0%}")
-    return _told(time, fit, recording, vehicle, faults)
+        return _nothing(
+            time, conditions, faults, f"the vehicle file explains the window badly: off by {fit.imperfection:.0%}"
+        )
+    return _told(time, fit, conditions, faults)
 
 
-def _told(
-    time: float, fit: CornerFit, recording: Recording, vehicle: Vehicle, faults: tuple[SensorFault, ...]
-) -> Observation:
-    """Return the observation that a fit makes."""
-    count = len(fit.components)
-    conditions = {"imperfection": fit.imperfection, "segments": float(fit.n_segments)}
+def _conditions(recording: Recording, vehicle: Vehicle) -> dict[str, float]:
+    """Return the conditions that channels tell by themselves."""
+    found = {}
     name = speed_channel(recording, vehicle)
     if name is not None:
-        conditions["speed"] = float(np.nanmean(recording.samples[recording.index(name)]))
+        speed = recording.samples[recording.index(name)]
+        found["speed"] = float(np.nanmean(speed))
+        found["standing"] = float(np.nanmean(speed < _STANDS))
+    for channel, values in zip(recording.channels, recording.samples, strict=True):
+        if channel.quantity == "temperature":
+            found["temperature"] = float(np.nanmean(values))
+    for sensor in vehicle.sensor:
+        upright = sensor.direction is not None and abs(sensor.direction[2]) > _UPRIGHT
+        if upright and sensor.quantity == "angular_velocity" and sensor.channel in recording.names:
+            placed = with_layout(recording, vehicle.sensor)
+            found["turning"] = float(np.sqrt(np.nanmean(placed.samples[placed.index(sensor.channel)] ** 2)))
+    return found
+
+
+def _told(time: float, fit: CornerFit, conditions: dict[str, float], faults: tuple[SensorFault, ...]) -> Observation:
+    """Return the observation that a fit makes."""
+    count = len(fit.components)
+    conditions = {**conditions, "imperfection": fit.imperfection, "segments": float(fit.n_segments)}
     if "level" in fit.inputs:
         conditions["level"] = fit.inputs["level"]
     if "payload_mass" in fit.payload:
@@ -190,9 +214,9 @@ def _told(
     )
 
 
-def _nothing(time: float, faults: tuple[SensorFault, ...], reason: str) -> Observation:
+def _nothing(time: float, conditions: dict[str, float], faults: tuple[SensorFault, ...], reason: str) -> Observation:
     """Return an observation that cannot tell."""
-    return Observation(time, (), np.zeros(0), np.zeros((0, 0)), {}, {}, faults, reason)
+    return Observation(time, (), np.zeros(0), np.zeros((0, 0)), conditions, {}, faults, reason)
 
 
 def _exchanged(

@@ -1,7 +1,8 @@
 """Subspace residual test: has anything changed, told without a vehicle file."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,8 @@ _MOST_DIRECTIONS, _SEGMENTS_EACH = 40, 4
 _LEAST_SCATTER, _PRIOR_WINDOWS = 0.15, 3.0
 #: Fewest windows that teach.
 FEWEST = 3
+#: Rate at which a vehicle's windows are compared [Hz], and chance below which one differs.
+VEHICLE_RATE, DIFFERENT = 25.0, 1e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,6 +67,33 @@ class ResidualReference:
     def block_rows(self) -> int:
         """Block rows of the Hankel matrix."""
         return int(self.null_space.shape[0]) // len(self.channels)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the reference as plain values for JSON."""
+        return {
+            "channels": list(self.channels),
+            "sampling_rate": self.sampling_rate,
+            "segment": self.segment,
+            "null_space": self.null_space.round(12).tolist(),
+            "whitening": [[float(f"{value:.9g}") for value in row] for row in self.whitening],
+            "center": self.center,
+            "scatter": self.scatter,
+            "n_windows": self.n_windows,
+        }
+
+
+def residual_reference_from_dict(document: dict[str, Any]) -> ResidualReference:
+    """Return the reference of plain values."""
+    return ResidualReference(
+        channels=tuple(document["channels"]),
+        sampling_rate=float(document["sampling_rate"]),
+        segment=float(document["segment"]),
+        null_space=np.array(document["null_space"], dtype=np.float64),
+        whitening=np.array(document["whitening"], dtype=np.float64),
+        center=float(document["center"]),
+        scatter=float(document["scatter"]),
+        n_windows=int(document["n_windows"]),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +147,7 @@ def learn_residuals(
     identification and damage detection, MSSP 17 (2003).
     """
     check_number("block_rows", block_rows, at_least=2)
-    ready = [_ready(recording, sampling_rate) for recording in recordings]
+    ready = [outputs_at(recording, sampling_rate) for recording in recordings]
     if len(ready) < FEWEST:
         raise DataError(f"{len(ready)} windows cannot teach the residual test, {FEWEST} can: give more")
     matrices = [_matrices(recording, segment, block_rows) for recording in ready]
@@ -154,7 +184,7 @@ def compare_residuals(reference: ResidualReference, recording: Recording) -> Res
     ParameterError
         Where the channels are others.
     """
-    ready = _ready(recording, reference.sampling_rate)
+    ready = outputs_at(recording, reference.sampling_rate)
     if ready.names != reference.channels:
         raise ParameterError(f"the window has the channels {', '.join(ready.names)}, the reference others: select them")
     matrices = _matrices(ready, reference.segment, reference.block_rows)
@@ -164,8 +194,17 @@ def compare_residuals(reference: ResidualReference, recording: Recording) -> Res
     return ResidualTest(statistic, float(stats.t.sf(score, reference.n_windows - 1 + _PRIOR_WINDOWS)))
 
 
-def _ready(recording: Recording, sampling_rate: float | None) -> Recording:
-    """Return the outputs at the rate of the test."""
+def second_opinion(tests: Sequence[ResidualTest]) -> str:
+    """Say in a sentence what the residual test makes of windows."""
+    different = sum(test.p_value < DIFFERENT for test in tests)
+    return (
+        f"second opinion without the vehicle file (subspace residuals): {different} of {len(tests)} windows differ "
+        f"from those that taught the baseline (p < {DIFFERENT:g})"
+    )
+
+
+def outputs_at(recording: Recording, sampling_rate: float | None) -> Recording:
+    """Return the outputs, without speed and temperature, at the rate of the test; None: as recorded."""
     ready = usable(recording)
     outputs = ready.select([c.name for c in ready.channels if c.quantity not in {"speed", "temperature"}])
     if sampling_rate is None or outputs.sampling_rate <= sampling_rate:

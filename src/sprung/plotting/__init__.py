@@ -1,7 +1,7 @@
 """Pictures: one function for each, which takes values and returns a matplotlib figure."""
 
 from sprung.plotting.corners import corners_figure, correlation_figure, fitted_spectra_figure
-from sprung.plotting.diagnosis import evidence_figure, mode_changes_figure, trends_figure
+from sprung.plotting.diagnosis import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
 from sprung.plotting.mac import mac_figure, reference_mac_figure
 from sprung.plotting.rates import alignment_rates, stable_rates_figure
 from sprung.plotting.responses import cepstrum_figure, response_figure
@@ -18,6 +18,7 @@ __all__ = [
     "alignment_rates",
     "cepstrum_figure",
     "complexity_figure",
+    "corner_changes_figure",
     "corners_figure",
     "correlation_figure",
     "densities_figure",

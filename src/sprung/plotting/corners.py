@@ -1,5 +1,7 @@
 """Pictures of a fit of the corners: spectra, the vehicle from above, correlations."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -57,18 +59,43 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
     fit, source
         As for `fitted_spectra_figure`.
     """
-    owners = list(dict.fromkeys(component.owner for component in fit.components))
-    n_axles = len(owners) // 2
     what = f"Corners against nominal: {source}" if source else "Corners against nominal"
     where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: this run cannot tell."
-    figure = new_figure(what, where, width=9.5, height=1.4 + 2.1 * n_axles)
+    names = [f"{component.owner}.{component.name}" for component in fit.components]
+    return corner_bars(names, fit.log_ratios, fit.log_ratios_std, is_told=fit.is_told, heading=(what, where))
+
+
+def corner_bars(
+    names: Sequence[str],
+    log_ratios: np.ndarray,
+    deviations: np.ndarray,
+    *,
+    is_told: np.ndarray,
+    heading: tuple[str, str],
+) -> Figure:
+    """Draw the vehicle from above with bars of every component.
+
+    Parameters
+    ----------
+    names
+        "front_left.spring" and so on.
+    log_ratios, deviations
+        ln of value over reference, and its standard deviation, shape (components,).
+    is_told
+        Which are known well enough to be coloured.
+    heading
+        And what stands below it.
+    """
+    owners = list(dict.fromkeys(name.split(".")[0] for name in names))
+    n_axles = len(owners) // 2
+    figure = new_figure(*heading, width=9.5, height=1.4 + 2.1 * n_axles)
     panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
-    change = 100 * (np.exp(fit.log_ratios) - 1)
-    low, high = (100 * (np.exp(fit.log_ratios + sign * 1.96 * fit.log_ratios_std) - 1) for sign in (-1, 1))
-    reach = max(10.0, 1.3 * np.abs(np.concatenate([low[fit.is_told], high[fit.is_told], [5.0]])).max())
+    change, low, high = (100 * np.expm1(log_ratios + sign * 1.96 * deviations) for sign in (0, -1, 1))
+    reach = max(10.0, 1.3 * np.abs(np.concatenate([low[is_told], high[is_told], [5.0]])).max())
     for axes, owner in zip(panels.ravel(), owners, strict=True):
-        rows = [k for k, component in enumerate(fit.components) if component.owner == owner]
-        _draw_corner(axes, fit, rows, change, low, high)
+        rows = [k for k, name in enumerate(names) if name.split(".")[0] == owner]
+        words = [names[row].split(".")[1] for row in rows]
+        _draw_corner(axes, words, is_told[rows], change[rows], low[rows], high[rows])
         axes.set_title(owner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
         axes.set_ylim(-reach, reach)
     for axes in panels[:, 0]:
@@ -76,29 +103,27 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
     return figure
 
 
-def _draw_corner(axes: Axes, fit: CornerFit, rows: list[int], *changes: np.ndarray) -> None:
-    """Draw the bars of one corner."""
-    change, low, high = changes
+def _draw_corner(axes: Axes, names: list[str], is_told: np.ndarray, *changes: np.ndarray) -> None:
+    """Draw the bars of one corner: components, whether a run can tell them, change and its interval [%]."""
     plain(axes)
     axes.axhline(0, color=INK, linewidth=1)
-    for place, row in enumerate(rows):
-        name = fit.components[row].name
-        colour = MODE_COLOURS[_COMPONENTS.index(name) % 3] if fit.is_told[row] else "#C8C8C8"
-        axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change[row], color=colour, alpha=0.75, linewidth=0))
-        axes.vlines(place, low[row], high[row], color=INK, linewidth=1.3)
-        if fit.is_told[row]:
-            above = change[row] >= 0
+    for place, (name, told, change, low, high) in enumerate(zip(names, is_told, *changes, strict=True)):
+        colour = MODE_COLOURS[_COMPONENTS.index(name) % 3] if told else "#C8C8C8"
+        axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change, color=colour, alpha=0.75, linewidth=0))
+        axes.vlines(place, low, high, color=INK, linewidth=1.3)
+        if told:
+            above = change >= 0
             axes.annotate(
-                f"{change[row]:+.1f} %",
-                (place, high[row] if above else low[row]),
+                f"{change:+.1f} %",
+                (place, high if above else low),
                 xytext=(0, 3 if above else -3),
                 textcoords="offset points",
                 ha="center",
                 va="bottom" if above else "top",
                 fontsize=SMALL,
             )
-    axes.set_xlim(-0.6, len(rows) - 0.4)
-    axes.set_xticks(range(len(rows)), [fit.components[row].name for row in rows], fontsize=SMALL)
+    axes.set_xlim(-0.6, len(names) - 0.4)
+    axes.set_xticks(range(len(names)), names, fontsize=SMALL)
 
 
 def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:

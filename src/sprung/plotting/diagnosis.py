@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from sprung.diagnosis import Diagnosis, ModeChange
+from sprung.diagnosis import Baseline, Diagnosis, ModeChange, nominal_baseline
 from sprung.errors import ParameterError
+from sprung.plotting.corners import corner_bars
 from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 
 _MOST = 8
@@ -55,6 +56,40 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     right.set_xlabel("ln evidence of each hypothesis", fontsize=NORMAL)
     right.tick_params(labelsize=SMALL)
     return figure
+
+
+def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Figure:
+    """Draw every corner's components against the baseline, in the mean of the windows since the onset.
+
+    Parameters
+    ----------
+    diagnosis
+        With a window that can tell.
+    baseline
+        None: against the vehicle file.
+    """
+    detection = diagnosis.detection
+    if detection is None:
+        raise ParameterError("no window can tell: there are no corners to draw")
+    since = detection.onset if diagnosis.findings else 0.0
+    telling = [one for one in diagnosis.observations if one.can_tell and one.time >= since]
+    normal = baseline or nominal_baseline(telling[0].components, vehicle="")
+    telling = [one for one in telling if one.components == normal.components]
+    mean = np.mean([normal.residual(one) for one in telling], axis=0)
+    spread = np.mean([one.covariance for one in telling], axis=0) / len(telling)
+    if normal.n_windows:
+        spread = normal.covariance * (1 / len(telling) + 1 / normal.n_windows)
+    against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
+    return corner_bars(
+        normal.components,
+        mean,
+        np.sqrt(np.diag(spread)),
+        is_told=np.ones(len(mean), dtype=np.bool_),
+        heading=(
+            f"Corners against {against}",
+            f"Change in {len(telling)} windows since {since / 60:.0f} min [%], with 95 % intervals",
+        ),
+    )
 
 
 def trends_figure(diagnosis: Diagnosis) -> Figure:
