@@ -1,0 +1,53 @@
+"""What a person is told: alerts with hold-off, hysteresis, acknowledgement and shelving, and ways to send them."""
+
+from sprung.alerting.alerts import (
+    STEPS,
+    WATCHING,
+    Alert,
+    AlertSettings,
+    Change,
+    Report,
+    Transition,
+    is_of_suspension,
+    severity_step,
+    state_name,
+)
+from sprung.alerting.delivery import Backoff, Sender, SendError, deliver
+from sprung.alerting.health import health_index
+from sprung.alerting.messages import Message, message_of
+from sprung.alerting.people import acknowledged, assigned, commented, shelf_ended, shelved, unshelved
+from sprung.alerting.rounds import absent, assess, reported
+from sprung.alerting.senders import LogSender, MailSender, PublishSender, WebhookSender
+
+__all__ = [
+    "STEPS",
+    "WATCHING",
+    "Alert",
+    "AlertSettings",
+    "Backoff",
+    "Change",
+    "LogSender",
+    "MailSender",
+    "Message",
+    "PublishSender",
+    "Report",
+    "SendError",
+    "Sender",
+    "Transition",
+    "WebhookSender",
+    "absent",
+    "acknowledged",
+    "assess",
+    "assigned",
+    "commented",
+    "deliver",
+    "health_index",
+    "is_of_suspension",
+    "message_of",
+    "reported",
+    "severity_step",
+    "shelf_ended",
+    "shelved",
+    "state_name",
+    "unshelved",
+]

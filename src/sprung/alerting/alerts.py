@@ -1,0 +1,202 @@
+"""Alerts as values: what a person is told of one cause in one vehicle, in the words of ANSI/ISA-18.2 (IEC 62682)."""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from sprung._checks import check_number
+from sprung.errors import ParameterError
+
+#: Names of the five steps of severity, from 1 to 200, 201 to 400 and so on.
+STEPS = ("note", "low", "medium", "high", "critical")
+#: Causes that tell of the watching and not of the vehicle.
+WATCHING = ("silent", "monitor")
+
+#: What can become of an alert. "pending": only the count of reports moved; "none": nothing is different from before.
+Change = Literal[
+    "raised",
+    "updated",
+    "cleared",
+    "acknowledged",
+    "shelved",
+    "unshelved",
+    "assigned",
+    "commented",
+    "pending",
+    "none",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class AlertSettings:
+    """How soon alerts rise, clear and come again.
+
+    Parameters
+    ----------
+    raise_after
+        Hold-off: consecutive reports before an alert is active, at least 1.
+    clear_after
+        Hysteresis: consecutive windows without a report before it clears, at least 1.
+    renotify_after
+        Time after which an active alert that nobody acknowledged is told again [ns]; None: never.
+    """
+
+    raise_after: int = 1
+    clear_after: int = 3
+    renotify_after: int | None = None
+
+    def __post_init__(self) -> None:
+        check_number("raise_after", self.raise_after, at_least=1, advice="1 raises at the first report")
+        check_number("clear_after", self.clear_after, at_least=1, advice="1 clears at the first window without it")
+        if self.renotify_after is not None:
+            check_number("renotify_after", self.renotify_after, above=0, advice="None never tells again")
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What one window found.
+
+    Parameters
+    ----------
+    vehicle
+        Its name.
+    cause
+        The same words for the same thing every time: "front_left.spring", "sensor:acc_fl", "silent", "monitor".
+    severity
+        1 to 1000, as in OPC 10000-110.
+    text
+        What a person reads.
+    evidence
+        Plain values behind it, such as numbers, intervals and addresses of windows.
+    """
+
+    vehicle: str
+    cause: str
+    severity: int
+    text: str
+    evidence: dict[str, Any] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        _check_names(self.vehicle, self.cause)
+        _check_severity(self.severity)
+
+
+@dataclass(frozen=True, slots=True)
+class Alert:
+    """What people are told of one cause in one vehicle. Times are UTC ns since 1970.
+
+    Parameters
+    ----------
+    vehicle, cause, severity, text, evidence
+        Of the last report, see `Report`; once it cleared, of the last one while it was active.
+    is_active
+        Whether the cause holds now.
+    is_acknowledged
+        Whether somebody has seen it; also true of what never was active, as there is nothing to see.
+    shelved_until
+        End of the time in which nobody is notified; None where it is not shelved.
+    raised
+        When it last became active; of one that never did, its first report.
+    updated
+        Last change of anything here.
+    cleared
+        When it last became inactive; None while it is active, and before it ever was.
+    count
+        How often it became active; 0 is one in its first hold-off, which no list of alerts should show.
+    assignee
+        Who looks after it.
+    streak
+        Consecutive windows that speak against `is_active`: reports of an inactive alert, absences of an active one.
+    worst
+        Highest severity since `raised`. Only what goes a step beyond it is told again, so that a severity between two
+        steps tells once.
+    notified
+        When people were last told since `raised`; None where they were not.
+    """
+
+    vehicle: str
+    cause: str
+    severity: int
+    text: str
+    is_active: bool
+    is_acknowledged: bool
+    shelved_until: int | None
+    raised: int
+    updated: int
+    cleared: int | None
+    count: int
+    assignee: str | None
+    streak: int
+    evidence: dict[str, Any] = field(default_factory=dict, hash=False)
+    worst: int = 0
+    notified: int | None = None
+
+    def __post_init__(self) -> None:
+        _check_names(self.vehicle, self.cause)
+        _check_severity(self.severity)
+
+    @property
+    def is_shelved(self) -> bool:
+        """Whether nobody is notified, until the shelf ends or somebody ends it."""
+        return self.shelved_until is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """An alert after something happened to it, and what that was.
+
+    Parameters
+    ----------
+    alert
+        The new value; equal to the old one where `what` is "none".
+    what
+        See `Change`.
+    who
+        The person who did it; empty where a window did.
+    comment
+        In the person's words.
+    is_notified
+        Whether people are to be told.
+    """
+
+    alert: Alert
+    what: Change
+    who: str = ""
+    comment: str = ""
+    is_notified: bool = False
+
+
+def state_name(alert: Alert) -> str:
+    """Return the state in the words of ISA-18.2.
+
+    Returns
+    -------
+    str
+        "shelved", "unacknowledged", "acknowledged", "returned to normal, unacknowledged" or "normal". A shelved alert
+        is "shelved" whatever else it is.
+    """
+    if alert.is_shelved:
+        return "shelved"
+    if alert.is_active:
+        return "acknowledged" if alert.is_acknowledged else "unacknowledged"
+    return "normal" if alert.is_acknowledged else "returned to normal, unacknowledged"
+
+
+def severity_step(severity: int) -> int:
+    """Return the step of a severity in `STEPS`: 0 for 1 to 200, 4 for 801 to 1000."""
+    return (severity - 1) // 200
+
+
+def is_of_suspension(cause: str) -> bool:
+    """Whether a cause is a change of the suspension, and not of a sensor ("sensor:acc_fl") or of the watching."""
+    return ":" not in cause and cause not in WATCHING
+
+
+def _check_severity(severity: int) -> None:
+    """Refuse what is no severity."""
+    check_number("severity", severity, at_least=1, at_most=1000)
+
+
+def _check_names(vehicle: str, cause: str) -> None:
+    """Refuse an alert of nothing."""
+    if not vehicle or not cause:
+        raise ParameterError(f"vehicle {vehicle!r} and cause {cause!r} must both have a name: say what it is about")

@@ -1,0 +1,76 @@
+"""Delivery: every sender gets its chance, and failed ones come again, ever later."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from sprung._checks import check_number
+from sprung.alerting.messages import Message
+from sprung.errors import SprungError
+
+_SECOND = 1_000_000_000
+
+
+class SendError(SprungError):
+    """A message that a sender could not pass on; it says to whom, why, and what to check."""
+
+
+class Sender(Protocol):
+    """Anything that passes messages on."""
+
+    @property
+    def name(self) -> str:
+        """Name by which its errors are known; no two senders of a list share one."""
+
+    def send(self, message: Message) -> None:
+        """Pass a message on, or raise `SendError`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Backoff:
+    """When to try again.
+
+    Parameters
+    ----------
+    first
+        Wait after the first failure [ns]; every further failure doubles it.
+    most
+        Longest wait [ns].
+    """
+
+    first: int = 5 * _SECOND
+    most: int = 3600 * _SECOND
+
+    def __post_init__(self) -> None:
+        check_number("first", self.first, above=0, advice="5 s are usual, in ns")
+        check_number("most", self.most, at_least=self.first, advice="no wait can be shorter than the first")
+
+    def next_attempt(self, attempts: int, now: int) -> int:
+        """Return the time of the next attempt [UTC ns] after so many failed ones, the last of them `now`.
+
+        Examples
+        --------
+        >>> [Backoff().next_attempt(attempts, 0) // 10**9 for attempts in (1, 2, 3, 10, 11, 10**6)]
+        [5, 10, 20, 2560, 3600, 3600]
+        """
+        check_number("attempts", attempts, at_least=1, advice="it counts the failed ones")
+        return now + min(self.most, self.first << min(attempts - 1, 62))
+
+
+def deliver(message: Message, senders: Iterable[Sender]) -> dict[str, str]:
+    """Pass a message to every sender.
+
+    Returns
+    -------
+    dict
+        For each sender that failed, by name, one sentence that says why; empty where all went well.
+    """
+    failed = {}
+    for sender in senders:
+        try:
+            sender.send(message)
+        except SendError as error:
+            failed[sender.name] = str(error)
+        except Exception as error:  # a faulty sender must not silence the others
+            failed[sender.name] = f"{sender.name} failed with {type(error).__name__}: {error}"
+    return failed

@@ -1,0 +1,38 @@
+"""One number for planning."""
+
+from collections.abc import Iterable
+
+from sprung.alerting.alerts import WATCHING, Alert, is_of_suspension
+
+
+def health_index(alerts: Iterable[Alert]) -> float:
+    """Return the health of a vehicle from 0 (inspect it first) to 100 (nothing is known against it).
+
+    Parameters
+    ----------
+    alerts
+        Of one vehicle.
+
+    Notes
+    -----
+    100 - max(w severity / 10) over the active alerts, with w = 1 for the suspension, 1/3 for sensors, and 0 for what
+    only tells of the watching ("silent", "monitor"). A critical change (900) gives 10, a dead sensor of severity 600
+    gives 80.
+
+    It orders vehicles for planning and nothing else: it raises no alert, and no alert is raised or cleared from it. A
+    shelved or acknowledged alert counts like any other, as neither mends the vehicle. Where a vehicle is silent or
+    could not be assessed, 100 means that nothing is known, not that nothing is wrong.
+
+    Examples
+    --------
+    >>> health_index([])
+    100.0
+    """
+    return 100.0 - max((_weight(one.cause) * one.severity / 10 for one in alerts if one.is_active), default=0.0)
+
+
+def _weight(cause: str) -> float:
+    """Return how much a cause counts."""
+    if is_of_suspension(cause):
+        return 1.0
+    return 0.0 if cause in WATCHING else 1 / 3

@@ -1,0 +1,127 @@
+"""What is sent to people and programs about an alert."""
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from math import isfinite
+from typing import Any
+
+from sprung.alerting.alerts import STEPS, Alert, Transition, severity_step, state_name
+
+_WORDS = {"updated": "still active", "unshelved": "off the shelf", "commented": "commented on"}
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message, the same for all senders.
+
+    Parameters
+    ----------
+    vehicle
+        Its name.
+    what
+        What became of the alert, see `Change`.
+    severity
+        1 to 1000.
+    subject
+        One line.
+    text
+        A few lines for people.
+    time
+        UTC ns.
+    document
+        JSON object `sprung.alert/1` for programs.
+    """
+
+    vehicle: str
+    what: str
+    severity: int
+    subject: str
+    text: str
+    time: int
+    document: dict[str, Any] = field(hash=False)
+
+
+def message_of(alert: Alert, transition: Transition) -> Message:
+    """Return the message about what became of an alert.
+
+    Parameters
+    ----------
+    alert
+        After it, as in `transition.alert`.
+    transition
+        What became of it.
+    """
+    step = STEPS[severity_step(alert.severity)]
+    words = _WORDS.get(transition.what, transition.what)
+    subject = " ".join(f"{alert.vehicle}: {alert.cause} {words} ({step})".split())
+    lines = [
+        alert.text,
+        "",
+        f"Vehicle: {alert.vehicle}",
+        f"Cause: {alert.cause}",
+        f"State: {state_name(alert)}",
+        f"Severity: {alert.severity} of 1000 ({step})",
+        f"Raised: {_written(alert.raised)} (time {alert.count})",
+    ]
+    if alert.cleared is not None:
+        lines.append(f"Cleared: {_written(alert.cleared)}")
+    if alert.assignee is not None:
+        lines.append(f"Assigned to: {alert.assignee}")
+    if transition.who or transition.comment:
+        lines.append(f"By: {transition.who or 'nobody'}{': ' if transition.comment else ''}{transition.comment}")
+    return Message(
+        vehicle=alert.vehicle,
+        what=transition.what,
+        severity=alert.severity,
+        subject=subject,
+        text="\n".join(lines),
+        time=alert.updated,
+        document=_document(alert, transition, subject),
+    )
+
+
+def _document(alert: Alert, transition: Transition, subject: str) -> dict[str, Any]:
+    """Return the JSON object of a message; times are UTC ns, but for `time`, which is ISO 8601."""
+    return {
+        "schema": "sprung.alert/1",
+        "time": _written(alert.updated),
+        "what": transition.what,
+        "who": transition.who,
+        "comment": transition.comment,
+        "subject": subject,
+        "text": alert.text,
+        "vehicle": alert.vehicle,
+        "cause": alert.cause,
+        "severity": alert.severity,
+        "step": STEPS[severity_step(alert.severity)],
+        "state": state_name(alert),
+        "is_active": alert.is_active,
+        "is_acknowledged": alert.is_acknowledged,
+        "shelved_until": alert.shelved_until,
+        "raised": alert.raised,
+        "updated": alert.updated,
+        "cleared": alert.cleared,
+        "count": alert.count,
+        "assignee": alert.assignee,
+        "evidence": _plain(alert.evidence),
+    }
+
+
+def _written(time: int) -> str:
+    """Return a time [UTC ns] as ISO 8601, to the second."""
+    return datetime.fromtimestamp(time // 1_000_000_000, tz=UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold: no odd evidence may keep an alert from being told."""
+    if isinstance(value, float):
+        return float(value) if isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, dict):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain(one) for one in value]
+    if hasattr(value, "tolist"):  # arrays and their scalars
+        return _plain(value.tolist())
+    return str(value)

@@ -1,0 +1,124 @@
+"""What people do to alerts: acknowledge, shelve, assign, comment. Nobody is notified but at the end of a shelf."""
+
+from dataclasses import replace
+
+from sprung.alerting.alerts import Alert, Transition
+from sprung.errors import ParameterError
+
+
+def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
+    """Say that somebody has seen an alert; one that cleared returns to normal.
+
+    Parameters
+    ----------
+    alert
+        Active or cleared, and not acknowledged since.
+    who
+        Name of the person.
+    now
+        UTC ns.
+    comment
+        In the person's words.
+
+    Raises
+    ------
+    ParameterError
+        Where it is acknowledged already, or never was active.
+    """
+    _check_who(alert, who, "acknowledge")
+    if not alert.count:
+        raise ParameterError(f"{_name(alert)} never was active: there is nothing to acknowledge")
+    if alert.is_acknowledged:
+        raise ParameterError(f"{_name(alert)} is acknowledged already: comment on it instead")
+    return Transition(replace(alert, is_acknowledged=True, updated=now), "acknowledged", who, comment)
+
+
+def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> Transition:
+    """Notify nobody of an alert until a time [UTC ns]; shelving again moves that time.
+
+    Raises
+    ------
+    ParameterError
+        Where `until` is not after `now`.
+    """
+    _check_who(alert, who, "shelve")
+    if until <= now:
+        raise ParameterError(
+            f"until={until} is not after now ({now}), both in UTC ns: shelve {_name(alert)} until a time to come"
+        )
+    return Transition(replace(alert, shelved_until=until, updated=now), "shelved", who, comment)
+
+
+def unshelved(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
+    """End the shelf of an alert before its time; one that is active notifies as at the end of its shelf.
+
+    Raises
+    ------
+    ParameterError
+        Where it is not shelved.
+    """
+    _check_who(alert, who, "unshelve")
+    if not alert.is_shelved:
+        raise ParameterError(f"{_name(alert)} is not shelved: there is no shelf to end")
+    return _off_shelf(alert, now, who, comment)
+
+
+def shelf_ended(alert: Alert, now: int) -> Transition:
+    """End the shelf of an alert whose time has come; one that is active notifies, even if it was acknowledged.
+
+    Returns
+    -------
+    Transition
+        "unshelved", or "none" where it is not shelved or its time has not come.
+    """
+    if alert.shelved_until is None or now < alert.shelved_until:
+        return Transition(alert, "none")
+    return _off_shelf(alert, now)
+
+
+def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: str = "") -> Transition:
+    """Give an alert to somebody to look after, or to nobody (None).
+
+    Raises
+    ------
+    ParameterError
+        Where that changes nothing, or the name is empty.
+    """
+    _check_who(alert, who, "assign")
+    if assignee is not None and not assignee.strip():
+        raise ParameterError(f"assignee of {_name(alert)} has no name: give one, or None for nobody")
+    if assignee == alert.assignee:
+        raise ParameterError(f"{_name(alert)} is assigned to {assignee or 'nobody'} already: name somebody else")
+    return Transition(replace(alert, assignee=assignee, updated=now), "assigned", who, comment)
+
+
+def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
+    """Add a comment to the history of an alert.
+
+    Raises
+    ------
+    ParameterError
+        Where the comment is empty.
+    """
+    _check_who(alert, who, "comment on")
+    if not comment.strip():
+        raise ParameterError(f"comment on {_name(alert)} is empty: write what others should know")
+    return Transition(replace(alert, updated=now), "commented", who, comment)
+
+
+def _off_shelf(alert: Alert, now: int, who: str = "", comment: str = "") -> Transition:
+    """Take an alert off its shelf and tell of it where it is active."""
+    notified = now if alert.is_active else alert.notified
+    back = replace(alert, shelved_until=None, updated=now, notified=notified)
+    return Transition(back, "unshelved", who, comment, is_notified=alert.is_active)
+
+
+def _name(alert: Alert) -> str:
+    """Name an alert in a message."""
+    return f"alert {alert.cause!r} of {alert.vehicle!r}"
+
+
+def _check_who(alert: Alert, who: str, act: str) -> None:
+    """Refuse an act of nobody."""
+    if not who.strip():
+        raise ParameterError(f"who is empty: name the person to {act} {_name(alert)}")

@@ -1,0 +1,181 @@
+"""What a window does to alerts: it reports a cause or finds it absent; a round of a vehicle takes all its causes."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+
+from sprung.alerting.alerts import Alert, AlertSettings, Report, Transition, is_of_suspension, severity_step
+from sprung.alerting.people import shelf_ended
+from sprung.errors import ParameterError
+
+
+def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: int) -> Transition:
+    """Take a report of a cause.
+
+    Parameters
+    ----------
+    alert
+        Of this vehicle and cause; None where there never was one.
+    report
+        What a window found.
+    settings
+        Its `raise_after` and `renotify_after` count here.
+    now
+        UTC ns.
+
+    Returns
+    -------
+    Transition
+        "pending" during hold-off, "raised" at its end, "updated" while active.
+
+    Notes
+    -----
+    A recurrence raises the same alert again: counted, and unacknowledged. An active alert is told again where its
+    severity goes a step above the worst so far, which also takes back the acknowledgement; or as a reminder, where
+    nobody acknowledged it for `renotify_after`. A shelved one changes in the same way and is told to nobody.
+    """
+    if alert is None:
+        alert = _unheard(report, now)
+    if (alert.vehicle, alert.cause) != (report.vehicle, report.cause):
+        raise ParameterError(
+            f"report of {report.vehicle} {report.cause} meets the alert of {alert.vehicle} {alert.cause}: "
+            "give the alert of the same vehicle and cause"
+        )
+    if alert.is_active:
+        return _updated(alert, report, settings, now)
+    if alert.streak + 1 < settings.raise_after:
+        # Until it recurs, an alert that cleared goes on telling what it was.
+        held = alert if alert.count else _with(alert, report)
+        return Transition(replace(held, streak=alert.streak + 1, updated=now), "pending")
+    risen = replace(
+        _with(alert, report),
+        is_active=True,
+        is_acknowledged=False,
+        raised=now,
+        updated=now,
+        cleared=None,
+        count=alert.count + 1,
+        streak=0,
+        worst=report.severity,
+        notified=None if alert.is_shelved else now,
+    )
+    return Transition(risen, "raised", is_notified=not alert.is_shelved)
+
+
+def absent(alert: Alert, settings: AlertSettings, now: int) -> Transition:
+    """Take a window that looked for a cause and did not find it.
+
+    Returns
+    -------
+    Transition
+        "pending" while the alert may still clear or a hold-off ends without a rise, "cleared" after `clear_after`
+        consecutive windows, "none" where there was nothing to clear.
+    """
+    if not alert.is_active:
+        if not alert.streak:
+            return Transition(alert, "none")
+        return Transition(replace(alert, streak=0, updated=now), "pending")
+    if alert.streak + 1 < settings.clear_after:
+        return Transition(replace(alert, streak=alert.streak + 1, updated=now), "pending")
+    gone = replace(alert, is_active=False, streak=0, updated=now, cleared=now)
+    return Transition(gone, "cleared", is_notified=not alert.is_shelved)
+
+
+def assess(
+    alerts: Mapping[str, Alert],
+    reports: Iterable[Report],
+    *,
+    looked_for: Callable[[str], bool],
+    is_inhibited: bool,
+    settings: AlertSettings,
+    now: int,
+) -> list[Transition]:
+    """Take one round of a vehicle: what its window reported, and what it looked for and did not find.
+
+    Parameters
+    ----------
+    alerts
+        Alerts of the vehicle by cause.
+    reports
+        Of this round. Of several of one cause the most severe counts, once.
+    looked_for
+        Whether the round could have found a cause; what it could not find is not absent.
+    is_inhibited
+        Bad data, or a vehicle offline: causes of the suspension neither rise, change nor clear.
+    settings
+        See `AlertSettings`.
+    now
+        UTC ns.
+
+    Returns
+    -------
+    list of Transition
+        In the order in which they happened, without any "none". Shelves that have ended come first, so one cause can
+        occur twice.
+
+    Raises
+    ------
+    ParameterError
+        Where the alerts and reports are of more than one vehicle.
+    """
+    found: dict[str, Report] = {}
+    for report in reports:
+        if report.cause not in found or report.severity > found[report.cause].severity:
+            found[report.cause] = report
+    vehicles = sorted({one.vehicle for one in alerts.values()} | {one.vehicle for one in found.values()})
+    if len(vehicles) > 1:
+        raise ParameterError(f"a round is of one vehicle, but this one of {', '.join(vehicles)}: assess each by itself")
+    ended = [shelf_ended(alert, now) for alert in alerts.values()]
+    known = {one.alert.cause: one.alert for one in ended}
+    transitions = list(ended)
+    for cause in dict.fromkeys((*found, *known)):
+        if is_inhibited and is_of_suspension(cause):
+            continue
+        if cause in found:
+            transitions.append(reported(known.get(cause), found[cause], settings, now))
+        elif looked_for(cause):
+            transitions.append(absent(known[cause], settings, now))
+    return [one for one in transitions if one.what != "none"]
+
+
+def _updated(alert: Alert, report: Report, settings: AlertSettings, now: int) -> Transition:
+    """Take a report of an active alert."""
+    worst = max(alert.worst, alert.severity)
+    is_worse = severity_step(report.severity) > severity_step(worst)
+    is_acknowledged = alert.is_acknowledged and not is_worse
+    told = alert.raised if alert.notified is None else alert.notified
+    is_due = not is_acknowledged and settings.renotify_after is not None and now - told >= settings.renotify_after
+    is_notified = (is_worse or is_due) and not alert.is_shelved
+    changed = replace(
+        _with(alert, report),
+        is_acknowledged=is_acknowledged,
+        updated=now,
+        streak=0,
+        worst=max(worst, report.severity),
+        notified=now if is_notified else alert.notified,
+    )
+    return Transition(changed, "updated", is_notified=is_notified)
+
+
+def _with(alert: Alert, report: Report) -> Alert:
+    """Return the alert with what a report says."""
+    return replace(alert, severity=report.severity, text=report.text, evidence=report.evidence)
+
+
+def _unheard(report: Report, now: int) -> Alert:
+    """Return the alert of a cause before its first report."""
+    return Alert(
+        vehicle=report.vehicle,
+        cause=report.cause,
+        severity=report.severity,
+        text=report.text,
+        is_active=False,
+        is_acknowledged=True,
+        shelved_until=None,
+        raised=now,
+        updated=now,
+        cleared=None,
+        count=0,
+        assignee=None,
+        streak=0,
+        evidence=report.evidence,
+    )

@@ -1,0 +1,208 @@
+"""Ways to tell: a log, a webhook, mail, a topic. Network and logger are given, and no message names a secret."""
+
+import json
+import logging
+import re
+import smtplib
+import ssl
+import urllib.request
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from email.message import EmailMessage
+from email.utils import format_datetime
+from http.client import HTTPException
+from typing import Any
+from urllib.error import HTTPError, URLError
+from urllib.parse import urlsplit
+
+from sprung._checks import check_number
+from sprung.alerting.alerts import severity_step
+from sprung.alerting.delivery import SendError
+from sprung.alerting.messages import Message
+from sprung.errors import ParameterError
+
+#: Log levels of the steps of severity.
+_LEVELS = (logging.INFO, logging.INFO, logging.WARNING, logging.ERROR, logging.CRITICAL)
+#: Names of vehicles that can be part of a topic.
+_VEHICLE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+
+
+class LogSender:
+    """Writes the subject to a log, at a level by severity; what cleared is only worth INFO."""
+
+    def __init__(self, logger: logging.Logger, *, name: str = "log") -> None:
+        self.name = name
+        self._logger = logger
+
+    def send(self, message: Message) -> None:
+        """Write one line."""
+        level = logging.INFO if message.what == "cleared" else _LEVELS[severity_step(message.severity)]
+        self._logger.log(level, "%s", " ".join(message.subject.split()))
+
+
+class _Unmoved(urllib.request.HTTPRedirectHandler):
+    """Follows no redirection: it would turn the POST into a GET and take the headers to another host."""
+
+    def redirect_request(self, *_: Any) -> None:
+        return None
+
+
+class WebhookSender:
+    """Posts the JSON object of a message.
+
+    Parameters
+    ----------
+    url
+        http or https. It may hold a secret: errors name its host only.
+    headers
+        Added to each request, such as an Authorization.
+    timeout
+        For connecting, and for each answer [s].
+    opener
+        Opens requests; None: one that follows no redirections.
+    name
+        See `Sender`.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        headers: Mapping[str, str] | None = None,
+        timeout: float = 10.0,
+        opener: urllib.request.OpenerDirector | None = None,
+        name: str = "webhook",
+    ) -> None:
+        try:
+            parts = urlsplit(url)
+            host, port = parts.hostname, parts.port
+        except ValueError:
+            raise ParameterError("url of the webhook cannot be read: it must be like https://host/path") from None
+        if parts.scheme not in ("http", "https") or not host:
+            raise ParameterError("url of the webhook must begin with http:// or https:// and a host")
+        self.name = name
+        self._url, self._where = url, host if port is None else f"{host}:{port}"
+        self._headers = {**(headers or {}), "Content-Type": "application/json"}
+        self._timeout = check_number("timeout", timeout, above=0)
+        self._opener = urllib.request.build_opener(_Unmoved) if opener is None else opener
+
+    def send(self, message: Message) -> None:
+        """Post, and take any answer of 2xx for success."""
+        try:
+            request = urllib.request.Request(self._url, _json(message), self._headers, method="POST")
+            with self._opener.open(request, timeout=self._timeout):
+                pass
+        except HTTPError as error:
+            with error:
+                raise SendError(f"webhook at {self._where} answered {error.code}: check its url and headers") from None
+        except URLError as error:
+            raise SendError(f"webhook at {self._where} cannot be reached ({error.reason})") from error
+        except (OSError, HTTPException) as error:
+            raise SendError(f"webhook at {self._where} gave no answer ({type(error).__name__})") from error
+        except ValueError:
+            raise SendError(f"webhook at {self._where}: url or headers hold what HTTP does not allow") from None
+
+
+class MailSender:
+    """Sends a mail.
+
+    Parameters
+    ----------
+    host, port
+        Of the mail server (SMTP submission, RFC 6409).
+    sender, recipients
+        Addresses.
+    username, password
+        For servers that ask for them; both or none.
+    starttls
+        Whether to encrypt after connecting; a server that cannot gets neither password nor mail.
+    connect
+        Called with host, port and timeout. For a server that encrypts from the start: smtplib.SMTP_SSL with a context
+        that checks certificates (functools.partial), and `starttls` False.
+    timeout
+        For each answer [s].
+    name
+        See `Sender`.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int = 587,
+        *,
+        sender: str,
+        recipients: Sequence[str],
+        username: str | None = None,
+        password: str | None = None,
+        starttls: bool = True,
+        connect: Callable[..., smtplib.SMTP] = smtplib.SMTP,
+        timeout: float = 10.0,
+        name: str = "mail",
+    ) -> None:
+        if isinstance(recipients, str) or not recipients:
+            raise ParameterError(f"recipients={recipients!r} must be a list of at least one address")
+        for address in (sender, *recipients):
+            if not re.fullmatch(r"[^@\s,;<>]+@[^@\s,;<>]+", address):
+                raise ParameterError(f"{address!r} is no mail address: write it like name@example.org")
+        if (username is None) != (password is None):
+            raise ParameterError("username and password of the mail server go together: give both or none")
+        self.name = name
+        check_number("port", port, at_least=1, at_most=65535)
+        self._host, self._port, self._timeout = host, port, check_number("timeout", timeout, above=0)
+        self._sender, self._recipients = sender, tuple(recipients)
+        self._login = None if username is None or password is None else (username, password)
+        self._starttls, self._connect = starttls, connect
+
+    def send(self, message: Message) -> None:
+        """Send one mail to all recipients; it fails where the server refuses any of them."""
+        where = f"mail server {self._host}:{self._port}"
+        try:
+            with self._connect(self._host, self._port, timeout=self._timeout) as server:
+                if self._starttls:
+                    server.starttls(context=ssl.create_default_context())
+                if self._login is not None:
+                    server.login(*self._login)
+                refused = server.send_message(self._mail(message))
+        except smtplib.SMTPAuthenticationError as error:
+            raise SendError(f"{where} refused username or password ({error.smtp_code})") from None
+        except smtplib.SMTPRecipientsRefused as error:
+            raise SendError(f"{where} refused {', '.join(error.recipients)}: check the recipients") from None
+        except (OSError, ValueError) as error:  # SMTPException is an OSError
+            raise SendError(f"{where} did not take the mail ({error})") from error
+        if refused:
+            raise SendError(f"{where} refused {', '.join(refused)} and took the others: check the recipients")
+
+    def _mail(self, message: Message) -> EmailMessage:
+        """Return the mail; marked as automatic (RFC 3834), so that no absence note answers it."""
+        mail = EmailMessage()
+        mail["Subject"] = " ".join(message.subject.split())
+        mail["From"] = self._sender
+        mail["To"] = ", ".join(self._recipients)
+        mail["Date"] = format_datetime(datetime.fromtimestamp(message.time // 1_000_000_000, tz=UTC))
+        mail["Auto-Submitted"] = "auto-generated"
+        mail.set_content(message.text)
+        return mail
+
+
+class PublishSender:
+    """Publishes the JSON object of a message to the topic sprung/v1/{vehicle}/alert, by a function of topic, bytes."""
+
+    def __init__(self, publish: Callable[[str, bytes], object], *, name: str = "publish") -> None:
+        self.name = name
+        self._publish = publish
+
+    def send(self, message: Message) -> None:
+        """Publish once."""
+        if not _VEHICLE.fullmatch(message.vehicle):
+            raise SendError(
+                f"vehicle {message.vehicle!r} cannot be part of a topic: use letters, digits, '_', '.', '-'"
+            )
+        try:
+            self._publish(f"sprung/v1/{message.vehicle}/alert", _json(message))
+        except (OSError, ValueError, RuntimeError) as error:
+            raise SendError(f"alert of {message.vehicle} was not published ({error}): check the broker") from error
+
+
+def _json(message: Message) -> bytes:
+    """Return the document of a message as bytes."""
+    return json.dumps(message.document, allow_nan=False).encode()
