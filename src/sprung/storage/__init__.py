@@ -1,0 +1,39 @@
+"""Results and state of the monitor in SQL, and the archive of samples; it knows documents, not vehicles."""
+
+from sprung.storage.archive import prune_archive, write_archive
+from sprung.storage.rows import (
+    AlertRow,
+    AuditRow,
+    BaselineRow,
+    CommandRow,
+    Cursor,
+    Entry,
+    Frame,
+    HistoryRow,
+    NotificationRow,
+    Progress,
+    Snapshot,
+    VehicleRow,
+)
+from sprung.storage.schema import StoreError
+from sprung.storage.store import Store, open_store
+
+__all__ = [
+    "AlertRow",
+    "AuditRow",
+    "BaselineRow",
+    "CommandRow",
+    "Cursor",
+    "Entry",
+    "Frame",
+    "HistoryRow",
+    "NotificationRow",
+    "Progress",
+    "Snapshot",
+    "Store",
+    "StoreError",
+    "VehicleRow",
+    "open_store",
+    "prune_archive",
+    "write_archive",
+]

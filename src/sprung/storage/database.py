@@ -1,0 +1,158 @@
+"""A database that says in one sentence what it cannot do, and goes on when it can again."""
+
+import os
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import URL, Connection, Engine, Table, create_engine, event, func, select
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import DBAPIError, StatementError
+
+from sprung.storage.schema import SNAPSHOTS, StoreError
+
+#: Seconds that a program waits for another one that writes.
+PATIENCE = 10.0
+#: Bytes free on its disk below which a store counts as full.
+LEAST_FREE = 1 << 20
+
+_CANNOT_WRITE = {sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN}
+# https://www.postgresql.org/docs/15/errcodes-appendix.html: disk_full, io_error, read_only_sql_transaction
+_CANNOT_WRITE_STATES = {"53100", "58030", "25006"}
+
+
+class Database:
+    """Transactions on SQLite or PostgreSQL.
+
+    Parameters
+    ----------
+    url
+        Where it is.
+    notices
+        Sentences about what was found when it was opened.
+    """
+
+    def __init__(self, url: URL, *, notices: tuple[str, ...] = ()) -> None:
+        self._engine = _engine(url)
+        self._writer = self._engine.execution_options(is_writing=True)
+        self.notices = notices
+
+    @property
+    def _path(self) -> Path | None:
+        """The file of SQLite."""
+        return Path(self._engine.url.database or "") if self._engine.dialect.name == "sqlite" else None
+
+    def _reading(self) -> AbstractContextManager[Connection]:
+        """Return a transaction that reads."""
+        return _transaction(self._engine)
+
+    def _writing(self) -> AbstractContextManager[Connection]:
+        """Return a transaction that writes; other writers wait until it ends."""
+        return _transaction(self._writer)
+
+    def _insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
+        """Return an INSERT that can say what happens to rows that are there."""
+        return postgresql.insert(table) if self._path is None else sqlite.insert(table)
+
+    def size(self) -> int:
+        """Return the bytes that the store takes on disk."""
+        if self._path is not None:
+            files = (self._path.with_name(self._path.name + ending) for ending in ("", "-wal", "-shm"))
+            return sum(file.stat().st_size for file in files if file.exists())
+        with self._reading() as connection:
+            return int(connection.scalar(select(func.pg_database_size(func.current_database()))) or 0)
+
+    def free(self) -> int | None:
+        """Return the bytes free on the disk of the store; None where that is the matter of a server."""
+        return None if self._path is None else shutil.disk_usage(self._path.parent).free
+
+    def check(self) -> None:
+        """Write and take it back.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write, or its disk has less than 1 MiB left.
+
+        Notes
+        -----
+        SQLite writes nothing to its disk before the commit; room and permission there are looked at.
+        """
+        free = self.free()
+        if free is not None and free < LEAST_FREE:
+            raise StoreError(_cannot_write(f"its disk has {free} bytes left"))
+        if self._path is not None and not (os.access(self._path, os.W_OK) and os.access(self._path.parent, os.W_OK)):
+            raise StoreError(_cannot_write(f"{self._path} is read-only"))
+        with self._writing() as connection:
+            values = {"vehicle": "", "boot": 0, "seq": 0, "document": bytes(1 << 16)}
+            connection.execute(self._insert(SNAPSHOTS).values(values).on_conflict_do_nothing())
+            connection.rollback()
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._engine.dispose()
+
+
+def _engine(url: URL) -> Engine:
+    """Return the engine for a database; SQLite syncs each commit, and its writers queue."""
+    if url.get_backend_name() == "postgresql":
+        return create_engine(url, pool_pre_ping=True)
+    engine = create_engine(url, connect_args={"timeout": PATIENCE})
+
+    @event.listens_for(engine, "connect")
+    def prepare(connection: sqlite3.Connection, _: Any) -> None:
+        connection.isolation_level = None  # transactions begin below, also before DDL and SELECT
+        for setting in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
+            connection.execute(f"PRAGMA {setting}").close()
+
+    @event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        # A transaction that reads and then writes fails at once if another one wrote in between: lock first.
+        is_writing = connection.get_execution_options().get("is_writing")
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if is_writing else "BEGIN")
+
+    return engine
+
+
+@contextmanager
+def _transaction(engine: Engine) -> Iterator[Connection]:
+    """Commit at the end, or roll back and raise what went wrong as StoreError."""
+    try:
+        with engine.connect() as connection:
+            try:
+                with connection.begin():
+                    yield connection
+            except DBAPIError:
+                # SQLite goes on reading through what was opened on a read-only disk: open anew next time.
+                connection.invalidate()
+                engine.dispose()
+                raise
+    except DBAPIError as error:
+        raise StoreError(_sentence(error.orig)) from error
+    except (StatementError, UnicodeError, OverflowError) as error:
+        raise StoreError(f"the store cannot hold this: {getattr(error, 'orig', None) or error}") from error
+
+
+def _sentence(error: BaseException | None) -> str:
+    """Return what went wrong and what to do about it."""
+    cause = str(error).strip().partition("\n")[0]
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    state = getattr(error, "sqlstate", None) or ""
+    if code in _CANNOT_WRITE or state in _CANNOT_WRITE_STATES:
+        return _cannot_write(cause)
+    if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+        return f"the store is busy: {cause}: end the program that has held it for more than {PATIENCE:g} s"
+    if code in {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}:
+        return f"the store is damaged: {cause}: restart, which sets it aside and begins a new one"
+    # 08: connection_exception, 57: operator_intervention; none where no server answered
+    if not code and (not state or state[:2] in {"08", "57"}):
+        return f"the store does not answer: {cause}: see whether its database runs and can be reached"
+    return f"the store refuses this: {cause}"
+
+
+def _cannot_write(cause: str) -> str:
+    """Return the sentence for a disk that is full or read-only."""
+    return f"the store cannot write: {cause}: free space on its disk or make it writable, and it goes on"

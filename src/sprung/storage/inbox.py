@@ -1,0 +1,178 @@
+"""The durable inbox: frames that arrived, in any order and more than once, and how far they are complete."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, select, tuple_, update
+
+from sprung.storage.database import Database
+from sprung.storage.rows import Cursor, Frame, VehicleRow, check_count
+from sprung.storage.schema import CURSORS, FRAMES, VEHICLES
+
+Key = tuple[str, int]
+
+_STRIDE = 1000
+_ADVANCE = (
+    update(CURSORS)
+    .where(CURSORS.c.vehicle == bindparam("of_vehicle"), CURSORS.c.boot == bindparam("of_boot"))
+    .values(contiguous=bindparam("reached"), updated=bindparam("now"))
+)
+
+
+class Inbox(Database):
+    """Vehicles and their frames that are not yet worked up."""
+
+    def put_vehicle(
+        self, vehicle: str, *, configuration: str, description: str, channels: Sequence[Any], now: int
+    ) -> None:
+        """Store how a vehicle describes itself: hash and text of its configuration, its channels."""
+        values = {"configuration": configuration, "description": description, "channels": list(channels)}
+        row = self._insert(VEHICLES).values(vehicle=vehicle, first_seen=now, last_seen=now, **values)
+        with self._writing() as connection:
+            connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_={**values, "last_seen": now}))
+
+    def seen(self, times: Mapping[str, int]) -> None:
+        """Store when vehicles were last heard of, those that have described themselves."""
+        of_vehicle = and_(VEHICLES.c.vehicle == bindparam("of"), VEHICLES.c.last_seen < bindparam("now"))
+        rows = [{"of": vehicle, "now": now} for vehicle, now in sorted(times.items())]
+        if rows:
+            with self._writing() as connection:
+                connection.execute(update(VEHICLES).where(of_vehicle).values(last_seen=bindparam("now")), rows)
+
+    def vehicles(self) -> list[VehicleRow]:
+        """Return the vehicles in order of their names."""
+        with self._reading() as connection:
+            rows = connection.execute(select(VEHICLES).order_by(VEHICLES.c.vehicle))
+            return [VehicleRow(**row) for row in rows.mappings()]
+
+    def add_frames(self, frames: Sequence[Frame], *, now: int) -> dict[Key, int]:
+        """Put frames into the inbox, those that are new, and sync them to disk.
+
+        Parameters
+        ----------
+        frames
+            Vehicle, boot, seq, t0 and payload of each, in any order.
+        now
+            The time.
+
+        Returns
+        -------
+        dict
+            For each vehicle and boot among `frames`, the seq up to which everything arrived or is lost: what can be
+            acknowledged.
+
+        Raises
+        ------
+        ParameterError
+            Where boot or seq is negative or 2^63 and more.
+        StoreError
+            Where the store cannot write; nothing is stored then.
+        """
+        batches: dict[Key, dict[int, tuple[int, bytes]]] = {}
+        for vehicle, boot, seq, t0, payload in frames:
+            key = (vehicle, check_count("boot", boot))
+            batches.setdefault(key, {}).setdefault(check_count("seq", seq), (t0, payload))
+        if not batches:
+            return {}
+        with self._writing() as connection:
+            cursors = self._locked(connection, sorted(batches), now)
+            new = [
+                {"vehicle": key[0], "boot": key[1], "seq": seq, "t0": t0, "payload": payload}
+                for key, batch in batches.items()
+                for seq, (t0, payload) in batch.items()
+                if seq > cursors[key].contiguous
+            ]
+            if new:
+                connection.execute(self._insert(FRAMES).on_conflict_do_nothing(), new)
+            reached = {
+                key: _unbroken(connection, key, after=cursors[key].contiguous, guess=len(batch))
+                for key, batch in batches.items()
+            }
+            moved = [
+                {"of_vehicle": key[0], "of_boot": key[1], "reached": seq, "now": now}
+                for key, seq in reached.items()
+                if seq > cursors[key].contiguous
+            ]
+            if moved:
+                connection.execute(_ADVANCE, moved)
+        return reached
+
+    def declare_lost(self, vehicle: str, boot: int, below_seq: int, *, now: int) -> int:
+        """Wait no longer for the frames below `below_seq` that have not arrived.
+
+        Returns
+        -------
+        int
+            The seq up to which everything arrived or is lost: what can be acknowledged.
+        """
+        key = (vehicle, check_count("boot", boot))
+        check_count("below_seq", below_seq)
+        with self._writing() as connection:
+            before = self._locked(connection, [key], now)[key]
+            last = below_seq - 1
+            if last <= before.contiguous:
+                return before.contiguous
+            arrived = select(func.count()).where(_of(FRAMES, key), FRAMES.c.seq.between(before.contiguous + 1, last))
+            lost = before.lost + last - before.contiguous - (connection.scalar(arrived) or 0)
+            reached = _unbroken(connection, key, after=last)
+            moved = update(CURSORS).where(_of(CURSORS, key)).values(contiguous=reached, lost=lost, updated=now)
+            connection.execute(moved)
+        return reached
+
+    def cursor(self, vehicle: str, boot: int) -> Cursor:
+        """Return how far the frames of one boot of a vehicle have come."""
+        with self._reading() as connection:
+            return _cursors(connection, _of(CURSORS, (vehicle, boot))).get((vehicle, boot), Cursor())
+
+    def cursors(self) -> dict[Key, Cursor]:
+        """Return how far the frames have come, by vehicle and boot."""
+        with self._reading() as connection:
+            return _cursors(connection)
+
+    def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[tuple[int, int, bytes]]:
+        """Return seq, t0 and payload of the next frames in the inbox, up to where it is complete."""
+        key = (vehicle, boot)
+        complete = select(CURSORS.c.contiguous).where(_of(CURSORS, key)).scalar_subquery()
+        ready = and_(_of(FRAMES, key), FRAMES.c.seq > after, FRAMES.c.seq <= complete)
+        query = select(FRAMES.c.seq, FRAMES.c.t0, FRAMES.c.payload).where(ready).order_by(FRAMES.c.seq).limit(limit)
+        with self._reading() as connection:
+            return [(row.seq, row.t0, row.payload) for row in connection.execute(query)]
+
+    def boots(self, vehicle: str) -> list[int]:
+        """Return the boots of a vehicle with frames in the inbox, rising."""
+        query = select(FRAMES.c.boot).distinct().where(FRAMES.c.vehicle == vehicle).order_by(FRAMES.c.boot)
+        with self._reading() as connection:
+            return list(connection.scalars(query))
+
+    def _locked(self, connection: Connection, keys: Sequence[Key], now: int) -> dict[Key, Cursor]:
+        """Return cursors, made where there were none; on PostgreSQL other writers of them wait from here on."""
+        fresh = {"contiguous": -1, "done": -1, "lost": 0, "updated": now}
+        rows = [{"vehicle": vehicle, "boot": boot, **fresh} for vehicle, boot in keys]
+        connection.execute(self._insert(CURSORS).on_conflict_do_nothing(), rows)
+        return _cursors(connection, tuple_(CURSORS.c.vehicle, CURSORS.c.boot).in_(keys), is_locked=True)
+
+
+def _of(table: Table, key: Key) -> ColumnElement[bool]:
+    """Return the condition for the rows of one boot of a vehicle."""
+    return and_(table.c.vehicle == key[0], table.c.boot == key[1])
+
+
+def _cursors(connection: Connection, *conditions: ColumnElement[bool], is_locked: bool = False) -> dict[Key, Cursor]:
+    """Return cursors by vehicle and boot."""
+    query = select(CURSORS).where(*conditions).order_by(CURSORS.c.vehicle, CURSORS.c.boot)
+    rows = connection.execute(query.with_for_update() if is_locked else query)
+    return {(row.vehicle, row.boot): Cursor(row.contiguous, row.done, row.lost, row.updated) for row in rows}
+
+
+def _unbroken(connection: Connection, key: Key, *, after: int, guess: int = _STRIDE) -> int:
+    """Return the end of the unbroken run of frames that follows `after`, which is about `guess` long."""
+    limit = guess + 1
+    while True:
+        following = (
+            select(FRAMES.c.seq).where(_of(FRAMES, key), FRAMES.c.seq > after).order_by(FRAMES.c.seq).limit(limit)
+        )
+        run = sum(seq == after + place for place, seq in enumerate(connection.scalars(following), start=1))
+        after += run
+        if run < limit:
+            return after
+        limit = _STRIDE

@@ -1,0 +1,55 @@
+"""Steps from every released schema to the present one, taken when a store is opened."""
+
+from functools import cache
+from pathlib import Path
+
+from alembic.migration import MigrationContext
+from alembic.operations import Operations
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection, text
+
+from sprung.storage.schema import StoreError
+
+# Any number, but the same in every program that opens the store.
+_LOCK = 0x737072756E67
+
+
+@cache
+def steps() -> ScriptDirectory:
+    """Return the steps, newest first."""
+    return ScriptDirectory(str(Path(__file__).parent))
+
+
+def upgrade(connection: Connection, *, target: str | None = None) -> None:
+    """Take the steps to a revision, in the transaction of `connection`.
+
+    Parameters
+    ----------
+    connection
+        In a transaction, which the caller commits.
+    target
+        Revision to stop at; None goes to the newest.
+
+    Raises
+    ------
+    StoreError
+        Where the schema is of a newer program.
+    """
+    if connection.dialect.name == "postgresql":
+        connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
+    context = MigrationContext.configure(connection)
+    present = context.get_current_revision()
+    target = target or steps().get_current_head() or "base"
+    if present == target:
+        return
+    known = {step.revision for step in steps().walk_revisions()}
+    if present is not None and present not in known:
+        raise StoreError(
+            f"the store has the schema {present!r}, and this program knows only up to {target!r}: "
+            f"install the newer sprung that wrote it, or open another store"
+        )
+    ahead = list(steps().iterate_revisions(target, present or "base"))
+    with Operations.context(context):
+        for step in reversed(ahead):
+            step.module.upgrade()
+    context.stamp(steps(), target)

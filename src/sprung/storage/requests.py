@@ -1,0 +1,45 @@
+"""What people ask of the running monitor, and the record of who did what."""
+
+from typing import Any
+
+from sqlalchemy import select, update
+
+from sprung.storage.database import Database
+from sprung.storage.rows import AuditRow, CommandRow
+from sprung.storage.schema import AUDIT, COMMANDS
+
+
+class Requests(Database):
+    """Commands and the audit; nothing is ever taken out of the audit."""
+
+    def audit(self, who: str, act: str, subject: str, detail: Any = None, *, now: int) -> None:
+        """Record who did what to what; `detail` is anything that JSON can hold."""
+        with self._writing() as connection:
+            row = {"time": now, "who": who, "act": act, "subject": subject, "detail": detail}
+            connection.execute(AUDIT.insert(), row)
+
+    def audited(self, *, limit: int | None = None) -> list[AuditRow]:
+        """Return the record in order, at most the last `limit`."""
+        with self._reading() as connection:
+            rows = connection.execute(select(AUDIT).order_by(AUDIT.c.id.desc()).limit(limit)).mappings().all()
+            return [AuditRow(**row) for row in reversed(rows)]
+
+    def add_command(self, who: str, vehicle: str, act: str, detail: Any = None, *, now: int) -> int:
+        """Ask something of the running monitor, on the record, and return the number of the request."""
+        row = {"created": now, "who": who, "vehicle": vehicle, "act": act, "detail": detail}
+        record = {"time": now, "who": who, "act": act, "subject": vehicle, "detail": detail}
+        with self._writing() as connection:
+            connection.execute(AUDIT.insert(), record)
+            return int(connection.execute(COMMANDS.insert().values(row).returning(COMMANDS.c.id)).scalar_one())
+
+    def open_commands(self) -> list[CommandRow]:
+        """Return what is asked and not yet done, the oldest first."""
+        query = select(COMMANDS).where(COMMANDS.c.done.is_(None)).order_by(COMMANDS.c.id)
+        with self._reading() as connection:
+            return [CommandRow(**row) for row in connection.execute(query).mappings()]
+
+    def command_done(self, command_id: int, now: int) -> None:
+        """Store that the monitor did what it was asked."""
+        one = update(COMMANDS).where(COMMANDS.c.id == command_id, COMMANDS.c.done.is_(None))
+        with self._writing() as connection:
+            connection.execute(one.values(done=now))

@@ -1,0 +1,109 @@
+"""What the work on frames gives: observations, modes, findings, baselines, and where to go on after a restart."""
+
+from typing import Any
+
+from sqlalchemy import Connection, Table, and_, delete, func, not_, select, update
+
+from sprung.errors import ParameterError
+from sprung.storage.database import Database
+from sprung.storage.rows import BaselineRow, Entry, Numbered, Progress, Snapshot
+from sprung.storage.schema import BASELINES, CURSORS, FINDINGS, FRAMES, MODES, OBSERVATIONS, SNAPSHOTS
+
+
+class Results(Database):
+    """Results, stored together with how far the frames are worked up."""
+
+    def commit_progress(self, progress: Progress) -> None:
+        """Store what the work on frames gave, in one transaction; the same again changes nothing.
+
+        Raises
+        ------
+        ParameterError
+            Where frames are said to be worked up that are not complete.
+        StoreError
+            Where the store cannot write; nothing is stored then.
+        """
+        of_boot = {"vehicle": progress.vehicle, "boot": progress.boot}
+        with self._writing() as connection:
+            _mark_done(connection, progress)
+            self._add(connection, OBSERVATIONS, [of_boot | _numbered(one) for one in progress.observations])
+            self._add(connection, MODES, [of_boot | _numbered(one) for one in progress.modes])
+            self._add(connection, FINDINGS, [of_boot | one for one in _placed(progress.findings)])
+            names = ("version", "created", "reason", "document")
+            rows = [{"vehicle": progress.vehicle, **dict(zip(names, one, strict=True))} for one in progress.baselines]
+            self._add(connection, BASELINES, rows)
+            if progress.snapshot is not None:
+                self._put_snapshot(connection, progress, progress.snapshot)
+
+    def observations(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
+        """Return the observations of a vehicle in order of time, from `since` on, at most the last `limit`."""
+        return self._entries(OBSERVATIONS, vehicle, since, limit)
+
+    def modes(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
+        """Return the modes of a vehicle in order of time, from `since` on, at most the last `limit`."""
+        return self._entries(MODES, vehicle, since, limit)
+
+    def findings(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
+        """Return the findings on a vehicle in order of time, from `since` on, at most the last `limit`."""
+        return self._entries(FINDINGS, vehicle, since, limit)
+
+    def baselines(self, vehicle: str) -> list[BaselineRow]:
+        """Return the baselines of a vehicle, the present one last."""
+        query = select(BASELINES).where(BASELINES.c.vehicle == vehicle).order_by(BASELINES.c.version)
+        with self._reading() as connection:
+            return [BaselineRow(**row) for row in connection.execute(query).mappings()]
+
+    def snapshot(self, vehicle: str) -> Snapshot | None:
+        """Return the state from which the work on a vehicle goes on."""
+        with self._reading() as connection:
+            row = connection.execute(select(SNAPSHOTS).where(SNAPSHOTS.c.vehicle == vehicle)).mappings().first()
+            return None if row is None else Snapshot(**row)
+
+    def _add(self, connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
+        """Store rows, those that are new."""
+        if rows:
+            connection.execute(self._insert(table).on_conflict_do_nothing(), rows)
+
+    def _put_snapshot(self, connection: Connection, progress: Progress, document: bytes) -> None:
+        """Store where to go on, unless the same boot has come further."""
+        values = {"boot": progress.boot, "seq": progress.done_seq, "document": document}
+        row = self._insert(SNAPSHOTS).values(vehicle=progress.vehicle, **values)
+        is_behind = and_(SNAPSHOTS.c.boot == progress.boot, SNAPSHOTS.c.seq > progress.done_seq)
+        connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=values, where=not_(is_behind)))
+
+    def _entries(self, table: Table, vehicle: str, since: int | None, limit: int | None) -> list[Entry]:
+        """Return documents in order of time."""
+        newest_first = (column.desc() for column in (table.c.t0, *reversed(table.primary_key.columns)))
+        columns = (table.c[name] for name in Entry.__dataclass_fields__)
+        query = select(*columns).where(table.c.vehicle == vehicle).order_by(*newest_first).limit(limit)
+        if since is not None:
+            query = query.where(table.c.t0 >= since)
+        with self._reading() as connection:
+            return [Entry(**row) for row in reversed(connection.execute(query).mappings().all())]
+
+
+def _mark_done(connection: Connection, progress: Progress) -> None:
+    """Move the cursor and delete the frames that are needed no more."""
+    of_cursor = and_(CURSORS.c.vehicle == progress.vehicle, CURSORS.c.boot == progress.boot)
+    of_frames = and_(FRAMES.c.vehicle == progress.vehicle, FRAMES.c.boot == progress.boot)
+    query = select(func.coalesce(func.max(CURSORS.c.contiguous), -1)).where(of_cursor)
+    contiguous = connection.scalar(query)
+    if contiguous is None or progress.done_seq > contiguous:
+        raise ParameterError(
+            f"done_seq={progress.done_seq} of {progress.vehicle!r} {progress.boot} must be at most {contiguous}, "
+            f"up to where its frames are complete: work up what pending gives"
+        )
+    ahead = and_(of_cursor, CURSORS.c.done < progress.done_seq)
+    connection.execute(update(CURSORS).where(ahead).values(done=progress.done_seq))
+    connection.execute(delete(FRAMES).where(of_frames, FRAMES.c.seq <= progress.delete_through_seq))
+
+
+def _numbered(one: Numbered) -> dict[str, Any]:
+    """Return the columns of a document about a numbered window."""
+    return dict(zip(("number", "t0", "document"), one, strict=True))
+
+
+def _placed(findings: tuple[Numbered, ...]) -> list[dict[str, Any]]:
+    """Return the columns of findings, counted within each window."""
+    numbers = [number for number, _, _ in findings]
+    return [_numbered(one) | {"place": numbers[:k].count(one[0])} for k, one in enumerate(findings)]

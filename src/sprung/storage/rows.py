@@ -1,0 +1,202 @@
+"""What goes into the store and comes out of it. Times are UTC nanoseconds."""
+
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from sprung.errors import ParameterError
+
+#: What JSON can hold, without NaN and infinities.
+Document: TypeAlias = dict[str, Any]
+#: Vehicle, boot, seq, t0 and payload.
+Frame: TypeAlias = tuple[str, int, int, int, bytes]
+#: Number of a window, its t0, its document.
+Numbered: TypeAlias = tuple[int, int, Document]
+
+
+def check_count(name: str, value: int, *, at_least: int = 0) -> int:
+    """Return `value` if it is a whole number that a column holds."""
+    if not isinstance(value, int) or not at_least <= value < 2**63:
+        raise ParameterError(f"{name}={value!r} must be a whole number from {at_least} to 2^63 - 1")
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class Cursor:
+    """How far the frames of one boot of a vehicle have come.
+
+    Parameters
+    ----------
+    contiguous
+        Up to here every frame arrived or was declared lost; -1 before the first.
+    done
+        Up to here they are worked up; -1 before the first.
+    lost
+        Number of frames declared lost.
+    updated
+        When `contiguous` last moved.
+    """
+
+    contiguous: int = -1
+    done: int = -1
+    lost: int = 0
+    updated: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleRow:
+    """A vehicle as it described itself: hash and text of its configuration, names of its channels."""
+
+    vehicle: str
+    configuration: str
+    description: str
+    channels: list[Any]
+    first_seen: int
+    last_seen: int
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An observation, modes or a finding: the document about the window `number` that begins at `t0`."""
+
+    vehicle: str
+    boot: int
+    number: int
+    t0: int
+    document: Document
+
+
+@dataclass(frozen=True, slots=True)
+class BaselineRow:
+    """One version of what is normal for a vehicle."""
+
+    vehicle: str
+    version: int
+    created: int
+    reason: str
+    document: Document
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """State of the work on a vehicle after the frame `seq`, from which it goes on after a restart."""
+
+    vehicle: str
+    boot: int
+    seq: int
+    document: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What the work on frames of one boot gave; stored as a whole or not at all.
+
+    Parameters
+    ----------
+    vehicle, boot
+        Whose frames.
+    done_seq
+        Up to here they are worked up.
+    delete_through_seq
+        Up to here they are needed no more, at most `done_seq`; -1 keeps all.
+    observations, modes, findings
+        Each with the number of its window, t0 and document. The findings of one window belong into one progress.
+    baselines
+        New ones: version, time, reason, document.
+    snapshot
+        State after `done_seq`, or None.
+
+    Raises
+    ------
+    ParameterError
+        Where a number is out of range.
+    """
+
+    vehicle: str
+    boot: int
+    done_seq: int
+    delete_through_seq: int = -1
+    observations: tuple[Numbered, ...] = ()
+    modes: tuple[Numbered, ...] = ()
+    findings: tuple[Numbered, ...] = ()
+    baselines: tuple[tuple[int, int, str, Document], ...] = ()
+    snapshot: bytes | None = None
+
+    def __post_init__(self) -> None:
+        check_count("boot", self.boot)
+        check_count("done_seq", self.done_seq, at_least=-1)
+        check_count("delete_through_seq", self.delete_through_seq, at_least=-1)
+        if self.delete_through_seq > self.done_seq:
+            raise ParameterError(
+                f"delete_through_seq={self.delete_through_seq} is beyond done_seq={self.done_seq}: "
+                f"frames stay until they are worked up"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class AlertRow:
+    """What a person is told about one cause on one vehicle; `id` and `updated` are given by the store."""
+
+    vehicle: str
+    cause: str
+    severity: int
+    text: str
+    raised: int
+    is_active: bool = True
+    is_acknowledged: bool = False
+    shelved_until: int | None = None
+    cleared: int | None = None
+    count: int = 1
+    assignee: str | None = None
+    document: Document = field(default_factory=dict)
+    updated: int = 0
+    id: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryRow:
+    """What happened to an alert, by whom."""
+
+    id: int
+    alert: int
+    time: int
+    what: str
+    who: str
+    comment: str
+
+
+@dataclass(frozen=True, slots=True)
+class NotificationRow:
+    """What is to be told about an alert; `sent` is None until it was."""
+
+    id: int
+    alert: int
+    created: int
+    document: Document
+    sent: int | None
+    attempts: int
+    last_error: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class AuditRow:
+    """Who did what to what."""
+
+    id: int
+    time: int
+    who: str
+    act: str
+    subject: str
+    detail: Any
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRow:
+    """What a person asks of the running monitor; `done` is None until it is."""
+
+    id: int
+    created: int
+    who: str
+    vehicle: str
+    act: str
+    detail: Any
+    done: int | None

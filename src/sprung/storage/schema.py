@@ -1,0 +1,209 @@
+"""The tables of the store as they are now; `sprung.storage.migrations` leads there from every released schema.
+
+Times are UTC nanoseconds. `boot` counts the starts of a box, `seq` its frames since then, from 0.
+"""
+
+import json
+from typing import Any
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    Column,
+    ForeignKey,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    Table,
+    Text,
+    TypeDecorator,
+    UniqueConstraint,
+)
+
+from sprung.errors import SprungError
+
+
+class StoreError(SprungError):
+    """A store that cannot be opened, read or written."""
+
+
+class Json(TypeDecorator[Any]):
+    """What JSON can hold, as text: both databases then refuse NaN and infinities, and keep the order of names."""
+
+    impl = Text
+    cache_ok = True
+
+    def process_bind_param(self, value: Any, dialect: Any) -> str | None:
+        """Return the text to store; NULL for None."""
+        return None if value is None else json.dumps(value, allow_nan=False, separators=(",", ":"))
+
+    def process_result_value(self, value: str | None, dialect: Any) -> Any:
+        """Return what the text holds."""
+        return None if value is None else json.loads(value)
+
+
+METADATA = MetaData()
+
+# SQLite counts up only what is called INTEGER; that has 64 bits there.
+_INTEGER = BigInteger().with_variant(Integer, "sqlite")
+
+
+def _key(name: str, kind: type[Text] | BigInteger) -> Column[object]:
+    """Return a column of a primary key that is always given."""
+    return Column(name, kind, primary_key=True, autoincrement=False)
+
+
+def _identity() -> Column[object]:
+    """Return the column that numbers the rows."""
+    return Column("id", _INTEGER, primary_key=True, autoincrement=True)
+
+
+def _of_alert() -> Column[object]:
+    """Return the column with the alert that a row belongs to."""
+    return Column("alert", _INTEGER, ForeignKey("alerts.id"), nullable=False)
+
+
+VEHICLES = Table(
+    "vehicles",
+    METADATA,
+    _key("vehicle", Text),
+    Column("configuration", Text, nullable=False),
+    Column("description", Text, nullable=False),
+    Column("channels", Json, nullable=False),
+    Column("first_seen", _INTEGER, nullable=False),
+    Column("last_seen", _INTEGER, nullable=False),
+)
+
+#: Frames that arrived and are not yet worked up.
+FRAMES = Table(
+    "frames",
+    METADATA,
+    _key("vehicle", Text),
+    _key("boot", _INTEGER),
+    _key("seq", _INTEGER),
+    Column("t0", _INTEGER, nullable=False),
+    Column("payload", LargeBinary, nullable=False),
+)
+
+CURSORS = Table(
+    "cursors",
+    METADATA,
+    _key("vehicle", Text),
+    _key("boot", _INTEGER),
+    Column("contiguous", _INTEGER, nullable=False),
+    Column("done", _INTEGER, nullable=False),
+    Column("lost", _INTEGER, nullable=False),
+    Column("updated", _INTEGER, nullable=False),
+)
+
+
+def _entries(name: str, *more: Column[object]) -> Table:
+    """Return a table of documents, each about a numbered stretch of time."""
+    return Table(
+        name,
+        METADATA,
+        _key("vehicle", Text),
+        _key("boot", _INTEGER),
+        _key("number", _INTEGER),
+        *more,
+        Column("t0", _INTEGER, nullable=False),
+        Column("document", Json, nullable=False),
+        Index(f"{name}_in_time", "vehicle", "t0"),
+    )
+
+
+OBSERVATIONS = _entries("observations")
+MODES = _entries("modes")
+#: A window may have several findings; `place` tells them apart.
+FINDINGS = _entries("findings", _key("place", _INTEGER))
+
+BASELINES = Table(
+    "baselines",
+    METADATA,
+    _key("vehicle", Text),
+    _key("version", _INTEGER),
+    Column("created", _INTEGER, nullable=False),
+    Column("reason", Text, nullable=False),
+    Column("document", Json, nullable=False),
+)
+
+SNAPSHOTS = Table(
+    "snapshots",
+    METADATA,
+    _key("vehicle", Text),
+    Column("boot", _INTEGER, nullable=False),
+    Column("seq", _INTEGER, nullable=False),
+    Column("document", LargeBinary, nullable=False),
+)
+
+ALERTS = Table(
+    "alerts",
+    METADATA,
+    _identity(),
+    Column("vehicle", Text, nullable=False),
+    Column("cause", Text, nullable=False),
+    Column("severity", Integer, nullable=False),
+    Column("text", Text, nullable=False),
+    Column("is_active", Boolean, nullable=False),
+    Column("is_acknowledged", Boolean, nullable=False),
+    Column("shelved_until", _INTEGER),
+    Column("raised", _INTEGER, nullable=False),
+    Column("updated", _INTEGER, nullable=False),
+    Column("cleared", _INTEGER),
+    Column("count", _INTEGER, nullable=False),
+    Column("assignee", Text),
+    Column("document", Json, nullable=False),
+    UniqueConstraint("vehicle", "cause", name="alerts_by_cause"),
+)
+
+ALERT_HISTORY = Table(
+    "alert_history",
+    METADATA,
+    _identity(),
+    _of_alert(),
+    Column("time", _INTEGER, nullable=False),
+    Column("what", Text, nullable=False),
+    Column("who", Text, nullable=False),
+    Column("comment", Text, nullable=False),
+    Index("alert_history_of_alert", "alert"),
+)
+
+#: What is to be told to people, until it was.
+NOTIFICATIONS = Table(
+    "notifications",
+    METADATA,
+    _identity(),
+    _of_alert(),
+    Column("created", _INTEGER, nullable=False),
+    Column("document", Json, nullable=False),
+    Column("sent", _INTEGER),
+    Column("attempts", _INTEGER, nullable=False),
+    Column("last_error", Text),
+    Index("notifications_sent", "sent"),
+)
+
+AUDIT = Table(
+    "audit",
+    METADATA,
+    _identity(),
+    Column("time", _INTEGER, nullable=False),
+    Column("who", Text, nullable=False),
+    Column("act", Text, nullable=False),
+    Column("subject", Text, nullable=False),
+    Column("detail", Json),
+)
+
+#: What people ask of the running monitor.
+COMMANDS = Table(
+    "commands",
+    METADATA,
+    _identity(),
+    Column("created", _INTEGER, nullable=False),
+    Column("who", Text, nullable=False),
+    Column("vehicle", Text, nullable=False),
+    Column("act", Text, nullable=False),
+    Column("detail", Json),
+    Column("done", _INTEGER),
+    Index("commands_done", "done"),
+)

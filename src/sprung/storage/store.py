@@ -1,0 +1,137 @@
+"""The store, and how it is opened."""
+
+import sqlite3
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Self
+
+from sqlalchemy import URL, delete, make_url
+from sqlalchemy.exc import ArgumentError
+
+from sprung.errors import ParameterError
+from sprung.storage.alerts import Alerts
+from sprung.storage.database import PATIENCE
+from sprung.storage.inbox import Inbox
+from sprung.storage.migrations import upgrade
+from sprung.storage.requests import Requests
+from sprung.storage.results import Results
+from sprung.storage.schema import COMMANDS, MODES, NOTIFICATIONS, OBSERVATIONS, StoreError
+
+# The header or a page makes no sense, or the disk cannot read it.
+_DAMAGED = {
+    sqlite3.SQLITE_CORRUPT,
+    sqlite3.SQLITE_NOTADB,
+    sqlite3.SQLITE_IOERR_READ,
+    sqlite3.SQLITE_IOERR_SHORT_READ,
+    sqlite3.SQLITE_IOERR_CORRUPTFS,
+}
+
+
+class Store(Inbox, Results, Alerts, Requests):
+    """Results and state of the monitor; each method is one transaction, from any thread. Made by `open_store`."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def delete_older(self, before: int) -> int:
+        """Delete observations and modes that begin before a time, notifications sent and commands done before it.
+
+        Returns
+        -------
+        int
+            Number of rows deleted. A file of SQLite keeps its size and fills the room again.
+        """
+        times = (OBSERVATIONS.c.t0, MODES.c.t0, NOTIFICATIONS.c.sent, COMMANDS.c.done)
+        with self._writing() as connection:
+            return sum(connection.execute(delete(time.table).where(time < before)).rowcount for time in times)
+
+
+def open_store(url: str) -> Store:
+    """Open a store, make it where there is none, and bring its schema up to date.
+
+    Parameters
+    ----------
+    url
+        ``sqlite:///folder/file.sqlite`` (four slashes before an absolute path) or ``postgresql://user@host/database``.
+
+    Raises
+    ------
+    ParameterError
+        Where the address is of neither.
+    StoreError
+        Where the store cannot be opened, or a newer program wrote it.
+
+    Notes
+    -----
+    A file of SQLite that is damaged or no database is renamed to ``<name>.corrupt-<time>``; `Store.notices` says so.
+    """
+    address = _address(url)
+    is_file = address.get_backend_name() == "sqlite"
+    store = Store(address, notices=_prepare(Path(address.database or "")) if is_file else ())
+    try:
+        with store._writing() as connection:
+            upgrade(connection)
+    except BaseException:
+        store.close()
+        raise
+    return store
+
+
+def _address(url: str) -> URL:
+    """Return the parts of an address."""
+    try:
+        address = make_url(url)
+    except ArgumentError:
+        raise ParameterError(f"{url!r} is no address of a store: {_FORMS}") from None
+    if address.drivername == "postgresql":
+        address = address.set(drivername="postgresql+psycopg")
+    hidden = address.render_as_string(hide_password=True)
+    if address.drivername not in {"sqlite", "postgresql+psycopg"}:
+        raise ParameterError(f"{hidden!r} is an address of neither SQLite nor PostgreSQL: {_FORMS}")
+    if address.drivername == "sqlite" and address.database in {None, "", ":memory:"}:
+        raise ParameterError(f"{hidden!r} names no file, and a store must outlast its program: {_FORMS}")
+    return address
+
+
+_FORMS = "write sqlite:///folder/file.sqlite or postgresql://user@host/database"
+
+
+def _prepare(path: Path) -> tuple[str, ...]:
+    """Make the folder of a file of SQLite, set the file aside if it is damaged, and return notices."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists():
+            return ()
+        damage = _damage(path)
+        return () if damage is None else (_set_aside(path, damage),)
+    except (OSError, sqlite3.Error) as error:
+        raise StoreError(
+            f"the store {path} cannot be opened: {error}: see whether its folder and disk can be written"
+        ) from error
+
+
+def _damage(path: Path) -> str | None:
+    """Return what is wrong inside a file of SQLite."""
+    with closing(sqlite3.connect(path, timeout=PATIENCE)) as connection:
+        try:
+            (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+        except sqlite3.DatabaseError as error:
+            code = getattr(error, "sqlite_errorcode", 0)
+            if code not in _DAMAGED and code & 0xFF not in _DAMAGED:
+                raise
+            return str(error)
+    return None if found == "ok" else " ".join(str(found).split())
+
+
+def _set_aside(path: Path, damage: str) -> str:
+    """Rename a damaged file, its log first, and return the sentence about it."""
+    aside = path.with_name(f"{path.name}.corrupt-{datetime.now(UTC):%Y%m%dT%H%M%S}")
+    for ending in ("-wal", "-shm", ""):
+        part = path.with_name(path.name + ending)
+        if part.exists():
+            part.rename(aside.with_name(aside.name + ending))
+    return f"the store {path} was damaged ({damage}): it is kept as {aside.name}, and a new one was begun"

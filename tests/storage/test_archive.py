@@ -1,0 +1,96 @@
+from datetime import UTC, datetime
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from sprung.errors import ParameterError
+from sprung.formats import read
+from sprung.storage import StoreError, prune_archive, write_archive
+
+T0 = int(datetime(2024, 2, 29, 23, 59, 59, tzinfo=UTC).timestamp()) * 10**9 + 123
+DAY = 86400 * 10**9
+SAMPLES = np.array([[0.0, 0.5, 1.0], [1e-3, np.nan, -1e6]])
+
+
+def write(folder, *, vehicle="zafira", boot=7, first_seq=3, t0=T0, samples=SAMPLES, channels=("fl", "fr"), rate=200.0):
+    return write_archive(folder, vehicle, boot, first_seq, t0, samples=samples, channels=channels, sampling_rate=rate)
+
+
+def test_file_holds_the_samples(tmp_path):
+    path = write(tmp_path)
+    assert path == tmp_path / "zafira" / "2024-02-29" / "7-3.parquet"
+    assert path.stat().st_mtime_ns == T0
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+    table = pq.read_table(path)
+    assert table.column_names == ["time", "fl", "fr"]
+    assert [str(field.type) for field in table.schema] == ["double", "float", "float"]
+    assert table.column("time").to_pylist() == [0.0, 0.005, 0.01]
+    np.testing.assert_array_equal(table.column("fr").to_numpy(), SAMPLES[1].astype(np.float32))
+    assert table.schema.metadata == {
+        b"vehicle": b"zafira", b"boot": b"7", b"first_seq": b"3", b"t0": b"%d" % T0, b"sampling_rate": b"200.0"
+    }  # fmt: skip
+    assert pq.ParquetFile(path).metadata.row_group(0).column(1).compression == "ZSTD"
+
+
+def test_file_is_a_recording(tmp_path):
+    rows = np.random.default_rng(1).standard_normal((2, 1000))
+    recording = read(write(tmp_path, samples=rows, rate=128.0))
+    assert recording.sampling_rate == pytest.approx(128.0)
+    np.testing.assert_array_equal(recording.samples, rows.astype(np.float32))
+
+
+def test_same_stretch_again_replaces_the_file(tmp_path):
+    first = write(tmp_path)
+    assert write(tmp_path, samples=SAMPLES[:, :1]) == first
+    assert pq.read_table(first).num_rows == 1
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "a/b", "../a", "a b", "ä", "a\n", "x" * 65])
+def test_names_that_are_no_folder_are_refused(tmp_path, name):
+    with pytest.raises(ParameterError, match="must be 1 to 64 letters, digits, dots, dashes or underscores"):
+        write(tmp_path, vehicle=name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_arguments_that_do_not_fit_are_refused(tmp_path):
+    for channels in (("fl",), ("fl", "fl"), ("fl", "time")):
+        with pytest.raises(ParameterError, match="must be 2 different names"):
+            write(tmp_path, channels=channels)
+    with pytest.raises(ParameterError, match="samples has 1 dimensions"):
+        write(tmp_path, samples=SAMPLES[0])
+    with pytest.raises(ParameterError, match="sampling_rate"):
+        write(tmp_path, rate=0.0)
+    with pytest.raises(ParameterError, match="first_seq=-1"):
+        write(tmp_path, first_seq=-1)
+
+
+def test_full_disk_leaves_no_part_of_a_file(small_disk):
+    folder, _ = small_disk
+    noise = np.random.default_rng(1).standard_normal((2, 400_000))
+    with pytest.raises(StoreError, match=r"the archive cannot write .*: No space left on device: free space"):
+        write(folder, samples=noise)
+    assert list(folder.rglob("*.par*")) == []
+    assert write(folder).exists()
+
+
+def test_old_files_are_pruned(tmp_path):
+    paths = [write(tmp_path, first_seq=k, t0=T0 + k * DAY) for k in range(4)]
+    write(tmp_path, vehicle="other", t0=T0)
+    assert prune_archive(tmp_path, before=T0) == 0
+    assert prune_archive(tmp_path, before=T0 + 1) == 2
+    assert [path.exists() for path in paths] == [False, True, True, True]
+    assert not paths[0].parent.exists()
+    assert prune_archive(tmp_path, before=0, most_bytes=2 * paths[1].stat().st_size) == 1
+    assert [path.exists() for path in paths] == [False, False, True, True]
+    assert prune_archive(tmp_path, before=0, most_bytes=0) == 2
+    assert prune_archive(tmp_path / "absent", before=T0) == 0
+
+
+def test_pruning_leaves_other_files(tmp_path):
+    path = write(tmp_path)
+    (path.parent / "notes.txt").touch()
+    (tmp_path / "notes.parquet").touch()
+    assert prune_archive(tmp_path, before=T0 + DAY) == 1
+    assert (path.parent / "notes.txt").exists()
+    assert (tmp_path / "notes.parquet").exists()

@@ -1,0 +1,136 @@
+from concurrent.futures import ThreadPoolExecutor
+from itertools import count
+from threading import Barrier
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sprung.errors import ParameterError
+from sprung.storage import Cursor, Progress, VehicleRow, open_store
+
+NEW_NAMES = (f"v{number}" for number in count())
+
+
+def frames(*seqs, vehicle="zafira", boot=7):
+    return [(vehicle, boot, seq, 1000 * seq, b"frame %d" % seq) for seq in seqs]
+
+
+def waiting(store, vehicle="zafira", boot=7, *, after=-1, limit=1000):
+    return [seq for seq, _, _ in store.pending(vehicle, boot, after=after, limit=limit)]
+
+
+def test_frames_come_out_in_order_as_they_went_in(store):
+    assert store.add_frames(frames(2, 0, 1), now=5) == {("zafira", 7): 2}
+    assert store.pending("zafira", 7, after=0, limit=10) == [(1, 1000, b"frame 1"), (2, 2000, b"frame 2")]
+    assert waiting(store, limit=2) == [0, 1]
+    assert store.cursor("zafira", 7) == Cursor(contiguous=2, done=-1, lost=0)
+    assert store.cursor("zafira", 7).updated == 5
+
+
+def test_frames_beyond_a_gap_wait(store):
+    assert store.add_frames(frames(1, 3), now=0) == {("zafira", 7): -1}
+    assert waiting(store) == []
+    assert store.add_frames(frames(0), now=0) == {("zafira", 7): 1}
+    assert waiting(store) == [0, 1]
+    assert store.add_frames(frames(2), now=0) == {("zafira", 7): 3}
+
+
+def test_long_run_behind_a_gap_is_taken_at_once(store):
+    store.add_frames(frames(*range(1, 2500)), now=0)
+    assert store.add_frames(frames(0), now=0) == {("zafira", 7): 2499}
+
+
+def test_first_of_two_frames_of_one_number_counts(store):
+    store.add_frames(frames(0), now=0)
+    store.add_frames(
+        [("zafira", 7, 0, 0, b"other"), ("zafira", 7, 1, 0, b"first"), ("zafira", 7, 1, 0, b"second")], now=1
+    )
+    assert [payload for _, _, payload in store.pending("zafira", 7, after=-1, limit=9)] == [b"frame 0", b"first"]
+
+
+def test_boots_and_vehicles_are_kept_apart(store):
+    batch = frames(0, 1) + frames(0, boot=2**63 - 1) + frames(5, vehicle="other")
+    expected = {("zafira", 7): 1, ("zafira", 2**63 - 1): 0, ("other", 7): -1}
+    assert store.add_frames(batch, now=0) == expected
+    assert {key: cursor.contiguous for key, cursor in store.cursors().items()} == expected
+    assert store.boots("zafira") == [7, 2**63 - 1]
+    assert store.boots("nobody") == []
+
+
+def test_nothing_asks_nothing_of_the_store(store):
+    assert store.add_frames([], now=0) == {}
+    assert store.cursor("nobody", 0) == Cursor(-1, -1, 0)
+
+
+@pytest.mark.parametrize("wrong", [-1, 2**63, 1.0, "1"])
+def test_numbers_that_no_frame_has_are_refused(store, wrong):
+    with pytest.raises(ParameterError, match=r"boot=.* must be a whole number from 0 to 2\^63 - 1"):
+        store.add_frames([("zafira", wrong, 0, 0, b"")], now=0)
+    with pytest.raises(ParameterError, match="seq="):
+        store.add_frames([*frames(0), ("zafira", 7, wrong, 0, b"")], now=0)
+    assert store.cursors() == {}
+
+
+def test_lost_frames_are_counted_and_passed_over(store):
+    store.add_frames(frames(0, 3, 5, 6), now=0)
+    assert store.declare_lost("zafira", 7, 5, now=3) == 6
+    assert store.cursor("zafira", 7) == Cursor(contiguous=6, done=-1, lost=3)
+    assert waiting(store) == [0, 3, 5, 6]
+    assert store.add_frames(frames(1, 2, 4), now=4) == {("zafira", 7): 6}
+    assert waiting(store) == [0, 3, 5, 6], "what was declared lost stays so"
+    assert store.declare_lost("zafira", 7, 4, now=5) == 6
+    assert store.cursor("zafira", 7).lost == 3
+
+
+def test_lost_before_anything_arrived(store):
+    assert store.declare_lost("zafira", 7, 10, now=0) == 9
+    assert store.cursor("zafira", 7) == Cursor(9, -1, 10)
+    assert store.add_frames(frames(10), now=0) == {("zafira", 7): 10}
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data(), n_frames=st.integers(1, 12), n_batches=st.integers(1, 5))
+def test_order_and_repetition_do_not_matter(store, data, n_frames, n_batches):
+    vehicle = next(NEW_NAMES)
+    once = frames(*range(n_frames), vehicle=vehicle)
+    again = data.draw(st.lists(st.sampled_from(once), max_size=12))
+    order = data.draw(st.permutations(once + again))
+    arrived, acknowledged = set(), -1
+    for k in range(n_batches):
+        batch = order[k::n_batches]
+        arrived |= {seq for _, _, seq, _, _ in batch}
+        expected = next(seq for seq in count() if seq not in arrived) - 1
+        acknowledged = store.add_frames(batch, now=k).get((vehicle, 7), acknowledged)
+        assert acknowledged == expected
+    assert acknowledged == n_frames - 1
+    assert store.cursor(vehicle, 7) == Cursor(n_frames - 1, -1, 0)
+    assert store.pending(vehicle, 7, after=-1, limit=100) == [frame[2:] for frame in once]
+
+
+def test_writers_take_turns(url):
+    """Two stores, four threads that begin each round together: every frame counts, and no writer is turned away."""
+    rounds, together = 40, Barrier(4)
+    with open_store(url) as one, open_store(url) as other, ThreadPoolExecutor(4) as threads:
+
+        def send(k):
+            store = (one, other)[k % 2]
+            for number in range(rounds):
+                together.wait(timeout=20)
+                done = store.add_frames(frames(4 * number + k), now=k)["zafira", 7]
+                store.commit_progress(Progress("zafira", 7, done_seq=done, observations=((done, 0, {}),)))
+
+        list(threads.map(send, range(4)))
+        assert one.cursor("zafira", 7) == Cursor(4 * rounds - 1, 4 * rounds - 1, 0)
+        assert waiting(other) == list(range(4 * rounds))
+
+
+def test_vehicles(store):
+    store.put_vehicle("b", configuration="#1", description="x = 1", channels=["fl"], now=10)
+    store.put_vehicle("a", configuration="#2", description="", channels=[{"name": "ü"}], now=11)
+    store.put_vehicle("b", configuration="#3", description="x = 2", channels=["fl", "fr"], now=12)
+    store.seen({"a": 20, "b": 5, "nobody": 30})
+    assert store.vehicles() == [
+        VehicleRow("a", "#2", "", [{"name": "ü"}], first_seen=11, last_seen=20),
+        VehicleRow("b", "#3", "x = 2", ["fl", "fr"], first_seen=10, last_seen=12),
+    ]

@@ -1,0 +1,129 @@
+import sqlite3
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import create_engine, make_url, text
+
+from sprung.errors import ParameterError
+from sprung.storage import Cursor, StoreError, open_store
+from sprung.storage.migrations import steps, upgrade
+from sprung.storage.schema import METADATA
+
+
+@pytest.fixture
+def engine(url, tmp_path):
+    """An engine on an empty database, without what the store adds."""
+    address = make_url(url)
+    if address.get_backend_name() == "sqlite":
+        (tmp_path / "new").mkdir()
+    else:
+        address = address.set(drivername="postgresql+psycopg")
+    made = create_engine(address)
+    yield made
+    made.dispose()
+
+
+def test_steps_lead_to_the_tables(engine):
+    with engine.begin() as connection:
+        upgrade(connection)
+    with engine.connect() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
+
+
+@pytest.mark.parametrize("revision", [step.revision for step in steps().walk_revisions()])
+def test_every_released_schema_is_brought_up_to_date(engine, url, revision):
+    with engine.begin() as connection:
+        upgrade(connection, target=revision)
+        connection.execute(text("INSERT INTO cursors VALUES ('zafira', 7, 12, 10, 3, 99)"))
+    with open_store(url) as store:
+        assert store.cursors() == {("zafira", 7): Cursor(12, 10, 3)}
+        assert store.add_frames([("zafira", 7, 13, 0, b"")], now=0) == {("zafira", 7): 13}
+    with engine.connect() as connection:
+        assert MigrationContext.configure(connection).get_current_revision() == steps().get_current_head()
+        assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
+
+
+def test_steps_can_be_taken_back(engine):
+    from alembic.operations import Operations
+
+    with engine.begin() as connection:
+        upgrade(connection)
+        with Operations.context(MigrationContext.configure(connection)):
+            for step in steps().walk_revisions():
+                step.module.downgrade()
+        assert set(engine.dialect.get_table_names(connection)) == {"alembic_version"}
+
+
+def test_newer_schema_is_refused_and_left_alone(url, engine):
+    open_store(url).close()
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(StoreError, match=r"schema '9999', and this program knows only up to .*: install the newer"):
+        open_store(url)
+    with engine.connect() as connection:
+        assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "9999"
+
+
+def test_store_keeps_what_it_holds(url):
+    with open_store(url) as store:
+        store.add_frames([("zafira", 7, 0, 0, b"x")], now=0)
+        assert store.notices == ()
+        assert store.size() > 10_000
+    with open_store(url) as store:
+        assert store.pending("zafira", 7, after=-1, limit=1) == [(0, 0, b"x")]
+
+
+def test_check_leaves_no_trace(store):
+    store.check()
+    assert store.snapshot("") is None
+    assert (store.free() is None) == (store._engine.dialect.name == "postgresql")
+
+
+def test_settings_of_sqlite(sqlite_file):
+    with open_store(f"sqlite:///{sqlite_file}") as store, store._reading() as connection:
+        found = [
+            connection.exec_driver_sql(f"PRAGMA {name}").scalar()
+            for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout")
+        ]
+    assert found == ["wal", 2, 1, 10_000]
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("store.sqlite", "is no address of a store"),
+        ("mysql://me:secret@host/db", r"'mysql://me:\*\*\*@host/db' is an address of neither SQLite nor PostgreSQL"),
+        ("sqlite://", "names no file"),
+        ("sqlite:///:memory:", "names no file"),
+    ],
+)
+def test_other_addresses_are_refused(address, message):
+    with pytest.raises(ParameterError, match=f"{message}.*: write sqlite:///folder/file.sqlite or postgresql://"):
+        open_store(address)
+
+
+def test_server_that_is_not_there(tmp_path):
+    with pytest.raises(StoreError, match=r"the store does not answer: .*: see whether its database runs"):
+        open_store(f"postgresql://sprung@/db?host={tmp_path}")
+
+
+def test_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match=r"cannot be opened: .*: see whether its folder and disk can be written"):
+        open_store(f"sqlite:///{tmp_path}/file/store.sqlite")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(StoreError, match="unable to open database file"):
+        open_store(f"sqlite:///{tmp_path}/folder")
+
+
+def test_store_that_another_program_holds(sqlite_file, monkeypatch):
+    monkeypatch.setattr("sprung.storage.database.PATIENCE", 0.1)
+    with open_store(f"sqlite:///{sqlite_file}") as store:
+        other = sqlite3.connect(sqlite_file, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(StoreError, match="the store is busy: database is locked: end the program"):
+            store.add_frames([("zafira", 7, 0, 0, b"")], now=0)
+        assert store.cursors() == {}
+        other.close()
+        assert store.add_frames([("zafira", 7, 0, 0, b"")], now=0) == {("zafira", 7): 0}
