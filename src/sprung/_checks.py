@@ -1,12 +1,13 @@
 """Argument checks; the only place where their messages are worded."""
 
 from collections.abc import Collection, Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sprung.errors import DataError, ParameterError
+from sprung.errors import DataError, MissingPackageError, ParameterError
 
 
 def frozen_array(name: str, values: ArrayLike, *, ndim: int, dtype: Any = np.float64) -> NDArray[Any]:
@@ -50,6 +51,18 @@ def check_one_of(name: str, value: str, allowed: Collection[str], *, advice: str
         known = ", ".join(sorted(allowed))
         raise ParameterError(f"{name} {value!r} is not one of {known}" + (f": {advice}" if advice else ""))
     return value
+
+
+def required(package: str, *, purpose: str, extra: str) -> Any:
+    """Return an optional package, or say what it is for and how to install it."""
+    try:
+        return import_module(package)
+    except ImportError as error:
+        if error.name is None or error.name.split(".")[0] != package.split(".", maxsplit=1)[0]:
+            raise
+        raise MissingPackageError(
+            f"{purpose} needs the package {package}: install it with pip install 'sprung[{extra}]'"
+        ) from None
 
 
 def check_complete(names: Sequence[str], samples: NDArray[np.float64]) -> None:

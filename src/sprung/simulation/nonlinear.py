@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sprung._checks import check_number, check_one_of
+from sprung._checks import check_number, check_one_of, required
 from sprung.conditioning import decimate
-from sprung.errors import MissingPackageError, ParameterError
+from sprung.errors import ParameterError
 from sprung.excitation import Excitation
 from sprung.recording import Recording
 from sprung.simulation.laws import Law
@@ -215,12 +215,7 @@ def _factors(vehicle: Structure, courses: Mapping[str, Course]) -> tuple[Real, R
 
 def _compiled() -> Any:
     """Return the integrator, compiled at the first call and kept on disk."""
-    try:
-        from sprung.simulation import kernel
-    except ImportError as error:
-        if error.name != "numba":
-            raise
-        raise MissingPackageError(
-            "nonlinear simulation needs the package numba: install it with pip install 'sprung[simulate]'"
-        ) from None
+    required("numba", purpose="nonlinear simulation", extra="simulate")
+    from sprung.simulation import kernel
+
     return kernel.integrate

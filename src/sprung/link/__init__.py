@@ -1,0 +1,52 @@
+"""From a vehicle to the monitor: frames, topics, a spool on disk, MQTT."""
+
+from sprung.link.frame import (
+    CLIPPED,
+    MISSING,
+    PACKED,
+    RAW,
+    STUCK,
+    TIME_KEPT,
+    TIME_SET,
+    TIME_UNKNOWN,
+    Frame,
+    check_vehicle,
+    checked_map,
+    decode,
+    encode,
+    message,
+    quantised,
+)
+from sprung.link.mqtt import Address, Link, LinkError
+from sprung.link.sending import Sending
+from sprung.link.spool import Spool, SpoolError
+from sprung.link.topics import DOWNWARDS, ROOT, UPWARDS, parse_topic, topic
+
+__all__ = [
+    "CLIPPED",
+    "DOWNWARDS",
+    "MISSING",
+    "PACKED",
+    "RAW",
+    "ROOT",
+    "STUCK",
+    "TIME_KEPT",
+    "TIME_SET",
+    "TIME_UNKNOWN",
+    "UPWARDS",
+    "Address",
+    "Frame",
+    "Link",
+    "LinkError",
+    "Sending",
+    "Spool",
+    "SpoolError",
+    "check_vehicle",
+    "checked_map",
+    "decode",
+    "encode",
+    "message",
+    "parse_topic",
+    "quantised",
+    "topic",
+]

@@ -1,0 +1,219 @@
+"""A connection to an MQTT broker that comes back by itself."""
+
+import ssl
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import parse_qs, unquote, urlsplit
+
+from sprung._checks import required
+from sprung.errors import ParameterError, SprungError
+
+#: Seconds between attempts to connect: at first, and at most.
+_RETRY = (1, 30)
+
+
+class LinkError(SprungError):
+    """A broker that cannot be reached, or refuses."""
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where a broker is, from mqtt://user:password@host:port or mqtts://host:port?ca=F&cert=F&key=F.
+
+    Parameters
+    ----------
+    host, port
+        1883 and, with TLS, 8883 where the address names none.
+    user, password
+        Empty: none.
+    is_encrypted
+        TLS.
+    ca, cert, key
+        Files: of the authority, the client's certificate and its key.
+    version
+        Of MQTT to begin with: "5" or "3".
+    """
+
+    host: str
+    port: int
+    user: str = ""
+    password: str = ""
+    is_encrypted: bool = False
+    ca: str = ""
+    cert: str = ""
+    key: str = ""
+    version: str = "5"
+
+    @classmethod
+    def parse(cls, url: str) -> "Address":
+        """Return the address of a URL."""
+        try:
+            parts = urlsplit(url)
+            port = parts.port
+        except ValueError as error:
+            raise ParameterError(f"{url!r} is no address of a broker: {error}") from None
+        if parts.scheme not in {"mqtt", "mqtts"} or not parts.hostname:
+            raise ParameterError(f"{url!r} is no address of a broker: write mqtt://host:1883 or mqtts://host:8883")
+        query = {name: values[-1] for name, values in parse_qs(parts.query).items()}
+        unknown = sorted(query.keys() - {"ca", "cert", "key", "version"})
+        if unknown:
+            raise ParameterError(f"{url!r} says {unknown[0]!r}: only ca, cert, key and version can be given")
+        secure = parts.scheme == "mqtts"
+        return cls(
+            parts.hostname,
+            port or (8883 if secure else 1883),
+            unquote(parts.username or ""),
+            unquote(parts.password or ""),
+            secure,
+            **query,
+        )
+
+    def __str__(self) -> str:
+        return f"{'mqtts' if self.is_encrypted else 'mqtt'}://{self.host}:{self.port}"
+
+
+class Link:
+    """A connection that subscribes again and goes on whenever the broker comes back.
+
+    Parameters
+    ----------
+    address
+        Of the broker.
+    name
+        Of this client; another of the same name is thrown out by the broker.
+    topics
+        To subscribe to, QoS 1.
+    on_message
+        Called with topic and payload, in a thread of the link.
+    on_connected
+        Called after every connection, in a thread of the link.
+    will
+        Topic and payload that the broker publishes when this client is gone without a word; with MQTT 5 only.
+
+    Notes
+    -----
+    MQTT 5, or 3.1.1 where the broker knows no 5. QoS 1 is no promise: a broker that dies loses what it has confirmed.
+    What counts is the acknowledgement of whoever receives.
+    """
+
+    def __init__(
+        self,
+        address: Address,
+        name: str,
+        *,
+        topics: Sequence[str],
+        on_message: Callable[[str, bytes], None],
+        on_connected: Callable[[], None] = lambda: None,
+        will: tuple[str, bytes] | None = None,
+    ) -> None:
+        self._mqtt = required("paho.mqtt.client", purpose="the link", extra="online")
+        self._address, self._name, self._topics = address, name, tuple(topics)
+        self._on_message, self._on_connected, self._will = on_message, on_connected, will
+        self._is_connected = threading.Event()
+        self._problem = ""
+        self._is_closed = False
+        self._client = self._made(self._mqtt.MQTTv311 if address.version == "3" else self._mqtt.MQTTv5)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the broker has let it in."""
+        return self._is_connected.is_set()
+
+    @property
+    def problem(self) -> str:
+        """Why it is not connected, as far as known."""
+        return self._problem
+
+    def open(self, *, timeout: float = 0.0) -> None:
+        """Begin to connect, and wait up to a time [s] for it.
+
+        Raises
+        ------
+        LinkError
+            Where a time was given and has passed.
+        """
+        self._start()
+        if timeout and not self._is_connected.wait(timeout):
+            problem = self.problem or "no answer"
+            self.close()
+            raise LinkError(f"the broker {self._address} cannot be reached: {problem}: see whether it runs there")
+
+    def publish(self, topic: str, payload: bytes, *, is_retained: bool = False) -> bool:
+        """Hand a message to the broker (QoS 1) and return whether there was a connection to do so."""
+        if not self.is_connected:
+            return False
+        return bool(self._client.publish(topic, payload, qos=1, retain=is_retained).rc == self._mqtt.MQTT_ERR_SUCCESS)
+
+    def close(self) -> None:
+        """Disconnect in good order: the will is not published."""
+        self._is_closed = True
+        self._is_connected.clear()
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def _made(self, protocol: Any) -> Any:
+        """Return a client that speaks a version of MQTT."""
+        client = self._mqtt.Client(self._mqtt.CallbackAPIVersion.VERSION2, client_id=self._name, protocol=protocol)
+        client.reconnect_delay_set(*_RETRY)
+        client.max_inflight_messages_set(1000)
+        if self._address.user:
+            client.username_pw_set(self._address.user, self._address.password or None)
+        if self._address.is_encrypted:
+            client.tls_set_context(_context(self._address))
+        # The embedded broker, which knows only 3.1.1, lets nobody in who leaves a will; it would die with the monitor.
+        if self._will is not None and protocol == self._mqtt.MQTTv5:
+            client.will_set(self._will[0], self._will[1], qos=1)
+        client.on_connect = self._connected
+        client.on_disconnect = self._disconnected
+        client.on_connect_fail = self._failed
+        client.on_message = lambda _client, _data, message: self._on_message(message.topic, message.payload)
+        return client
+
+    def _start(self) -> None:
+        """Let the client connect in its own thread."""
+        self._client.connect_async(self._address.host, self._address.port, keepalive=20)
+        self._client.loop_start()
+
+    def _connected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        """Subscribe, or fall back to the older protocol."""
+        if reason.is_failure:
+            self._problem = str(reason)
+            if "protocol" in self._problem.lower() and client is self._client and not self._is_closed:
+                threading.Thread(target=self._fall_back, args=(client,), daemon=True).start()
+            return
+        self._problem = ""
+        for name in self._topics:
+            client.subscribe(name, qos=1)
+        self._is_connected.set()
+        self._on_connected()
+
+    def _fall_back(self, client: Any) -> None:
+        """Go on with MQTT 3.1.1."""
+        client.disconnect()
+        client.loop_stop()
+        self._client = self._made(self._mqtt.MQTTv311)
+        if not self._is_closed:
+            self._start()
+
+    def _disconnected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        """Take note."""
+        if client is self._client:
+            self._is_connected.clear()
+            self._problem = self._problem or str(reason)
+
+    def _failed(self, _client: Any, _data: Any) -> None:
+        """Take note."""
+        self._problem = self._problem or "nobody listens there"
+
+
+def _context(address: Address) -> ssl.SSLContext:
+    """Return the settings of TLS."""
+    try:
+        context = ssl.create_default_context(cafile=address.ca or None)
+        if address.cert:
+            context.load_cert_chain(address.cert, address.key or None)
+    except (OSError, ssl.SSLError) as error:
+        raise ParameterError(f"a certificate of {address} cannot be used: {error}: see ca, cert and key") from None
+    return context

@@ -1,0 +1,66 @@
+"""What to send next: frames of a spool in order, a bounded number ahead of what was acknowledged."""
+
+from collections import deque
+from collections.abc import Iterator
+from itertools import islice
+
+from sprung.link.spool import Spool
+
+
+class Sending:
+    """Where the sending of a spool stands.
+
+    Parameters
+    ----------
+    spool
+        With the frames.
+    ahead
+        Most frames that are on their way without an acknowledgement.
+    patience
+        Time without any progress after which everything is sent again [s].
+
+    Notes
+    -----
+    A broker that dies may lose what it has confirmed. Only what the monitor acknowledges is gone from the spool; the
+    rest is sent again, in order, after a reconnection or when no acknowledgement came for `patience`.
+    """
+
+    def __init__(self, spool: Spool, *, ahead: int = 256, patience: float = 10.0) -> None:
+        self._spool = spool
+        self._ahead = ahead
+        self._patience = patience
+        self._under_way: deque[tuple[int, int]] = deque()
+        self._position = (0, -1)
+        self._last_progress = 0.0
+
+    @property
+    def n_under_way(self) -> int:
+        """Frames sent and not acknowledged."""
+        return len(self._under_way)
+
+    def start_again(self, now: float) -> None:
+        """Send everything again that is not acknowledged."""
+        self._under_way.clear()
+        self._position = (0, -1)
+        self._last_progress = now
+
+    def due(self, now: float) -> Iterator[tuple[int, int, bytes]]:
+        """Yield boot, sequence number and payload of the frames to send now (`now`: any clock [s])."""
+        if self._under_way and now - self._last_progress > self._patience:
+            self.start_again(now)
+        boot, after = self._position
+        room = self._ahead - len(self._under_way)
+        for found_boot, seq, payload in islice(self._spool.frames(boot=boot, after=after), max(room, 0)):
+            if not self._under_way:
+                self._last_progress = now
+            self._position = (found_boot, seq)
+            self._under_way.append((found_boot, seq))
+            yield found_boot, seq, payload
+
+    def acknowledged(self, boot: int, seq: int, now: float) -> None:
+        """Take note that the monitor holds all frames of a boot up to a sequence number."""
+        self._spool.acknowledge(boot, seq)
+        before = len(self._under_way)
+        self._under_way = deque(one for one in self._under_way if one[0] != boot or one[1] > seq)
+        if len(self._under_way) < before:
+            self._last_progress = now

@@ -1,0 +1,260 @@
+"""The box' spool: frames on disk until the monitor has them, in a bounded number of bytes."""
+
+import os
+import struct
+import zlib
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from sprung._checks import check_number
+from sprung.errors import SprungError
+
+_HEADER = struct.Struct("<2sQQI")
+_MARK = b"sp"
+_SUFFIX = ".spool"
+#: Least number of files of a full spool, of which the oldest goes when there is no room; largest file [bytes].
+_FILES, _LARGEST = 16, 1 << 20
+
+
+class SpoolError(SprungError):
+    """A spool that cannot be written."""
+
+
+@dataclass(slots=True)
+class _File:
+    """A file of records of one boot, with the first and last sequence number in it."""
+
+    path: Path
+    boot: int
+    first: int
+    last: int
+    size: int
+
+
+class Spool:
+    """Frames on disk, oldest dropped first where there is no room, until they are acknowledged.
+
+    Parameters
+    ----------
+    folder
+        Of its own; made where missing.
+    most_bytes
+        That it may take.
+    is_synced
+        Whether each append reaches the disk before it returns.
+    boot_from
+        Lowest number of this boot, such as the time in seconds, so that a box with a new disk counts on.
+
+    Notes
+    -----
+    A file of records: mark, boot, sequence number, length, payload, CRC-32 of all of that. A torn end is cut off when
+    the spool is opened.
+    """
+
+    def __init__(self, folder: Path, *, most_bytes: int = 1 << 28, is_synced: bool = True, boot_from: int = 0) -> None:
+        check_number("most_bytes", most_bytes, at_least=4096)
+        self._folder = folder
+        self._most = int(most_bytes)
+        self._is_synced = is_synced
+        self._dropped = 0
+        self._acknowledged: dict[int, int] = {}
+        self._handle: int | None = None
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            paths = sorted(folder.glob(f"*{_SUFFIX}"))
+            self._files = [found for path in paths if (found := _scanned(path)) is not None]
+            last, self._previous = self._boots_before()
+            self._boot = max(last + 1, int(boot_from))
+            self._write_boot()
+        except OSError as error:
+            raise SpoolError(f"the spool {folder} cannot be used: {error.strerror}: give another folder") from None
+        self._seq = 0
+
+    @property
+    def boot(self) -> int:
+        """Number of this start of the box; counts up."""
+        return self._boot
+
+    @property
+    def previous(self) -> tuple[int, int] | None:
+        """Number and count of frames of the last boot before that made any; None where there is none."""
+        return self._previous
+
+    @property
+    def next_seq(self) -> int:
+        """Sequence number of the next frame."""
+        return self._seq
+
+    @property
+    def dropped(self) -> int:
+        """Frames lost since this start, for want of room or because the disk refused them."""
+        return self._dropped
+
+    @property
+    def n_bytes(self) -> int:
+        """On disk."""
+        return sum(one.size for one in self._files)
+
+    @property
+    def boots(self) -> dict[int, int]:
+        """First sequence number that is still held, or is to come, of every boot."""
+        found = {one.boot: max(one.first, self._acknowledged.get(one.boot, -1) + 1) for one in reversed(self._files)}
+        before = {} if self._previous is None else {self._previous[0]: self._previous[1]}
+        return {**before, self._boot: self._seq, **found}
+
+    def last_frame(self) -> bytes | None:
+        """Return the payload of the newest frame, of this boot or one before; None where the spool is empty."""
+        newest = deque(_records(self._files[-1].path), maxlen=1) if self._files else ()
+        return next((payload for _, _, payload in newest), None)
+
+    def append(self, encoded: Callable[[int, int], bytes]) -> bool:
+        """Keep the next frame.
+
+        Parameters
+        ----------
+        encoded
+            Returns the payload for a boot and a sequence number.
+
+        Returns
+        -------
+        bool
+            Whether it was kept; one that the disk refuses counts as dropped.
+        """
+        payload = encoded(self._boot, self._seq)
+        record = _record(self._boot, self._seq, payload)
+        self._seq += 1
+        while self._files and self.n_bytes + len(record) > self._most:
+            self._drop_oldest()
+        for _ in range(2):
+            try:
+                self._write(record)
+            except OSError:
+                self._close()
+                if not self._files:
+                    break
+                self._drop_oldest()
+            else:
+                return True
+        self._dropped += 1
+        return False
+
+    def acknowledge(self, boot: int, seq: int) -> None:
+        """Forget the frames of a boot up to a sequence number."""
+        self._acknowledged[boot] = max(seq, self._acknowledged.get(boot, -1))
+        # The newest file stays: after a restart it tells where the boot before ended.
+        for one in [file for file in self._files[:-1] if file.boot == boot and file.last <= seq]:
+            self._remove(one)
+
+    def frames(self, *, boot: int = 0, after: int = -1) -> Iterator[tuple[int, int, bytes]]:
+        """Yield boot, sequence number and payload of what is not acknowledged, in order, after a frame."""
+        for one in list(self._files):
+            if (one.boot, one.last) <= (boot, after):
+                continue
+            for found_boot, seq, payload in _records(one.path):
+                if (found_boot, seq) > (boot, after) and seq > self._acknowledged.get(found_boot, -1):
+                    yield found_boot, seq, payload
+
+    def close(self) -> None:
+        """Close the file that is written."""
+        self._close()
+
+    def _write(self, record: bytes) -> None:
+        """Append a record to the newest file, or begin one."""
+        newest = self._files[-1] if self._files else None
+        if self._handle is None or newest is None or newest.size + len(record) > min(self._most // _FILES, _LARGEST):
+            self._close()
+            path = self._folder / f"{self._boot:016x}-{self._seq - 1:016x}{_SUFFIX}"
+            self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+            newest = _File(path, self._boot, self._seq - 1, self._seq - 1, 0)
+            self._files.append(newest)
+        written = 0
+        try:
+            while written < len(record):
+                written += os.write(self._handle, record[written:])
+            if self._is_synced:
+                os.fdatasync(self._handle)
+        except OSError:
+            # A torn record would hide all that follow it in the file.
+            os.ftruncate(self._handle, newest.size)
+            if newest.size == 0:
+                self._remove(newest)
+            raise
+        newest.last = self._seq - 1
+        newest.size += len(record)
+
+    def _drop_oldest(self) -> None:
+        """Remove the oldest file and count what was not acknowledged in it."""
+        oldest = self._files[0]
+        first = max(oldest.first, self._acknowledged.get(oldest.boot, -1) + 1)
+        self._dropped += max(0, oldest.last - first + 1)
+        self._remove(oldest)
+
+    def _remove(self, file: _File) -> None:
+        """Remove a file."""
+        if file is self._files[-1]:
+            self._close()
+        self._files.remove(file)
+        file.path.unlink(missing_ok=True)
+
+    def _close(self) -> None:
+        """Close the newest file."""
+        if self._handle is not None:
+            os.close(self._handle)
+            self._handle = None
+
+    def _boots_before(self) -> tuple[int, tuple[int, int] | None]:
+        """Return the number of the last boot, -1 for none, and the last one that made frames with their count."""
+        known = [(one.boot, one.last + 1) for one in self._files[-1:]]
+        last = max((boot for boot, _ in known), default=-1)
+        with suppress(FileNotFoundError, ValueError):
+            numbers = [int(word) for word in (self._folder / "boot").read_text(encoding="ascii").split()]
+            last = max(last, numbers[0])
+            known += [(numbers[1], numbers[2])] if len(numbers) == 3 else []
+        return last, max(known, default=None)
+
+    def _write_boot(self) -> None:
+        """Remember the number of this boot, and what was before."""
+        part = self._folder / "boot.part"
+        with part.open("w", encoding="ascii") as file:
+            file.write(" ".join(map(str, (self._boot, *(self._previous or ())))))
+            file.flush()
+            os.fsync(file.fileno())
+        part.rename(self._folder / "boot")
+
+
+def _record(boot: int, seq: int, payload: bytes) -> bytes:
+    """Return a record of a file."""
+    body = _HEADER.pack(_MARK, boot, seq, len(payload)) + payload
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+def _records(path: Path) -> Iterator[tuple[int, int, bytes]]:
+    """Yield the sound records of a file, up to the first that is torn."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return
+    place = 0
+    while place + _HEADER.size + 4 <= len(data):
+        mark, boot, seq, length = _HEADER.unpack_from(data, place)
+        end = place + _HEADER.size + length
+        if mark != _MARK or end + 4 > len(data):
+            return
+        if struct.unpack_from("<I", data, end)[0] != zlib.crc32(data[place:end]):
+            return
+        yield boot, seq, data[place + _HEADER.size : end]
+        place = end + 4
+
+
+def _scanned(path: Path) -> _File | None:
+    """Return what a file holds; one without a sound record is removed."""
+    found = [(boot, seq, len(payload)) for boot, seq, payload in _records(path)]
+    if not found:
+        path.unlink(missing_ok=True)
+        return None
+    size = sum(_HEADER.size + 4 + length for _, _, length in found)
+    os.truncate(path, size)
+    return _File(path, found[0][0], found[0][1], found[-1][1], size)

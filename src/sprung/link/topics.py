@@ -1,0 +1,28 @@
+"""Topics of the link: sprung/v1/{vehicle}/{what}."""
+
+from sprung.errors import FormatError
+from sprung.link.frame import VEHICLE
+
+ROOT = "sprung/v1"
+#: What a vehicle sends, and what is sent to it.
+UPWARDS = ("raw", "corr", "modes", "event", "health", "meta", "state")
+DOWNWARDS = ("ack", "cmd")
+
+
+def topic(vehicle: str, what: str) -> str:
+    """Return the topic of a vehicle's messages."""
+    return f"{ROOT}/{vehicle}/{what}"
+
+
+def parse_topic(name: str) -> tuple[str, str]:
+    """Return vehicle and kind of message of a topic.
+
+    Raises
+    ------
+    FormatError
+        Where it is none of this version.
+    """
+    parts = name.split("/")
+    if len(parts) != 4 or "/".join(parts[:2]) != ROOT or not VEHICLE.fullmatch(parts[2]):
+        raise FormatError(f"{name[:120]!r} is no topic of this version: {ROOT}/VEHICLE/WHAT is")
+    return parts[2], parts[3]

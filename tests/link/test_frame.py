@@ -1,0 +1,172 @@
+"""Frames: what goes in comes out, and nothing that is no frame does any harm."""
+
+import zlib
+
+import cbor2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sprung.errors import FormatError, ParameterError
+from sprung.link import CLIPPED, MISSING, PACKED, RAW, Frame, decode, encode, quantised
+
+
+def frame(samples=None, *, width=2, **fields):
+    samples = np.random.default_rng(1).normal(size=(3, 200)) if samples is None else samples
+    counts, scale, flags = quantised(np.asarray(samples, dtype=float), width=width)
+    given_ = {"vehicle": "bus-17", "boot": 3, "seq": 5, "start": 1_700_000_000_000_000_000, "interval": 5_000_000}
+    names = tuple(f"acc_{k}" for k in range(len(counts)))
+    return Frame(**{**given_, **fields}, channels=names, scale=scale, counts=counts, flags=flags, width=width)
+
+
+@pytest.mark.parametrize("codec", [RAW, PACKED])
+@pytest.mark.parametrize("width", [2, 3, 4])
+@settings(max_examples=40, deadline=None)
+@given(data=st.data())
+def test_write_then_read(width, codec, data):
+    shape = data.draw(st.tuples(st.integers(1, 4), st.integers(1, 30)))
+    top = 2 ** (8 * width - 1) - 1
+    counts = data.draw(st.lists(st.integers(-top - 1, top), min_size=shape[0] * shape[1], max_size=shape[0] * shape[1]))
+    one = frame()
+    sent = Frame(
+        "car.1", 1, 2, 3, 4, tuple("abcd"[: shape[0]]), one.scale[:1].repeat(shape[0]), np.reshape(counts, shape), width
+    )
+    again = decode(encode(sent, codec=codec))
+    assert np.array_equal(again.counts, sent.counts)
+    assert again.width == width
+    assert (again.vehicle, again.boot, again.seq, again.start, again.interval) == ("car.1", 1, 2, 3, 4)
+    assert np.array_equal(again.samples, sent.samples, equal_nan=True)
+
+
+def test_layout_is_the_documented_one():
+    """Against a map put together by hand, as another program would."""
+    counts = np.array([[1, -2, 3], [-32768, 5, -6]])
+    body = cbor2.dumps(
+        {0: 1, 1: "v", 2: 7, 3: 9, 4: 11, 5: 13, 6: 1, 7: 3, 8: ["a", "b"], 9: [0.5, 2.0], 10: [0, 4]}
+        | {11: counts.astype("<i2").tobytes(), 12: 0, 13: 17, 14: "c", 99: "unknown"}
+    )
+    found = decode(body + zlib.crc32(body).to_bytes(4, "little"))
+    assert np.array_equal(found.samples, [[0.5, -1.0, 1.5], [np.nan, 10.0, -12.0]], equal_nan=True)
+    assert (found.boot, found.seq, found.monotonic, found.configuration) == (7, 9, 17, "c")
+    thrice = np.array([[-2, 70000]]).astype("<i4").view(np.uint8).reshape(1, 2, 4)[..., :3].tobytes()
+    body = cbor2.dumps({0: 1, 1: "v", 2: 0, 3: 0, 4: 0, 5: 1, 6: 0, 7: 2, 8: ["a"], 9: [1], 11: thrice, 12: 0})
+    assert decode(body + zlib.crc32(body).to_bytes(4, "little")).counts.tolist() == [[-2, 70000]]
+
+
+@pytest.mark.parametrize(("width", "digits"), [(2, 4), (3, 6), (4, 9)])
+def test_quantisation_keeps_its_digits(width, digits):
+    samples = np.random.default_rng(2).normal(size=(2, 500))
+    samples[0, 3] = np.nan
+    again = decode(encode(frame(samples, width=width))).samples
+    assert np.nanmax(np.abs(again - samples)) < 10.0**-digits
+    assert np.array_equal(np.isnan(again), np.isnan(samples))
+    assert frame(samples).flags.tolist() == [MISSING, 0]
+
+
+def test_what_is_beyond_the_range_is_flagged():
+    counts, _, flags = quantised(np.array([[1.0, 5.0], [1.0, 0.0]]), scale=np.array([1e-4, 1e-4]))
+    assert counts.tolist() == [[10000, 32767], [10000, 0]]
+    assert flags.tolist() == [CLIPPED, 0]
+
+
+def test_packed_is_small():
+    """Slow motion of a body at 200 Hz: less than 2 bytes a sample."""
+    time = np.arange(2000) / 200
+    samples = np.sin(2 * np.pi * 1.5 * time)[None] + 0.003 * np.random.default_rng(3).normal(size=(4, 2000))
+    assert len(encode(frame(samples))) < 1.75 * samples.size
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({0: 2}, "version 2"),
+        ({7: 0}, "that is none, or too many"),
+        ({7: 10**9}, "that is none, or too many"),
+        ({11: b"123"}, "3 bytes for 600 samples"),
+        ({11: "text"}, "no bytes"),
+        ({12: 9}, "codec 9"),
+        ({1: "../etc"}, "no name for one"),
+        ({2: -1}, "boot=-1"),
+        ({9: [float("nan")] * 3}, "scale"),
+        ({8: ["a", 5, "c"]}, "short text"),
+        ({3: 2**70}, "an integer"),
+    ],
+)
+def test_frames_that_contradict_themselves_are_refused(change, words):
+    document = cbor2.loads(encode(frame(), codec=RAW)[:-4]) | change
+    body = cbor2.dumps(document)
+    with pytest.raises(FormatError, match=words):
+        decode(body + zlib.crc32(body).to_bytes(4, "little"))
+
+
+def test_a_bomb_is_not_unpacked():
+    document = cbor2.loads(encode(frame())[:-4]) | {11: zlib.compress(bytes(10**8))}
+    body = cbor2.dumps(document)
+    with pytest.raises(FormatError, match="bytes for 600 samples"):
+        decode(body + zlib.crc32(body).to_bytes(4, "little"))
+
+
+def mutated(payload, generator, *, is_sealed):
+    """A frame with bytes changed, cut, doubled or put in; sealed again where asked."""
+    octets = bytearray(payload[:-4] if is_sealed else payload)
+    for _ in range(generator.integers(1, 5)):
+        place = int(generator.integers(0, len(octets)))
+        kind = generator.integers(0, 4)
+        if kind == 0:
+            octets[place] = int(generator.integers(0, 256))
+        elif kind == 1:
+            del octets[place : place + int(generator.integers(1, 20))]
+        elif kind == 2:
+            octets[place:place] = octets[place : place + int(generator.integers(1, 20))]
+        else:
+            octets[place:place] = generator.bytes(int(generator.integers(1, 9)))
+        octets = octets or bytearray(1)
+    body = bytes(octets)
+    return body + zlib.crc32(body).to_bytes(4, "little") if is_sealed else body
+
+
+def fuzz(count, *, seed):
+    """Return how many of mutated frames were refused, how many read."""
+    generator = np.random.default_rng(seed)
+    originals = [
+        encode(frame(np.random.default_rng(k).normal(size=(2, 8)), width=2 + k % 3), codec=k % 2) for k in range(6)
+    ]
+    refused = read = 0
+    for number in range(count):
+        payload = mutated(originals[number % 6], generator, is_sealed=number % 4 != 0)
+        try:
+            found = decode(payload)
+        except FormatError:
+            refused += 1
+        else:
+            read += 1
+            assert found.counts.shape == (len(found.channels), found.n_samples)
+    return refused, read
+
+
+def test_mutated_frames_are_refused_or_read():
+    refused, read = fuzz(20_000, seed=1)
+    assert refused > 10_000
+    assert read > 100
+
+
+@pytest.mark.slow
+def test_a_million_mutated_frames():
+    refused, read = fuzz(1_000_000, seed=2)
+    assert refused + read == 1_000_000
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=200))
+def test_any_bytes_are_refused(payload):
+    with pytest.raises(FormatError):
+        decode(payload)
+    with pytest.raises(FormatError):
+        decode(payload + zlib.crc32(payload).to_bytes(4, "little"))
+
+
+def test_names_of_vehicles():
+    for name in ("", ".", "..", "a/b", "a b", "x" * 65, "#", "+"):
+        with pytest.raises(ParameterError, match="no name for one"):
+            frame(vehicle=name)
