@@ -19,13 +19,18 @@ FLOORS = (
     ("planning", "likelihood"),
     ("identification",),
     ("diagnosis",),
-    ("plotting",),
-    ("reproduce",),
+    ("plotting", "storage", "link", "alerting"),
+    ("reproduce", "monitor"),
+    ("box",),
     ("cli",),
 )
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}
 #: Libraries that only one floor may use.
-ONLY_IN = {"matplotlib": {"plotting"}, "typer": {"cli"}, "rich": {"cli"}, "click": {"cli"}}
+ONLY_IN = {
+    **{"matplotlib": {"plotting"}, "typer": {"cli"}, "rich": {"cli"}, "click": {"cli"}},
+    **dict.fromkeys(("sqlalchemy", "alembic", "psycopg", "sqlite3"), {"storage"}),
+    **{"paho": {"link"}, "can": {"box"}, "cantools": {"box"}},
+}
 
 
 def modules():

@@ -10,7 +10,7 @@ import typer
 from typer.main import get_command
 
 from sprung import __version__
-from sprung.cli import baseline, corners, diagnose, identify, info, reproduce, simulate
+from sprung.cli import baseline, box, corners, diagnose, identify, info, monitor, replay, reproduce, simulate
 from sprung.cli.failures import explained
 
 
@@ -58,6 +58,9 @@ def _application() -> typer.Typer:
         diagnose.diagnose,
         simulate.simulate,
         reproduce.reproduce,
+        monitor.monitor,
+        box.box,
+        replay.replay,
     )
     for command in commands:
         application.command()(command)

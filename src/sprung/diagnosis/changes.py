@@ -114,6 +114,7 @@ def detect(
     *,
     false_alarms: float = 1e-3,
     windows_per_day: float = 48.0,
+    known: Sequence[float] = (),
 ) -> Detection | None:
     """Test a sequence of windows against a baseline.
 
@@ -127,6 +128,8 @@ def detect(
         Rate of false alarms per vehicle and day of a healthy vehicle.
     windows_per_day
         Windows in a day of driving.
+    known
+        Evidence after the first windows, from an earlier call with them: not computed again.
 
     Returns
     -------
@@ -157,7 +160,8 @@ def detect(
     start = _baseline_information(baseline)
     evidence = np.empty(len(telling))
     last: list[list[tuple[float, float, float]]] = []
-    for end in range(1, len(telling) + 1):
+    evidence[: len(known)] = known[: len(telling)]
+    for end in range(min(len(known) + 1, len(telling)), len(telling) + 1):
         table = _evidence(residuals[:end], informations[:end], start, hypotheses, baseline.components)
         evidence[end - 1] = logsumexp(
             [[one[0] + share for one, share in zip(row, shares, strict=True)] for row in table]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ _CLOSE = 3.0
 _TRUSTED = 0.15
 #: Change at which a part is due [ln values], for forecasts.
 _LIMIT = 0.3
+#: Times beyond this count from 1970 [s].
+_DATED = 1e8
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +97,7 @@ class Finding:
         text = f"{what} {100 * abs(self.change):.0f} % ({low:.0f} to {high:.0f} %) {word}"
         if self.runner_up:
             text += f" (or {self.runner_up})"
-        return f"{text}, since {self.since / 60:.0f} min; {self.advice}"
+        return f"{text}, since {_when(self.since)}; {self.advice}"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -165,6 +168,7 @@ def diagnose(
     vehicle: str = "",
     false_alarms: float = 1e-3,
     windows_per_day: float = 48.0,
+    known: Sequence[float] = (),
 ) -> Diagnosis:
     """Diagnose a vehicle.
 
@@ -180,6 +184,8 @@ def diagnose(
         Rate of false alarms per vehicle and day.
     windows_per_day
         Windows in a day of driving.
+    known
+        Evidence after the first windows that could tell, from an earlier diagnosis: not computed again.
     """
     every = tuple(observations)
     telling = [one for one in every if one.can_tell]
@@ -204,7 +210,7 @@ def diagnose(
                 )
             sound = trusted
         notes += _unmet(normal, sound)
-        detection = detect(normal, sound, false_alarms=false_alarms, windows_per_day=windows_per_day)
+        detection = detect(normal, sound, false_alarms=false_alarms, windows_per_day=windows_per_day, known=known)
     findings = () if detection is None or not detection.is_alarm else (_finding(detection, telling, normal),)
     return Diagnosis(findings, tuple(faults.values()), detection, every, tuple(notes))
 
@@ -268,6 +274,13 @@ def trend(
             fast, slow = max(map(abs, interval)), min(map(abs, interval))
             limit = (left / fast, left / slow)
     return Trend(slope, interval, limit)
+
+
+def _when(time: float) -> str:
+    """Return a time in words: minutes since the first window, or a date where it counts from 1970."""
+    if time < _DATED:
+        return f"{time / 60:.0f} min"
+    return f"{datetime.fromtimestamp(time, tz=UTC):%Y-%m-%d %H:%M} UTC"
 
 
 def _words(candidate: Candidate) -> str:

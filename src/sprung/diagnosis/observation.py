@@ -46,7 +46,7 @@ class Observation:
     covariance
         Of these.
     conditions
-        As far as known. Of every window: "speed" [m/s] and "temperature" [K] (means), "standing" (share of time),
+        As far as known. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of time),
         "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of windows that can tell: "level" of the road
         [m^3], "payload" [kg], "imperfection", "segments".
     modes

@@ -16,7 +16,14 @@ from sprung.vehicles.description import (
     corner_names,
 )
 from sprung.vehicles.faults import Fault, parse_fault, with_faults
-from sprung.vehicles.files import VEHICLES, parse_vehicle, read_vehicle, write_vehicle
+from sprung.vehicles.files import (
+    VEHICLES,
+    parse_vehicle,
+    read_vehicle,
+    vehicle_from_text,
+    vehicle_text,
+    write_vehicle,
+)
 from sprung.vehicles.models import chain, structure, wheel_hop_frequencies
 from sprung.vehicles.modes import ExactModes, modes, participation
 from sprung.vehicles.response import Sensitivities, frequency_response, sensitivities
@@ -69,6 +76,8 @@ __all__ = [
     "state_space",
     "stationary_covariance",
     "structure",
+    "vehicle_from_text",
+    "vehicle_text",
     "wheel_hop_frequencies",
     "with_faults",
     "write_vehicle",

@@ -100,8 +100,29 @@ def parse_vehicle(fields: Mapping[str, Any]) -> Vehicle | Quarter | Chain:
 
 def write_vehicle(vehicle: Vehicle | Quarter | Chain, path: str | Path) -> None:
     """Write a vehicle file; reading it gives an equal vehicle."""
+    Path(path).write_text(vehicle_text(vehicle), encoding="utf-8")
+
+
+def vehicle_text(vehicle: Vehicle | Quarter | Chain) -> str:
+    """Return the text of a vehicle file."""
     fields = vehicle.model_dump(mode="json", exclude_defaults=True)
-    Path(path).write_text(_toml({"schema": vehicle.schema_name, **fields}), encoding="utf-8")
+    return _toml({"schema": vehicle.schema_name, **fields})
+
+
+def vehicle_from_text(text: str, *, source: str) -> Vehicle:
+    """Return the vehicle on axles that the text of a file describes; `source` names it in messages.
+
+    Raises
+    ------
+    FormatError
+        Where it is no vehicle file.
+    ParameterError
+        Where it describes something that is not on axles.
+    """
+    vehicle = _read(source, text.encode("utf-8"))
+    if not isinstance(vehicle, Vehicle):
+        raise ParameterError(f"{source} is a {vehicle.kind}: corners need a body on axles")
+    return vehicle
 
 
 def _shipped(name: str) -> bytes:

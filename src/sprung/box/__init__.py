@@ -1,0 +1,26 @@
+"""The box on the vehicle: sources of samples, spool, frames."""
+
+from sprung.box.box import Box, BoxSettings
+from sprung.box.can import can_bus, can_database, from_can
+from sprung.box.folder import from_folder
+from sprung.box.mqtt_source import from_mqtt
+from sprung.box.resampling import Regular
+from sprung.box.sources import after, blocks_of, from_files, from_simulator, paced
+from sprung.box.standard_input import from_lines
+
+__all__ = [
+    "Box",
+    "BoxSettings",
+    "Regular",
+    "after",
+    "blocks_of",
+    "can_bus",
+    "can_database",
+    "from_can",
+    "from_files",
+    "from_folder",
+    "from_lines",
+    "from_mqtt",
+    "from_simulator",
+    "paced",
+]

@@ -1,0 +1,253 @@
+"""The box on the vehicle: from a source of samples to frames that the monitor has acknowledged."""
+
+import hashlib
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sprung import __version__
+from sprung.errors import FormatError
+from sprung.link import (
+    Address,
+    Frame,
+    Link,
+    Sending,
+    Spool,
+    check_vehicle,
+    checked_map,
+    encode,
+    message,
+    quantised,
+    topic,
+)
+from sprung.recording import Recording
+
+#: Seconds between two reports of the box' state, and between two looks at the link.
+_REPORT, _LOOK = 5.0, 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class BoxSettings:
+    """How a box works.
+
+    Parameters
+    ----------
+    vehicle
+        Its name.
+    description
+        Its vehicle file.
+    width
+        Bytes of a count: 2, 3 or 4.
+    patience
+        Time without progress after which everything is sent again [s].
+    """
+
+    vehicle: str
+    description: str
+    width: int = 2
+    patience: float = 10.0
+
+    def __post_init__(self) -> None:
+        check_vehicle(self.vehicle)
+
+    @property
+    def configuration(self) -> str:
+        """Of the vehicle file: the first figures of its SHA-256."""
+        return hashlib.sha256(self.description.encode()).hexdigest()[:16]
+
+
+class Box:
+    """Takes blocks of samples and sees to it that the monitor gets them.
+
+    `take` and `look` may be called from different threads.
+
+    Parameters
+    ----------
+    settings
+        Vehicle and wire.
+    spool
+        Where frames wait.
+    address
+        Of the broker.
+    quantities
+        Returns those of the channels of a block, which it announces.
+    clock, sleep
+        In s; any clock that only goes forward.
+    """
+
+    def __init__(
+        self,
+        settings: BoxSettings,
+        spool: Spool,
+        address: Address,
+        *,
+        quantities: Callable[[Recording], Mapping[str, str]],
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._settings, self._spool = settings, spool
+        self._sending = Sending(spool, patience=settings.patience)
+        self._quantities, self._clock, self._sleep = quantities, clock, sleep
+        self._inbox: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
+        self._announced: dict[str, str] = {}
+        self._reported = -1e9
+        self._lock = threading.Lock()
+        self._link = Link(
+            address,
+            f"sprung-box-{settings.vehicle}",
+            topics=[topic(settings.vehicle, "ack"), topic(settings.vehicle, "cmd")],
+            on_message=lambda name, payload: self._inbox.put((name, payload)),
+            on_connected=lambda: self._inbox.put(("connected", b"")),
+        )
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the broker has let it in."""
+        return self._link.is_connected
+
+    @property
+    def n_waiting(self) -> int:
+        """Frames that the monitor has not acknowledged."""
+        return sum(1 for _ in self._spool.frames())
+
+    def open(self, *, timeout: float = 0.0) -> None:
+        """Begin to connect, as for `Link.open`."""
+        self._link.open(timeout=timeout)
+
+    def resume_time(self) -> int | None:
+        """Return where the samples of the spool end, UTC ns; None where it is empty."""
+        payload = self._spool.last_frame()
+        if payload is None:
+            return None
+        document = checked_map(payload)
+        return int(document[4] + document[5] * document[7])
+
+    def take(self, block: Recording) -> None:
+        """Keep a block as a frame."""
+        with self._lock:
+            self._take(block)
+
+    def look(self) -> None:
+        """See what came, and send what is due."""
+        with self._lock:
+            self._look()
+
+    def _take(self, block: Recording) -> None:
+        """Keep a block as a frame."""
+        if not self._announced:
+            self._announced = dict(self._quantities(block))
+            self._announce()
+        counts, scale, flags = quantised(block.samples, width=self._settings.width)
+        interval = round(1e9 / block.sampling_rate)
+        start = block.start or 0
+        previous = self._spool.previous
+
+        def encoded(boot: int, seq: int) -> bytes:
+            return encode(
+                Frame(
+                    self._settings.vehicle,
+                    boot,
+                    seq,
+                    start,
+                    interval,
+                    block.names,
+                    scale,
+                    counts,
+                    self._settings.width,
+                    flags,
+                    configuration=self._settings.configuration,
+                    previous=previous,
+                )
+            )
+
+        self._spool.append(encoded)
+
+    def _look(self) -> None:
+        """See what came, and send what is due."""
+        now = self._clock()
+        while True:
+            try:
+                name, payload = self._inbox.get_nowait()
+            except queue.Empty:
+                break
+            if name == "connected":
+                self._sending.start_again(now)
+                self._announce()
+                self._reported = -1e9
+            else:
+                self._told(name, payload, now)
+        if not self._link.is_connected:
+            return
+        if now - self._reported > _REPORT:
+            self._report(now)
+        for _, _, payload in self._sending.due(now):
+            if not self._link.publish(topic(self._settings.vehicle, "raw"), payload):
+                self._sending.start_again(now)
+                break
+
+    def drain(self, *, timeout: float) -> bool:
+        """Send what is left, and return whether all of it was acknowledged within a time [s]."""
+        end = self._clock() + timeout
+        while self._clock() < end:
+            self.look()
+            if next(self._spool.frames(), None) is None:
+                return True
+            self._sleep(_LOOK)
+        return False
+
+    def close(self) -> None:
+        """Say that the vehicle is switched off and disconnect; what is in the spool stays there."""
+        self._report(self._clock(), is_leaving=True)
+        self._link.close()
+        self._spool.close()
+
+    def _told(self, name: str, payload: bytes, now: float) -> None:
+        """Heed an acknowledgement; one that is garbled is passed over, as another will come."""
+        try:
+            document = checked_map(payload)
+            boot, seq = document.get(2), document.get(3)
+        except FormatError:
+            return
+        if name.endswith("/ack") and isinstance(boot, int) and isinstance(seq, int):
+            self._sending.acknowledged(boot, seq, now)
+
+    def _announce(self) -> None:
+        """Say what the vehicle and its channels are; kept by the broker for monitors that come later."""
+        if self._announced:
+            self._publish(
+                "meta",
+                {
+                    14: self._settings.configuration,
+                    "description": self._settings.description,
+                    "quantities": self._announced,
+                    "program": __version__,
+                    "versions": [1],
+                },
+                is_retained=True,
+            )
+
+    def _report(self, now: float, *, is_leaving: bool = False) -> None:
+        """Say what the spool holds and has lost."""
+        self._reported = now
+        boots = self._spool.boots
+        before = dict([self._spool.previous]) if self._spool.previous else {}
+        ends = {**before, self._spool.boot: self._spool.next_seq}
+        self._publish(
+            "state",
+            {
+                2: self._spool.boot,
+                "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())],
+                "dropped": self._spool.dropped,
+                "spooled": self._spool.n_bytes,
+                "time": time.time_ns(),
+                "is_leaving": is_leaving,
+            },
+        )
+
+    def _publish(self, what: str, document: dict[Any, Any], *, is_retained: bool = False) -> None:
+        """Publish a map."""
+        whole = {0: 1, 1: self._settings.vehicle, **document}
+        self._link.publish(topic(self._settings.vehicle, what), message(whole), is_retained=is_retained)

@@ -1,0 +1,185 @@
+"""Blocks of signals on a CAN bus, read with a database that says where they lie in messages."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from sprung._checks import required
+from sprung.box.resampling import Regular
+from sprung.errors import FormatError, ParameterError
+from sprung.recording import Channel, Recording
+from sprung.units import conversion
+
+# Stamps before 2000 [ns] do not count from 1970: they are seconds since the adapter or the log began.
+_YEAR_2000 = 946_684_800_000_000_000
+
+
+def from_can(
+    messages: Iterable[Any],
+    database: Any,
+    *,
+    names: Sequence[str],
+    sampling_rate: float,
+    longest: float = 0.5,
+    start: Callable[[], int] = time.time_ns,
+    on_problem: Callable[[str], None] = lambda _said: None,
+) -> Iterator[Recording]:
+    """Return the blocks of signals on a CAN bus, in SI units where the database states a known unit.
+
+    Parameters
+    ----------
+    messages
+        Of python-can: a `Bus`, or a `LogReader`.
+    database
+        Of cantools: says where signals lie in messages.
+    names
+        Of the signals; MESSAGE.SIGNAL where several messages have one of that name.
+    sampling_rate, longest
+        As for `Regular`.
+    start
+        Returns the time of the first message, UTC ns, where stamps do not count from 1970.
+    on_problem
+        Called with a sentence when a message of an id cannot be decoded for the first time; it is passed over.
+
+    Raises
+    ------
+    ParameterError
+        Where a signal is not in the database, or in several messages.
+    FormatError
+        Where the bus or the log cannot be read any more.
+    """
+    wanted = _wanted(database, names)
+    channels = [signal.channel for name in names for signals in wanted.values() for signal in signals.by_name(name)]
+    regular = Regular(channels, sampling_rate, longest=longest)
+    return _blocks(messages, wanted, regular, start, on_problem)
+
+
+def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
+    """Return a bus of python-can, such as of socketcan and can0; a bit rate [1/s] where the adapter needs one."""
+    can = required("can", purpose="a CAN bus", extra="can")
+    settings = {} if bitrate is None else {"bitrate": bitrate}
+    try:
+        return can.Bus(interface=interface, channel=channel, **settings)
+    except (OSError, can.CanError, ValueError, ImportError) as error:
+        raise ParameterError(
+            f"the CAN bus {interface} {channel} cannot be opened ({_detail(error)}): see whether it is connected and up"
+        ) from None
+
+
+def can_database(path: str | PathLike[str]) -> Any:
+    """Return the database of cantools in a file: DBC, KCD, SYM or ARXML."""
+    cantools = required("cantools", purpose="a CAN database", extra="can")
+    path = Path(path)
+    if not path.is_file():
+        raise FormatError(f"{path}: there is no such file")
+    try:
+        database = cantools.database.load_file(path)
+    except (cantools.Error, OSError, ValueError) as error:
+        raise FormatError(f"{path} is no CAN database that can be read ({_detail(error)}): give a DBC file") from None
+    if not getattr(database, "messages", None):
+        raise FormatError(f"{path} describes no CAN messages: give the database of the bus")
+    return database
+
+
+@dataclass(frozen=True, slots=True)
+class _Signal:
+    """A signal of a message, the name it was asked for, its channel, and its factor to SI."""
+
+    name: str
+    channel: Channel
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """A message of the database and what is wanted of it."""
+
+    message: Any
+    signals: tuple[_Signal, ...]
+
+    def by_name(self, name: str) -> list[_Signal]:
+        """Return the signal that was asked for by a name, if it is in this message."""
+        return [signal for signal in self.signals if signal.channel.name == name]
+
+
+def _wanted(database: Any, names: Sequence[str]) -> dict[tuple[int, bool], _Wanted]:
+    """Return the messages with signals of some names, by id and whether that is an extended one."""
+    found: dict[tuple[int, bool], _Wanted] = {}
+    for name in names:
+        holders = [
+            (message, signal)
+            for message in database.messages
+            for signal in message.signals
+            if name in (signal.name, f"{message.name}.{signal.name}")
+        ]
+        if not holders:
+            known = sorted({signal.name for message in database.messages for signal in message.signals})
+            raise ParameterError(f"the CAN database has no signal {name!r}: it has {', '.join(known)[:200]}")
+        if len(holders) > 1:
+            several = " and ".join(message.name for message, _ in holders[:2])
+            raise ParameterError(f"signal {name!r} is in the CAN messages {several}: write {holders[0][0].name}.{name}")
+        message, signal = holders[0]
+        key = message.frame_id, bool(message.is_extended_frame)
+        before = found[key].signals if key in found else ()
+        found[key] = _Wanted(message, (*before, _signal(name, signal)))
+    return found
+
+
+def _signal(name: str, signal: Any) -> _Signal:
+    """Return a signal of the database as a channel."""
+    try:
+        quantity, factor = conversion(signal.unit or "")
+    except ParameterError:
+        quantity, factor = "unknown", 1.0
+    return _Signal(signal.name, Channel(name, quantity), factor)
+
+
+def _blocks(
+    messages: Iterable[Any],
+    wanted: dict[tuple[int, bool], _Wanted],
+    regular: Regular,
+    start: Callable[[], int],
+    on_problem: Callable[[str], None],
+) -> Iterator[Recording]:
+    """Yield the blocks of messages."""
+    cantools = required("cantools", purpose="a CAN bus", extra="can")
+    broken: set[tuple[int, bool]] = set()
+    offset: int | None = None
+    for message in _received(messages):
+        key = message.arbitration_id, bool(message.is_extended_id)
+        if message.is_error_frame or message.is_remote_frame or key not in wanted:
+            continue
+        one = wanted[key]
+        try:
+            decoded = one.message.decode(bytes(message.data), decode_choices=False)
+        except (cantools.Error, ValueError, KeyError) as error:
+            if key not in broken:
+                broken.add(key)
+                on_problem(
+                    f"CAN message {one.message.name} (id {key[0]:#x}) cannot be decoded ({_detail(error)}): see "
+                    "whether the database is that of this bus"
+                )
+            continue
+        stamp = round(message.timestamp * 1e9)
+        if offset is None:
+            offset = 0 if stamp >= _YEAR_2000 else start() - stamp
+        values = {s.channel.name: float(decoded[s.name]) * s.factor for s in one.signals if s.name in decoded}
+        yield from regular.add(stamp if stamp >= _YEAR_2000 else stamp + offset, values)
+    yield from regular.finish()
+
+
+def _received(messages: Iterable[Any]) -> Iterator[Any]:
+    """Yield messages as long as the bus or the log can be read."""
+    can = required("can", purpose="a CAN bus", extra="can")
+    try:
+        yield from (message for message in messages if message is not None)
+    except (OSError, can.CanError, ValueError) as error:
+        raise FormatError(f"the CAN bus or log cannot be read on ({_detail(error)}): see whether it is up") from None
+
+
+def _detail(error: Exception) -> str:
+    """Return what an error says, in one line."""
+    return " ".join(str(error).split())[:200] or type(error).__name__

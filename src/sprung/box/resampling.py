@@ -1,0 +1,214 @@
+"""From values that come one by one, each with its time, to blocks of a constant rate."""
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._checks import check_number
+from sprung.errors import ParameterError
+from sprung.recording import Channel, Recording
+
+#: Length of a block [s].
+BLOCK = 1.0
+
+# A time that is further than this from the latest one [s] is that of a pause, of a clock that was set, or wrong.
+_STEP = 2.0
+# Such a time is believed when it has gone on for so long [s], or for so many messages, with no other in between.
+_WITNESSED = 1.0
+_MOST_WITNESSES = 10_000
+# Values of channels may come so much later [s] than those of others of the same time.
+_PATIENCE = 1.0
+# Values of a channel that are kept at most: more come in 3 s only from senders gone wild.
+_MOST_VALUES = 20_000
+# No sensor gives numbers beyond this; their squares would overflow.
+_LARGEST = 1e100
+# What lies so close to a sample, in sample intervals, is its value: stamps that are floats are rounded.
+_NEAR = 0.01
+
+
+class Regular:
+    """Makes values that come one by one, each with its time, into blocks of a constant rate.
+
+    Parameters
+    ----------
+    channels
+        Or their names.
+    sampling_rate
+        Of the blocks [Hz], at most 100,000. Nothing is filtered: it must be no less than that of the values.
+    longest
+        Time between two values of a channel [s], at most 2, beyond which those between them are missing. Channels
+        that are slower than 2 Hz need more than the 0.5 it is by default.
+
+    Notes
+    -----
+    The first time is that of the first sample. Samples lie on straight lines between values; before the first value
+    of a channel, after its last one, next to a value that is missing (NaN) and where values are more than `longest`
+    apart they are missing, unless a value is within 1 % of a sample interval.
+
+    A block is complete when 1 s more has come, so values of one time need not come together. The times of a channel
+    must rise: a value that is no later than the one before is left out.
+
+    A time more than 2 s from the latest one, forward or back, is a pause, a clock that was set, or an error. It is
+    believed once such times have gone on for 1 s: then what there was is closed, and blocks begin anew. Until then
+    one time that agrees with the old ones shows that it was an error, and such values are left out. Where senders'
+    clocks contradict each other for good, those who came first are kept.
+
+    Memory is bounded whatever comes.
+
+    Examples
+    --------
+    >>> regular = Regular(["acc_fl"], 4.0)
+    >>> [block] = [block for k in range(9) for block in regular.add(k * 250_000_000, {"acc_fl": k})]
+    >>> block.samples.tolist(), block.start
+    ([[0.0, 1.0, 2.0, 3.0]], 0)
+    >>> [block.samples.tolist() for block in regular.finish()]
+    [[[4.0, 5.0, 6.0, 7.0]], [[8.0]]]
+    """
+
+    def __init__(self, channels: Sequence[Channel | str], sampling_rate: float, *, longest: float = 0.5) -> None:
+        self._channels = tuple(Channel(item) if isinstance(item, str) else item for item in channels)
+        names = [channel.name for channel in self._channels]
+        if not names:
+            raise ParameterError("no channel is named: say which ones blocks are to have")
+        repeated = sorted({name for name in names if names.count(name) > 1})
+        if repeated:
+            raise ParameterError(f"channel {repeated[0]!r} is named more than once: name it once")
+        self._sampling_rate = check_number("sampling_rate", sampling_rate, above=0, at_most=1e5)
+        self._longest = round(check_number("longest", longest, above=0, at_most=_STEP) * 1e9)
+        self._hold = max(round(_PATIENCE * 1e9), self._longest)
+        self._step = max(1, round(BLOCK * sampling_rate))
+        self._points: dict[str, deque[tuple[int, float]]] = {name: deque() for name in names}
+        self._waiting: list[tuple[int, dict[str, float]]] = []
+        self._origin = 0
+        self._n_done = 0
+        self._latest: int | None = None
+        self._n_left_out = 0
+
+    @property
+    def n_left_out(self) -> int:
+        """Messages and values that were left out because their time was of no use."""
+        return self._n_left_out
+
+    def add(self, when: int, values: Mapping[str, float]) -> list[Recording]:
+        """Take in values at a time (UTC ns), and return the blocks that are complete with them.
+
+        Values of other channels than those named are passed over.
+        """
+        known = {name: float(value) for name, value in values.items() if name in self._points}
+        if not known:
+            return []
+        if not 0 <= when < 1 << 62:
+            self._n_left_out += 1
+            return []
+        if self._agrees(when):
+            self._doubt()
+            self._take(when, known)
+            return self._complete()
+        if self._waiting and abs(when - self._waiting[-1][0]) > _STEP * 1e9:
+            self._doubt()
+        self._waiting.append((when, known))
+        if when - self._waiting[0][0] < _WITNESSED * 1e9 and len(self._waiting) < _MOST_WITNESSES:
+            return []
+        return self._begin_anew()
+
+    def finish(self) -> list[Recording]:
+        """Return what there is up to the latest value; what is added then begins anew."""
+        self._doubt()
+        blocks = self._rest()
+        self._forget()
+        return blocks
+
+    def _agrees(self, when: int) -> bool:
+        """Tell whether a time goes on from the latest one, not from those that wait to be believed."""
+        if self._latest is None:
+            return True
+        off = abs(when - self._latest)
+        return off <= _STEP * 1e9 and not (self._waiting and abs(when - self._waiting[-1][0]) < off)
+
+    def _doubt(self) -> None:
+        """Leave out what came with times that nothing has borne out."""
+        self._n_left_out += len(self._waiting)
+        self._waiting = []
+
+    def _begin_anew(self) -> list[Recording]:
+        """Close what there is, and go on with what came with another time."""
+        blocks = self._rest()
+        self._forget()
+        waiting, self._waiting = self._waiting, []
+        for when, values in waiting:
+            self._take(when, values)
+            blocks += self._complete()
+        return blocks
+
+    def _forget(self) -> None:
+        """Begin with the next value."""
+        for points in self._points.values():
+            points.clear()
+        self._latest = None
+
+    def _take(self, when: int, values: Mapping[str, float]) -> None:
+        """Keep values."""
+        if self._latest is None:
+            self._origin, self._n_done, self._latest = when, 0, when
+        self._latest = max(self._latest, when)
+        for name, value in values.items():
+            points = self._points[name]
+            if (points and when <= points[-1][0]) or len(points) >= _MOST_VALUES:
+                self._n_left_out += 1
+            else:
+                points.append((when, value if abs(value) <= _LARGEST else np.nan))
+
+    def _complete(self) -> list[Recording]:
+        """Return the blocks for which all has come."""
+        blocks = []
+        while self._latest is not None and self._time(self._step - 1) + self._hold <= self._latest:
+            blocks.append(self._block(self._step))
+        return [block for block in blocks if block is not None]
+
+    def _rest(self) -> list[Recording]:
+        """Return the blocks up to the latest value."""
+        blocks = []
+        while (n_left := self._n_left()) > 0:
+            blocks.append(self._block(min(self._step, n_left)))
+        return [block for block in blocks if block is not None]
+
+    def _n_left(self) -> int:
+        """Return how many samples there are up to the latest value."""
+        if self._latest is None:
+            return 0
+        return math.floor((self._latest - self._time(0)) * self._sampling_rate / 1e9 + _NEAR) + 1
+
+    def _time(self, index: int) -> int:
+        """Return the time of a sample of the next block, UTC ns."""
+        return self._origin + round((self._n_done + index) * 1e9 / self._sampling_rate)
+
+    def _block(self, n_samples: int) -> Recording | None:
+        """Return the next block, None where it holds nothing, and let go of what is before its end."""
+        begin = self._time(0)
+        times = np.array([self._time(index) - begin for index in range(n_samples)], dtype=np.int64)
+        samples = np.array([self._at(name, begin, times) for name in self._points])
+        self._n_done += n_samples
+        for points in self._points.values():
+            while len(points) > 1 and points[1][0] <= self._time(0):
+                points.popleft()
+        return None if np.isnan(samples).all() else Recording(samples, self._sampling_rate, self._channels, begin)
+
+    def _at(self, name: str, begin: int, times: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return a channel at times after `begin` [ns], shape (samples,)."""
+        points = self._points[name]
+        if not points:
+            return np.full(times.size, np.nan)
+        known = np.array([when - begin for when, _ in points], dtype=np.int64)
+        values = np.array([value for _, value in points])
+        following = np.minimum(np.searchsorted(known, times), known.size - 1)
+        before = np.maximum(following - 1, 0)
+        width = np.maximum(known[following] - known[before], 1)
+        is_between = (known[before] < times) & (times < known[following]) & (width <= self._longest)
+        share = (times - known[before]) / width
+        lines = np.where(is_between, (1 - share) * values[before] + share * values[following], np.nan)
+        nearest = np.where(times - known[before] < known[following] - times, before, following)
+        is_near = np.abs(known[nearest] - times) * self._sampling_rate <= _NEAR * 1e9
+        return np.where(np.isnan(lines) & is_near, values[nearest], lines)

@@ -1,0 +1,160 @@
+"""Where the samples of a box come from: files, a simulator; where a box goes on, and how fast.
+
+A source is an iterator of blocks: short recordings without gaps, one after the other, each with the time of its first
+sample.
+"""
+
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import replace
+from os import PathLike
+
+import numpy as np
+
+from sprung._checks import check_number
+from sprung.box.resampling import BLOCK
+from sprung.formats import read_blocks
+from sprung.recording import Recording
+from sprung.simulation import DriveSettings, simulate_drive
+from sprung.vehicles import Vehicle
+
+
+def blocks_of(recording: Recording, *, length: float = BLOCK) -> Iterator[Recording]:
+    """Yield a recording in blocks of about `length` [s]; none reaches over a gap.
+
+    The last block before a gap or the end has half to one and a half of it, or all that there is.
+    """
+    step = max(1, round(check_number("length", length, above=0) * recording.sampling_rate))
+    for stretch in recording.stretches():
+        n_samples = stretch.stop - stretch.start
+        edges = [stretch.start + k * step for k in range(max(1, (n_samples + step // 2) // step))]
+        for first, last in zip(edges, [*edges[1:], stretch.stop], strict=True):
+            if last > first:
+                yield replace(recording.part(first, last), gaps=(), history=())
+
+
+def from_files(
+    paths: Iterable[str | PathLike[str]],
+    *,
+    start: int,
+    sampling_rate: float | None = None,
+    channels: Sequence[str] | None = None,
+) -> Iterator[Recording]:
+    """Yield the blocks of files; put one after the other they are what `sprung.formats.read` returns.
+
+    Parameters
+    ----------
+    paths
+        In the order of time.
+    start
+        Of the first file that has no time of its own, UTC ns; others without time follow on.
+    sampling_rate, channels
+        As for `sprung.formats.read`.
+
+    Raises
+    ------
+    SprungError
+        As `sprung.formats.read`, before the first block of the file.
+    """
+    for path in paths:
+        start = yield from blocks_of_file(path, start=start, sampling_rate=sampling_rate, channels=channels)
+
+
+def blocks_of_file(
+    path: str | PathLike[str], *, start: int, sampling_rate: float | None, channels: Sequence[str] | None
+) -> Generator[Recording, None, int]:
+    """Yield the blocks of a file, as `from_files`, and return where the next one without time begins, UTC ns."""
+    elapsed = 0.0
+    held: Recording | None = None
+    for part in read_blocks(path, sampling_rate=sampling_rate, channels=channels):
+        begin = part.start
+        if begin is None:
+            begin = start + round(elapsed * 1e9)
+            elapsed += part.duration + sum(gap.duration for gap in part.gaps)
+        timed = replace(part, start=begin)
+        # What is read piece by piece has no gap between pieces: the last block of one may go on in the next.
+        blocks = list(blocks_of(timed if held is None else _joined(held, timed)))
+        yield from blocks[:-1]
+        held = blocks[-1] if blocks else None
+    if held is not None:
+        yield held
+    return start + round(elapsed * 1e9)
+
+
+def from_simulator(
+    vehicle: Vehicle, settings: Callable[[int], DriveSettings], *, start: int, seed: int = 0
+) -> Iterator[Recording]:
+    """Yield the blocks of an endless simulated drive.
+
+    Parameters
+    ----------
+    vehicle
+        As it is.
+    settings
+        Returns those of the piece of a number, from 0.
+    start
+        UTC ns.
+    seed
+        Of the drive.
+    """
+    number = 0
+    while True:
+        run = simulate_drive(vehicle, settings(number), seed=[seed, number]).recording
+        yield from blocks_of(replace(run, start=start))
+        start += round(run.duration * 1e9)
+        number += 1
+
+
+def after(blocks: Iterable[Recording], when: int | None) -> Iterator[Recording]:
+    """Yield what comes after a time (UTC ns): where a box that was stopped goes on; None: everything.
+
+    Once the time has been reached everything is yielded, even if the clock of the source then goes back.
+    """
+    for block in blocks:
+        first = 0
+        if when is not None and block.start is not None:
+            first = max(0, round((when - block.start) * block.sampling_rate / 1e9))
+        if first < block.n_samples:
+            when = None
+            yield block.part(first, block.n_samples) if first else block
+
+
+def paced(
+    blocks: Iterable[Recording],
+    pace: float | None,
+    *,
+    clock: Callable[[], float],
+    sleep: Callable[[float], None],
+) -> Iterator[Recording]:
+    """Return blocks that come as fast as they were recorded, times `pace`; None: at once.
+
+    Parameters
+    ----------
+    blocks
+        Any. Time between them in which nothing was recorded is not waited for.
+    pace
+        Above 0; 1 is as recorded.
+    clock, sleep
+        In s; any clock that only goes forward.
+    """
+    if pace is None:
+        return iter(blocks)
+    return _paced(blocks, check_number("pace", pace, above=0), clock, sleep)
+
+
+def _paced(
+    blocks: Iterable[Recording], pace: float, clock: Callable[[], float], sleep: Callable[[float], None]
+) -> Iterator[Recording]:
+    """Yield each block when it would have been complete."""
+    begin, driven = clock(), 0.0
+    for block in blocks:
+        driven += block.duration
+        wait = begin + driven / pace - clock()
+        if wait > 0:
+            sleep(wait)
+        yield block
+
+
+def _joined(one: Recording, other: Recording) -> Recording:
+    """Return two recordings, of which the second begins where the first ends, as one."""
+    gaps = tuple(replace(gap, index=gap.index + one.n_samples) for gap in other.gaps)
+    return replace(one, samples=np.concatenate([one.samples, other.samples], axis=1), gaps=gaps)

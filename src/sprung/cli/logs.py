@@ -1,0 +1,47 @@
+"""Logs of programs that run on: text for people, JSON lines for machines."""
+
+import json
+import logging
+from datetime import UTC, datetime
+
+_USUAL = set(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "taskName"}
+
+
+def log_to(form: str) -> None:
+    """Log to standard error: "text", or "json" with one object a line."""
+    from sprung._checks import check_one_of
+
+    check_one_of("--log", form, ("text", "json"))
+    handler = logging.StreamHandler()
+    handler.setFormatter(JsonLines() if form == "json" else Text())
+    root = logging.getLogger("sprung")
+    root.handlers, root.propagate = [handler], False
+    root.setLevel(logging.INFO)
+
+
+def extras(record: logging.LogRecord) -> dict[str, object]:
+    """Return what a record says beside its message."""
+    return {name: value for name, value in record.__dict__.items() if name not in _USUAL}
+
+
+class Text(logging.Formatter):
+    """Time, level, message, and what is beside it."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return a line."""
+        more = "".join(f" {name}={value}" for name, value in extras(record).items())
+        return f"{_time(record)} {record.levelname.lower():7} {record.getMessage()}{more}"
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object a line."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return a line."""
+        said = {"time": _time(record), "level": record.levelname.lower(), "message": record.getMessage()}
+        return json.dumps({**said, **extras(record)}, default=str)
+
+
+def _time(record: logging.LogRecord) -> str:
+    """Return the time of a record, ISO 8601."""
+    return datetime.fromtimestamp(record.created, tz=UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,0 +1,42 @@
+"""The online monitor: vehicles in, modes, diagnoses and alerts out, for months."""
+
+from sprung.monitor.alarms import MONITOR, Alarms, Postman, alert_of, row_of
+from sprung.monitor.blocks import Block, FrameBlock, frame_block, joined, quantities_of
+from sprung.monitor.broker import EmbeddedBroker
+from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
+from sprung.monitor.intake import Intake
+from sprung.monitor.serving import FIGURES, Serving, exposition
+from sprung.monitor.site import Site, read_site
+from sprung.monitor.station import Station
+from sprung.monitor.streams import Stream
+from sprung.monitor.workers import Opening, Outcome, Workers
+
+__all__ = [
+    "FIGURES",
+    "MONITOR",
+    "Alarms",
+    "Block",
+    "EmbeddedBroker",
+    "Event",
+    "FrameBlock",
+    "Identified",
+    "Intake",
+    "MonitorSettings",
+    "Observed",
+    "Opening",
+    "Outcome",
+    "Postman",
+    "Serving",
+    "Site",
+    "Station",
+    "Stream",
+    "VehicleMonitor",
+    "Workers",
+    "alert_of",
+    "exposition",
+    "frame_block",
+    "joined",
+    "quantities_of",
+    "read_site",
+    "row_of",
+]

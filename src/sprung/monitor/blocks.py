@@ -1,0 +1,120 @@
+"""Blocks of samples, as a monitor takes them in: recordings, or frames of the link."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung.link import Frame
+from sprung.recording import Channel, Gap, Recording
+from sprung.vehicles import Vehicle
+
+#: Time between blocks that is no gap, in samples; clocks of loggers jitter.
+_TOLERANCE = 2.5
+
+
+class Block(Protocol):
+    """Some samples; a `Recording` is one."""
+
+    @property
+    def samples(self) -> NDArray[np.float64]:
+        """SI, shape (channels, samples)."""
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """One for each row."""
+
+    @property
+    def sampling_rate(self) -> float:
+        """In Hz."""
+
+    @property
+    def n_samples(self) -> int:
+        """Of each channel."""
+
+    @property
+    def start(self) -> int | None:
+        """Time of the first sample, UTC ns; None where unknown."""
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """Holes in time among the samples."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FrameBlock:
+    """A frame as a block: its integers are kept, which takes a quarter of the room of samples.
+
+    Parameters
+    ----------
+    frame
+        Of any vehicle.
+    channels
+        With the quantities that the box announced.
+    """
+
+    frame: Frame
+    channels: tuple[Channel, ...]
+
+    @property
+    def start(self) -> int:
+        """Time of the first sample, UTC ns; a step of the box' clock is a gap."""
+        return self.frame.start
+
+    @property
+    def samples(self) -> NDArray[np.float64]:
+        """SI, NaN where missing."""
+        return self.frame.samples
+
+    @property
+    def sampling_rate(self) -> float:
+        """In Hz."""
+        return 1e9 / self.frame.interval
+
+    @property
+    def n_samples(self) -> int:
+        """Of each channel."""
+        return self.frame.n_samples
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """None: a frame has no holes."""
+        return ()
+
+
+def frame_block(frame: Frame, quantities: Mapping[str, str]) -> FrameBlock:
+    """Return a frame as a block; `quantities` of the channels as the box announced them."""
+    return FrameBlock(frame, tuple(Channel(name, quantities.get(name, "unknown")) for name in frame.channels))
+
+
+def quantities_of(recording: Recording, vehicle: Vehicle) -> dict[str, str]:
+    """Return the quantity of each channel that a box announces, such that samples are in SI units."""
+    stated = {sensor.channel: sensor.quantity for sensor in vehicle.sensor}
+    return {
+        channel.name: channel.quantity if channel.quantity != "unknown" else stated.get(channel.name, "unknown")
+        for channel in recording.channels
+    }
+
+
+def joined(blocks: Sequence[Block]) -> Recording:
+    """Return blocks of the same channels and rate as one recording, with gaps where time is missing."""
+    first = blocks[0]
+    gaps, place, end = [], 0, first.start
+    for block in blocks:
+        if place and block.start is not None and end is not None:
+            missing = (block.start - end) / 1e9 * first.sampling_rate
+            if abs(missing) > _TOLERANCE:
+                gaps.append(Gap(place, max(missing, 1.0) / first.sampling_rate))
+        gaps += [replace(gap, index=gap.index + place) for gap in block.gaps]
+        place += block.n_samples
+        lost = sum(gap.duration for gap in block.gaps)
+        end = None if block.start is None else block.start + round((block.n_samples / block.sampling_rate + lost) * 1e9)
+    return Recording(
+        samples=np.concatenate([block.samples for block in blocks], axis=1),
+        sampling_rate=first.sampling_rate,
+        channels=first.channels,
+        start=first.start,
+        gaps=tuple(gaps),
+    )

@@ -1,0 +1,67 @@
+"""A broker inside the monitor, for trials and single machines."""
+
+import asyncio
+import logging
+import threading
+from typing import Any
+
+from sprung._checks import required
+from sprung.link import LinkError
+
+_PATIENCE = 10.0
+
+
+class EmbeddedBroker:
+    """An MQTT broker in a thread, open to programs on this machine only.
+
+    Parameters
+    ----------
+    host, port
+        Where it listens.
+    """
+
+    def __init__(self, host: str = "127.0.0.1", port: int = 1883) -> None:
+        self._module = required("amqtt.broker", purpose="the embedded broker", extra="online")
+        self._listens_at = f"{host}:{port}"
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._started = threading.Event()
+        self._problem = ""
+        self._broker: Any = None
+        self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
+
+    def open(self) -> None:
+        """Begin to listen."""
+        for name in ("amqtt", "transitions"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        self._thread.start()
+        self._started.wait(_PATIENCE)
+        if self._problem or not self._started.is_set():
+            raise LinkError(
+                f"the embedded broker cannot listen at {self._listens_at}: {self._problem or 'no answer'}: "
+                "stop what listens there, or give --broker"
+            )
+
+    def close(self) -> None:
+        """Stop."""
+        if self._loop is not None and self._thread.is_alive():
+            asyncio.run_coroutine_threadsafe(self._broker.shutdown(), self._loop).result(_PATIENCE)
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            self._thread.join(_PATIENCE)
+
+    def _run(self) -> None:
+        """Serve until stopped."""
+        self._loop = asyncio.new_event_loop()
+        asyncio.set_event_loop(self._loop)
+        settings = {
+            "listeners": {"default": {"type": "tcp", "bind": self._listens_at}},
+            "plugins": {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}},
+        }
+        try:
+            self._broker = self._module.Broker(settings, loop=self._loop)
+            self._loop.run_until_complete(self._broker.start())
+        except Exception as error:  # whatever the library raises, the monitor must say it
+            self._problem = str(error.__cause__ or error)
+            self._started.set()
+            return
+        self._started.set()
+        self._loop.run_forever()

@@ -1,0 +1,137 @@
+"""What vehicles send: validated, stored once, and only then acknowledged."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from sprung.errors import FormatError, ParameterError
+from sprung.link import checked_map, decode, message, parse_topic, topic
+from sprung.storage import Store
+from sprung.vehicles import vehicle_from_text
+
+#: Largest number of channels that a vehicle may announce.
+_MOST_CHANNELS = 256
+#: Refusals that are remembered.
+_MOST_REFUSALS = 100
+
+
+@dataclass(slots=True)
+class Intake:
+    """Takes in messages of vehicles.
+
+    Parameters
+    ----------
+    store
+        Where frames are kept.
+    publish
+        Sends topic and payload.
+
+    Notes
+    -----
+    A frame is acknowledged after the transaction that stored it, and again whenever it comes again: the highest
+    sequence number up to which nothing is missing.
+    """
+
+    store: Store
+    publish: Callable[[str, bytes], object]
+    counts: dict[str, int] = field(default_factory=lambda: {"messages": 0, "refused": 0, "frames": 0, "lost": 0})
+    refusals: dict[str, str] = field(default_factory=dict)
+    parked: set[str] = field(default_factory=set)
+
+    def take(self, messages: Iterable[tuple[str, bytes]], *, now: int) -> tuple[dict[tuple[str, int], int], set[str]]:
+        """Store what messages hold.
+
+        Parameters
+        ----------
+        messages
+            Topics and payloads.
+        now
+            UTC ns.
+
+        Returns
+        -------
+        tuple
+            The contiguous sequence number of each vehicle and boot of which something came, and the vehicles whose
+            description is new.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write: nothing of it is acknowledged, and boxes will send it again.
+        """
+        frames: list[tuple[str, int, int, int, bytes]] = []
+        arrived: dict[tuple[str, int], int] = {}
+        described: set[str] = set()
+        seen: dict[str, int] = {}
+        for name, payload in messages:
+            self.counts["messages"] += 1
+            try:
+                vehicle, what = parse_topic(name)
+                if what == "raw":
+                    frames.append(_frame(vehicle, payload))
+                elif what == "meta":
+                    if self._described(vehicle, checked_map(payload), now):
+                        described.add(vehicle)
+                elif what == "state":
+                    arrived.update(self._stated(vehicle, checked_map(payload), now))
+                seen[vehicle] = now
+            except (FormatError, ParameterError) as error:
+                self._refuse(name, str(error))
+        if frames:
+            stored = self.store.add_frames(frames, now=now)
+            self.counts["frames"] += len(frames)
+            arrived.update(stored)
+        if seen:
+            self.store.seen(seen)
+        for (vehicle, boot), contiguous in arrived.items():
+            if contiguous >= 0:
+                self.publish(topic(vehicle, "ack"), message({0: 1, 2: boot, 3: contiguous}))
+        return arrived, described
+
+    def _refuse(self, name: str, why: str) -> None:
+        """Remember why a message was refused: the last of each topic, and not too many."""
+        self.counts["refused"] += 1
+        self.refusals[name[:120]] = why
+        if len(self.refusals) > _MOST_REFUSALS:
+            self.refusals.pop(next(iter(self.refusals)))
+
+    def _described(self, vehicle: str, document: dict[Any, Any], now: int) -> bool:
+        """Keep a vehicle's description; tell whether it is new."""
+        text, configuration, quantities = (document.get(key) for key in ("description", 14, "quantities"))
+        if not isinstance(text, str) or not isinstance(configuration, str) or not isinstance(quantities, dict):
+            raise FormatError("a description without text, configuration and quantities of the channels")
+        if len(quantities) > _MOST_CHANNELS:
+            raise FormatError(f"a description of {len(quantities)} channels: at most {_MOST_CHANNELS}")
+        vehicle_from_text(text, source=f"the vehicle file of {vehicle}")
+        channels = [[str(name), str(quantity)] for name, quantity in quantities.items()]
+        known = {row.vehicle: row for row in self.store.vehicles()}.get(vehicle)
+        if known is not None and (known.description, known.channels) == (text, channels):
+            return False
+        self.store.put_vehicle(vehicle, configuration=configuration, description=text, channels=channels, now=now)
+        return True
+
+    def _stated(self, vehicle: str, document: dict[Any, Any], now: int) -> dict[tuple[str, int], int]:
+        """Heed what a box no longer has, as such frames will never come, and whether it is switched off."""
+        (self.parked.add if document.get("is_leaving") else self.parked.discard)(vehicle)
+        arrived = {}
+        boots = document.get("boots")
+        if not isinstance(boots, list) or len(boots) > 10_000:
+            raise FormatError("a state without boots")
+        for entry in boots:
+            if not (isinstance(entry, list) and len(entry) == 3 and all(isinstance(one, int) for one in entry)):
+                raise FormatError(f"{str(entry)[:40]!r} stands where boot, first and end belong")
+            boot, first, _ = entry
+            if first > 0:
+                known = self.store.cursor(vehicle, boot)
+                if known.contiguous < first - 1:
+                    arrived[vehicle, boot] = self.store.declare_lost(vehicle, boot, first, now=now)
+                    self.counts["lost"] += self.store.cursor(vehicle, boot).lost - known.lost
+        return arrived
+
+
+def _frame(vehicle: str, payload: bytes) -> tuple[str, int, int, int, bytes]:
+    """Return a frame as the store takes it, if it is one of the vehicle."""
+    frame = decode(payload)
+    if frame.vehicle != vehicle:
+        raise FormatError(f"a frame of {frame.vehicle!r} on the topic of {vehicle!r}")
+    return vehicle, frame.boot, frame.seq, frame.start, payload

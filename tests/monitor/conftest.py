@@ -1,0 +1,175 @@
+"""Drives, frames, and a station without processes and network."""
+
+from dataclasses import replace
+
+import pytest
+
+from sprung.box import blocks_of
+from sprung.link import Frame, encode, quantised
+from sprung.monitor import Site, Station, quantities_of
+from sprung.monitor.workers import Opening, _opened, _worked
+from sprung.simulation import DriveSettings, simulate_drive
+from sprung.storage import open_store
+from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
+
+#: 2026-11-21, UTC ns.
+BEGUN = 1_795_219_200_000_000_000
+
+
+@pytest.fixture(scope="session")
+def car():
+    return read_vehicle("zafira")
+
+
+@pytest.fixture(scope="session")
+def drive(car):
+    """Ten minutes of a number, healthy or not, at its place in time."""
+    kept = {}
+
+    def driven(number, fault=None):
+        if (number, fault) not in kept:
+            faults = () if fault is None else (parse_fault(fault),)
+            settings = DriveSettings("road", snr=50.0, road="C", faults=faults)
+            run = simulate_drive(car, settings, seed=number).recording
+            kept[number, fault] = replace(run, start=BEGUN + number * 600 * 10**9, history=())
+        return kept[number, fault]
+
+    return driven
+
+
+def frames(recording, vehicle="car-1", *, boot=1, first=0, length=1.0, previous=None):
+    """Frames of a recording, one block each."""
+    payloads = []
+    for seq, block in enumerate(blocks_of(recording, length=length), start=first):
+        counts, scale, flags = quantised(block.samples)
+        payloads.append(
+            encode(
+                Frame(
+                    vehicle,
+                    boot,
+                    seq,
+                    block.start,
+                    round(1e9 / block.sampling_rate),
+                    block.names,
+                    scale,
+                    counts,
+                    2,
+                    flags,
+                    previous=previous,
+                )
+            )
+        )
+    return payloads
+
+
+@pytest.fixture(scope="session")
+def frames_of():
+    return frames
+
+
+class NoLink:
+    """Takes what a station publishes."""
+
+    def __init__(self, *, topics, on_message, will):
+        self.topics, self.on_message, self.will = topics, on_message, will
+        self.published, self.is_connected, self.problem = [], True, ""
+
+    def open(self, *, timeout=0.0):
+        """Nothing to connect."""
+
+    def close(self):
+        """Nothing to disconnect."""
+
+    def publish(self, topic, payload, *, is_retained=False):
+        self.published.append((topic, payload))
+        return True
+
+
+class Inline:
+    """The worker's code in this process."""
+
+    def __init__(self):
+        self.watched, self.outcomes_ = {}, []
+
+    def is_open(self, vehicle):
+        return vehicle in self.watched
+
+    def open(self, opening: Opening):
+        self.watched[opening.vehicle] = _opened(opening)
+
+    def close_vehicle(self, vehicle):
+        self.watched.pop(vehicle, None)
+
+    def is_free(self, vehicle):
+        return True
+
+    def submit(self, vehicle, frames, *, learn=""):
+        self.outcomes_.append(_worked(vehicle, self.watched[vehicle], frames, learn, ""))
+
+    def outcomes(self, *, timeout=0.0):
+        found, self.outcomes_ = self.outcomes_, []
+        return found
+
+    def close(self):
+        """Nothing to stop."""
+
+
+class Bench:
+    """A station on a store in a folder, fed by hand."""
+
+    def __init__(self, folder, car, recording, *, workers=None, **site):
+        self.store = open_store(f"sqlite:///{folder}/store.sqlite")
+        self.now = BEGUN
+        settings = Site.model_validate({"store": f"sqlite:///{folder}/store.sqlite", "http": "127.0.0.1:0", **site})
+        self.station = Station(
+            settings, self.store, connect=self._linked, workers=workers or Inline(), clock=lambda: self.now
+        )
+        self.station.open()
+        self.car, self.quantities = car, quantities_of(recording, car)
+
+    def _linked(self, **given):
+        self.link = NoLink(**given)
+        return self.link
+
+    def describe(self, vehicle="car-1"):
+        from sprung.link import message, topic
+
+        document = {0: 1, 14: "c", "description": vehicle_text(self.car), "quantities": self.quantities}
+        self.link.on_message(topic(vehicle, "meta"), message(document))
+
+    def send(self, payloads, vehicle="car-1"):
+        from sprung.link import topic
+
+        for payload in payloads:
+            self.link.on_message(topic(vehicle, "raw"), payload)
+        self.work()
+
+    def work(self):
+        self.station.step()
+        for _ in range(10_000):
+            self.station.step()
+            if self.station.is_idle():
+                return
+        raise AssertionError("it never comes to rest")
+
+    def close(self):
+        self.station.close()
+        self.store.close()
+
+
+@pytest.fixture(scope="session")
+def new_bench():
+    return Bench
+
+
+@pytest.fixture
+def bench(tmp_path, car, drive):
+    made = []
+
+    def begun(folder=tmp_path, **site):
+        made.append(Bench(folder, car, drive(0), **site))
+        return made[-1]
+
+    yield begun
+    for one in made:
+        one.close()

@@ -1,0 +1,127 @@
+"""One vehicle over time: whatever the blocks, the batch answer; and the same after a restart."""
+
+import json
+from itertools import pairwise
+
+import cbor2
+import numpy as np
+import pytest
+
+from sprung.diagnosis import observe
+from sprung.errors import ParameterError
+from sprung.link import decode
+from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor, frame_block, joined, quantities_of
+from sprung.recording import Channel, Recording
+
+#: 2026-11-21, UTC ns.
+BEGUN = 1_795_219_200_000_000_000
+
+SETTINGS = MonitorSettings(identify_every=300.0, n_learning=4)
+
+
+def fed(monitor, recording, cuts):
+    """Feed a recording in pieces, and return the events."""
+    events = []
+    edges = [0, *sorted(cuts), recording.n_samples]
+    for first, last in pairwise(edges):
+        if last > first:
+            events += monitor.update(recording.part(first, last))
+    return events
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_online_is_batch(car, drive, seed):
+    run = drive(0)
+    cuts = np.random.default_rng(seed).integers(1, run.n_samples, [3, 60, 700][seed])
+    events = fed(VehicleMonitor(car, settings=SETTINGS), run, cuts)
+    assert [type(event) for event in events] == [Identified, Identified, Observed]
+    online, batch = events[-1].observation, observe(run, car, time=BEGUN / 1e9)
+    assert online.to_dict() == batch.to_dict()
+    assert np.array_equal(events[-1].recording.samples, run.samples)
+
+
+def test_window_ends_within_a_block(car, drive):
+    whole = joined([drive(0), drive(1)])
+    monitor = VehicleMonitor(car, settings=MonitorSettings(identify_every=0))
+    events = list(monitor.update(whole))
+    assert [event.number for event in events] == [0, 1]
+    assert events[1].observation.to_dict() == observe(drive(1), car, time=drive(1).start / 1e9).to_dict()
+    assert monitor.buffered == 0
+
+
+def test_it_learns_and_finds(car, drive):
+    monitor = VehicleMonitor(car, settings=SETTINGS)
+    for number in range(4):
+        assert monitor.learning == (number, 4)
+        events = monitor.update(drive(number))
+    assert monitor.learning == (4, 4)
+    assert events[-1].baseline.n_windows == 4
+    assert events[-1].diagnosis is None
+    assert monitor.update(drive(4))[-1].diagnosis.is_healthy
+    (finding,) = monitor.update(drive(5, "front_left.spring=-0.2"))[-1].diagnosis.findings
+    assert (finding.corner, finding.component) == ("front_left", "spring")
+    assert finding.interval[0] <= -0.2 <= finding.interval[1]
+    assert "since 2026-11-21 00:50 UTC" in finding.sentence
+    monitor.learn_again("new springs")
+    assert monitor.learning == (0, 4)
+    with pytest.raises(ParameterError, match="needs a reason"):
+        monitor.learn_again(" ")
+
+
+def test_it_goes_on_from_its_state(car, drive):
+    """A restart after every window, and in the middle of one, changes nothing."""
+    faulty = [drive(5, "rear_right.damper=-0.3"), drive(6, "rear_right.damper=-0.3")]
+    drives = [*(drive(number) for number in range(5)), *faulty]
+    through = VehicleMonitor(car, settings=SETTINGS)
+    stopped = VehicleMonitor(car, settings=SETTINGS)
+    for run in drives:
+        expected = through.update(run)
+        found = list(stopped.update(run.part(0, 70_001)))
+        stopped = VehicleMonitor.from_state(car, cbor2.loads(cbor2.dumps(stopped.state())))
+        found += stopped.update(run.part(70_001, run.n_samples))
+        assert found[-1].observation.to_dict() == expected[-1].observation.to_dict()
+        if expected[-1].diagnosis is not None:
+            assert json.dumps(found[-1].diagnosis.to_dict()["findings"]) == json.dumps(
+                expected[-1].diagnosis.to_dict()["findings"]
+            )
+    assert through.diagnosis.findings
+    with pytest.raises(ParameterError, match="begin anew"):
+        VehicleMonitor.from_state(car, {"schema": "other"})
+    with pytest.raises(ParameterError, match="lacks or garbles"):
+        VehicleMonitor.from_state(car, {"schema": "sprung.vehicle-monitor/1"})
+
+
+def test_frames_give_what_their_samples_give(car, drive, frames_of):
+    run = drive(0)
+    blocks = [frame_block(decode(payload), quantities_of(run, car)) for payload in frames_of(run)]
+    monitor = VehicleMonitor(car, settings=SETTINGS)
+    events = [event for block in blocks for event in monitor.update(block)]
+    assert events[-1].observation.to_dict() == observe(joined(blocks), car, time=BEGUN / 1e9).to_dict()
+
+
+def test_other_channels_begin_a_new_window(car, drive):
+    run = drive(0)
+    monitor = VehicleMonitor(car, settings=SETTINGS)
+    monitor.update(run.part(0, 60_000))
+    monitor.update(run.select(run.names[1:]).part(0, 600))
+    assert monitor.buffered == pytest.approx(600 / run.n_samples)
+
+
+def test_gaps_and_steps_of_the_clock():
+    channel = (Channel("a", "acceleration"),)
+
+    def block(start):
+        return Recording(np.zeros((1, 100)), 100.0, channel, BEGUN + round(start * 1e9))
+
+    assert joined([block(0), block(1), block(2.01)]).gaps == ()
+    (gap,) = joined([block(0), block(1), block(5)]).gaps
+    assert (gap.index, gap.duration) == (200, pytest.approx(3.0))
+    (back,) = joined([block(0), block(-3600)]).gaps
+    assert (back.index, back.duration) == (100, 0.01)
+
+
+def test_memory_of_a_vehicle_is_bounded(car, drive, frames_of):
+    """Ten minutes of 4 accelerations and speed at 200 Hz: frames of 16 bits, below 1.3 MB."""
+    run = drive(0)
+    blocks = [frame_block(decode(payload), quantities_of(run, car)) for payload in frames_of(run)]
+    assert sum(block.frame.counts.nbytes for block in blocks) < 1.3e6

@@ -1,0 +1,233 @@
+"""From frames to the store: each once, in order, whatever the order they come in."""
+
+import json
+import zlib
+
+import cbor2
+import numpy as np
+import pytest
+
+from sprung.link import checked_map, message, topic
+from sprung.monitor import Stream, alert_of
+
+#: 2026-11-21, UTC ns.
+BEGUN = 1_795_219_200_000_000_000
+
+WATCH = {"watch": {"learning_windows": 2, "window_minutes": 10, "identify_every_minutes": 5}}
+
+
+def contents(store, vehicle="car-1"):
+    """What the store holds of a vehicle in the end, whatever boots it came in."""
+    return {
+        "observations": [(entry.t0, entry.document) for entry in store.observations(vehicle)],
+        "modes": [(entry.t0, entry.document) for entry in store.modes(vehicle)],
+        "findings": [(entry.t0, entry.document) for entry in store.findings(vehicle)],
+        "baselines": [(row.version, row.reason, row.document) for row in store.baselines(vehicle)],
+    }
+
+
+@pytest.fixture(scope="module")
+def run_frames(drive, frames_of):
+    """Half an hour: two windows that teach, and one with a soft spring."""
+    runs = [drive(0), drive(1), drive(2, "front_left.spring=-0.3")]
+    return [payload for k, run in enumerate(runs) for payload in frames_of(run, first=600 * k)]
+
+
+@pytest.fixture(scope="module")
+def expected(run_frames, car, drive, tmp_path_factory, new_bench):
+    bench = new_bench(tmp_path_factory.mktemp("in-order"), car, drive(0), **WATCH)
+    bench.describe()
+    bench.send(run_frames)
+    found = contents(bench.store)
+    alerts = [(row.cause, row.is_active) for row in bench.store.alerts(vehicle="car-1")]
+    bench.close()
+    assert alerts == [("front_left.spring", True)]
+    return found
+
+
+def test_a_run_is_stored(expected):
+    assert len(expected["observations"]) == 3
+    assert len(expected["modes"]) == 6
+    assert len(expected["baselines"]) == 1
+    ((t0, finding),) = expected["findings"]
+    assert t0 == BEGUN + 1200 * 10**9
+    assert (finding["corner"], finding["component"]) == ("front_left", "spring")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_order_with_duplicates_gives_the_same_store(bench, run_frames, expected, seed):
+    generator = np.random.default_rng(seed)
+    one = bench(**WATCH)
+    order = generator.permutation(np.concatenate([np.arange(len(run_frames)), generator.integers(0, 1800, 600)]))
+    if seed:
+        one.describe()
+    for part in np.array_split(order, 7):
+        one.send([run_frames[k] for k in part])
+    one.describe()
+    one.work()
+    assert contents(one.store) == expected
+    assert one.store.boots("car-1") == []
+
+
+def test_a_restart_anywhere_gives_the_same_store(bench, run_frames, expected, tmp_path):
+    first = bench(tmp_path, **WATCH)
+    first.describe()
+    first.send(run_frames[:700])
+    first.close()
+    second = bench(tmp_path, **WATCH)
+    second.send(run_frames[650:1300])
+    second.close()
+    third = bench(tmp_path, **WATCH)
+    third.send(run_frames[1200:])
+    assert contents(third.store) == expected
+
+
+def test_a_restarted_box_goes_on_in_the_same_window(bench, drive, frames_of, expected):
+    runs = [drive(0), drive(1), drive(2, "front_left.spring=-0.3")]
+    whole = [payload for run in runs for payload in frames_of(run)]
+    first = [payload for run in runs[:1] for payload in frames_of(run)] + frames_of(runs[1], first=600)[:250]
+    rest = [decoded_again(payload, boot=2, seq=k, previous=(1, 850)) for k, payload in enumerate(whole[850:])]
+    one = bench(**WATCH)
+    one.describe()
+    one.send(rest[100:])
+    one.send(rest[:100])
+    assert contents(one.store)["observations"] == []
+    one.send(first)
+    assert contents(one.store) == expected
+
+
+def decoded_again(payload, **changes):
+    """A frame with other keys."""
+    document = checked_map(payload) | {{"boot": 2, "seq": 3, "previous": 15}[k]: v for k, v in changes.items()}
+    body = cbor2.dumps({key: list(v) if isinstance(v, tuple) else v for key, v in document.items()})
+    return body + zlib.crc32(body).to_bytes(4, "little")
+
+
+def test_acknowledged_is_what_is_stored(bench, run_frames):
+    one = bench(**WATCH)
+
+    def acknowledged():
+        acks = [checked_map(payload)[3] for name, payload in one.link.published if name == topic("car-1", "ack")]
+        one.link.published.clear()
+        return acks
+
+    one.send(run_frames[1:3])
+    assert acknowledged() == []
+    one.send(run_frames[:1])
+    assert acknowledged() == [2]
+    one.send(run_frames[1:2])
+    assert acknowledged() == [2]
+    one.link.on_message(topic("car-1", "state"), message({0: 1, 2: 1, "boots": [[1, 10, 12]], "dropped": 7}))
+    one.work()
+    assert acknowledged() == [9]
+    assert one.station.figures()["sprung_frames_lost_total"] == 7
+
+
+def test_messages_that_are_none_are_counted_and_passed_over(bench, run_frames):
+    one = bench(**WATCH)
+    bad = [("sprung/v1/car-1/raw", b"x" * 50), ("sprung/v1/car-1/raw", run_frames[0][:-1] + b"?"), ("else/where", b"")]
+    bad += [("sprung/v1/other/raw", run_frames[0]), ("sprung/v1/car-1/meta", message({"description": 5}))]
+    bad += [("sprung/v1/car-1/state", message({"boots": [["a", 1]]}))]
+    bad += [("sprung/v1/car-1/meta", message({14: "c", "description": "kind = 1", "quantities": {}}))]
+    for name, payload in bad:
+        one.link.on_message(name, payload)
+    one.send(run_frames[:5])
+    figures = one.station.figures()
+    assert figures["sprung_messages_refused_total"] == 7
+    assert figures["sprung_frames_total"] == 5
+
+
+def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames):
+    """Frames whose rate is impossible for the analysis: two strikes, an alert, and the other vehicle goes on."""
+    one = bench(**WATCH)
+    one.describe()
+    one.station._workers.submit = poisoned(one.station._workers.submit)
+    one.send(run_frames[:900])
+    one.send([decoded_again(p, boot=1, seq=k) for k, p in enumerate(run_frames[:10])])
+    (row,) = one.store.alerts(vehicle="car-1", is_active=True)
+    assert row.cause == "monitor:analysis"
+    assert "it is poisoned" in row.text
+    assert one.station.figures()["sprung_failures_total"] >= 2
+
+
+def poisoned(submit):
+    """Fail at the first two jobs."""
+    from sprung.monitor import Outcome
+
+    strikes = iter(range(2))
+
+    def tried(vehicle, frames, *, learn=""):
+        if next(strikes, None) is None:
+            return submit(vehicle, frames, learn=learn)
+        inline = submit.__self__
+        inline.outcomes_.append(Outcome(vehicle, 0, (), None, (0.0, 0, 0, ""), "it is poisoned"))
+        return None
+
+    return tried
+
+
+def test_learning_again_is_asked_for_in_the_store(bench, run_frames):
+    one = bench(**WATCH)
+    one.describe()
+    one.send(run_frames[:1200])
+    one.store.add_command("anna", "car-1", "learn", "new springs", now=BEGUN)
+    one.station._next_look = 0.0
+    one.work()
+    for _ in range(5):
+        one.station.step()
+    assert one.store.open_commands() == []
+    assert one.station.progress["car-1"][1:3] == (0, 2)
+
+
+def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames):
+    one = bench(**WATCH)
+    one.describe()
+    one.send(run_frames[:3])
+    one.now += 2 * 3600 * 10**9
+    one.station._next_look = 0.0
+    one.station.step()
+    (row,) = one.store.alerts(vehicle="car-1")
+    assert (row.cause, row.is_active) == ("silent", True)
+    one.send(run_frames[3:4])
+    one.station._next_look = 0.0
+    one.station.step()
+    assert not alert_of(one.store.alerts(vehicle="car-1")[0]).is_active
+    one.link.on_message(topic("car-1", "state"), message({0: 1, 2: 1, "boots": [], "is_leaving": True}))
+    one.work()
+    one.now += 10 * 3600 * 10**9
+    one.station._next_look = 0.0
+    one.station.step()
+    assert not one.store.alerts(vehicle="car-1")[0].is_active
+
+
+def test_a_monitor_that_stopped_without_a_word_says_so(bench, tmp_path):
+    first = bench(tmp_path)
+    first.store.audit("monitor", "started", "monitor", now=BEGUN)
+    second = bench(tmp_path)
+    (row,) = second.store.alerts(vehicle="monitor")
+    assert "stopped without a word" in row.text
+
+
+def test_order_of_boots():
+    stream = Stream()
+    waiting = {1: list(range(3)), 2: list(range(4))}
+    stream.arrived(2, 3)
+    stream._previous[2] = (1, 3)
+
+    def pending(boot, after, limit):
+        return [(seq, 0, b"") for seq in waiting[boot] if seq > after][:limit]
+
+    assert stream.next_frames(pending, 10) == []
+    stream.arrived(1, 1)
+    stream._previous[1] = None
+    assert [frame[:2] for frame in stream.next_frames(pending, 2)] == [(1, 0), (1, 1)]
+    stream.dispatched[1] = 1
+    assert stream.next_frames(pending, 10) == []
+    stream.arrived(1, 2)
+    stream.dispatched[1] = 2
+    assert [frame[:2] for frame in stream.next_frames(pending, 10)] == [(2, k) for k in range(4)]
+    assert stream.finished(2) == [(1, 2)]
+
+
+def test_contents_are_json(expected):
+    assert json.loads(json.dumps(expected["observations"][0][1])) == expected["observations"][0][1]
