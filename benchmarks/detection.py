@@ -34,8 +34,11 @@ def main():
         task = progress.add_task("vehicles", total=len(seeds))
         waiting = [pool.submit(partial(vehicle_life, given.healthy), seed) for seed in seeds]
         for one in as_completed(waiting):
-            lives.append(one.result())
             progress.advance(task)
+            if one.exception() is not None:
+                print(f"a vehicle failed: {one.exception()!r}", flush=True)
+                continue
+            lives.append(one.result())
             if given.lives:
                 with given.lives.open("a") as file:
                     file.write(json.dumps(lives[-1]) + "\n")
@@ -199,7 +202,7 @@ def vehicle_life(n_healthy, seed):
         "alarm": calm is not None and calm.first_alarm is not None,
         "hours": len([one for one in healthy if one.can_tell]) / 6,
         "mute": sum(not one.can_tell for one in [*healthy, *faulty]),
-        "delay": None if late.first_alarm is None else (late.first_alarm - faulty[0].time) / 60 + 10,
+        "delay": None if late is None or late.first_alarm is None else (late.first_alarm - faulty[0].time) / 60 + 10,
     }
     if is_thesis(seed):
         counts = [n // 10 for n in MINUTES]
