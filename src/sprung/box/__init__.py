@@ -2,6 +2,7 @@
 
 from sprung.box.box import Box, BoxSettings
 from sprung.box.can import can_bus, can_database, from_can
+from sprung.box.fleet import Member, drive_fleet
 from sprung.box.folder import from_folder
 from sprung.box.mqtt_source import from_mqtt
 from sprung.box.resampling import Regular
@@ -11,11 +12,13 @@ from sprung.box.standard_input import from_lines
 __all__ = [
     "Box",
     "BoxSettings",
+    "Member",
     "Regular",
     "after",
     "blocks_of",
     "can_bus",
     "can_database",
+    "drive_fleet",
     "from_can",
     "from_files",
     "from_folder",

@@ -27,6 +27,8 @@ from sprung.recording import Recording
 
 #: Seconds between two reports of the box' state, and between two looks at the link.
 _REPORT, _LOOK = 5.0, 0.02
+#: Most bytes of samples in a frame.
+_LARGEST_DATA = 900_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +142,12 @@ class Box:
         if not self._announced:
             self._announced = dict(self._quantities(block))
             self._announce()
+        most = _LARGEST_DATA // (len(block.names) * self._settings.width)
+        for first in range(0, block.n_samples, most):
+            self._spooled(block.part(first, min(first + most, block.n_samples)))
+
+    def _spooled(self, block: Recording) -> None:
+        """Keep a block that one frame can hold."""
         counts, scale, flags = quantised(block.samples, width=self._settings.width)
         interval = round(1e9 / block.sampling_rate)
         start = block.start or 0

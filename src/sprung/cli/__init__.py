@@ -10,7 +10,7 @@ import typer
 from typer.main import get_command
 
 from sprung import __version__
-from sprung.cli import baseline, box, corners, diagnose, identify, info, monitor, replay, reproduce, simulate
+from sprung.cli import baseline, box, corners, demo, diagnose, identify, info, monitor, replay, reproduce, simulate
 from sprung.cli.failures import explained
 
 
@@ -61,6 +61,7 @@ def _application() -> typer.Typer:
         monitor.monitor,
         box.box,
         replay.replay,
+        demo.demo,
     )
     for command in commands:
         application.command()(command)

@@ -1,9 +1,10 @@
 """A connection to an MQTT broker that comes back by itself."""
 
+import re
 import ssl
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import parse_qs, unquote, urlsplit
 
@@ -12,6 +13,8 @@ from sprung.errors import ParameterError, SprungError
 
 #: Seconds between attempts to connect: at first, and at most.
 _RETRY = (1, 30)
+#: Messages that wait in memory for the broker; more are refused.
+_MOST_QUEUED = 5000
 
 
 class LinkError(SprungError):
@@ -39,7 +42,7 @@ class Address:
     host: str
     port: int
     user: str = ""
-    password: str = ""
+    password: str = field(default="", repr=False)
     is_encrypted: bool = False
     ca: str = ""
     cert: str = ""
@@ -49,17 +52,18 @@ class Address:
     @classmethod
     def parse(cls, url: str) -> "Address":
         """Return the address of a URL."""
+        shown = re.sub("//[^@/]*@", "//...@", url)
         try:
             parts = urlsplit(url)
             port = parts.port
         except ValueError as error:
-            raise ParameterError(f"{url!r} is no address of a broker: {error}") from None
+            raise ParameterError(f"{shown!r} is no address of a broker: {error}") from None
         if parts.scheme not in {"mqtt", "mqtts"} or not parts.hostname:
-            raise ParameterError(f"{url!r} is no address of a broker: write mqtt://host:1883 or mqtts://host:8883")
+            raise ParameterError(f"{shown!r} is no address of a broker: write mqtt://host:1883 or mqtts://host:8883")
         query = {name: values[-1] for name, values in parse_qs(parts.query).items()}
         unknown = sorted(query.keys() - {"ca", "cert", "key", "version"})
         if unknown:
-            raise ParameterError(f"{url!r} says {unknown[0]!r}: only ca, cert, key and version can be given")
+            raise ParameterError(f"{shown!r} says {unknown[0]!r}: only ca, cert, key and version can be given")
         secure = parts.scheme == "mqtts"
         return cls(
             parts.hostname,
@@ -152,12 +156,16 @@ class Link:
         self._is_connected.clear()
         self._client.disconnect()
         self._client.loop_stop()
+        # Client and link hold each other: without this the client's sockets would wait for the garbage collector.
+        for name in ("on_connect", "on_disconnect", "on_connect_fail", "on_message", "on_publish"):
+            setattr(self._client, name, None)
 
     def _made(self, protocol: Any) -> Any:
         """Return a client that speaks a version of MQTT."""
         client = self._mqtt.Client(self._mqtt.CallbackAPIVersion.VERSION2, client_id=self._name, protocol=protocol)
         client.reconnect_delay_set(*_RETRY)
         client.max_inflight_messages_set(1000)
+        client.max_queued_messages_set(_MOST_QUEUED)
         if self._address.user:
             client.username_pw_set(self._address.user, self._address.password or None)
         if self._address.is_encrypted:
@@ -168,6 +176,7 @@ class Link:
         client.on_connect = self._connected
         client.on_disconnect = self._disconnected
         client.on_connect_fail = self._failed
+        client.on_publish = self._published
         client.on_message = lambda _client, _data, message: self._on_message(message.topic, message.payload)
         return client
 
@@ -194,18 +203,25 @@ class Link:
         client.disconnect()
         client.loop_stop()
         self._client = self._made(self._mqtt.MQTTv311)
-        if not self._is_closed:
-            self._start()
+        self._start()
+        if self._is_closed:
+            self.close()
 
     def _disconnected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         """Take note."""
         if client is self._client:
             self._is_connected.clear()
-            self._problem = self._problem or str(reason)
+            self._problem = str(reason)
 
     def _failed(self, _client: Any, _data: Any) -> None:
         """Take note."""
-        self._problem = self._problem or "nobody listens there"
+        certificates = ", or one does not trust the other's certificate" if self._address.is_encrypted else ""
+        self._problem = f"nobody listens there{certificates}"
+
+    def _published(self, _client: Any, _data: Any, _number: int, reason: Any, _properties: Any) -> None:
+        """Take note of what the broker refuses, as where a vehicle's name is not that of its certificate."""
+        if reason.is_failure:
+            self._problem = f"the broker refuses what is sent: {reason}"
 
 
 def _context(address: Address) -> ssl.SSLContext:
@@ -213,7 +229,7 @@ def _context(address: Address) -> ssl.SSLContext:
     try:
         context = ssl.create_default_context(cafile=address.ca or None)
         if address.cert:
-            context.load_cert_chain(address.cert, address.key or None)
+            context.load_cert_chain(address.cert, address.key or None, password="")
     except (OSError, ssl.SSLError) as error:
         raise ParameterError(f"a certificate of {address} cannot be used: {error}: see ca, cert and key") from None
     return context

@@ -1,10 +1,10 @@
 """The online monitor: vehicles in, modes, diagnoses and alerts out, for months."""
 
-from sprung.monitor.alarms import MONITOR, Alarms, Postman, alert_of, row_of
+from sprung.monitor.alarms import Alarms, Postman, alert_of, row_of
 from sprung.monitor.blocks import Block, FrameBlock, frame_block, joined, quantities_of
 from sprung.monitor.broker import EmbeddedBroker
 from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
-from sprung.monitor.intake import Intake
+from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.serving import FIGURES, Serving, exposition
 from sprung.monitor.site import Site, read_site
 from sprung.monitor.station import Station

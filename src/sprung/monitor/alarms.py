@@ -32,8 +32,6 @@ from sprung.storage import AlertRow, Store
 
 #: Severity of a sensor that fails, of a silent vehicle, and of trouble with the monitor itself.
 _SENSOR, _SILENT, _MONITOR = 400, 300, 800
-#: The monitor's own name among the vehicles.
-MONITOR = "monitor"
 #: Attempts after which a message is given up.
 _MOST_ATTEMPTS = 20
 _INNER = ("streak", "worst", "notified", "evidence")

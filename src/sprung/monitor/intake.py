@@ -9,6 +9,8 @@ from sprung.link import checked_map, decode, message, parse_topic, topic
 from sprung.storage import Store
 from sprung.vehicles import vehicle_from_text
 
+#: The monitor's own name among the vehicles.
+MONITOR = "monitor"
 #: Largest number of channels that a vehicle may announce.
 _MOST_CHANNELS = 256
 #: Refusals that are remembered.
@@ -67,6 +69,8 @@ class Intake:
             self.counts["messages"] += 1
             try:
                 vehicle, what = parse_topic(name)
+                if vehicle == MONITOR:
+                    continue  # what monitors say of themselves
                 if what == "raw":
                     frames.append(_frame(vehicle, payload))
                 elif what == "meta":

@@ -11,9 +11,9 @@ from typing import Any
 
 from sprung.errors import SprungError
 from sprung.link import UPWARDS, Link, message
-from sprung.monitor.alarms import MONITOR, Alarms, Postman, senders_of
+from sprung.monitor.alarms import Alarms, Postman, senders_of
 from sprung.monitor.engine import Identified, Observed
-from sprung.monitor.intake import Intake
+from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.serving import Serving
 from sprung.monitor.site import Site
 from sprung.monitor.streams import Stream, Waiting

@@ -1,0 +1,85 @@
+"""A small simulated fleet that sends as real vehicles would."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from sprung.box.box import Box, BoxSettings
+from sprung.box.sources import blocks_of
+from sprung.link import Address, Spool
+from sprung.monitor import quantities_of
+from sprung.recording import Recording
+from sprung.simulation import DriveSettings, simulate_drive
+from sprung.vehicles import Vehicle, parse_fault, vehicle_text
+
+#: Length of a piece of a drive, and of a block [s].
+PIECE, _BLOCK = 600.0, 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A vehicle of the fleet.
+
+    Parameters
+    ----------
+    name
+        Of the vehicle.
+    seed
+        Of its drives.
+    fault
+        Such as "front_left.spring=-0.25"; empty: healthy for good.
+    dead_channel
+        Sensor that dies; empty: none.
+    after
+        Pieces of ten minutes before that.
+    """
+
+    name: str
+    seed: int
+    fault: str = ""
+    dead_channel: str = ""
+    after: int = 5
+
+
+def drives(car: Vehicle, member: Member, start: int) -> Iterator[Recording]:
+    """Yield the blocks of the endless drive of a member, from a time (UTC ns) on; `car` as it is while healthy."""
+    number = 0
+    while True:
+        is_bad = number >= member.after
+        faults = (parse_fault(member.fault),) if is_bad and member.fault else ()
+        settings = DriveSettings(
+            "road", duration=PIECE, snr=50.0, road="BCD"[(member.seed + number) % 3], faults=faults, n_stops=number % 2
+        )
+        run = simulate_drive(car, settings, seed=[member.seed, number]).recording
+        if is_bad and member.dead_channel:
+            samples = np.array(run.samples)
+            samples[run.index(member.dead_channel)] = 0.0
+            run = replace(run, samples=samples)
+        yield from blocks_of(replace(run, start=start), length=_BLOCK)
+        start += round(run.duration * 1e9)
+        number += 1
+
+
+def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, folder: Path, pace: float) -> None:
+    """Drive a fleet of alike cars at a pace, from two hours ago on, until the process is stopped."""
+    begun = time.time_ns() - 7200 * 10**9
+    boxes, sources = [], []
+    for member in members:
+        spool = Spool(folder / member.name, is_synced=False)
+        settings = BoxSettings(member.name, vehicle_text(car))
+        boxes.append(Box(settings, spool, address, quantities=lambda block: quantities_of(block, car)))
+        boxes[-1].open()
+        sources.append(drives(car, member, begun))
+    clock, driven = time.monotonic(), 0.0
+    while True:
+        for box, source in zip(boxes, sources, strict=True):
+            box.take(next(source))
+            box.look()
+        driven += _BLOCK
+        while (ahead := clock + driven / pace - time.monotonic()) > 0:
+            for box in boxes:
+                box.look()
+            time.sleep(min(ahead, 0.02))
