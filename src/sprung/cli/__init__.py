@@ -10,7 +10,20 @@ import typer
 from typer.main import get_command
 
 from sprung import __version__
-from sprung.cli import baseline, box, corners, demo, diagnose, identify, info, monitor, replay, reproduce, simulate
+from sprung.cli import (
+    alerts,
+    baseline,
+    box,
+    corners,
+    demo,
+    diagnose,
+    identify,
+    info,
+    monitor,
+    replay,
+    reproduce,
+    simulate,
+)
 from sprung.cli.failures import explained
 
 
@@ -61,6 +74,8 @@ def _application() -> typer.Typer:
         monitor.monitor,
         box.box,
         replay.replay,
+        alerts.alerts,
+        alerts.vehicles,
         demo.demo,
     )
     for command in commands:

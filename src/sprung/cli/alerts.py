@@ -1,0 +1,224 @@
+"""The commands `sprung alerts` and `sprung vehicles`: what the monitor has in its store, and what people do to it."""
+
+import getpass
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from sprung.cli.documents import write_json
+from sprung.cli.files import Json
+from sprung.cli.printing import console, notes, table
+from sprung.errors import ParameterError
+
+if TYPE_CHECKING:
+    from sprung.alerting import Alert, Transition
+    from sprung.storage import Store
+
+_ACTS = "ack, shelve, unshelve, assign, comment or history"
+
+StoreUrl = Annotated[str, typer.Option("--store", metavar="URL", help="sqlite:///FILE or postgresql://USER@HOST/NAME.")]
+Who = Annotated[str | None, typer.Option("--who", metavar="NAME", help="Who does it.", show_default="the user")]
+_DEFAULT = "sqlite:///sprung-data/sprung.sqlite"
+
+
+def alerts(
+    act: Annotated[
+        str | None, typer.Argument(metavar="[ACT", help=f"{_ACTS}; without it: list.", show_default=False)
+    ] = None,
+    number: Annotated[int | None, typer.Argument(metavar="NUMBER]", help="Of the alert.", show_default=False)] = None,
+    *,
+    store: StoreUrl = _DEFAULT,
+    vehicle: Annotated[
+        str | None, typer.Option(metavar="ID", help="Alerts of this vehicle only.", show_default=False)
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="List those that are normal again, too.")] = False,
+    who: Who = None,
+    comment: Annotated[str, typer.Option(metavar="TEXT", help="For the history.", show_default=False)] = "",
+    hours: Annotated[float, typer.Option(metavar="H", help="How long to shelve.", min=0)] = 8.0,
+    to: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whom to assign to; nobody without it.", show_default=False)
+    ] = None,
+    json: Json = None,
+) -> None:
+    """List alerts, and acknowledge, shelve, assign or comment on them."""
+    with _opened(store) as opened:
+        if act is not None:
+            if number is None:
+                raise ParameterError(f"sprung alerts {act} needs the number of an alert: see sprung alerts")
+            if act == "history":
+                _history(opened, number, json)
+                return
+            _acted(opened, act, number, who=who or getpass.getuser(), comment=comment, hours=hours, to=to)
+        found = _rows(opened, vehicle, every or act is not None)
+    if json is not None:
+        write_json({"schema": "sprung.alerts/1", "alerts": found}, json)
+    if json != "-":
+        _show(found)
+
+
+def vehicles(
+    act: Annotated[str | None, typer.Argument(metavar="[learn", show_default=False)] = None,
+    vehicle: Annotated[str | None, typer.Argument(metavar="ID]", show_default=False)] = None,
+    *,
+    store: StoreUrl = _DEFAULT,
+    reason: Annotated[
+        str, typer.Option(metavar="TEXT", help="Why to learn again, such as 'new dampers'.", show_default=False)
+    ] = "",
+    who: Who = None,
+    json: Json = None,
+) -> None:
+    """List the vehicles that a monitor watches, or have it learn again what is normal for one."""
+    with _opened(store) as opened:
+        if act is not None:
+            _learn_again(opened, act, vehicle, reason, who or getpass.getuser())
+        found = [_summary(opened, row.vehicle, row.last_seen) for row in opened.vehicles()]
+    if json is not None:
+        write_json({"schema": "sprung.vehicles/1", "vehicles": found}, json)
+    if json == "-":
+        return
+    rows = [
+        (
+            one["vehicle"],
+            str(one["windows"]),
+            str(one["baseline"] or ""),
+            f"{one['health_index']:.0f}",
+            _when(one["last_seen"]),
+            one["state"],
+        )
+        for one in found
+    ]
+    columns = ("vehicle", "windows", "baseline", "health index", "last seen (UTC)", "state")
+    console().print(table("", columns, rows))
+
+
+def _opened(url: str) -> "Store":
+    """Open a store that is there."""
+    from sprung.storage import open_store
+
+    if url.startswith("sqlite:///") and not Path(url.removeprefix("sqlite:///")).exists():
+        raise ParameterError(f"there is no store {url}: give that of the monitor with --store")
+    return open_store(url)
+
+
+def _rows(store: "Store", vehicle: str | None, every: bool) -> list[dict[str, Any]]:
+    """Return alerts as plain values."""
+    from sprung.alerting import state_name
+    from sprung.monitor import alert_of
+
+    found = []
+    for row in store.alerts(vehicle=vehicle):
+        state = state_name(alert_of(row))
+        if row.count and (every or state != "normal"):
+            found.append(
+                {
+                    "number": row.id,
+                    "vehicle": row.vehicle,
+                    "cause": row.cause,
+                    "severity": row.severity,
+                    "state": state,
+                    "raised": row.raised,
+                    "count": row.count,
+                    "assignee": row.assignee,
+                    "text": row.text,
+                }
+            )
+    return found
+
+
+def _show(found: list[dict[str, Any]]) -> None:
+    """Print alerts."""
+    screen = console()
+    if not found:
+        screen.print(notes(["no alert"]))
+        return
+    rows = [
+        (
+            str(one["number"]),
+            one["vehicle"],
+            one["state"],
+            _when(one["raised"]),
+            str(one["severity"]),
+            one["assignee"] or "",
+            one["text"],
+        )
+        for one in found
+    ]
+    columns = ("number", "vehicle", "state", "raised (UTC)", "severity", "assigned to", "what")
+    screen.print(table("", columns, rows, n_words=3))
+
+
+def _history(store: "Store", number: int, json: str | None) -> None:
+    """Print what happened to an alert."""
+    found = store.alert_history(number)
+    if json is not None:
+        entries = [{"time": one.time, "what": one.what, "who": one.who, "comment": one.comment} for one in found]
+        write_json({"schema": "sprung.alert-history/1", "number": number, "history": entries}, json)
+    if json != "-":
+        rows = [(_when(one.time), one.what, one.who, one.comment) for one in found]
+        console().print(table("", ("time (UTC)", "what", "who", "comment"), rows, n_words=3))
+
+
+def _acted(store: "Store", act: str, number: int, *, who: str, comment: str, hours: float, to: str | None) -> None:
+    """Do something to an alert, on the record."""
+    from sprung.alerting import AlertSettings, acknowledged, assigned, commented, shelved, unshelved
+    from sprung.monitor import Alarms, alert_of
+
+    row = next((one for one in store.alerts() if one.id == number), None)
+    if row is None:
+        raise ParameterError(f"there is no alert {number}: see sprung alerts --all")
+    now = time.time_ns()
+    acts: dict[str, Callable[[Alert], Transition]] = {
+        "ack": partial(acknowledged, who=who, now=now, comment=comment),
+        "shelve": partial(shelved, who=who, until=now + round(3600e9 * hours), now=now, comment=comment),
+        "unshelve": partial(unshelved, who=who, now=now, comment=comment),
+        "assign": partial(assigned, who=who, assignee=to, now=now, comment=comment),
+        "comment": partial(commented, who=who, now=now, comment=comment),
+    }
+    if act not in acts:
+        raise ParameterError(f"sprung alerts {act}: the acts are {_ACTS}")
+    Alarms(store, AlertSettings()).act(alert_of(row), acts[act], now=now)
+    store.audit(who, act, f"{row.vehicle} {row.cause}", comment or None, now=now)
+
+
+def _learn_again(store: "Store", act: str, vehicle: str | None, reason: str, who: str) -> None:
+    """Ask the monitor to learn again."""
+    if act != "learn" or vehicle is None:
+        raise ParameterError("write sprung vehicles, or sprung vehicles learn ID --reason TEXT")
+    if not reason.strip():
+        raise ParameterError(f"learning {vehicle} again needs --reason TEXT, such as 'new dampers'")
+    if vehicle not in {row.vehicle for row in store.vehicles()}:
+        raise ParameterError(f"the store knows no vehicle {vehicle!r}: see sprung vehicles")
+    store.add_command(who, vehicle, "learn", reason.strip(), now=time.time_ns())
+
+
+def _summary(store: "Store", vehicle: str, last_seen: int) -> dict[str, Any]:
+    """Return what is known of a vehicle."""
+    from sprung.alerting import health_index
+    from sprung.monitor import alert_of
+
+    observations = store.observations(vehicle)
+    baselines = store.baselines(vehicle)
+    active = [alert_of(row) for row in store.alerts(vehicle=vehicle, is_active=True)]
+    last = observations[-1].document if observations else None
+    state = "; ".join(alert.text for alert in active)
+    if not state:
+        state = "learning" if not baselines else (last["reason"] if last and last["reason"] else "no alert")
+    return {
+        "vehicle": vehicle,
+        "windows": len(observations),
+        "baseline": baselines[-1].version if baselines else None,
+        "health_index": health_index(active),
+        "last_seen": last_seen,
+        "modes": None if last is None else last["modes"],
+        "state": state,
+    }
+
+
+def _when(time_: int) -> str:
+    """Return a time in words."""
+    return f"{datetime.fromtimestamp(time_ / 1e9, tz=UTC):%Y-%m-%d %H:%M}"

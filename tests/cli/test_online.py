@@ -1,0 +1,105 @@
+"""What a person at a terminal does with the monitor's store; and the monitor's own bad usage."""
+
+import pytest
+
+from sprung.alerting import AlertSettings, Report
+from sprung.alerting.rounds import reported
+from sprung.monitor import row_of
+from sprung.storage import open_store
+
+NOW = 1_795_219_200_000_000_000
+
+
+@pytest.fixture
+def store(tmp_path):
+    url = f"sqlite:///{tmp_path}/store.sqlite"
+    with open_store(url) as opened:
+        opened.put_vehicle("bus-17", configuration="c", description="", channels=[], now=NOW)
+        report = Report("bus-17", "front_left.spring", 700, "front-left spring 25 % softer")
+        alert = reported(None, report, AlertSettings(), NOW).alert
+        opened.put_alert(row_of(alert), history=("raised", "", ""), notify={}, now=NOW)
+    return url
+
+
+def test_an_alert_from_raised_to_normal(sprung, store):
+    (listed,) = sprung("alerts", "--store", store, "--json", "-").document()["alerts"]
+    assert (listed["vehicle"], listed["state"], listed["severity"]) == ("bus-17", "unacknowledged", 700)
+    shown = sprung("alerts", "--store", store)
+    assert "front-left spring 25 % softer" in shown.out
+    assert sprung("alerts", "ack", "1", "--store", store, "--who", "anna", "--comment", "seen").code == 0
+    assert sprung("alerts", "assign", "1", "--store", store, "--who", "anna", "--to", "bert").code == 0
+    assert sprung("alerts", "shelve", "1", "--store", store, "--who", "anna", "--hours", "2").code == 0
+    (listed,) = sprung("alerts", "--store", store, "--json", "-").document()["alerts"]
+    assert (listed["state"], listed["assignee"]) == ("shelved", "bert")
+    history = sprung("alerts", "history", "1", "--store", store, "--json", "-").document()["history"]
+    assert [entry["what"] for entry in history] == ["raised", "acknowledged", "assigned", "shelved"]
+    assert (history[1]["who"], history[1]["comment"]) == ("anna", "seen")
+    with open_store(store) as opened:
+        assert [(row.who, row.act) for row in opened.audited()] == [
+            ("anna", "ack"),
+            ("anna", "assign"),
+            ("anna", "shelve"),
+        ]
+
+
+def test_vehicles_and_learning_again(sprung, store):
+    (one,) = sprung("vehicles", "--store", store, "--json", "-").document()["vehicles"]
+    assert (one["vehicle"], one["windows"], one["baseline"], one["health_index"]) == ("bus-17", 0, None, 30.0)
+    assert "bus-17" in sprung("vehicles", "--store", store).out
+    words = ("vehicles", "learn", "bus-17", "--store", store, "--reason", "new springs", "--who", "anna")
+    assert sprung(*words).code == 0
+    with open_store(store) as opened:
+        (command,) = opened.open_commands()
+    assert (command.vehicle, command.act, command.detail, command.who) == ("bus-17", "learn", "new springs", "anna")
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("alerts", "--store", "sqlite:///nowhere.sqlite"), "there is no store"),
+        (("alerts", "ack"), "needs the number"),
+        (("alerts", "ack", "9"), "there is no alert 9"),
+        (("alerts", "forget", "1"), "the acts are"),
+        (("alerts", "unshelve", "1"), "is not shelved"),
+        (("vehicles", "learn", "bus-17"), "needs --reason"),
+        (("vehicles", "learn", "bus-18", "--reason", "x"), "knows no vehicle 'bus-18'"),
+        (("vehicles", "forget", "bus-17"), "sprung vehicles learn ID"),
+    ],
+)
+def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
+    given = words if "--store" in words else (*words, "--store", store)
+    found = sprung(*given)
+    assert found.code == 2
+    assert sentence in found.err
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("monitor", "--site", "none.toml"), "give the site file"),
+        (("monitor", "--broker", "http://x"), "no address of a broker"),
+        (("monitor", "--log", "xml"), "--log 'xml' is not one of json, text"),
+        (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "no name for one"),
+        (
+            ("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
+            "cannot be reached",
+        ),
+        (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or a source"),
+        (("box", "--vehicle-id", "a", "--vehicle", "zafira", "--source", "can:x:y:z"), "needs --sampling-rate"),
+    ],
+)
+def test_bad_usage(sprung, words, sentence, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = sprung(*words)
+    assert found.code == 2, found
+    assert sentence in found.err
+    assert found.err.count("\n") <= 3
+
+
+def test_a_site_file_that_is_wrong_is_named_with_its_field(sprung, tmp_path):
+    path = tmp_path / "site.toml"
+    path.write_text('schema = "sprung.site/1"\n[watch]\nworkers = 0\n', encoding="utf-8")
+    found = sprung("monitor", "--site", path)
+    assert found.code == 2
+    assert "watch.workers" in found.err
+    assert "correct it" in found.err
