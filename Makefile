@@ -17,9 +17,7 @@ $(READY): requirements.lock pyproject.toml scripts/system-packages
 	@touch $@
 
 demo: $(READY)
-	@mkdir -p demo
-	$(BIN)/sprung simulate chain --minutes 2 --snr 2 --seed 1 --out demo/chain.csv
-	$(BIN)/sprung identify demo/chain.csv --vehicle demo/chain.csv.vehicle.toml --figures demo/figures
+	$(BIN)/sprung demo
 
 test: check
 	$(BIN)/python -m pytest -n auto
@@ -36,4 +34,4 @@ bench: $(READY)
 	benchmarks/run
 
 clean:
-	rm -rf demo $(VENV) benchmarks/.venv
+	rm -rf $(VENV) benchmarks/.venv
