@@ -27,9 +27,14 @@ FLOORS = (
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}
 #: Libraries that only one floor may use.
 ONLY_IN = {
-    **{"matplotlib": {"plotting"}, "typer": {"cli"}, "rich": {"cli"}, "click": {"cli"}},
-    **dict.fromkeys(("sqlalchemy", "alembic", "psycopg", "sqlite3"), {"storage"}),
-    **{"paho": {"link"}, "can": {"box"}, "cantools": {"box"}},
+    "matplotlib": {"plotting"},
+    "typer": {"cli"},
+    "rich": {"cli"},
+    "click": {"cli"},
+    **{key: {"storage"} for key in ("sqlalchemy", "alembic", "psycopg", "sqlite3")},
+    "paho": {"link"},
+    "can": {"box"},
+    "cantools": {"box"},
 }
 
 
