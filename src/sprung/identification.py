@@ -8,7 +8,7 @@ from operator import add
 import numpy as np
 from numpy.typing import NDArray
 
-from sprung._checks import frozen_array
+from sprung._checks import check_one_of, frozen_array
 from sprung.cepstrum import Exponential, Lifter, ShortPass, subtract_lifter_damping
 from sprung.contribution import complete_shapes
 from sprung.correlation import (
@@ -124,6 +124,34 @@ class Identification:
 Progress = Callable[[str, float], None]
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class CorrelationSummary:
+    """What modes are identified from: far smaller than the samples, and nearly sufficient.
+
+    Parameters
+    ----------
+    method
+        "cov", "acs" or "coss".
+    plan
+        What was chosen from the data.
+    channels
+        Outputs.
+    subsets
+        Range of level (None where not sorted) and correlations of each.
+    average
+        Of all segments.
+    harmonics
+        Lines that are no modes.
+    """
+
+    method: str
+    plan: Plan
+    channels: tuple[Channel, ...]
+    subsets: tuple[tuple[tuple[float, float] | None, Correlations], ...]
+    average: Correlations
+    harmonics: tuple[Harmonic, ...]
+
+
 def cov_ssi(
     recordings: Recording | Iterable[Recording],
     *,
@@ -228,37 +256,68 @@ def _identify(
     report = on_progress or (lambda doing, share: None)
     records = [recordings] if isinstance(recordings, Recording) else recordings
     plan, gathered, notes = _gathered(method, records, settings or IdentificationSettings(), vehicle, report)
-    segments = with_limited_power(join_segments([part.segments for part in gathered]))
-    harmonics = _common_harmonics([part.harmonics for part in gathered])
-    subsets, merged_subsets = _subsets(method, segments, plan.settings)
-    found = []
-    for k, (level, correlations) in enumerate(subsets):
-        report(f"realising all orders of subset {k + 1} of {len(subsets)}", 0.5 + 0.5 * k / len(subsets))
-        found.append(_subset_modes(level, correlations, harmonics, plan))
-    merged, members = merge_modes([s.modes for s in found], weights=[s.n_segments for s in found])
-    is_kept = significant(merged, average(segments), least=plan.settings.criteria.contribution)
-    factors = np.array(list(plan.factors.values()))
-    found = [_without(subset, members[~is_kept, k], members[:, k]) for k, subset in enumerate(found)]
-    lifter = plan.settings.lifter
-    found = [replace(subset, modes=_as_measured(subset.modes, factors, lifter)) for subset in found]
-    merged = _as_measured(merged.take(np.flatnonzero(is_kept)), factors, lifter)
-    channels = gathered[0].channels
+    summary, merged_subsets = _summary(method, plan, gathered)
+    subsets, merged, members = _modes(summary, report)
     edited = [part.edited_spectra for part in gathered if part.edited_spectra is not None]
     report("done", 1.0)
     return Identification(
         method=method,
-        channels=channels,
-        sampling_rate=segments.sampling_rate,
-        modes=labelled(merged, channels, vehicle=vehicle),
-        subsets=tuple(found),
-        members=members[is_kept],
+        channels=summary.channels,
+        sampling_rate=summary.average.sampling_rate,
+        modes=labelled(merged, summary.channels, vehicle=vehicle),
+        subsets=tuple(subsets),
+        members=members,
         band=plan.band,
-        harmonics=harmonics,
+        harmonics=summary.harmonics,
         spectra=reduce(add, [part.spectra for part in gathered]),
         edited_spectra=reduce(add, edited) if edited else None,
         settings=plan.settings,
-        notes=(*plan.notes, *notes, *merged_subsets, *_notes_on_modes(merged, lifter)),
+        notes=(*plan.notes, *notes, *merged_subsets, *_notes_on_modes(merged, plan.settings.lifter)),
     )
+
+
+def summarise(
+    method: str,
+    recordings: Recording | Iterable[Recording],
+    *,
+    settings: IdentificationSettings | None = None,
+    vehicle: AnyVehicle | None = None,
+) -> CorrelationSummary:
+    """Return what modes are identified from; `method` is one of `METHODS`, the rest as for `cov_ssi`."""
+    check_one_of("method", method, METHODS)
+    records = [recordings] if isinstance(recordings, Recording) else recordings
+    plan, gathered, _ = _gathered(method, records, settings or IdentificationSettings(), vehicle, lambda *_: None)
+    return _summary(method, plan, gathered)[0]
+
+
+def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
+    """Return the modes that a summary holds: those of the identification of its recordings."""
+    return labelled(_modes(summary, lambda *_: None)[1], summary.channels, vehicle=vehicle)
+
+
+def _summary(method: str, plan: Plan, gathered: Sequence[_Gathered]) -> tuple[CorrelationSummary, tuple[str, ...]]:
+    """Average the segments of records, and tell which subsets were merged."""
+    segments = with_limited_power(join_segments([part.segments for part in gathered]))
+    harmonics = _common_harmonics([part.harmonics for part in gathered])
+    subsets, notes = _subsets(method, segments, plan.settings)
+    return CorrelationSummary(method, plan, gathered[0].channels, tuple(subsets), average(segments), harmonics), notes
+
+
+def _modes(summary: CorrelationSummary, report: Progress) -> tuple[list[SubsetModes], Modes, NDArray[np.intp]]:
+    """Return the subsets with their modes, the merged modes, and which of the subsets' modes each is."""
+    plan, found = summary.plan, []
+    for k, (level, correlations) in enumerate(summary.subsets):
+        report(
+            f"realising all orders of subset {k + 1} of {len(summary.subsets)}", 0.5 + 0.5 * k / len(summary.subsets)
+        )
+        found.append(_subset_modes(level, correlations, summary.harmonics, plan))
+    merged, members = merge_modes([s.modes for s in found], weights=[s.n_segments for s in found])
+    is_kept = significant(merged, summary.average, least=plan.settings.criteria.contribution)
+    factors = np.array(list(plan.factors.values()))
+    found = [_without(subset, members[~is_kept, k], members[:, k]) for k, subset in enumerate(found)]
+    lifter = plan.settings.lifter
+    found = [replace(subset, modes=_as_measured(subset.modes, factors, lifter)) for subset in found]
+    return found, _as_measured(merged.take(np.flatnonzero(is_kept)), factors, lifter), members[is_kept]
 
 
 def _gathered(

@@ -21,11 +21,12 @@ def store(tmp_path):
     return url
 
 
-def test_an_alert_from_raised_to_normal(sprung, store):
+def test_an_alert_from_raised_to_normal(sprung, store, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "160")
     (listed,) = sprung("alerts", "--store", store, "--json", "-").document()["alerts"]
     assert (listed["vehicle"], listed["state"], listed["severity"]) == ("bus-17", "unacknowledged", 700)
     shown = sprung("alerts", "--store", store)
-    assert "front-left spring 25 % softer" in shown.out
+    assert "front-left spring 25 % softer" in " ".join(shown.out.split())
     assert sprung("alerts", "ack", "1", "--store", store, "--who", "anna", "--comment", "seen").code == 0
     assert sprung("alerts", "assign", "1", "--store", store, "--who", "anna", "--to", "bert").code == 0
     assert sprung("alerts", "shelve", "1", "--store", store, "--who", "anna", "--hours", "2").code == 0
@@ -51,6 +52,10 @@ def test_vehicles_and_learning_again(sprung, store):
     with open_store(store) as opened:
         (command,) = opened.open_commands()
     assert (command.vehicle, command.act, command.detail, command.who) == ("bus-17", "learn", "new springs", "anna")
+    assert sprung("vehicles", "raw", "bus-17", "--store", store, "--minutes", "5", "--who", "anna").code == 0
+    with open_store(store) as opened:
+        detail = opened.open_commands()[-1].detail
+    assert detail["to"] - detail["from"] == 300 * 10**9
 
 
 @pytest.mark.parametrize(
@@ -63,7 +68,7 @@ def test_vehicles_and_learning_again(sprung, store):
         (("alerts", "unshelve", "1"), "is not shelved"),
         (("vehicles", "learn", "bus-17"), "needs --reason"),
         (("vehicles", "learn", "bus-18", "--reason", "x"), "knows no vehicle 'bus-18'"),
-        (("vehicles", "forget", "bus-17"), "sprung vehicles learn ID"),
+        (("vehicles", "forget", "bus-17"), "sprung vehicles raw ID"),
     ],
 )
 def test_what_cannot_be_done_is_said(sprung, store, words, sentence):

@@ -5,6 +5,7 @@ from sprung.box.can import can_bus, can_database, from_can
 from sprung.box.fleet import Member, drive_fleet
 from sprung.box.folder import from_folder
 from sprung.box.mqtt_source import from_mqtt
+from sprung.box.onboard import OnBoard
 from sprung.box.resampling import Regular
 from sprung.box.sources import after, blocks_of, from_files, from_simulator, paced
 from sprung.box.standard_input import from_lines
@@ -13,6 +14,7 @@ __all__ = [
     "Box",
     "BoxSettings",
     "Member",
+    "OnBoard",
     "Regular",
     "after",
     "blocks_of",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sprung import __version__
+from sprung.box.onboard import OnBoard
 from sprung.errors import FormatError
 from sprung.link import (
     Address,
@@ -76,6 +77,8 @@ class Box:
         Of the broker.
     quantities
         Returns those of the channels of a block, which it announces.
+    on_board
+        Identifies modes on the vehicle; None: samples are sent.
     clock, sleep
         In s; any clock that only goes forward.
     """
@@ -87,11 +90,13 @@ class Box:
         address: Address,
         *,
         quantities: Callable[[Recording], Mapping[str, str]],
+        on_board: OnBoard | None = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._settings, self._spool = settings, spool
         self._sending = Sending(spool, patience=settings.patience)
+        self._on_board = on_board
         self._quantities, self._clock, self._sleep = quantities, clock, sleep
         self._inbox: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._announced: dict[str, str] = {}
@@ -144,10 +149,14 @@ class Box:
             self._announce()
         most = _LARGEST_DATA // (len(block.names) * self._settings.width)
         for first in range(0, block.n_samples, most):
-            self._spooled(block.part(first, min(first + most, block.n_samples)))
+            encoded = self._frame(block.part(first, min(first + most, block.n_samples)))
+            (self._spool if self._on_board is None else self._on_board.ring).append(encoded)
+        if self._on_board is not None:
+            for kind, document in self._on_board.take(block):
+                self._spool_map({**document, 14: self._settings.configuration, 16: kind})
 
-    def _spooled(self, block: Recording) -> None:
-        """Keep a block that one frame can hold."""
+    def _frame(self, block: Recording) -> Callable[[int, int], bytes]:
+        """Return what makes a block a frame of a boot and a sequence number."""
         counts, scale, flags = quantised(block.samples, width=self._settings.width)
         interval = round(1e9 / block.sampling_rate)
         start = block.start or 0
@@ -171,7 +180,13 @@ class Box:
                 )
             )
 
-        self._spool.append(encoded)
+        return encoded
+
+    def _spool_map(self, document: Mapping[Any, Any]) -> None:
+        """Keep a message that is no frame of samples, or a frame from the ring."""
+        previous = {} if self._spool.previous is None else {15: list(self._spool.previous)}
+        whole = {0: 1, 1: self._settings.vehicle, **document, **previous}
+        self._spool.append(lambda boot, seq: message({**whole, 2: boot, 3: seq}))
 
     def _look(self) -> None:
         """See what came, and send what is due."""
@@ -192,7 +207,8 @@ class Box:
         if now - self._reported > _REPORT:
             self._report(now)
         for _, _, payload in self._sending.due(now):
-            if not self._link.publish(topic(self._settings.vehicle, "raw"), payload):
+            kind = "raw" if self._on_board is None else checked_map(payload).get(16, "raw")
+            if not self._link.publish(topic(self._settings.vehicle, kind), payload):
                 self._sending.start_again(now)
                 break
 
@@ -213,7 +229,7 @@ class Box:
         self._spool.close()
 
     def _told(self, name: str, payload: bytes, now: float) -> None:
-        """Heed an acknowledgement; one that is garbled is passed over, as another will come."""
+        """Heed an acknowledgement or a wish for samples; one that is garbled is passed over."""
         try:
             document = checked_map(payload)
             boot, seq = document.get(2), document.get(3)
@@ -221,6 +237,11 @@ class Box:
             return
         if name.endswith("/ack") and isinstance(boot, int) and isinstance(seq, int):
             self._sending.acknowledged(boot, seq, now)
+        elif name.endswith("/cmd") and document.get("do") == "raw" and self._on_board is not None:
+            begin, end = document.get("from"), document.get("to")
+            if isinstance(begin, int) and isinstance(end, int):
+                for frame in self._on_board.asked_for(begin, end):
+                    self._spool_map(frame)
 
     def _announce(self) -> None:
         """Say what the vehicle and its channels are; kept by the broker for monitors that come later."""

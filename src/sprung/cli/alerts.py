@@ -62,20 +62,25 @@ def alerts(
 
 
 def vehicles(
-    act: Annotated[str | None, typer.Argument(metavar="[learn", show_default=False)] = None,
+    act: Annotated[
+        str | None, typer.Argument(metavar="[ACT", help="learn or raw; without it: list.", show_default=False)
+    ] = None,
     vehicle: Annotated[str | None, typer.Argument(metavar="ID]", show_default=False)] = None,
     *,
     store: StoreUrl = _DEFAULT,
     reason: Annotated[
         str, typer.Option(metavar="TEXT", help="Why to learn again, such as 'new dampers'.", show_default=False)
     ] = "",
+    minutes: Annotated[
+        float, typer.Option(metavar="M", help="How far back to ask a box for its samples.", min=0)
+    ] = 30.0,
     who: Who = None,
     json: Json = None,
 ) -> None:
-    """List the vehicles that a monitor watches, or have it learn again what is normal for one."""
+    """List the vehicles that a monitor watches; have it learn again what is normal, or ask a box for its samples."""
     with _opened(store) as opened:
         if act is not None:
-            _learn_again(opened, act, vehicle, reason, who or getpass.getuser())
+            _asked(opened, act, vehicle, who=who or getpass.getuser(), reason=reason, minutes=minutes)
         found = [_summary(opened, row.vehicle, row.last_seen) for row in opened.vehicles()]
     if json is not None:
         write_json({"schema": "sprung.vehicles/1", "vehicles": found}, json)
@@ -185,15 +190,17 @@ def _acted(store: "Store", act: str, number: int, *, who: str, comment: str, hou
     store.audit(who, act, f"{row.vehicle} {row.cause}", comment or None, now=now)
 
 
-def _learn_again(store: "Store", act: str, vehicle: str | None, reason: str, who: str) -> None:
-    """Ask the monitor to learn again."""
-    if act != "learn" or vehicle is None:
-        raise ParameterError("write sprung vehicles, or sprung vehicles learn ID --reason TEXT")
-    if not reason.strip():
+def _asked(store: "Store", act: str, vehicle: str | None, *, who: str, reason: str, minutes: float) -> None:
+    """Ask something of the monitor."""
+    if act not in {"learn", "raw"} or vehicle is None:
+        raise ParameterError("write sprung vehicles, sprung vehicles learn ID --reason TEXT or sprung vehicles raw ID")
+    if act == "learn" and not reason.strip():
         raise ParameterError(f"learning {vehicle} again needs --reason TEXT, such as 'new dampers'")
     if vehicle not in {row.vehicle for row in store.vehicles()}:
         raise ParameterError(f"the store knows no vehicle {vehicle!r}: see sprung vehicles")
-    store.add_command(who, vehicle, "learn", reason.strip(), now=time.time_ns())
+    now = time.time_ns()
+    detail = reason.strip() if act == "learn" else {"from": now - round(60e9 * minutes), "to": now}
+    store.add_command(who, vehicle, act, detail, now=now)
 
 
 def _summary(store: "Store", vehicle: str, last_seen: int) -> dict[str, Any]:

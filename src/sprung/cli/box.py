@@ -43,13 +43,21 @@ def box(
         float | None,
         typer.Option(metavar="X", help="Files: times as fast as recorded; without it: at once.", show_default=False),
     ] = None,
+    on_board: Annotated[
+        bool,
+        typer.Option(
+            "--on-board",
+            help="Identify on the vehicle: send correlations and modes, keep samples for when they are asked for.",
+        ),
+    ] = False,
+    ring_megabytes: Annotated[float, typer.Option(metavar="MB", help="Room for those samples.")] = 1024.0,
     log_format: Annotated[str, typer.Option("--log", metavar="text|json", help="Form of the log.")] = "text",
 ) -> None:
     """Send a vehicle's samples to a monitor: from the sensors, through a spool on disk, until it has them.
 
     Runs until its source ends and all is acknowledged, or until it is stopped; started again, it goes on where it was.
     """
-    from sprung.box import Box, BoxSettings, after, paced
+    from sprung.box import Box, BoxSettings, OnBoard, after, paced
     from sprung.link import Address, Spool
     from sprung.monitor import quantities_of
     from sprung.vehicles import vehicle_text
@@ -65,6 +73,9 @@ def box(
         kept,
         Address.parse(broker),
         quantities=lambda block: quantities_of(block, description),
+        on_board=OnBoard(description, Spool(spool / "ring", most_bytes=round(1e6 * ring_megabytes)))
+        if on_board
+        else None,
     )
     is_replayed = source in {"files", "simulator"}
     blocks = _blocks(

@@ -3,12 +3,13 @@
 from sprung.monitor.alarms import Alarms, Postman, alert_of, row_of
 from sprung.monitor.blocks import Block, FrameBlock, frame_block, joined, quantities_of
 from sprung.monitor.broker import EmbeddedBroker
-from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
+from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor, mode_documents
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.serving import FIGURES, Serving, exposition
 from sprung.monitor.site import Site, read_site
 from sprung.monitor.station import Station
 from sprung.monitor.streams import Stream
+from sprung.monitor.summaries import summary_document, summary_from_document
 from sprung.monitor.workers import Opening, Outcome, Workers
 
 __all__ = [
@@ -36,7 +37,10 @@ __all__ = [
     "exposition",
     "frame_block",
     "joined",
+    "mode_documents",
     "quantities_of",
     "read_site",
     "row_of",
+    "summary_document",
+    "summary_from_document",
 ]

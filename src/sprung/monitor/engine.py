@@ -1,6 +1,6 @@
 """One vehicle that is watched: blocks of samples in, modes every minute and a diagnosis every ten out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -303,9 +303,12 @@ class VehicleMonitor:
         number = self._n_windows
         self._n_windows += 1
         time = recording.start / 1e9 if recording.start is not None else number * self._settings.window
-        observation = observe(recording, self._vehicle, time=time)
+        # As it comes back after a restart: the order in memory of its arrays would show in the last digit of findings.
+        observation = observation_from_dict(observe(recording, self._vehicle, time=time).to_dict())
         self._observations.append(observation)
-        del self._observations[: -self._settings.most_windows]
+        gone = self._observations[: -self._settings.most_windows]
+        del self._observations[: len(gone)]
+        del self._evidence[: self._n_telling(gone)]
         self._note = observation.reason
         learnt = self._learn() if self._is_learning else None
         if not self._is_learning and learnt is None:
@@ -328,24 +331,29 @@ class VehicleMonitor:
         except DataError as error:
             self._note = str(error)
             return None
-        self._baseline, self._is_learning = learnt, False
+        self._baseline, self._is_learning = baseline_from_dict(learnt.to_dict()), False
         self._observations, self._evidence = [], []
         return learnt
 
     def _diagnose(self) -> None:
         """Diagnose the windows since the baseline."""
         per_day = self._settings.hours_per_day * 3600 / self._settings.window
-        sound = sum(one.can_tell and not one.sensor_faults for one in self._observations)
+        before = max(0, self._n_telling(self._observations) - 1)
         self._diagnosis = diagnose(
             self._observations,
             self._baseline,
             vehicle=self._vehicle.name,
             false_alarms=self._settings.false_alarms,
             windows_per_day=per_day,
-            known=self._evidence[-sound + 1 :] if 1 < sound <= len(self._evidence) else self._evidence,
+            known=self._evidence[:before],
         )
         if self._diagnosis.detection is not None:
             self._evidence = self._diagnosis.detection.evidence.tolist()
+
+    def _n_telling(self, observations: Sequence[Observation]) -> int:
+        """Return how many windows there is evidence of."""
+        components = () if self._baseline is None else self._baseline.components
+        return sum(one.can_tell and not one.sensor_faults and one.components == components for one in observations)
 
 
 def mode_documents(modes: Modes) -> list[dict[str, Any]]:

@@ -13,6 +13,8 @@ from sprung.vehicles import vehicle_from_text
 MONITOR = "monitor"
 #: Largest number of channels that a vehicle may announce.
 _MOST_CHANNELS = 256
+#: What boxes that identify on board send in line with frames.
+KINDS = ("corr", "modes")
 #: Refusals that are remembered.
 _MOST_REFUSALS = 100
 
@@ -28,6 +30,8 @@ class Intake:
     publish
         Sends topic and payload.
 
+    Attributes `parked` and `mixed` are the vehicles that said goodbye, and those that send more than samples.
+
     Notes
     -----
     A frame is acknowledged after the transaction that stored it, and again whenever it comes again: the highest
@@ -39,6 +43,7 @@ class Intake:
     counts: dict[str, int] = field(default_factory=lambda: {"messages": 0, "refused": 0, "frames": 0, "lost": 0})
     refusals: dict[str, str] = field(default_factory=dict)
     parked: set[str] = field(default_factory=set)
+    mixed: set[str] = field(default_factory=set)
 
     def take(self, messages: Iterable[tuple[str, bytes]], *, now: int) -> tuple[dict[tuple[str, int], int], set[str]]:
         """Store what messages hold.
@@ -73,6 +78,9 @@ class Intake:
                     continue  # what monitors say of themselves
                 if what == "raw":
                     frames.append(_frame(vehicle, payload))
+                elif what in KINDS:
+                    frames.append(_report(vehicle, what, payload))
+                    self.mixed.add(vehicle)
                 elif what == "meta":
                     if self._described(vehicle, checked_map(payload), now):
                         described.add(vehicle)
@@ -139,3 +147,15 @@ def _frame(vehicle: str, payload: bytes) -> tuple[str, int, int, int, bytes]:
     if frame.vehicle != vehicle:
         raise FormatError(f"a frame of {frame.vehicle!r} on the topic of {vehicle!r}")
     return vehicle, frame.boot, frame.seq, frame.start, payload
+
+
+def _report(vehicle: str, what: str, payload: bytes) -> tuple[str, int, int, int, bytes]:
+    """Return correlations or modes as the store takes them, if they are those of the vehicle."""
+    document = checked_map(payload)
+    if document.get(0) != 1 or document.get(1) != vehicle or document.get(16) != what:
+        raise FormatError(f"a message that is none of {vehicle!r}'s {what} in version 1")
+    boot, seq, start, number = (document.get(key) for key in (2, 3, 4, "number"))
+    for one in (boot, seq, start, number):
+        if not isinstance(one, int) or not 0 <= one < 2**63:
+            raise FormatError(f"{what} without boot, sequence number, time and number")
+    return vehicle, int(boot or 0), int(seq or 0), int(start or 0), payload

@@ -10,10 +10,11 @@ from functools import partial
 from typing import Any
 
 from sprung.errors import SprungError
-from sprung.link import UPWARDS, Link, message
+from sprung.link import UPWARDS, Link, checked_map, message, topic
 from sprung.monitor.alarms import Alarms, Postman, senders_of
 from sprung.monitor.engine import Identified, Observed
 from sprung.monitor.intake import MONITOR, Intake
+from sprung.monitor.received import received
 from sprung.monitor.serving import Serving
 from sprung.monitor.site import Site
 from sprung.monitor.streams import Stream, Waiting
@@ -112,6 +113,8 @@ class Station:
             stream = self._streams.setdefault(vehicle, Stream())
             stream.arrived(boot, cursor.contiguous)
             stream.dispatched[boot] = cursor.done
+            if cursor.done < cursor.contiguous:
+                self._intake.mixed.add(vehicle)  # until it shows that it only sends samples
         self._serving = Serving(self._site.http_address, figures=self.figures, troubles=self.troubles)
         self._serving.open()
         self._link.open(timeout=timeout)
@@ -226,12 +229,27 @@ class Station:
             if not workers.is_free(vehicle):
                 continue
             waiting = stream.next_frames(partial(self._pending, vehicle), _JOB)
+            if vehicle in self._intake.mixed:
+                waiting = self._samples_first(vehicle, waiting)
             learn = self._learning.get(vehicle)
             if waiting or learn:
                 self._jobs[vehicle] = waiting
                 workers.submit(vehicle, [payload for _, _, payload in waiting], learn=learn[1] if learn else "")
                 given += 1
         return given
+
+    def _samples_first(self, vehicle: str, waiting: list[Waiting]) -> list[Waiting]:
+        """Store what a box has identified itself, and return the samples up to the next of that."""
+        documents = [checked_map(payload) for _, _, payload in waiting]
+        kinds = [document.get(16, "raw") for document in documents]
+        if not kinds or kinds[0] == "raw":
+            return waiting[: next((k for k, kind in enumerate(kinds) if kind != "raw"), len(kinds))]
+        (boot, seq, _), document = waiting[0], documents[0]
+        found = received(kinds[0], document, self._site.archive, vehicle)
+        modes = () if found is None else ((document["number"], document[4], found),)
+        self._store.commit_progress(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq, modes=modes))
+        self._streams[vehicle].dispatched[boot] = seq
+        return []
 
     def _pending(self, vehicle: str, boot: int, after: int, limit: int) -> list[tuple[int, int, bytes]]:
         """Return frames of a vehicle that wait in the store."""
@@ -372,7 +390,12 @@ class Station:
             else:
                 self._alarms.over(row.vehicle, "silent", now=now)
         for command in self._store.open_commands():
-            if command.act == "learn":
+            if command.act == "raw":
+                begin, end = command.detail["from"], command.detail["to"]
+                wish = message({0: 1, "do": "raw", "from": begin, "to": end})
+                if self._link.publish(topic(command.vehicle, "cmd"), wish):
+                    self._store.command_done(command.id, now)
+            elif command.act == "learn":
                 self._learning.setdefault(command.vehicle, (command.id, str(command.detail or "maintenance")))
             else:
                 LOG.warning("an act that is not known", extra={"act": command.act})

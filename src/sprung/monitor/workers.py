@@ -211,7 +211,11 @@ def _work(connection: Connection) -> None:
             watched.pop(message[1], None)
         else:
             _, vehicle, frames, learn = message
-            connection.send(_worked(vehicle, watched.get(vehicle), frames, learn, refused.get(vehicle, "")))
+            outcome = _worked(vehicle, watched.get(vehicle), frames, learn, refused.get(vehicle, ""))
+            try:
+                connection.send(outcome)
+            except OSError:
+                return  # the monitor is gone: whoever comes after it works from the store
 
 
 def _opened(opening: Opening) -> tuple[VehicleMonitor, dict[str, str]]:

@@ -1,0 +1,145 @@
+"""The box against a monitor's side played by hand."""
+
+import time
+
+import numpy as np
+import pytest
+
+from sprung.box import Box, BoxSettings, OnBoard, blocks_of
+from sprung.link import Address, Link, Spool, checked_map, decode, message, topic
+from sprung.monitor import EmbeddedBroker
+from sprung.recording import Channel, Recording
+from sprung.vehicles import read_vehicle, vehicle_text
+
+
+@pytest.fixture(scope="module")
+def broker():
+    import socket
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    one = EmbeddedBroker(port=port)
+    one.open()
+    yield Address("127.0.0.1", port, version="3")
+    one.close()
+
+
+class Monitor:
+    """Takes what a vehicle sends, and acknowledges when told to."""
+
+    def __init__(self, address):
+        self.heard = []
+        self.link = Link(
+            address,
+            "monitor",
+            topics=["sprung/v1/+/+"],
+            on_message=lambda name, payload: self.heard.append((name, payload)),
+        )
+        self.link.open(timeout=10.0)
+
+    def hear(self, name, payload):
+        self.heard.append((name, payload))
+
+    def of(self, what):
+        return [payload for name, payload in list(self.heard) if name.endswith("/" + what)]
+
+    def acknowledge(self, boot, seq):
+        self.link.publish(topic("car-1", "ack"), message({0: 1, 2: boot, 3: seq}))
+
+
+def until(condition, box, *, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it takes too long"
+        box.look()
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def monitor(broker):
+    one = Monitor(broker)
+    yield one
+    one.link.close()
+
+
+def run(seconds=20.0, n_channels=2, rate=100.0, start=10**18):
+    samples = np.random.default_rng(1).normal(size=(n_channels, round(seconds * rate)))
+    return Recording(samples, rate, tuple(Channel(f"acc_{k}", "acceleration") for k in range(n_channels)), start)
+
+
+def box_of(broker, folder, **fields):
+    car = read_vehicle("zafira")
+    return Box(
+        BoxSettings("car-1", vehicle_text(car), patience=1.0),
+        Spool(folder / "spool", is_synced=False),
+        broker,
+        quantities=lambda block: {channel.name: channel.quantity for channel in block.channels},
+        **fields,
+    )
+
+
+def test_frames_go_out_again_until_they_are_acknowledged(broker, monitor, tmp_path):
+    box = box_of(broker, tmp_path)
+    box.open(timeout=10.0)
+    for block in blocks_of(run()):
+        box.take(block)
+    until(lambda: len(monitor.of("raw")) >= 20, box)
+    first = [decode(payload) for payload in monitor.of("raw")]
+    assert sorted(frame.seq for frame in first[:20]) == list(range(20))
+    assert np.allclose(first[0].samples, run().samples[:, :100], atol=1e-3)
+    (meta,) = [checked_map(payload) for payload in monitor.of("meta")][-1:]
+    assert meta["quantities"] == {"acc_0": "acceleration", "acc_1": "acceleration"}
+    assert "schema" in meta["description"]
+    until(lambda: len(monitor.of("raw")) >= 40, box)
+    monitor.acknowledge(0, 14)
+    until(lambda: box.n_waiting == 5, box)
+    monitor.acknowledge(0, 19)
+    until(lambda: box.n_waiting == 0, box)
+    assert box.drain(timeout=1.0)
+    state = checked_map(monitor.of("state")[-1])
+    assert state["boots"] == [[0, 0, 20]] or state["boots"][0][2] == 20
+    box.close()
+    end = time.monotonic() + 5
+    while not checked_map(monitor.of("state")[-1])["is_leaving"]:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_a_box_goes_on_where_it_stopped(broker, tmp_path):
+    box = box_of(broker, tmp_path)
+    for block in list(blocks_of(run()))[:7]:
+        box.take(block)
+    box.close()
+    again = box_of(broker, tmp_path)
+    assert again.resume_time() == 10**18 + 7 * 10**9
+    again.close()
+
+
+def test_a_block_that_no_frame_can_hold_is_cut(broker, tmp_path):
+    box = box_of(broker, tmp_path)
+    whole = run(seconds=10.0, n_channels=8, rate=20_000.0)
+    box.take(whole)
+    frames = [decode(payload) for _, _, payload in Spool(tmp_path / "spool").frames()]
+    assert len(frames) == 4
+    assert sum(frame.n_samples for frame in frames) == whole.n_samples
+    assert np.allclose(np.concatenate([frame.samples for frame in frames], axis=1), whole.samples, atol=1e-3)
+    box.close()
+
+
+def test_samples_stay_on_board_until_they_are_asked_for(broker, monitor, tmp_path):
+    ring = Spool(tmp_path / "ring", is_synced=False)
+    box = box_of(broker, tmp_path, on_board=OnBoard(read_vehicle("zafira"), ring, window=60.0))
+    box.open(timeout=10.0)
+    for block in blocks_of(run(seconds=90.0)):
+        box.take(block)
+    until(lambda: monitor.of("modes"), box)
+    assert monitor.of("raw") == []
+    document = checked_map(monitor.of("modes")[-1])
+    assert (document["number"], document[16], document[7]) == (0, "modes", 6000)
+    wish = message({0: 1, "do": "raw", "from": 10**18 + 30 * 10**9, "to": 10**18 + 35 * 10**9})
+    monitor.link.publish(topic("car-1", "cmd"), wish)
+    until(lambda: len(monitor.of("raw")) >= 5, box)
+    frames = [decode(payload) for payload in monitor.of("raw")]
+    assert sorted({(frame.start - 10**18) // 10**9 for frame in frames}) == [30, 31, 32, 33, 34]
+    box.close()
