@@ -128,8 +128,10 @@ class Station:
     def step(self) -> None:
         """Do what is due, and wait a little where nothing is."""
         now = time.monotonic()
-        took = self._take() if now >= self._wait_until else 0
-        gave = self._dispatch()
+        # While the store cannot write, work would be done in vain, and again.
+        is_writable = now >= self._wait_until
+        took = self._take() if is_writable else 0
+        gave = self._dispatch() if is_writable else 0
         outcomes = self._workers.outcomes(timeout=0.0 if took else 0.05)
         for outcome in outcomes:
             self._settle(outcome)
@@ -219,9 +221,11 @@ class Station:
         return any(stream.dispatched.get(boot, -1) < last for boot, last in stream.contiguous.items())
 
     def _dispatch(self) -> int:
-        """Give frames to workers."""
+        """Give frames to workers, in turn: whoever was served last comes last."""
         workers, given = self._workers, 0
-        for vehicle, stream in self._streams.items():
+        for vehicle, stream in list(self._streams.items()):
+            if workers.is_busy:
+                break
             if vehicle in self._jobs or not (self._has_more(vehicle) or vehicle in self._learning):
                 continue
             if not workers.is_open(vehicle) and not self._opened(vehicle):
@@ -235,6 +239,7 @@ class Station:
             if waiting or learn:
                 self._jobs[vehicle] = waiting
                 workers.submit(vehicle, [payload for _, _, payload in waiting], learn=learn[1] if learn else "")
+                self._streams[vehicle] = self._streams.pop(vehicle)
                 given += 1
         return given
 
@@ -248,7 +253,8 @@ class Station:
         found = received(kinds[0], document, self._site.archive, vehicle)
         modes = () if found is None else ((document["number"], document[4], found),)
         self._store.commit_progress(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq, modes=modes))
-        self._streams[vehicle].dispatched[boot] = seq
+        stream = self._streams[vehicle]
+        stream.dispatched[boot] = stream.done[boot] = seq
         return []
 
     def _pending(self, vehicle: str, boot: int, after: int, limit: int) -> list[tuple[int, int, bytes]]:
@@ -257,16 +263,18 @@ class Station:
 
     def _opened(self, vehicle: str) -> bool:
         """Give a vehicle to a worker, as the store has it; tell whether its description is known."""
-        row = next((one for one in self._store.vehicles() if one.vehicle == vehicle), None)
+        row = self._store.vehicle(vehicle)
         if row is None:
             return False
         snapshot = self._store.snapshot(vehicle)
         stream = self._streams[vehicle]
-        stream.dispatched = {boot: self._store.cursor(vehicle, boot).done for boot in stream.contiguous}
+        stream.done = {boot: self._store.cursor(vehicle, boot).done for boot in stream.contiguous}
+        stream.dispatched = dict(stream.done)
         if snapshot is not None:
             for boot, contiguous in stream.contiguous.items():
                 if boot < snapshot.boot:
                     stream.dispatched[boot] = contiguous
+            self._guarded(partial(self._finished, vehicle, snapshot.boot))
         quantities = dict(row.channels)
         state = None if snapshot is None else snapshot.document
         self._workers.open(Opening(vehicle, row.description, quantities, state, self._site.watch.settings))
@@ -288,7 +296,8 @@ class Station:
             self._workers.close_vehicle(vehicle)
             self._refused(error)
             return
-        self._strikes.pop(vehicle, None)
+        if outcome.state is not None:
+            self._strikes.pop(vehicle, None)  # not before: a window that fails begins with jobs that do not
         self._progress[vehicle] = outcome.progress
         stream = self._streams[vehicle]
         if taken:
@@ -331,12 +340,20 @@ class Station:
                 snapshot=outcome.state,
             )
         )
-        for older, last in stream.finished(boot) if is_stored else ():
-            self._store.commit_progress(Progress(vehicle, older, done_seq=last, delete_through_seq=last))
+        if is_stored:
+            stream.done[boot] = seq
+            self._finished(vehicle, boot)
         for event in windows:
             self._alarms.window(vehicle, event, now=now)
         if vehicle in self._learning and is_stored:
             self._store.command_done(self._learning.pop(vehicle)[0], now)
+
+    def _finished(self, vehicle: str, boot: int) -> None:
+        """Remove the frames of boots before the one of the stored state, which holds what was in them."""
+        stream = self._streams[vehicle]
+        for older, last in stream.finished(boot):
+            self._store.commit_progress(Progress(vehicle, older, done_seq=last, delete_through_seq=last))
+            stream.done[older] = last
 
     def _archived(self, vehicle: str, boot: int, event: Observed) -> None:
         """Keep the samples of a window for a while; that they cannot be kept stops nothing."""
@@ -367,13 +384,15 @@ class Station:
             return
         now = self._clock()
         boot, seq, _ = waiting[-1]
+        stream = self._streams[vehicle]
+        text = f"{seq - stream.done.get(boot, -1)} frames were left out: {why}"
         try:
             self._store.commit_progress(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq))
-            self._alarms.trouble(vehicle, "monitor:analysis", f"{len(waiting)} frames were left out: {why}", now=now)
+            self._alarms.trouble(vehicle, "monitor:analysis", text, now=now)
         except StoreError as error:
             self._refused(error)
             return
-        self._streams[vehicle].dispatched[boot] = seq
+        stream.dispatched[boot] = stream.done[boot] = seq
         self._strikes.pop(vehicle)
 
     def _look(self) -> None:
@@ -381,14 +400,15 @@ class Station:
         now = self._clock()
         self._alarms.shelves(now=now)
         patience = round(60e9 * self._site.alerts.silent_after_minutes)
-        for row in self._store.vehicles():
-            quiet = now - max(row.last_seen, self._begun)
-            if quiet > patience and row.vehicle not in self._intake.parked:
-                since = datetime.fromtimestamp(row.last_seen / 1e9, tz=UTC)
-                text = f"{row.vehicle} has sent nothing since {since:%Y-%m-%d %H:%M} UTC"
-                self._alarms.trouble(row.vehicle, "silent", text, now=now)
-            else:
-                self._alarms.over(row.vehicle, "silent", now=now)
+        known = {row.vehicle for row in self._store.alerts(is_active=True) if row.cause == "silent"}
+        for vehicle, last_seen in self._store.last_seen().items():
+            is_silent = now - max(last_seen, self._begun) > patience and vehicle not in self._intake.parked
+            if is_silent and vehicle not in known:
+                since = datetime.fromtimestamp(last_seen / 1e9, tz=UTC)
+                text = f"{vehicle} has sent nothing since {since:%Y-%m-%d %H:%M} UTC"
+                self._alarms.trouble(vehicle, "silent", text, now=now)
+            elif vehicle in known and not is_silent:
+                self._alarms.over(vehicle, "silent", now=now)
         for command in self._store.open_commands():
             if command.act == "raw":
                 begin, end = command.detail["from"], command.detail["to"]
