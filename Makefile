@@ -1,11 +1,11 @@
-# make demo | make test | make setup | make check | make bench
+# make demo | make test | make setup | make check | make bench | make chaos
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: setup demo test fast check bench clean
+.PHONY: setup demo test fast check bench chaos clean
 
 setup: $(READY)
 
@@ -32,6 +32,10 @@ check: $(READY)
 
 bench: $(READY)
 	benchmarks/run
+
+# A thousand kills of box, broker and monitor: about 35 minutes.
+chaos: $(READY)
+	$(BIN)/python benchmarks/chaos.py --kills 1000 --minutes 240 --drives 24 --every 2 --seed 1
 
 clean:
 	rm -rf $(VENV) benchmarks/.venv

@@ -7,22 +7,13 @@ import pytest
 
 from sprung.box import Box, BoxSettings, OnBoard, blocks_of
 from sprung.link import Address, Link, Spool, checked_map, decode, message, topic
-from sprung.monitor import EmbeddedBroker
 from sprung.recording import Channel, Recording
 from sprung.vehicles import read_vehicle, vehicle_text
 
 
 @pytest.fixture(scope="module")
-def broker():
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    one = EmbeddedBroker(port=port)
-    one.open()
-    yield Address("127.0.0.1", port, version="3")
-    one.close()
+def broker(mosquitto):
+    return Address.parse(mosquitto().address)
 
 
 class Monitor:
@@ -68,11 +59,11 @@ def run(seconds=20.0, n_channels=2, rate=100.0, start=10**18):
     return Recording(samples, rate, tuple(Channel(f"acc_{k}", "acceleration") for k in range(n_channels)), start)
 
 
-def box_of(broker, folder, **fields):
+def box_of(broker, folder, *, most_bytes=1 << 28, **fields):
     car = read_vehicle("zafira")
     return Box(
         BoxSettings("car-1", vehicle_text(car), patience=1.0),
-        Spool(folder / "spool", is_synced=False),
+        Spool(folder / "spool", is_synced=False, most_bytes=most_bytes),
         broker,
         quantities=lambda block: {channel.name: channel.quantity for channel in block.channels},
         **fields,
@@ -116,6 +107,23 @@ def test_a_box_goes_on_where_it_stopped(broker, tmp_path):
     again.close()
 
 
+def test_a_boot_that_was_dropped_whole_is_declared(broker, monitor, tmp_path):
+    """The frames of the boot after it wait for it, and no file tells of it any more."""
+    for seconds in (20.0, 40.0):
+        box = box_of(broker, tmp_path, most_bytes=16_000)
+        for block in blocks_of(run(seconds=seconds)):
+            box.take(block)
+        box.close()
+    box = box_of(broker, tmp_path, most_bytes=16_000)
+    oldest = decode(next(payload for _, _, payload in Spool(tmp_path / "spool", most_bytes=16_000).frames()))
+    assert (oldest.boot, oldest.previous) == (1, (0, 20))
+    box.open(timeout=10.0)
+    until(lambda: monitor.of("state"), box)
+    boots = checked_map(monitor.of("state")[-1])["boots"]
+    assert [[boot, first] for boot, first, _ in boots] == [[0, 20], [1, oldest.seq], [2, 0]]
+    box.close()
+
+
 def test_a_block_that_no_frame_can_hold_is_cut(broker, tmp_path):
     box = box_of(broker, tmp_path)
     whole = run(seconds=10.0, n_channels=8, rate=20_000.0)
@@ -142,4 +150,12 @@ def test_samples_stay_on_board_until_they_are_asked_for(broker, monitor, tmp_pat
     until(lambda: len(monitor.of("raw")) >= 5, box)
     frames = [decode(payload) for payload in monitor.of("raw")]
     assert sorted({(frame.start - 10**18) // 10**9 for frame in frames}) == [30, 31, 32, 33, 34]
+    box.close()
+
+
+def test_a_monitor_of_another_version_is_a_problem_that_is_said(broker, monitor, tmp_path):
+    box = box_of(broker, tmp_path)
+    box.open(timeout=10.0)
+    monitor.link.publish(topic("car-1", "cmd"), message({0: 2, "do": "speak", "versions": [2, 3]}))
+    until(lambda: "version [2, 3]" in box.problem, box)
     box.close()

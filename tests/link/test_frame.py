@@ -5,7 +5,7 @@ import zlib
 import cbor2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sprung.errors import FormatError, ParameterError
@@ -22,7 +22,7 @@ def frame(samples=None, *, width=2, **fields):
 
 @pytest.mark.parametrize("codec", [RAW, PACKED])
 @pytest.mark.parametrize("width", [2, 3, 4])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_write_then_read(width, codec, data):
     shape = data.draw(st.tuples(st.integers(1, 4), st.integers(1, 30)))

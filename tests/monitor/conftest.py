@@ -91,6 +91,8 @@ class Inline:
     def __init__(self):
         self.watched, self.outcomes_ = {}, []
 
+    is_busy = False
+
     def is_open(self, vehicle):
         return vehicle in self.watched
 

@@ -1,12 +1,13 @@
 """One vehicle over time: whatever the blocks, the batch answer; and the same after a restart."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import cbor2
 import numpy as np
 import pytest
 
-from sprung.diagnosis import observe
+from sprung.diagnosis import diagnose, observe
 from sprung.errors import ParameterError
 from sprung.link import decode
 from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor, frame_block, joined, quantities_of
@@ -86,6 +87,43 @@ def test_it_goes_on_from_its_state(car, drive, alike):
         VehicleMonitor.from_state(car, {"schema": "other"})
     with pytest.raises(ParameterError, match="lacks or garbles"):
         VehicleMonitor.from_state(car, {"schema": "sprung.vehicle-monitor/1"})
+
+
+def test_evidence_is_that_of_the_batch(car, drive, alike):
+    """Through restarts, and a window that is no witness."""
+    settings = MonitorSettings(window=120.0, identify_every=0, n_learning=2)
+    runs = [drive(0), drive(1, "front_left.spring=-0.4")]
+    parts = [run.part(k, k + 24_000) for run in runs for k in range(0, 120_000, 24_000)]
+    dead = parts[5].samples.copy()
+    dead[0] = 0.0
+    parts[5] = replace(parts[5], samples=dead)
+    through, stopped = (VehicleMonitor(car, settings=settings) for _ in range(2))
+    for part in parts:
+        (expected,), (found,) = through.update(part), stopped.update(part)
+        stopped = VehicleMonitor.from_state(car, cbor2.loads(cbor2.dumps(stopped.state())))
+        if expected.diagnosis is None:
+            continue
+        batch = diagnose(
+            through.observations, through.baseline, vehicle=car.name, windows_per_day=settings.hours_per_day * 30
+        )
+        assert expected.diagnosis.to_dict() == batch.to_dict()
+        assert alike(found.diagnosis.to_dict(), batch.to_dict())
+        for one in (expected, found):
+            assert alike(one.diagnosis.detection.evidence.tolist(), batch.detection.evidence.tolist())
+    assert through.observations[3].sensor_faults
+    assert batch.detection.first_alarm is not None
+
+
+def test_evidence_of_windows_that_are_forgotten_goes(car, drive):
+    settings = MonitorSettings(window=120.0, identify_every=0, n_learning=2, most_windows=3)
+    monitor = VehicleMonitor(car, settings=settings)
+    monitor.update(drive(0))
+    before = monitor.diagnosis.detection
+    assert before.times.size == 3
+    monitor.update(drive(1).part(0, 24_000))
+    after = monitor.diagnosis.detection
+    assert after.times[:2].tolist() == before.times[1:].tolist()
+    assert after.evidence[:2].tolist() == before.evidence[1:].tolist()
 
 
 def test_frames_give_what_their_samples_give(car, drive, frames_of, alike):

@@ -2,6 +2,7 @@
 
 import json
 import zlib
+from functools import partial
 
 import cbor2
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from sprung.link import checked_map, message, topic
 from sprung.monitor import Stream, alert_of
+from sprung.storage import StoreError
 
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000
@@ -103,6 +105,31 @@ def decoded_again(payload, **changes):
     return body + zlib.crc32(body).to_bytes(4, "little")
 
 
+def test_a_crash_after_a_window_leaves_no_frames_of_boots_before(bench, run_frames, tmp_path):
+    """What is worked up of older boots goes after the window's transaction, or when the vehicle is opened again."""
+    first = [decoded_again(payload, boot=1, seq=k) for k, payload in enumerate(run_frames[:400])]
+    rest = [decoded_again(payload, boot=2, seq=k, previous=(1, 400)) for k, payload in enumerate(run_frames[400:700])]
+    one = bench(tmp_path, **WATCH)
+    commit, late = one.store.commit_progress, []
+
+    def dies(progress):
+        if progress.boot == 1 and not progress.modes:
+            late.append(progress)
+            raise StoreError("it is dead")
+        commit(progress)
+
+    one.store.commit_progress = dies
+    one.describe()
+    one.send(first + rest)
+    assert late
+    assert one.store.boots("car-1") == [1, 2]
+    one.close()
+    again = bench(tmp_path, **WATCH)
+    again.work()
+    assert again.store.boots("car-1") == [2]
+    assert [entry.boot for entry in again.store.observations("car-1")] == [2]
+
+
 def test_acknowledged_is_what_is_stored(bench, run_frames):
     one = bench(**WATCH)
 
@@ -166,6 +193,28 @@ def poisoned(submit):
     return tried
 
 
+def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run_frames):
+    """The jobs before the one that fails do not forgive it, or it would be tried for ever."""
+    from sprung.monitor import Outcome
+
+    one = bench(**WATCH)
+    one.describe()
+    inline = one.station._workers
+    submit = inline.submit
+
+    def tried(vehicle, frames, *, learn=""):
+        if run_frames[599] not in frames:
+            return submit(vehicle, frames, learn=learn)
+        return inline.outcomes_.append(Outcome(vehicle, 0, (), None, (0.0, 0, 0, ""), "it is poisoned"))
+
+    inline.submit = tried
+    one.send(run_frames[:1500])
+    (row,) = one.store.alerts(vehicle="car-1", is_active=True)
+    assert row.text == "600 frames were left out: it is poisoned"
+    assert [entry.t0 for entry in one.store.observations("car-1")] == [BEGUN + 600 * 10**9]
+    assert one.station.figures()["sprung_failures_total"] == 2
+
+
 def test_learning_again_is_asked_for_in_the_store(bench, run_frames):
     one = bench(**WATCH)
     one.describe()
@@ -208,6 +257,27 @@ def test_a_monitor_that_stopped_without_a_word_says_so(bench, tmp_path):
     assert "stopped without a word" in row.text
 
 
+def test_vehicles_take_turns(bench, run_frames, monkeypatch):
+    one = bench(**WATCH)
+    workers, served = one.station._workers, []
+    monkeypatch.setattr(type(workers), "is_busy", property(lambda self: bool(self.outcomes_)))
+    monkeypatch.setattr(workers, "submit", partial(noted, workers.submit, served))
+    vehicles = ["car-1", "car-2", "car-3"]
+    for vehicle in vehicles:
+        one.describe(vehicle)
+    for payload in run_frames[:6]:
+        for vehicle in vehicles:
+            one.link.on_message(topic(vehicle, "raw"), message(checked_map(payload) | {1: vehicle}))
+        one.station.step()
+    assert served == 2 * vehicles
+
+
+def noted(submit, served, vehicle, frames, *, learn=""):
+    """Remember whose turn it was."""
+    served.append(vehicle)
+    submit(vehicle, frames, learn=learn)
+
+
 def test_order_of_boots():
     stream = Stream()
     waiting = {1: list(range(3)), 2: list(range(4))}
@@ -227,6 +297,8 @@ def test_order_of_boots():
     stream.dispatched[1] = 2
     assert [frame[:2] for frame in stream.next_frames(pending, 10)] == [(2, k) for k in range(4)]
     assert stream.finished(2) == [(1, 2)]
+    stream.done[1] = 2
+    assert stream.finished(2) == []
 
 
 def test_contents_are_json(expected):
@@ -270,3 +342,32 @@ def frames_after(recording, *, seq):
         interval = round(1e9 / block.sampling_rate)
         found.append(encode(Frame("car-1", 1, number, block.start, interval, block.names, scale, counts, 2, flags)))
     return found
+
+
+def test_a_box_of_another_version_is_told_which_to_speak(bench, run_frames):
+    one = bench(**WATCH)
+    document = checked_map(run_frames[0]) | {0: 2}
+    for _ in range(3):
+        one.link.on_message(topic("car-1", "raw"), message(document))
+    one.work()
+    (wish,) = [checked_map(payload) for name, payload in one.link.published if name == topic("car-1", "cmd")]
+    assert (wish["do"], wish["versions"]) == ("speak", [1])
+    assert one.station.figures()["sprung_messages_refused_total"] == 3
+
+
+def test_modes_from_a_box_amid_samples_lose_none_of_them(bench, run_frames, expected, tmp_path, alike):
+    """A report in the middle of a window, and a restart of the monitor after it."""
+    report = {0: 1, 1: "car-1", 2: 1, 3: 250, 4: BEGUN, 16: "modes", "number": 900, "modes": [], "reason": "none"}
+    rest = [decoded_again(payload, boot=1, seq=251 + k) for k, payload in enumerate(run_frames[250:])]
+    one = bench(tmp_path, **WATCH)
+    one.describe()
+    one.send(run_frames[:250])
+    one.link.on_message(topic("car-1", "modes"), message(report))
+    one.work()
+    assert one.store.boots("car-1") == []
+    one.close()
+    again = bench(tmp_path, **WATCH)
+    again.send(rest)
+    found = contents(again.store)
+    found["modes"] = [entry for entry in found["modes"] if "is_on_board" not in entry[1]]
+    assert alike(found, expected)

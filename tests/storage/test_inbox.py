@@ -134,3 +134,12 @@ def test_vehicles(store):
         VehicleRow("a", "#2", "", [{"name": "ü"}], first_seen=11, last_seen=20),
         VehicleRow("b", "#3", "x = 2", ["fl", "fr"], first_seen=10, last_seen=12),
     ]
+    assert [store.vehicle(name) for name in "ab"] == store.vehicles()
+    assert store.vehicle("nobody") is None
+    assert store.last_seen() == {"a": 20, "b": 12}
+
+
+def test_largest_sequence_number(store):
+    last = 2**63 - 1
+    store.declare_lost("zafira", 7, last, now=1)
+    assert store.add_frames([("zafira", 7, last, 0, b"")], now=2) == {("zafira", 7): last}

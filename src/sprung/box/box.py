@@ -12,6 +12,7 @@ from sprung import __version__
 from sprung.box.onboard import OnBoard
 from sprung.errors import FormatError
 from sprung.link import (
+    VERSION,
     Address,
     Frame,
     Link,
@@ -101,6 +102,7 @@ class Box:
         self._inbox: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._announced: dict[str, str] = {}
         self._reported = -1e9
+        self._problem = ""
         self._lock = threading.Lock()
         self._link = Link(
             address,
@@ -114,6 +116,11 @@ class Box:
     def is_connected(self) -> bool:
         """Whether the broker has let it in."""
         return self._link.is_connected
+
+    @property
+    def problem(self) -> str:
+        """Why frames do not get through, as far as known; empty where nothing stands in the way."""
+        return self._problem or self._link.problem
 
     @property
     def n_waiting(self) -> int:
@@ -237,6 +244,10 @@ class Box:
             return
         if name.endswith("/ack") and isinstance(boot, int) and isinstance(seq, int):
             self._sending.acknowledged(boot, seq, now)
+        elif name.endswith("/cmd") and document.get("do") == "speak":
+            versions = document.get("versions")
+            if isinstance(versions, list) and VERSION not in versions:
+                self._problem = f"the monitor reads frames of version {versions}, this box writes {VERSION}: update one"
         elif name.endswith("/cmd") and document.get("do") == "raw" and self._on_board is not None:
             begin, end = document.get("from"), document.get("to")
             if isinstance(begin, int) and isinstance(end, int):
@@ -253,7 +264,7 @@ class Box:
                     "description": self._settings.description,
                     "quantities": self._announced,
                     "program": __version__,
-                    "versions": [1],
+                    "versions": [VERSION],
                 },
                 is_retained=True,
             )
@@ -261,7 +272,7 @@ class Box:
     def _report(self, now: float, *, is_leaving: bool = False) -> None:
         """Say what the spool holds and has lost."""
         self._reported = now
-        boots = self._spool.boots
+        boots = self._told_before() | self._spool.boots
         before = dict([self._spool.previous]) if self._spool.previous else {}
         ends = {**before, self._spool.boot: self._spool.next_seq}
         self._publish(
@@ -275,6 +286,12 @@ class Box:
                 "is_leaving": is_leaving,
             },
         )
+
+    def _told_before(self) -> dict[int, int]:
+        """Return the boot that the oldest frame waits for, with its end; its frames may all have been dropped."""
+        oldest = next(self._spool.frames(), None)
+        previous = None if oldest is None else checked_map(oldest[2]).get(15)
+        return {} if previous is None else {previous[0]: previous[1]}
 
     def _publish(self, what: str, document: dict[Any, Any], *, is_retained: bool = False) -> None:
         """Publish a map."""

@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +19,7 @@ from sprung.cli.replay import BrokerUrl, VehicleId
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
+    from sprung.box import Box
     from sprung.recording import Recording
     from sprung.vehicles import Vehicle
 
@@ -93,7 +94,7 @@ def box(
     speed = {"files": pace, "simulator": 1.0}.get(source)
     try:
         one.open()
-        looking = threading.Thread(target=_look, args=(one.look, stopping), daemon=True)
+        looking = threading.Thread(target=_look, args=(one, stopping), daemon=True)
         looking.start()
         for block in paced(blocks, speed, clock=time.monotonic, sleep=partial(_waited, stopping)):
             if stopping.is_set():
@@ -109,7 +110,9 @@ def box(
 def _beginning(path: Path) -> int:
     """Return when a replayed source began, UTC ns; kept, so that a restarted box goes on in the same time."""
     if not path.exists():
-        path.write_text(str(time.time_ns()), encoding="ascii")
+        part = path.with_name(f"{path.name}.part")
+        part.write_text(str(time.time_ns()), encoding="ascii")
+        part.rename(path)
     return int(path.read_text(encoding="ascii"))
 
 
@@ -118,10 +121,14 @@ def _waited(stopping: threading.Event, seconds: float) -> None:
     stopping.wait(seconds)
 
 
-def _look(look: Callable[[], None], stopping: threading.Event) -> None:
-    """See to the link while samples come in."""
+def _look(one: "Box", stopping: threading.Event) -> None:
+    """See to the link while samples come in, and say what stands in the way."""
+    said = ""
     while not stopping.wait(0.05):
-        look()
+        one.look()
+        if one.problem != said:
+            said = one.problem
+            LOG.warning(said or "all is well again")
 
 
 def _blocks(

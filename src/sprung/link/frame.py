@@ -2,6 +2,7 @@
 
 import io
 import re
+import sys
 import zlib
 from dataclasses import dataclass
 from typing import Any
@@ -25,6 +26,10 @@ TIME_UNKNOWN, TIME_SET, TIME_KEPT = 0, 1, 2
 RAW, PACKED = 0, 1
 _WIDTHS = (2, 3, 4)
 _KEYS = ("version", "vehicle", "boot", "seq", "start", "interval", "time status", "samples", "channels", "scale")
+
+
+class VersionError(FormatError):
+    """A frame of another version of the format."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -190,7 +195,7 @@ def decode(payload: bytes) -> Frame:
     Raises
     ------
     FormatError
-        Where they are no frame of version 1; nothing else, whatever they are.
+        Where they are no frame of version 1 (`VersionError`: of another); nothing else, whatever they are.
 
     Notes
     -----
@@ -199,12 +204,13 @@ def decode(payload: bytes) -> Frame:
     document = checked_map(payload)
     version = document.get(0)
     if version != VERSION:
-        raise FormatError(f"a frame of version {version!r}: this program reads version {VERSION}, update it")
+        raise VersionError(f"a frame of version {version!r}: this program reads version {VERSION}, update it")
     missing = [name for key, name in enumerate(_KEYS) if key not in document]
     if missing or 11 not in document:
         raise FormatError(f"a frame without {(missing or ['data'])[0]}: send all of the keys 0 to 11")
     try:
-        channels = tuple(_text(name) for name in _list(document[8]))
+        # One copy of each name, however many frames a monitor keeps.
+        channels = tuple(sys.intern(_text(name)) for name in _list(document[8]))
         n_samples = _number(document[7])
         if not (0 < n_samples <= MOST_SAMPLES and 0 < len(channels) <= MOST_CHANNELS):
             raise FormatError(

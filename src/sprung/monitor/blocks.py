@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -86,7 +87,15 @@ class FrameBlock:
 
 def frame_block(frame: Frame, quantities: Mapping[str, str]) -> FrameBlock:
     """Return a frame as a block; `quantities` of the channels as the box announced them."""
-    return FrameBlock(frame, tuple(Channel(name, quantities.get(name, "unknown")) for name in frame.channels))
+    return FrameBlock(
+        frame, _channels(frame.channels, tuple(quantities.get(name, "unknown") for name in frame.channels))
+    )
+
+
+@lru_cache(maxsize=1024)
+def _channels(names: tuple[str, ...], quantities: tuple[str, ...]) -> tuple[Channel, ...]:
+    """Return channels, the same for all frames that have them: a window holds hundreds."""
+    return tuple(Channel(name, quantity) for name, quantity in zip(names, quantities, strict=True))
 
 
 def quantities_of(recording: Recording, vehicle: Vehicle) -> dict[str, str]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sprung.errors import FormatError, ParameterError
-from sprung.link import checked_map, decode, message, parse_topic, topic
+from sprung.link import VERSION, VersionError, checked_map, decode, message, parse_topic, topic
 from sprung.storage import Store
 from sprung.vehicles import vehicle_from_text
 
@@ -15,6 +15,8 @@ MONITOR = "monitor"
 _MOST_CHANNELS = 256
 #: What boxes that identify on board send in line with frames.
 KINDS = ("corr", "modes")
+#: Time between notes of when vehicles were heard of [ns]: each is a transaction of its own.
+_NOTED_EVERY = 10**9
 #: Refusals that are remembered.
 _MOST_REFUSALS = 100
 
@@ -44,6 +46,8 @@ class Intake:
     refusals: dict[str, str] = field(default_factory=dict)
     parked: set[str] = field(default_factory=set)
     mixed: set[str] = field(default_factory=set)
+    _heard: dict[str, int] = field(default_factory=dict)
+    _noted: int = 0
 
     def take(self, messages: Iterable[tuple[str, bytes]], *, now: int) -> tuple[dict[tuple[str, int], int], set[str]]:
         """Store what messages hold.
@@ -88,22 +92,27 @@ class Intake:
                     arrived.update(self._stated(vehicle, checked_map(payload), now))
                 seen[vehicle] = now
             except (FormatError, ParameterError) as error:
-                self._refuse(name, str(error))
+                self._refuse(name, error)
         if frames:
             stored = self.store.add_frames(frames, now=now)
             self.counts["frames"] += len(frames)
             arrived.update(stored)
-        if seen:
-            self.store.seen(seen)
+        self._heard |= seen
+        if self._heard and abs(now - self._noted) >= _NOTED_EVERY:
+            self.store.seen(self._heard)
+            self._heard, self._noted = {}, now
         for (vehicle, boot), contiguous in arrived.items():
             if contiguous >= 0:
                 self.publish(topic(vehicle, "ack"), message({0: 1, 2: boot, 3: contiguous}))
         return arrived, described
 
-    def _refuse(self, name: str, why: str) -> None:
-        """Remember why a message was refused: the last of each topic, and not too many."""
+    def _refuse(self, name: str, why: FormatError | ParameterError) -> None:
+        """Remember why a message was refused: the last of each topic, and not too many; say which version is read."""
         self.counts["refused"] += 1
-        self.refusals[name[:120]] = why
+        if isinstance(why, VersionError) and name[:120] not in self.refusals:
+            wish = message({0: VERSION, "do": "speak", "versions": [VERSION]})
+            self.publish(topic(parse_topic(name)[0], "cmd"), wish)
+        self.refusals[name[:120]] = str(why)
         if len(self.refusals) > _MOST_REFUSALS:
             self.refusals.pop(next(iter(self.refusals)))
 
@@ -116,7 +125,7 @@ class Intake:
             raise FormatError(f"a description of {len(quantities)} channels: at most {_MOST_CHANNELS}")
         vehicle_from_text(text, source=f"the vehicle file of {vehicle}")
         channels = [[str(name), str(quantity)] for name, quantity in quantities.items()]
-        known = {row.vehicle: row for row in self.store.vehicles()}.get(vehicle)
+        known = self.store.vehicle(vehicle)
         if known is not None and (known.description, known.channels) == (text, channels):
             return False
         self.store.put_vehicle(vehicle, configuration=configuration, description=text, channels=channels, now=now)

@@ -10,7 +10,7 @@ from sprung.errors import ParameterError
 #: Name, kind and meaning of every figure.
 FIGURES = {
     "sprung_vehicles": ("gauge", "Vehicles known."),
-    "sprung_frames_total": ("counter", "Frames stored, each once."),
+    "sprung_frames_total": ("counter", "Frames received and stored; one that comes twice counts twice."),
     "sprung_messages_total": ("counter", "Messages received."),
     "sprung_messages_refused_total": ("counter", "Messages that were no frames of this version."),
     "sprung_frames_lost_total": ("counter", "Frames that boxes could not keep."),

@@ -131,7 +131,7 @@ class Station:
         # While the store cannot write, work would be done in vain, and again.
         is_writable = now >= self._wait_until
         took = self._take() if is_writable else 0
-        gave = self._dispatch() if is_writable else 0
+        gave = self._given() if is_writable else 0
         outcomes = self._workers.outcomes(timeout=0.0 if took else 0.05)
         for outcome in outcomes:
             self._settle(outcome)
@@ -220,6 +220,14 @@ class Station:
         stream = self._streams[vehicle]
         return any(stream.dispatched.get(boot, -1) < last for boot, last in stream.contiguous.items())
 
+    def _given(self) -> int:
+        """Give frames to workers, unless the store stands in the way."""
+        try:
+            return self._dispatch()
+        except StoreError as error:
+            self._refused(error)
+            return 0
+
     def _dispatch(self) -> int:
         """Give frames to workers, in turn: whoever was served last comes last."""
         workers, given = self._workers, 0
@@ -233,29 +241,35 @@ class Station:
             if not workers.is_free(vehicle):
                 continue
             waiting = stream.next_frames(partial(self._pending, vehicle), _JOB)
+            is_save = False
             if vehicle in self._intake.mixed:
-                waiting = self._samples_first(vehicle, waiting)
+                waiting, is_save = self._samples_first(vehicle, waiting)
             learn = self._learning.get(vehicle)
-            if waiting or learn:
+            if waiting or learn or is_save:
                 self._jobs[vehicle] = waiting
                 workers.submit(vehicle, [payload for _, _, payload in waiting], learn=learn[1] if learn else "")
                 self._streams[vehicle] = self._streams.pop(vehicle)
                 given += 1
         return given
 
-    def _samples_first(self, vehicle: str, waiting: list[Waiting]) -> list[Waiting]:
-        """Store what a box has identified itself, and return the samples up to the next of that."""
+    def _samples_first(self, vehicle: str, waiting: list[Waiting]) -> tuple[list[Waiting], bool]:
+        """Store what a box has identified itself; return the samples up to the next of that, and whether to save first.
+
+        What is stored takes the frames before it out of the inbox: the worker's state must hold them.
+        """
         documents = [checked_map(payload) for _, _, payload in waiting]
         kinds = [document.get(16, "raw") for document in documents]
         if not kinds or kinds[0] == "raw":
-            return waiting[: next((k for k, kind in enumerate(kinds) if kind != "raw"), len(kinds))]
+            return waiting[: next((k for k, kind in enumerate(kinds) if kind != "raw"), len(kinds))], False
         (boot, seq, _), document = waiting[0], documents[0]
+        stream = self._streams[vehicle]
+        if stream.dispatched.get(boot, -1) > stream.done.get(boot, -1):
+            return [], True
         found = received(kinds[0], document, self._site.archive, vehicle)
         modes = () if found is None else ((document["number"], document[4], found),)
         self._store.commit_progress(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq, modes=modes))
-        stream = self._streams[vehicle]
         stream.dispatched[boot] = stream.done[boot] = seq
-        return []
+        return [], False
 
     def _pending(self, vehicle: str, boot: int, after: int, limit: int) -> list[tuple[int, int, bytes]]:
         """Return frames of a vehicle that wait in the store."""
@@ -307,7 +321,7 @@ class Station:
         """Store the events of a job; a window's in one transaction with the state after it."""
         vehicle, now = outcome.vehicle, self._clock()
         stream = self._streams[vehicle]
-        boot = taken[-1][0] if taken else max(stream.contiguous, default=0)
+        boot = taken[-1][0] if taken else max((one for one, last in stream.dispatched.items() if last >= 0), default=0)
         modes = [_modes(event) for event in outcome.events if isinstance(event, Identified)]
         windows = [event for event in outcome.events if isinstance(event, Observed)]
         self._counts["identifications"] += len(modes)
@@ -428,7 +442,8 @@ class Station:
         self._store.delete_older(self._site.keep.results_before(now))
         if self._site.archive is not None:
             most = round(1e9 * self._site.keep.raw_gigabytes)
-            prune_archive(self._site.archive, before=self._site.keep.raw_before(now), most_bytes=most)
+            for folder in (self._site.archive, self._site.archive.with_name("correlations")):
+                prune_archive(folder, before=self._site.keep.raw_before(now), most_bytes=most)
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
             text = (

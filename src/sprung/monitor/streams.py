@@ -20,6 +20,8 @@ class Stream:
         For each boot the sequence number up to which all has come or is lost.
     dispatched
         For each boot the one up to which frames were given to a worker.
+    done
+        For each boot the one up to which the store has them as worked up.
 
     Notes
     -----
@@ -29,6 +31,7 @@ class Stream:
 
     contiguous: dict[int, int] = field(default_factory=dict)
     dispatched: dict[int, int] = field(default_factory=dict)
+    done: dict[int, int] = field(default_factory=dict)
     _previous: dict[int, tuple[int, int] | None] = field(default_factory=dict)
 
     def arrived(self, boot: int, contiguous: int) -> None:
@@ -61,9 +64,12 @@ class Stream:
         return []
 
     def finished(self, boot: int) -> list[tuple[int, int]]:
-        """Return boots before one, with the sequence number up to which they are done, and forget them."""
-        older = [one for one in self.contiguous if one < boot and self.dispatched.get(one, -1) >= self.contiguous[one]]
-        return [(one, self.contiguous[one]) for one in older]
+        """Return boots before one that were given to a worker whole, and their ends, where the store is behind."""
+        return [
+            (one, last)
+            for one, last in self.contiguous.items()
+            if one < boot and self.dispatched.get(one, -1) >= last > self.done.get(one, -1)
+        ]
 
     def _is_ready(self, boot: int, first: bytes) -> bool:
         """Tell whether all frames of the boot before a boot were given to a worker."""

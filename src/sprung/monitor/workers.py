@@ -52,7 +52,7 @@ class Outcome:
     events
         In order.
     state
-        After a window that was completed, or a new learning, in CBOR; None otherwise.
+        After a window that was completed, a new learning or no frames, in CBOR; None otherwise.
     progress
         Share of the present window, windows that taught and are needed, and what stands in the way.
     error
@@ -106,6 +106,11 @@ class Workers:
         """Of the processes."""
         return [worker.process.pid for worker in self._workers]
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether no process can take a job."""
+        return all(worker.busy_with is not None for worker in self._workers)
+
     def is_open(self, vehicle: str) -> bool:
         """Tell whether a process watches a vehicle."""
         return any(vehicle in worker.vehicles for worker in self._workers)
@@ -129,7 +134,7 @@ class Workers:
         return any(vehicle in worker.vehicles and worker.busy_with is None for worker in self._workers)
 
     def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
-        """Give frames to the process of a vehicle; `learn`: reason to learn again before them."""
+        """Give frames to the process of a vehicle, or none to have its state; `learn`: reason to learn again first."""
         worker = next(one for one in self._workers if vehicle in one.vehicles)
         worker.busy_with, worker.since = vehicle, self._clock()
         self._send(worker, ("work", vehicle, list(frames), learn))
@@ -234,7 +239,7 @@ def _worked(
         return Outcome(vehicle, 0, (), None, (0.0, 0, 0, refusal), refusal or "it is not watched")
     monitor, quantities = pair
     events: list[Event] = []
-    consumed, is_changed = 0, bool(learn)
+    consumed, is_changed = 0, bool(learn) or not frames
     try:
         if learn:
             monitor.learn_again(learn)

@@ -1,6 +1,6 @@
 """The durable inbox: frames that arrived, in any order and more than once, and how far they are complete."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, select, tuple_, update
@@ -12,6 +12,7 @@ from sprung.storage.schema import CURSORS, FRAMES, VEHICLES
 Key = tuple[str, int]
 
 _STRIDE = 1000
+_LARGEST = 2**63 - 1
 _ADVANCE = (
     update(CURSORS)
     .where(CURSORS.c.vehicle == bindparam("of_vehicle"), CURSORS.c.boot == bindparam("of_boot"))
@@ -44,6 +45,18 @@ class Inbox(Database):
         with self._reading() as connection:
             rows = connection.execute(select(VEHICLES).order_by(VEHICLES.c.vehicle))
             return [VehicleRow(**row) for row in rows.mappings()]
+
+    def vehicle(self, vehicle: str) -> VehicleRow | None:
+        """Return a vehicle; None where it has not described itself."""
+        with self._reading() as connection:
+            row = connection.execute(select(VEHICLES).where(VEHICLES.c.vehicle == vehicle)).mappings().first()
+            return None if row is None else VehicleRow(**row)
+
+    def last_seen(self) -> dict[str, int]:
+        """Return when each vehicle was last heard of."""
+        with self._reading() as connection:
+            rows = connection.execute(select(VEHICLES.c.vehicle, VEHICLES.c.last_seen).order_by(VEHICLES.c.vehicle))
+            return {row.vehicle: row.last_seen for row in rows}
 
     def add_frames(self, frames: Sequence[Frame], *, now: int) -> dict[Key, int]:
         """Put frames into the inbox, those that are new, and sync them to disk.
@@ -84,10 +97,9 @@ class Inbox(Database):
             ]
             if new:
                 connection.execute(self._insert(FRAMES).on_conflict_do_nothing(), new)
-            reached = {
-                key: _unbroken(connection, key, after=cursors[key].contiguous, guess=len(batch))
-                for key, batch in batches.items()
-            }
+            reached = {key: _run(batch, after=cursors[key].contiguous) for key, batch in batches.items()}
+            for key in _followed(connection, reached):
+                reached[key] = _unbroken(connection, key, after=reached[key])
             moved = [
                 {"of_vehicle": key[0], "of_boot": key[1], "reached": seq, "now": now}
                 for key, seq in reached.items()
@@ -164,15 +176,28 @@ def _cursors(connection: Connection, *conditions: ColumnElement[bool], is_locked
     return {(row.vehicle, row.boot): Cursor(row.contiguous, row.done, row.lost, row.updated) for row in rows}
 
 
-def _unbroken(connection: Connection, key: Key, *, after: int, guess: int = _STRIDE) -> int:
-    """Return the end of the unbroken run of frames that follows `after`, which is about `guess` long."""
-    limit = guess + 1
+def _run(batch: Container[int], *, after: int) -> int:
+    """Return the end of the unbroken run of sequence numbers that follows `after`."""
+    while after + 1 in batch:
+        after += 1
+    return after
+
+
+def _followed(connection: Connection, reached: Mapping[Key, int]) -> list[Key]:
+    """Return those of some vehicles and boots whose next frame arrived before."""
+    following = [(vehicle, boot, seq + 1) for (vehicle, boot), seq in reached.items() if seq < _LARGEST]
+    columns = FRAMES.c.vehicle, FRAMES.c.boot, FRAMES.c.seq
+    rows = connection.execute(select(*columns).where(tuple_(*columns).in_(following)))
+    return [(row.vehicle, row.boot) for row in rows]
+
+
+def _unbroken(connection: Connection, key: Key, *, after: int) -> int:
+    """Return the end of the unbroken run of frames that follows `after`."""
     while True:
         following = (
-            select(FRAMES.c.seq).where(_of(FRAMES, key), FRAMES.c.seq > after).order_by(FRAMES.c.seq).limit(limit)
+            select(FRAMES.c.seq).where(_of(FRAMES, key), FRAMES.c.seq > after).order_by(FRAMES.c.seq).limit(_STRIDE)
         )
         run = sum(seq == after + place for place, seq in enumerate(connection.scalars(following), start=1))
         after += run
-        if run < limit:
+        if run < _STRIDE:
             return after
-        limit = _STRIDE

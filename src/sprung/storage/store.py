@@ -13,7 +13,6 @@ from sprung.errors import ParameterError
 from sprung.storage.alerts import Alerts
 from sprung.storage.database import PATIENCE
 from sprung.storage.inbox import Inbox
-from sprung.storage.migrations import upgrade
 from sprung.storage.requests import Requests
 from sprung.storage.results import Results
 from sprung.storage.schema import COMMANDS, MODES, NOTIFICATIONS, OBSERVATIONS, StoreError
@@ -69,6 +68,8 @@ def open_store(url: str) -> Store:
     -----
     A file of SQLite that is damaged or no database is renamed to ``<name>.corrupt-<time>``; `Store.notices` says so.
     """
+    from sprung.storage.migrations import upgrade
+
     address = _address(url)
     is_file = address.get_backend_name() == "sqlite"
     store = Store(address, notices=_prepare(Path(address.database or "")) if is_file else ())

@@ -1,0 +1,32 @@
+"""Programs are killed, connections cut, messages lost, doubled, delayed and damaged: nothing is missing in the end."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HARNESS = Path(__file__).parents[2] / "benchmarks" / "chaos.py"
+MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
+
+pytest.importorskip("paho.mqtt.client")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(MOSQUITTO is None, reason="no mosquitto: install Debian's package (scripts/system-packages)")
+def test_a_dozen_kills_change_nothing(tmp_path):
+    command = [sys.executable, HARNESS, "--kills", "12", "--seed", "1", "--json", "--keep", tmp_path / "run"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
+    assert done.stdout, done.stderr
+    found = json.loads(done.stdout)
+    assert found["failures"] == []
+    assert (found["acknowledged_not_stored"], found["frames_lost"], found["frames_left"]) == (0, 0, 0)
+    assert (found["windows_doubled"], found["orphans"], found["differs"]) == (0, 0, [])
+    assert found["is_kept"]
+    assert sum(found["kills"].values()) >= 12
+    assert min(found[name] for name in ("acknowledgements", "lost_on_the_way", "doubled_on_the_way", "damaged")) > 0
+    assert found["frames"] == 720
+    assert found["windows"] == 6
+    assert found["findings"] > 0
