@@ -100,13 +100,13 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
         print("| " + " | ".join(row) + " |", flush=True)
 
 
-def print_circumstances() -> None:
+def print_circumstances(*, peers: Sequence[str] = ("pyoma-2", "koma-python")) -> None:
     """Print the command and what it ran on."""
     cpu = platform.processor() or platform.machine()
     information = Path("/proc/cpuinfo")
     if information.exists():
         names = [line for line in information.read_text().splitlines() if line.startswith("model name")]
         cpu = names[0].split(":")[1].strip() if names else cpu
-    packages = ", ".join(f"{name} {version(name)}" for name in ("sprung", "pyoma-2", "koma-python", "numpy", "scipy"))
+    packages = ", ".join(f"{name} {version(name)}" for name in ("sprung", *peers, "numpy", "scipy"))
     print(f"`{Path(sys.executable).name} {' '.join(sys.argv)}`\n")
     print(f"Python {platform.python_version()}, {packages}; {cpu}, one thread.")
