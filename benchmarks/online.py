@@ -219,12 +219,12 @@ def here(folder: Path, workers: object, **watch: float) -> object:
 
 def described(vehicle: str, prepared: Course) -> tuple[str, bytes]:
     """Return topic and payload of the announcement of a vehicle."""
+    from sprung.layout import quantities_of
     from sprung.link import message, topic
-    from sprung.monitor import quantities_of
     from sprung.vehicles import read_vehicle, vehicle_text
 
     car = read_vehicle("zafira")
-    quantities = quantities_of(prepared.first, car)
+    quantities = quantities_of(prepared.first, car.sensor)
     return topic(vehicle, "meta"), message({0: 1, 14: "", "description": vehicle_text(car), "quantities": quantities})
 
 
@@ -299,11 +299,11 @@ def publisher(broker: str, **given: object) -> object:
 
 def measure_memory(_given: argparse.Namespace, folder: Path) -> None:
     """Memory of watched vehicles, each number of them in a process of its own."""
-    from sprung.monitor import quantities_of
+    from sprung.layout import quantities_of
     from sprung.vehicles import read_vehicle
 
     prepared, file = course(), folder / "frames"
-    file.write_bytes(pickle.dumps((prepared.documents, quantities_of(prepared.first, read_vehicle("zafira")))))
+    file.write_bytes(pickle.dumps((prepared.documents, quantities_of(prepared.first, read_vehicle("zafira").sensor))))
 
     def measured(n_vehicles: int, seconds: int) -> float:
         command = [sys.executable, __file__, "--memory-of", str(n_vehicles), str(seconds), str(file)]

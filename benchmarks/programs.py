@@ -231,8 +231,8 @@ class Vehicle:
 
     def __init__(self, name: str, broker: str, folder: Path, course: Course) -> None:
         from sprung.box import Box, BoxSettings
+        from sprung.layout import quantities_of
         from sprung.link import Address, Spool
-        from sprung.monitor import quantities_of
         from sprung.vehicles import read_vehicle, vehicle_text
 
         car = read_vehicle("zafira")
@@ -242,7 +242,7 @@ class Vehicle:
             BoxSettings(name, vehicle_text(car)),
             self._spool,
             Address.parse(broker),
-            quantities=lambda block: quantities_of(block, car),
+            quantities=lambda block: quantities_of(block, car.sensor),
         )
         self.box.take(course.first)
 

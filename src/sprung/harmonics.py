@@ -1,9 +1,9 @@
 """Finding harmonics: lines too narrow and too regular to be modes, at constant frequency or proportional to speed."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,6 +65,11 @@ class Harmonic:
     channels: tuple[str, ...]
     fundamental: float | None = None
     order: int = 1
+
+
+def harmonic_from_dict(document: Mapping[str, Any]) -> Harmonic:
+    """Return the line of plain values, as `dataclasses.asdict` gives them and JSON or CBOR keeps them."""
+    return Harmonic(**{**document, "band": tuple(document["band"]), "channels": tuple(document["channels"])})
 
 
 def find_harmonics(

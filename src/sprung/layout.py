@@ -46,6 +46,15 @@ def with_layout(recording: Recording, sensors: Sequence[Sensor]) -> Recording:
     )
 
 
+def quantities_of(recording: Recording, sensors: Sequence[Sensor]) -> dict[str, str]:
+    """Return the quantity of each channel: its own, or where that is unknown what the vehicle file says."""
+    stated = {sensor.channel: sensor.quantity for sensor in sensors}
+    return {
+        channel.name: channel.quantity if channel.quantity != "unknown" else stated.get(channel.name, "unknown")
+        for channel in recording.channels
+    }
+
+
 def _placed(channel: Channel, sensor: Sensor | None) -> tuple[Channel, float]:
     """Return the channel as the sensor states it, and the factor of its samples."""
     if sensor is None:

@@ -69,6 +69,8 @@ class IdentificationSettings:
         Canonical variates (see `sprung.subspace.realise`).
     criteria
         For stable poles and modes.
+    harmonics
+        Lines that are known to be no modes; None: sought, which takes most of the time of an identification.
     """
 
     band: tuple[float, float] | None = None
@@ -86,6 +88,7 @@ class IdentificationSettings:
     is_hankel: bool = False
     is_weighted: bool = True
     criteria: StabilityCriteria = field(default_factory=StabilityCriteria)
+    harmonics: tuple[Harmonic, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1]:
@@ -244,8 +247,10 @@ def prepare(recording: Recording, plan: Plan) -> Prepared:
         recording = replace(recording, sampling_rate=plan.sampling_rate)
     rate = min(settings.decimate_to or recording.sampling_rate, recording.sampling_rate)
     centred = detrend(recording.select(plan.channels))
-    searched = _decimated(recording, max(rate, _RATE_FOR_LINES))
-    harmonics = find_harmonics(searched, speed=plan.speed, false_alarm_rate=_FALSE_LINES)
+    harmonics = settings.harmonics
+    if harmonics is None:
+        searched = _decimated(recording, max(rate, _RATE_FOR_LINES))
+        harmonics = find_harmonics(searched, speed=plan.speed, false_alarm_rate=_FALSE_LINES)
     slow = _decimated(recording, rate)
     spectra = spectral_matrix(slow.select(plan.channels), segment_length=plan.spectrum_segment)
     motion, edited_spectra = detrend(slow.select(plan.channels)), None

@@ -5,7 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from sprung.box import Box, BoxSettings, OnBoard, blocks_of
+from sprung.box import Box, BoxSettings, blocks_of
+from sprung.box.onboard import OnBoard
 from sprung.link import Address, Link, Spool, checked_map, decode, message, topic
 from sprung.recording import Channel, Recording
 from sprung.vehicles import read_vehicle, vehicle_text

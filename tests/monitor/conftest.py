@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 
 from sprung.box import blocks_of
+from sprung.layout import quantities_of
 from sprung.link import Frame, encode, quantised
-from sprung.monitor import Site, Station, quantities_of
+from sprung.monitor import Site, Station
 from sprung.monitor.workers import Opening, _opened, _worked
 from sprung.simulation import DriveSettings, simulate_drive
 from sprung.storage import open_store
@@ -127,7 +128,7 @@ class Bench:
             settings, self.store, connect=self._linked, workers=workers or Inline(), clock=lambda: self.now
         )
         self.station.open()
-        self.car, self.quantities = car, quantities_of(recording, car)
+        self.car, self.quantities = car, quantities_of(recording, car.sensor)
 
     def _linked(self, **given):
         self.link = NoLink(**given)

@@ -9,8 +9,9 @@ import pytest
 
 from sprung.diagnosis import diagnose, observe
 from sprung.errors import ParameterError
+from sprung.layout import quantities_of
 from sprung.link import decode
-from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor, frame_block, joined, quantities_of
+from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor, frame_block, joined
 from sprung.recording import Channel, Recording
 
 #: 2026-11-21, UTC ns.
@@ -128,7 +129,7 @@ def test_evidence_of_windows_that_are_forgotten_goes(car, drive):
 
 def test_frames_give_what_their_samples_give(car, drive, frames_of, alike):
     run = drive(0)
-    blocks = [frame_block(decode(payload), quantities_of(run, car)) for payload in frames_of(run)]
+    blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]
     monitor = VehicleMonitor(car, settings=SETTINGS)
     events = [event for block in blocks for event in monitor.update(block)]
     assert alike(events[-1].observation.to_dict(), observe(joined(blocks), car, time=BEGUN / 1e9).to_dict())
@@ -158,5 +159,5 @@ def test_gaps_and_steps_of_the_clock():
 def test_memory_of_a_vehicle_is_bounded(car, drive, frames_of):
     """Ten minutes of 4 accelerations and speed at 200 Hz: frames of 16 bits, below 1.3 MB."""
     run = drive(0)
-    blocks = [frame_block(decode(payload), quantities_of(run, car)) for payload in frames_of(run)]
+    blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]
     assert sum(block.frame.counts.nbytes for block in blocks) < 1.3e6

@@ -307,7 +307,8 @@ def test_contents_are_json(expected):
 
 def test_a_box_that_identifies_itself(bench, car, drive, tmp_path):
     """Modes and correlations arrive in line with samples that were asked for, which are worked up as ever."""
-    from sprung.box import OnBoard, blocks_of
+    from sprung.box import blocks_of
+    from sprung.box.onboard import OnBoard
     from sprung.link import Spool, decode, topic
     from sprung.monitor import summary_from_document
 

@@ -6,7 +6,8 @@ import time
 
 import pytest
 
-from sprung.monitor import MonitorSettings, Observed, Opening, Workers, quantities_of
+from sprung.layout import quantities_of
+from sprung.monitor import MonitorSettings, Observed, Opening, Workers
 from sprung.vehicles import vehicle_text
 
 SETTINGS = MonitorSettings(window=120.0, identify_every=0.0, n_learning=2)
@@ -36,7 +37,7 @@ def outcome(workers):
 @pytest.fixture
 def opening(car, drive):
     def of(vehicle, **fields):
-        given = {"description": vehicle_text(car), "quantities": quantities_of(drive(0), car), "state": None}
+        given = {"description": vehicle_text(car), "quantities": quantities_of(drive(0), car.sensor), "state": None}
         return Opening(**{"vehicle": vehicle, "settings": SETTINGS, **given, **fields})
 
     return of

@@ -1,11 +1,13 @@
-"""The box on the vehicle: sources of samples, spool, frames."""
+"""The box on the vehicle: sources of samples, spool, frames.
+
+`sprung.box.onboard` (identification on the vehicle) and `sprung.box.fleet` (a simulated fleet) are imported by those
+who need them: a box is small without.
+"""
 
 from sprung.box.box import Box, BoxSettings
 from sprung.box.can import can_bus, can_database, from_can
-from sprung.box.fleet import Member, drive_fleet
 from sprung.box.folder import from_folder
 from sprung.box.mqtt_source import from_mqtt
-from sprung.box.onboard import OnBoard
 from sprung.box.resampling import Regular
 from sprung.box.sources import after, blocks_of, from_files, from_simulator, paced
 from sprung.box.standard_input import from_lines
@@ -13,14 +15,11 @@ from sprung.box.standard_input import from_lines
 __all__ = [
     "Box",
     "BoxSettings",
-    "Member",
-    "OnBoard",
     "Regular",
     "after",
     "blocks_of",
     "can_bus",
     "can_database",
-    "drive_fleet",
     "from_can",
     "from_files",
     "from_folder",

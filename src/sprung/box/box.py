@@ -6,10 +6,9 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sprung import __version__
-from sprung.box.onboard import OnBoard
 from sprung.errors import FormatError
 from sprung.link import (
     VERSION,
@@ -26,6 +25,9 @@ from sprung.link import (
     topic,
 )
 from sprung.recording import Recording
+
+if TYPE_CHECKING:
+    from sprung.box.onboard import OnBoard
 
 #: Seconds between two reports of the box' state, and between two looks at the link.
 _REPORT, _LOOK = 5.0, 0.02
@@ -91,7 +93,7 @@ class Box:
         address: Address,
         *,
         quantities: Callable[[Recording], Mapping[str, str]],
-        on_board: OnBoard | None = None,
+        on_board: "OnBoard | None" = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from sprung.box.box import Box, BoxSettings
 from sprung.box.sources import blocks_of
+from sprung.layout import quantities_of
 from sprung.link import Address, Spool
-from sprung.monitor import quantities_of
 from sprung.recording import Recording
 from sprung.simulation import DriveSettings, simulate_drive
 from sprung.vehicles import Vehicle, parse_fault, vehicle_text
@@ -70,7 +70,7 @@ def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, fo
     for member in members:
         spool = Spool(folder / member.name, is_synced=False)
         settings = BoxSettings(member.name, vehicle_text(car))
-        boxes.append(Box(settings, spool, address, quantities=lambda block: quantities_of(block, car)))
+        boxes.append(Box(settings, spool, address, quantities=lambda block: quantities_of(block, car.sensor)))
         boxes[-1].open()
         sources.append(drives(car, member, begun))
     clock, driven = time.monotonic(), 0.0

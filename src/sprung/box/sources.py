@@ -7,6 +7,7 @@ sample.
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from sprung._checks import check_number
 from sprung.box.resampling import BLOCK
 from sprung.formats import read_blocks
 from sprung.recording import Recording
-from sprung.simulation import DriveSettings, simulate_drive
 from sprung.vehicles import Vehicle
+
+if TYPE_CHECKING:
+    from sprung.simulation import DriveSettings
 
 
 def blocks_of(recording: Recording, *, length: float = BLOCK) -> Iterator[Recording]:
@@ -81,7 +84,7 @@ def blocks_of_file(
 
 
 def from_simulator(
-    vehicle: Vehicle, settings: Callable[[int], DriveSettings], *, start: int, seed: int = 0
+    vehicle: Vehicle, settings: "Callable[[int], DriveSettings]", *, start: int, seed: int = 0
 ) -> Iterator[Recording]:
     """Yield the blocks of an endless simulated drive.
 
@@ -96,6 +99,8 @@ def from_simulator(
     seed
         Of the drive.
     """
+    from sprung.simulation import simulate_drive
+
     number = 0
     while True:
         run = simulate_drive(vehicle, settings(number), seed=[seed, number]).recording

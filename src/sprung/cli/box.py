@@ -20,6 +20,7 @@ from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
     from sprung.box import Box
+    from sprung.box.onboard import OnBoard
     from sprung.recording import Recording
     from sprung.vehicles import Vehicle
 
@@ -58,9 +59,9 @@ def box(
 
     Runs until its source ends and all is acknowledged, or until it is stopped; started again, it goes on where it was.
     """
-    from sprung.box import Box, BoxSettings, OnBoard, after, paced
+    from sprung.box import Box, BoxSettings, after, paced
+    from sprung.layout import quantities_of
     from sprung.link import Address, Spool
-    from sprung.monitor import quantities_of
     from sprung.vehicles import vehicle_text
 
     log_to(log_format)
@@ -73,10 +74,8 @@ def box(
         BoxSettings(vehicle_id, vehicle_text(description)),
         kept,
         Address.parse(broker),
-        quantities=lambda block: quantities_of(block, description),
-        on_board=OnBoard(description, Spool(spool / "ring", most_bytes=round(1e6 * ring_megabytes)))
-        if on_board
-        else None,
+        quantities=lambda block: quantities_of(block, description.sensor),
+        on_board=_on_board(description, spool / "ring", ring_megabytes) if on_board else None,
     )
     is_replayed = source in {"files", "simulator"}
     blocks = _blocks(
@@ -105,6 +104,14 @@ def box(
     finally:
         stopping.set()
         one.close()
+
+
+def _on_board(vehicle: "Vehicle", folder: Path, megabytes: float) -> "OnBoard":
+    """Return what identifies on the vehicle."""
+    from sprung.box.onboard import OnBoard
+    from sprung.link import Spool
+
+    return OnBoard(vehicle, Spool(folder, most_bytes=round(1e6 * megabytes)))
 
 
 def _beginning(path: Path) -> int:
@@ -144,13 +151,14 @@ def _blocks(
 ) -> "Iterator[Recording]":
     """Return the blocks of a source."""
     from sprung.box import can_bus, can_database, from_can, from_files, from_folder, from_lines, from_mqtt
-    from sprung.box import from_simulator as simulated
-    from sprung.simulation import DriveSettings
 
     kind, _, rest = source.partition(":")
     if kind == "files" and files:
         return from_files(files, start=start, sampling_rate=sampling_rate, channels=channels)
     if kind == "simulator":
+        from sprung.box import from_simulator as simulated
+        from sprung.simulation import DriveSettings
+
         return simulated(vehicle, lambda number: DriveSettings("road", snr=50.0, road="BCD"[number % 3]), start=start)
     if kind == "folder" and rest:
 

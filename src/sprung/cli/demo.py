@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from sprung.alerting import Alert
-    from sprung.box import Member
+    from sprung.box.fleet import Member
     from sprung.monitor import Station
     from sprung.storage import Store
 
@@ -39,7 +39,7 @@ def demo(
     """
     from rich.live import Live
 
-    from sprung.box import Member, drive_fleet
+    from sprung.box.fleet import Member, drive_fleet
     from sprung.link import Address, Link
     from sprung.monitor import EmbeddedBroker, Site, Station, Workers
     from sprung.storage import open_store

@@ -45,8 +45,8 @@ def replay(
     """Send recordings to a monitor as a vehicle would, and wait until it has them."""
     from sprung._checks import check_number
     from sprung.box import Box, BoxSettings, after, from_files, paced
+    from sprung.layout import quantities_of
     from sprung.link import Address, Spool
-    from sprung.monitor import quantities_of
     from sprung.vehicles import vehicle_text
 
     if pace is not None:
@@ -58,7 +58,7 @@ def replay(
             settings,
             Spool(spool or Path(scratch), boot_from=time.time_ns() // 10**6, is_synced=spool is not None),
             Address.parse(broker),
-            quantities=lambda block: quantities_of(block, description),
+            quantities=lambda block: quantities_of(block, description.sensor),
         )
         try:
             resumed = box.resume_time()

@@ -1,7 +1,7 @@
 """The online monitor: vehicles in, modes, diagnoses and alerts out, for months."""
 
 from sprung.monitor.alarms import Alarms, Postman, alert_of, row_of
-from sprung.monitor.blocks import Block, FrameBlock, frame_block, joined, quantities_of
+from sprung.monitor.blocks import Block, FrameBlock, frame_block, joined
 from sprung.monitor.broker import EmbeddedBroker
 from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor, mode_documents
 from sprung.monitor.intake import MONITOR, Intake
@@ -38,7 +38,6 @@ __all__ = [
     "frame_block",
     "joined",
     "mode_documents",
-    "quantities_of",
     "read_site",
     "row_of",
     "summary_document",

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from sprung.link import Frame
 from sprung.recording import Channel, Gap, Recording
-from sprung.vehicles import Vehicle
 
 #: Time between blocks that is no gap, in samples; clocks of loggers jitter.
 _TOLERANCE = 2.5
@@ -96,15 +95,6 @@ def frame_block(frame: Frame, quantities: Mapping[str, str]) -> FrameBlock:
 def _channels(names: tuple[str, ...], quantities: tuple[str, ...]) -> tuple[Channel, ...]:
     """Return channels, the same for all frames that have them: a window holds hundreds."""
     return tuple(Channel(name, quantity) for name, quantity in zip(names, quantities, strict=True))
-
-
-def quantities_of(recording: Recording, vehicle: Vehicle) -> dict[str, str]:
-    """Return the quantity of each channel that a box announces, such that samples are in SI units."""
-    stated = {sensor.channel: sensor.quantity for sensor in vehicle.sensor}
-    return {
-        channel.name: channel.quantity if channel.quantity != "unknown" else stated.get(channel.name, "unknown")
-        for channel in recording.channels
-    }
 
 
 def joined(blocks: Sequence[Block]) -> Recording:

@@ -18,9 +18,11 @@ from sprung.diagnosis import (
     observe,
 )
 from sprung.errors import DataError, ParameterError, SprungError
+from sprung.harmonics import Harmonic, harmonic_from_dict
 from sprung.identification import METHODS
 from sprung.modal import Modes
 from sprung.monitor.blocks import Block, joined
+from sprung.preparation import IdentificationSettings
 from sprung.recording import Channel, Gap, Recording
 from sprung.vehicles import Vehicle
 
@@ -130,6 +132,9 @@ class VehicleMonitor:
 
     Notes
     -----
+    Lines of wheels and engine are sought once in a window, when it is complete; until then those of the window before
+    are known.
+
     Windows hold a fixed number of samples in the order in which they come, whatever the blocks they come in, and are
     worked up by the functions that work up recordings: `observe`, `learn` and `diagnose`. Score, decision and learning
     stay apart: nothing but `learn_again` makes it learn a second time.
@@ -152,6 +157,7 @@ class VehicleMonitor:
         self._modes: tuple[dict[str, Any], ...] = ()
         self._diagnosis: Diagnosis | None = None
         self._note = ""
+        self._harmonics: tuple[Harmonic, ...] | None = None
 
     @property
     def vehicle(self) -> Vehicle:
@@ -245,6 +251,7 @@ class VehicleMonitor:
             "evidence": list(self._evidence),
             "modes": list(self._modes),
             "note": self._note,
+            "harmonics": None if self._harmonics is None else [asdict(line) for line in self._harmonics],
             "blocks": [_stored(block) for block in self._blocks],
         }
 
@@ -267,6 +274,8 @@ class VehicleMonitor:
             found._observations = [observation_from_dict(one) for one in state["observations"]]
             found._evidence, found._modes = list(state["evidence"]), tuple(state["modes"])
             found._note = state["note"]
+            lines = state["harmonics"]
+            found._harmonics = None if lines is None else tuple(map(harmonic_from_dict, lines))
             found._blocks = [_restored(block) for block in state["blocks"]]
         except (KeyError, TypeError, ValueError) as error:
             raise ParameterError(f"the state lacks or garbles {error}: begin anew") from None
@@ -289,8 +298,11 @@ class VehicleMonitor:
             reason = f"the window is shorter than {_SHORTEST:.0f} s"
         else:
             try:
-                found = METHODS[self._settings.method](joined(self._blocks), vehicle=self._vehicle)
+                is_complete = self._n_samples == self._needed(self._blocks[0])
+                known = IdentificationSettings(harmonics=None if is_complete else self._harmonics)
+                found = METHODS[self._settings.method](joined(self._blocks), settings=known, vehicle=self._vehicle)
                 modes = tuple(mode_documents(found.modes))
+                self._harmonics = found.harmonics if is_complete else self._harmonics
             except SprungError as error:
                 reason = str(error)
         self._modes = modes

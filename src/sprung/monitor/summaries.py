@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sprung.cepstrum import Exponential, ShortPass
 from sprung.correlation import Correlations
 from sprung.errors import FormatError, ParameterError
-from sprung.harmonics import Harmonic
+from sprung.harmonics import harmonic_from_dict
 from sprung.identification import CorrelationSummary
 from sprung.preparation import IdentificationSettings, Plan
 from sprung.recording import Channel
@@ -29,7 +29,7 @@ def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
     Where a message would not hold all blocks, neighbours are averaged. The average stays; standard deviations change a
     little, and with them which of a mode's poles stands for it.
     """
-    plan, settings = summary.plan, asdict(summary.plan.settings)
+    plan, settings = summary.plan, asdict(summary.plan.settings) | {"harmonics": None}
     lifter: Any = summary.plan.settings.lifter
     averages = [summary.average, *(one for _, one in summary.subsets if summary.method == "coss")]
     room = int(_ROOM / sum(4 * one.values.size for one in averages)) - 1
@@ -92,10 +92,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
             ),
             subsets=tuple(zip(levels, correlations, strict=True)),
             average=averages[0],
-            harmonics=tuple(
-                Harmonic(**{**line, "band": _tuple(line["band"]), "channels": tuple(line["channels"])})
-                for line in document["harmonics"]
-            ),
+            harmonics=tuple(map(harmonic_from_dict, document["harmonics"])),
         )
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, ParameterError) as error:
         raise FormatError(f"correlations that lack or garble {error}") from None
