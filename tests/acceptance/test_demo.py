@@ -1,0 +1,20 @@
+"""The journey that a newcomer sees first: a fleet, a soft spring, a dead sensor, two alerts and no other."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.slow
+def test_demo_finds_the_spring_and_the_sensor():
+    program = Path(sys.executable).with_name("sprung")
+    words = [program, "demo", "--pace", "90", "--minutes", "8"]
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}
+    found = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False, env=environment)
+    assert found.returncode == 0, found.stderr
+    assert "car-2: front-left spring 2" in found.stdout
+    assert "car-3: sensor acc_rr is dead" in found.stdout
+    assert "car-1 is healthy: no alert" in found.stdout
