@@ -147,6 +147,7 @@ def test_samples_stay_on_board_until_they_are_asked_for(broker, monitor, tmp_pat
     document = checked_map(monitor.of("modes")[-1])
     assert (document["number"], document[16], document[7]) == (0, "modes", 6000)
     wish = message({0: 1, "do": "raw", "from": 10**18 + 30 * 10**9, "to": 10**18 + 35 * 10**9})
+    until(lambda: monitor.of("state"), box)
     monitor.link.publish(topic("car-1", "cmd"), wish)
     until(lambda: len(monitor.of("raw")) >= 5, box)
     frames = [decode(payload) for payload in monitor.of("raw")]
@@ -157,6 +158,11 @@ def test_samples_stay_on_board_until_they_are_asked_for(broker, monitor, tmp_pat
 def test_a_monitor_of_another_version_is_a_problem_that_is_said(broker, monitor, tmp_path):
     box = box_of(broker, tmp_path)
     box.open(timeout=10.0)
-    monitor.link.publish(topic("car-1", "cmd"), message({0: 2, "do": "speak", "versions": [2, 3]}))
-    until(lambda: "version [2, 3]" in box.problem, box)
+    wish = message({0: 2, "do": "speak", "versions": [2, 3]})
+
+    def is_said():
+        monitor.link.publish(topic("car-1", "cmd"), wish)  # the box may not yet have subscribed
+        return "version [2, 3]" in box.problem
+
+    until(is_said, box)
     box.close()

@@ -5,12 +5,11 @@ import logging
 import queue
 import time
 from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
 from sprung.errors import SprungError
-from sprung.link import UPWARDS, Link, checked_map, message, topic
+from sprung.link import UPWARDS, Link, checked_map, message
 from sprung.monitor.alarms import Alarms, Postman, senders_of
 from sprung.monitor.engine import Identified, Observed
 from sprung.monitor.intake import MONITOR, Intake
@@ -18,8 +17,9 @@ from sprung.monitor.received import received
 from sprung.monitor.serving import Serving
 from sprung.monitor.site import Site
 from sprung.monitor.streams import Stream, Waiting
+from sprung.monitor.upkeep import Posting, Upkeep
 from sprung.monitor.workers import Opening, Outcome, Workers
-from sprung.storage import Progress, Store, StoreError, prune_archive, write_archive
+from sprung.storage import Progress, Store, StoreError, write_archive
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -68,7 +68,8 @@ class Station:
         )
         self._intake = Intake(store, self._link.publish)
         self._alarms = Alarms(store, site.alerts.settings)
-        self._postman = Postman(store, senders_of(site.send, LOG, self._link.publish))
+        self._upkeep = Upkeep(site, store, alarms=self._alarms, publish=self._link.publish, clock=clock)
+        self._posting = Posting(Postman(store, senders_of(site.send, LOG, self._link.publish)), clock)
         self._workers = workers
         self._serving: Serving | None = None
         self._streams: dict[str, Stream] = {}
@@ -78,7 +79,6 @@ class Station:
         self._learning: dict[str, tuple[int, str]] = {}
         self._counts = {"windows": 0, "identifications": 0, "failures": 0}
         self._trouble = ""
-        self._begun = clock()
         self._is_resting = False
         self._next_look = self._next_sweep = self._wait_until = 0.0
 
@@ -117,6 +117,7 @@ class Station:
                 self._intake.mixed.add(vehicle)  # until it shows that it only sends samples
         self._serving = Serving(self._site.http_address, figures=self.figures, troubles=self.troubles)
         self._serving.open()
+        self._posting.open()
         self._link.open(timeout=timeout)
         LOG.info("watching", extra={"vehicles": len(self._streams)})
 
@@ -147,6 +148,7 @@ class Station:
 
     def close(self) -> None:
         """Stop in good order."""
+        self._posting.close()
         self._link.close()
         self._workers.close()
         if self._serving is not None:
@@ -410,53 +412,14 @@ class Station:
         self._strikes.pop(vehicle)
 
     def _look(self) -> None:
-        """See to silent vehicles, shelves, people's acts and notifications."""
-        now = self._clock()
-        self._alarms.shelves(now=now)
-        patience = round(60e9 * self._site.alerts.silent_after_minutes)
-        known = {row.vehicle for row in self._store.alerts(is_active=True) if row.cause == "silent"}
-        for vehicle, last_seen in self._store.last_seen().items():
-            is_silent = now - max(last_seen, self._begun) > patience and vehicle not in self._intake.parked
-            if is_silent and vehicle not in known:
-                since = datetime.fromtimestamp(last_seen / 1e9, tz=UTC)
-                text = f"{vehicle} has sent nothing since {since:%Y-%m-%d %H:%M} UTC"
-                self._alarms.trouble(vehicle, "silent", text, now=now)
-            elif vehicle in known and not is_silent:
-                self._alarms.over(vehicle, "silent", now=now)
-        for command in self._store.open_commands():
-            if command.act == "raw":
-                begin, end = command.detail["from"], command.detail["to"]
-                wish = message({0: 1, "do": "raw", "from": begin, "to": end})
-                if self._link.publish(topic(command.vehicle, "cmd"), wish):
-                    self._store.command_done(command.id, now)
-            elif command.act == "learn":
-                self._learning.setdefault(command.vehicle, (command.id, str(command.detail or "maintenance")))
-            else:
-                LOG.warning("an act that is not known", extra={"act": command.act})
-                self._store.command_done(command.id, now)
-        self._postman.send(now=now)
+        """See to silent vehicles, shelves and people's acts."""
+        self._learning = {**self._upkeep.look(self._intake.parked), **self._learning}
 
     def _sweep(self) -> None:
-        """See to the disk: what is old goes, and nothing is taken in before it is full."""
-        now = self._clock()
-        self._store.delete_older(self._site.keep.results_before(now))
-        if self._site.archive is not None:
-            most = round(1e9 * self._site.keep.raw_gigabytes)
-            for folder in (self._site.archive, self._site.archive.with_name("correlations")):
-                prune_archive(folder, before=self._site.keep.raw_before(now), most_bytes=most)
-        free = self._store.free()
-        if free is not None and free < 1e6 * self._site.keep.free_megabytes:
-            text = (
-                f"only {free / 1e6:.0f} MB are free on the disk of the store: nothing is taken in before there is room"
-            )
-            self._trouble = text
+        """See to the disk."""
+        self._trouble = self._upkeep.sweep()
+        if self._trouble:
             self._wait_until = time.monotonic() + _SWEEP
-            self._alarms.trouble(MONITOR, "monitor:disk", text, now=now)
-            return
-        self._store.check()
-        self._trouble = ""
-        for cause in ("monitor:disk", "monitor"):
-            self._alarms.over(MONITOR, cause, now=now)
 
     def _guarded(self, act: Callable[[], None]) -> None:
         """Do something that needs the store, and go on without where it cannot write."""
