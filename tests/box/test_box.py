@@ -89,6 +89,9 @@ def test_frames_go_out_again_until_they_are_acknowledged(broker, monitor, tmp_pa
     monitor.acknowledge(0, 19)
     until(lambda: box.n_waiting == 0, box)
     assert box.drain(timeout=1.0)
+    health = checked_map(monitor.of("health")[-1])
+    assert health["free"] > 0
+    assert 1e7 < health["memory"] < 1e10
     state = checked_map(monitor.of("state")[-1])
     assert state["boots"] == [[0, 0, 20]] or state["boots"][0][2] == 20
     box.close()

@@ -345,6 +345,15 @@ def frames_after(recording, *, seq):
     return found
 
 
+def test_room_on_the_boxes_disks_is_a_figure(bench):
+    one = bench(**WATCH)
+    for vehicle, free in (("car-1", 5e9), ("car-2", 3e9), ("car-3", "much")):
+        one.link.on_message(topic(vehicle, "health"), message({"free": free}))
+    one.work()
+    assert one.station.figures()["sprung_boxes_free_bytes"] == 3e9
+    assert one.station.figures()["sprung_messages_refused_total"] == 1
+
+
 def test_a_box_of_another_version_is_told_which_to_speak(bench, run_frames):
     one = bench(**WATCH)
     document = checked_map(run_frames[0]) | {0: 2}

@@ -2,6 +2,7 @@
 
 import hashlib
 import queue
+import resource
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 #: Seconds between two reports of the box' state, and between two looks at the link.
 _REPORT, _LOOK = 5.0, 0.02
+#: Seconds between reports of the box' health.
+_EXAMINE = 60.0
 #: Most bytes of samples in a frame.
 _LARGEST_DATA = 900_000
 
@@ -103,7 +106,7 @@ class Box:
         self._quantities, self._clock, self._sleep = quantities, clock, sleep
         self._inbox: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._announced: dict[str, str] = {}
-        self._reported = -1e9
+        self._reported = self._examined = -1e9
         self._problem = ""
         self._lock = threading.Lock()
         self._link = Link(
@@ -215,6 +218,8 @@ class Box:
             return
         if now - self._reported > _REPORT:
             self._report(now)
+        if now - self._examined > _EXAMINE:
+            self._examine(now)
         for _, _, payload in self._sending.due(now):
             kind = "raw" if self._on_board is None else checked_map(payload).get(16, "raw")
             if not self._link.publish(topic(self._settings.vehicle, kind), payload):
@@ -288,6 +293,19 @@ class Box:
                 "is_leaving": is_leaving,
             },
         )
+
+    def _examine(self, now: float) -> None:
+        """Say how the box is."""
+        self._examined = now
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        document = {
+            "cpu_seconds": used.ru_utime + used.ru_stime,
+            "memory": used.ru_maxrss * 1024,
+            "free": self._spool.free,
+            "waiting": self._sending.n_under_way,
+            "problem": self.problem,
+        }
+        self._publish("health", document)
 
     def _told_before(self) -> dict[int, int]:
         """Return the boot that the oldest frame waits for, with its end; its frames may all have been dropped."""

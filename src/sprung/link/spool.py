@@ -1,6 +1,7 @@
 """The box' spool: frames on disk until the monitor has them, in a bounded number of bytes."""
 
 import os
+import shutil
 import struct
 import zlib
 from collections import deque
@@ -97,6 +98,11 @@ class Spool:
     def n_bytes(self) -> int:
         """On disk."""
         return sum(one.size for one in self._files)
+
+    @property
+    def free(self) -> int:
+        """Bytes free on the disk of the spool."""
+        return shutil.disk_usage(self._folder).free
 
     @property
     def boots(self) -> dict[int, int]:

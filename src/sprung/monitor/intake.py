@@ -32,7 +32,8 @@ class Intake:
     publish
         Sends topic and payload.
 
-    Attributes `parked` and `mixed` are the vehicles that said goodbye, and those that send more than samples.
+    Attributes `parked` and `mixed` are the vehicles that said goodbye, and those that send more than samples; `health`
+    is the room on the disk of each box [bytes].
 
     Notes
     -----
@@ -46,6 +47,7 @@ class Intake:
     refusals: dict[str, str] = field(default_factory=dict)
     parked: set[str] = field(default_factory=set)
     mixed: set[str] = field(default_factory=set)
+    health: dict[str, float] = field(default_factory=dict)
     _heard: dict[str, int] = field(default_factory=dict)
     _noted: int = 0
 
@@ -80,14 +82,13 @@ class Intake:
                 vehicle, what = parse_topic(name)
                 if vehicle == MONITOR:
                     continue  # what monitors say of themselves
-                if what == "raw":
-                    frames.append(_frame(vehicle, payload))
-                elif what in KINDS:
-                    frames.append(_report(vehicle, what, payload))
-                    self.mixed.add(vehicle)
+                if what in ("raw", *KINDS):
+                    frames.append(self._in_line(vehicle, what, payload))
                 elif what == "meta":
                     if self._described(vehicle, checked_map(payload), now):
                         described.add(vehicle)
+                elif what == "health":
+                    self.health[vehicle] = _health(checked_map(payload))
                 elif what == "state":
                     arrived.update(self._stated(vehicle, checked_map(payload), now))
                 seen[vehicle] = now
@@ -105,6 +106,13 @@ class Intake:
             if contiguous >= 0:
                 self.publish(topic(vehicle, "ack"), message({0: 1, 2: boot, 3: contiguous}))
         return arrived, described
+
+    def _in_line(self, vehicle: str, what: str, payload: bytes) -> tuple[str, int, int, int, bytes]:
+        """Return what stands in line to be worked up, as the store takes it."""
+        if what == "raw":
+            return _frame(vehicle, payload)
+        self.mixed.add(vehicle)
+        return _report(vehicle, what, payload)
 
     def _refuse(self, name: str, why: FormatError | ParameterError) -> None:
         """Remember why a message was refused: the last of each topic, and not too many; say which version is read."""
@@ -168,3 +176,11 @@ def _report(vehicle: str, what: str, payload: bytes) -> tuple[str, int, int, int
         if not isinstance(one, int) or not 0 <= one < 2**63:
             raise FormatError(f"{what} without boot, sequence number, time and number")
     return vehicle, int(boot or 0), int(seq or 0), int(start or 0), payload
+
+
+def _health(document: dict[Any, Any]) -> float:
+    """Return the room on the disk of a box."""
+    free = document.get("free")
+    if not isinstance(free, int | float) or not free >= 0:
+        raise FormatError("a report of health without the room on the disk")
+    return float(free)

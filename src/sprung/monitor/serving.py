@@ -19,6 +19,7 @@ FIGURES = {
     "sprung_failures_total": ("counter", "Jobs of workers that failed."),
     "sprung_alerts_active": ("gauge", "Active alerts."),
     "sprung_backlog_frames": ("gauge", "Frames stored and not yet worked up."),
+    "sprung_boxes_free_bytes": ("gauge", "Room on the disk of the box that has the least."),
     "sprung_link_connected": ("gauge", "1 while the broker is connected."),
     "sprung_store_bytes": ("gauge", "Size of the store."),
     "sprung_store_writable": ("gauge", "1 while the store can be written."),

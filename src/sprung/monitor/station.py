@@ -179,6 +179,7 @@ class Station:
             "sprung_failures_total": self._counts["failures"],
             "sprung_alerts_active": len(self._store.alerts(is_active=True)),
             "sprung_backlog_frames": backlog,
+            **({"sprung_boxes_free_bytes": min(self._intake.health.values())} if self._intake.health else {}),
             "sprung_link_connected": float(self._link.is_connected),
             "sprung_store_bytes": self._store.size(),
             "sprung_store_writable": float(not self._trouble),
