@@ -82,6 +82,15 @@ def test_several_parts_at_once_are_something_else(baseline):
     assert finding.component == "something_else"
 
 
+def test_a_part_is_named_though_an_imperfect_file_leaves_a_rest(baseline):
+    """What an unknown engine does to the fit: the right part, and a little of everything else."""
+    rest = {"front_left.damper": 0.04, "front_right.tyre": -0.04, "rear_right.spring": 0.03, "rear_right.tyre": 0.024}
+    found = diagnose(faulty(5, {"rear_left.tyre": -0.2, **rest}), baseline)
+    assert found.detection.candidates[0].hypothesis.kind == "else"
+    (finding,) = found.findings
+    assert (finding.corner, finding.component) == ("rear_left", "tyre")
+
+
 def test_more_than_usual_at_all_corners_is_one_finding(baseline):
     (finding,) = diagnose(faulty(5, {f"{corner}.spring": -0.5 for corner in CORNERS}), baseline).findings
     assert (finding.corner, finding.component) == ("all", "spring")

@@ -22,6 +22,8 @@ SEVERITIES = (
 )
 #: A runner-up that is less likely by this in ln is not worth a word.
 _CLOSE = 3.0
+#: Share of the evidence of something else that a part must explain to be named in its place.
+_MOSTLY = 0.8
 #: Misfit up to which values can be compared with the vehicle file itself.
 _TRUSTED = 0.15
 #: Change at which a part is due [ln values], for forecasts.
@@ -217,7 +219,7 @@ def diagnose(
 
 def _finding(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> Finding:
     """Return the best hypothesis as a finding."""
-    best, second = detection.candidates[0], detection.candidates[1]
+    best, second = _best_two(detection)
     sure = min(abs(end) for end in best.interval) if best.interval[0] * best.interval[1] > 0 else 0.0
     _, severity, number, advice = next(level for level in SEVERITIES if sure >= level[0])
     is_else = best.hypothesis.kind == "else"
@@ -237,6 +239,20 @@ def _finding(detection: Detection, observations: Sequence[Observation], baseline
         runner_up=_words(second) if close else "",
         trend=None if is_else else trend(best, observations, baseline, since=detection.onset),
     )
+
+
+def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
+    """Return the hypothesis to name and the next best.
+
+    A part that explains nearly all of the evidence is named, though something else explains a little more: with much
+    evidence, every imperfection of the vehicle file does.
+    """
+    first, *others = detection.candidates
+    named = next(one for one in detection.candidates if one.hypothesis.kind != "else")
+    least = max(_MOSTLY * first.log_evidence, detection.threshold)
+    if first.hypothesis.kind != "else" or named.log_evidence < least:
+        return first, others[0]
+    return named, next(one for one in others if one.hypothesis.kind != "else" and one is not named)
 
 
 def trend(
