@@ -47,7 +47,14 @@ def with_layout(recording: Recording, sensors: Sequence[Sensor]) -> Recording:
 
 
 def quantities_of(recording: Recording, sensors: Sequence[Sensor]) -> dict[str, str]:
-    """Return the quantity of each channel: its own, or where that is unknown what the vehicle file says."""
+    """Return the quantity of each channel: its own, or where that is unknown what the vehicle file says.
+
+    Raises
+    ------
+    ParameterError
+        As `with_layout`.
+    """
+    with_layout(recording, sensors)
     stated = {sensor.channel: sensor.quantity for sensor in sensors}
     return {
         channel.name: channel.quantity if channel.quantity != "unknown" else stated.get(channel.name, "unknown")

@@ -119,7 +119,7 @@ def test_a_boot_that_was_dropped_whole_is_declared(broker, monitor, tmp_path):
             box.take(block)
         box.close()
     box = box_of(broker, tmp_path, most_bytes=16_000)
-    oldest = decode(next(payload for _, _, payload in Spool(tmp_path / "spool", most_bytes=16_000).frames()))
+    oldest = decode(next(payload for _, _, payload in box._spool.frames()))
     assert (oldest.boot, oldest.previous) == (1, (0, 20))
     box.open(timeout=10.0)
     until(lambda: monitor.of("state"), box)
@@ -132,7 +132,7 @@ def test_a_block_that_no_frame_can_hold_is_cut(broker, tmp_path):
     box = box_of(broker, tmp_path)
     whole = run(seconds=10.0, n_channels=8, rate=20_000.0)
     box.take(whole)
-    frames = [decode(payload) for _, _, payload in Spool(tmp_path / "spool").frames()]
+    frames = [decode(payload) for _, _, payload in box._spool.frames()]
     assert len(frames) == 4
     assert sum(frame.n_samples for frame in frames) == whole.n_samples
     assert np.allclose(np.concatenate([frame.samples for frame in frames], axis=1), whole.samples, atol=1e-3)

@@ -90,13 +90,18 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
             "cannot be reached",
         ),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or a source"),
+        (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "no vehicle can be called 'monitor'"),
+        (("monitor", "--store", "sqlite:///run.csv"), "is no store but another file"),
+        (("monitor", "--http", "127.0.0.1", "--broker", "mqtt://127.0.0.1:1"), "write HOST:PORT"),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira", "--source", "can:x:y:z"), "needs --sampling-rate"),
     ],
 )
 def test_bad_usage(sprung, words, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.csv").write_text("t,a\n0,1\n", encoding="utf-8")
     found = sprung(*words)
     assert found.code == 2, found
+    assert (tmp_path / "run.csv").read_text(encoding="utf-8").startswith("t,a")
     assert sentence in found.err
     assert found.err.count("\n") <= 3
 

@@ -32,6 +32,14 @@ def test_frames_come_back_in_order_after_a_restart(tmp_path):
     assert [payload[:5] for _, _, payload in second.frames(boot=1, after=2)] == [b"1/3/.", b"1/4/."]
 
 
+def test_a_spool_belongs_to_one_box(tmp_path):
+    first = filled(tmp_path, 3)
+    with pytest.raises(SpoolError, match="in use by another box"):
+        Spool(tmp_path)
+    first.close()
+    assert Spool(tmp_path).boot == 1
+
+
 def test_oldest_go_first_and_are_counted(tmp_path):
     spool = filled(tmp_path, 400, most_bytes=16_384)
     assert spool.n_bytes <= 16_384
@@ -65,7 +73,9 @@ def test_a_flipped_bit_hides_no_other_file(tmp_path):
 
 
 def test_a_new_disk_counts_on_from_the_time(tmp_path):
-    assert Spool(tmp_path / "a", boot_from=1_700_000_000).boot == 1_700_000_000
+    first = Spool(tmp_path / "a", boot_from=1_700_000_000)
+    assert first.boot == 1_700_000_000
+    first.close()
     assert Spool(tmp_path / "a", boot_from=5).boot == 1_700_000_001
 
 
@@ -127,6 +137,7 @@ def test_where_the_boot_before_ended_is_known(tmp_path):
         assert (idle.boot, idle.previous) == (boot, (0, 7))
         assert idle.boots[0] == 7 or boot > 0
         assert idle.last_frame().startswith(b"0/6/")
+        idle.close()
     third = filled(tmp_path, 2)
     third.close()
     assert Spool(tmp_path).previous == (3, 2)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sprung import __version__
-from sprung.errors import FormatError
+from sprung.errors import FormatError, ParameterError
 from sprung.link import (
     VERSION,
     Address,
@@ -30,6 +30,8 @@ from sprung.recording import Recording
 if TYPE_CHECKING:
     from sprung.box.onboard import OnBoard
 
+#: Names that brokers know others by.
+RESERVED = ("monitor", "viewer")
 #: Seconds between two reports of the box' state, and between two looks at the link.
 _REPORT, _LOOK = 5.0, 0.02
 #: Seconds between reports of the box' health.
@@ -61,6 +63,10 @@ class BoxSettings:
 
     def __post_init__(self) -> None:
         check_vehicle(self.vehicle)
+        if self.vehicle in RESERVED:
+            raise ParameterError(
+                f"no vehicle can be called {self.vehicle!r}: that is a user of the broker, take another name"
+            )
 
     @property
     def configuration(self) -> str:

@@ -1,5 +1,6 @@
 """The box' spool: frames on disk until the monitor has them, in a bounded number of bytes."""
 
+import fcntl
 import os
 import shutil
 import struct
@@ -65,6 +66,7 @@ class Spool:
         self._handle: int | None = None
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            self._lock = _locked(folder / "lock")
             paths = sorted(folder.glob(f"*{_SUFFIX}"))
             self._files = [found for path in paths if (found := _scanned(path)) is not None]
             last, self._previous = self._boots_before()
@@ -164,8 +166,11 @@ class Spool:
                     yield found_boot, seq, payload
 
     def close(self) -> None:
-        """Close the file that is written."""
+        """Close the file that is written, and let others use the spool."""
         self._close()
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
 
     def _write(self, record: bytes) -> None:
         """Append a record to the newest file, or begin one."""
@@ -229,6 +234,19 @@ class Spool:
             file.flush()
             os.fsync(file.fileno())
         part.rename(self._folder / "boot")
+
+
+def _locked(path: Path) -> int:
+    """Return a file that this process alone has open, until it ends."""
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        raise SpoolError(
+            f"the spool {path.parent} is in use by another box: stop that one, or give another folder"
+        ) from None
+    return handle
 
 
 def _record(boot: int, seq: int, payload: bytes) -> bytes:

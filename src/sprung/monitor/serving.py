@@ -99,6 +99,7 @@ class Serving:
 
     def close(self) -> None:
         """Stop."""
-        self._server.shutdown()
+        if self._thread.is_alive():
+            self._server.shutdown()
+            self._thread.join(5.0)
         self._server.server_close()
-        self._thread.join(5.0)

@@ -99,6 +99,7 @@ class Station:
 
     def open(self, *, timeout: float = 0.0) -> None:
         """Begin to watch: go on from the store, start workers, connect."""
+        self._serving = Serving(self._site.http_address, figures=self.figures, troubles=self.troubles)
         now = self._clock()
         for notice in self._store.notices:
             LOG.warning(notice)
@@ -115,7 +116,6 @@ class Station:
             stream.dispatched[boot] = cursor.done
             if cursor.done < cursor.contiguous:
                 self._intake.mixed.add(vehicle)  # until it shows that it only sends samples
-        self._serving = Serving(self._site.http_address, figures=self.figures, troubles=self.troubles)
         self._serving.open()
         self._posting.open()
         self._link.open(timeout=timeout)
@@ -153,8 +153,9 @@ class Station:
         self._workers.close()
         if self._serving is not None:
             self._serving.close()
-        self._guarded(lambda: self._store.audit(MONITOR, "stopped", "monitor", now=self._clock()))
-        LOG.info("stopped")
+        if self._serving is not None:
+            self._guarded(lambda: self._store.audit(MONITOR, "stopped", "monitor", now=self._clock()))
+            LOG.info("stopped")
 
     def is_idle(self) -> bool:
         """Tell whether everything that came is worked up, but for what waits for earlier frames or a description."""

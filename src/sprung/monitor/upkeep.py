@@ -127,7 +127,8 @@ class Posting:
     def close(self) -> None:
         """Stop; what is not sent stays in the store."""
         self._stopping.set()
-        self._thread.join(5.0)
+        if self._thread.is_alive():
+            self._thread.join(5.0)
 
     def _run(self) -> None:
         """Send what is due, until stopped."""

@@ -17,6 +17,8 @@ from sprung.storage.requests import Requests
 from sprung.storage.results import Results
 from sprung.storage.schema import COMMANDS, MODES, NOTIFICATIONS, OBSERVATIONS, StoreError
 
+# How files of SQLite begin and are usually called: one of such a name that begins otherwise is damaged.
+_SQLITE, _ENDINGS = b"SQLite format 3\0", {".sqlite", ".sqlite3", ".db"}
 # The header or a page makes no sense, or the disk cannot read it.
 _DAMAGED = {
     sqlite3.SQLITE_CORRUPT,
@@ -107,12 +109,21 @@ def _prepare(path: Path) -> tuple[str, ...]:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
             return ()
+        _check_is_store(path)
         damage = _damage(path)
         return () if damage is None else (_set_aside(path, damage),)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(
             f"the store {path} cannot be opened: {error}: see whether its folder and disk can be written"
         ) from error
+
+
+def _check_is_store(path: Path) -> None:
+    """Refuse a file that by name and content is something else: nobody's recording is set aside."""
+    with path.open("rb") as file:
+        begin = file.read(len(_SQLITE))
+    if begin and begin != _SQLITE and path.suffix not in _ENDINGS:
+        raise ParameterError(f"{path} is no store but another file: give a new name, such as {path.stem}.sqlite")
 
 
 def _damage(path: Path) -> str | None:
