@@ -113,7 +113,7 @@ def test_folder_that_cannot_be_made(tmp_path):
     with pytest.raises(StoreError, match=r"cannot be opened: .*: see whether its folder and disk can be written"):
         open_store(f"sqlite:///{tmp_path}/file/store.sqlite")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(StoreError, match="unable to open database file|Is a directory"):
+    with pytest.raises(StoreError, match=r"unable to open database file|Is a directory"):
         open_store(f"sqlite:///{tmp_path}/folder")
 
 
