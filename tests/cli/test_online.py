@@ -1,11 +1,13 @@
 """What a person at a terminal does with the monitor's store; and the monitor's own bad usage."""
 
+from dataclasses import replace
+
 import pytest
 
 from sprung.alerting import AlertSettings, Report
 from sprung.alerting.rounds import reported
 from sprung.monitor import row_of
-from sprung.storage import open_store
+from sprung.storage import Progress, open_store
 
 NOW = 1_795_219_200_000_000_000
 
@@ -56,6 +58,18 @@ def test_vehicles_and_learning_again(sprung, store):
     with open_store(store) as opened:
         detail = opened.open_commands()[-1].detail
     assert detail["to"] - detail["from"] == 300 * 10**9
+
+
+def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
+    with open_store(store) as opened:
+        opened.add_frames([("bus-17", 1, 0, NOW, b"x")], now=NOW)
+        modes = ((0, NOW, {"modes": [{"natural_frequency": 1.5}], "reason": "", "is_on_board": True}),)
+        opened.commit_progress(Progress("bus-17", 1, done_seq=0, delete_through_seq=0, modes=modes))
+        row = opened.alerts()[0]
+        opened.put_alert(replace(row, is_active=False), history=("cleared", "", ""), now=NOW)
+    (one,) = sprung("vehicles", "--store", store, "--json", "-").document()["vehicles"]
+    assert one["state"] == "identifies on board: 1 windows of modes"
+    assert one["modes"] == [{"natural_frequency": 1.5}]
 
 
 @pytest.mark.parametrize(

@@ -213,6 +213,9 @@ def _summary(store: "Store", vehicle: str, last_seen: int) -> dict[str, Any]:
     active = [alert_of(row) for row in store.alerts(vehicle=vehicle, is_active=True)]
     last = observations[-1].document if observations else None
     state = "; ".join(alert.text for alert in active)
+    on_board = [entry.document for entry in store.modes(vehicle) if entry.document.get("is_on_board")]
+    if not state and on_board and not observations:
+        state = f"identifies on board: {len(on_board)} windows of modes"
     if not state:
         state = "learning" if not baselines else (last["reason"] if last and last["reason"] else "no alert")
     return {
@@ -221,7 +224,7 @@ def _summary(store: "Store", vehicle: str, last_seen: int) -> dict[str, Any]:
         "baseline": baselines[-1].version if baselines else None,
         "health_index": health_index(active),
         "last_seen": last_seen,
-        "modes": None if last is None else last["modes"],
+        "modes": last["modes"] if last else on_board[-1]["modes"] if on_board else None,
         "state": state,
     }
 

@@ -91,7 +91,8 @@ class Intake:
                     self.health[vehicle] = _health(checked_map(payload))
                 elif what == "state":
                     arrived.update(self._stated(vehicle, checked_map(payload), now))
-                seen[vehicle] = now
+                # Descriptions are kept by the broker and come again when the vehicle is long gone.
+                seen |= {} if what == "meta" else {vehicle: now}
             except (FormatError, ParameterError) as error:
                 self._refuse(name, error)
         if frames:
