@@ -105,7 +105,7 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
         ),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or a source"),
         (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "no vehicle can be called 'monitor'"),
-        (("monitor", "--store", "sqlite:///run.csv"), "is no store but another file"),
+        (("monitor", "--store", "sqlite:///run.csv", "--broker", "mqtt://127.0.0.1:1"), "is no store but another file"),
         (("monitor", "--http", "127.0.0.1", "--broker", "mqtt://127.0.0.1:1"), "write HOST:PORT"),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira", "--source", "can:x:y:z"), "needs --sampling-rate"),
     ],

@@ -56,21 +56,22 @@ def monitor(
     settings = (Site() if site is None else read_site(site)).model_copy(
         update={name: value for name, value in given.items() if value is not None}
     )
-    url, embedded = connected(settings.broker)
-    opened = open_store(settings.store)
-    workers = Workers(settings.watch.workers, limit=settings.watch.seconds_per_job, clock=time.monotonic)
-    station = Station(settings, opened, connect=partial(Link, url, f"sprung-monitor-{os.getpid()}"), workers=workers)
-    stopping = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopping.set())
-    try:
-        station.open()
-        station.run(stopping.is_set)
-    finally:
-        station.close()
-        if embedded is not None:
-            embedded.close()
-        opened.close()
+    with open_store(settings.store) as opened:
+        url, embedded = connected(settings.broker)
+        workers = Workers(settings.watch.workers, limit=settings.watch.seconds_per_job, clock=time.monotonic)
+        station = Station(
+            settings, opened, connect=partial(Link, url, f"sprung-monitor-{os.getpid()}"), workers=workers
+        )
+        stopping = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: stopping.set())
+        try:
+            station.open()
+            station.run(stopping.is_set)
+        finally:
+            station.close()
+            if embedded is not None:
+                embedded.close()
 
 
 def connected(broker: str) -> "tuple[Address, EmbeddedBroker | None]":
