@@ -65,6 +65,8 @@ class Candidate:
         Of the change, 95 %.
     score
         Size over its standard deviation.
+    onset, onset_interval
+        Time of the first changed window, and 95 % of its posterior [s].
     """
 
     hypothesis: Hypothesis
@@ -72,6 +74,8 @@ class Candidate:
     change: float
     interval: tuple[float, float]
     score: float
+    onset: float
+    onset_interval: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -88,8 +92,6 @@ class Detection:
         ln of the value from which on it alarms.
     candidates
         All hypotheses, the best first.
-    onset, onset_interval
-        Time of the first changed window under the best hypothesis, and 95 % of its posterior [s].
     first_alarm
         Time of the end of the window with which it alarmed first [s]; None: never.
     """
@@ -98,8 +100,6 @@ class Detection:
     evidence: Real
     threshold: float
     candidates: tuple[Candidate, ...]
-    onset: float
-    onset_interval: tuple[float, float]
     first_alarm: float | None
 
     @property
@@ -170,22 +170,20 @@ def detect(
     threshold = float(np.log(windows_per_day / false_alarms))
     logs = np.array([[one[0] for one in row] for row in last])
     totals = logsumexp(logs, axis=0) - np.log(len(logs))
-    best_onsets = np.argmax(logs, axis=0)
-    candidates = [
-        _candidate(hypothesis, float(totals[k]), *last[best_onsets[k]][k][1:])
-        for k, hypothesis in enumerate(hypotheses)
-    ]
-    order = np.argsort(-(totals + shares))
     times = np.array([one.time for one in telling])
-    best = int(order[0])
+    candidates = []
+    for k, hypothesis in enumerate(hypotheses):
+        best = int(np.argmax(logs[:, k]))
+        _, size, deviation = last[best][k]
+        onset = float(times[best]), _interval(logs[:, k], times)
+        candidates.append(_candidate(hypothesis, float(totals[k]), size, deviation, onset))
+    order = np.argsort(-(totals + shares))
     above = np.flatnonzero(evidence >= threshold)
     return Detection(
         times=times,
         evidence=evidence,
         threshold=threshold,
         candidates=tuple(candidates[k] for k in order),
-        onset=float(times[best_onsets[best]]),
-        onset_interval=_interval(logs[:, best], times),
         first_alarm=float(times[above[0]]) if above.size else None,
     )
 
@@ -293,10 +291,13 @@ def _something(contrast: Real, spread: Real) -> float:
     return float((squares - np.linalg.slogdet(wider)[1] + np.linalg.slogdet(spread)[1]) / 2)
 
 
-def _candidate(hypothesis: Hypothesis, log: float, size: float, deviation: float) -> Candidate:
+def _candidate(
+    hypothesis: Hypothesis, log: float, size: float, deviation: float, onset: tuple[float, tuple[float, float]]
+) -> Candidate:
     """Return the candidate of a hypothesis."""
     interval = (float(np.expm1(size - _Z * deviation)), float(np.expm1(size + _Z * deviation)))
-    return Candidate(hypothesis, log, float(np.expm1(size)), interval, abs(size) / deviation if deviation else 0.0)
+    score = abs(size) / deviation if deviation else 0.0
+    return Candidate(hypothesis, log, float(np.expm1(size)), interval, score, *onset)
 
 
 def _interval(logs: Real, times: Real) -> tuple[float, float]:

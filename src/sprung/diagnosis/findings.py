@@ -87,6 +87,11 @@ class Finding:
     trend: Trend | None
 
     @property
+    def hypothesis(self) -> str:
+        """Name of its `Hypothesis`."""
+        return self.component if self.component == "something_else" else f"{self.corner}.{self.component}"
+
+    @property
     def sentence(self) -> str:
         """The finding in plain words."""
         what = f"{self.corner.replace('_', '-')} {self.component}{'s' if self.corner == 'all' else ''}"
@@ -234,10 +239,10 @@ def _finding(detection: Detection, observations: Sequence[Observation], baseline
         severity=severity if not is_else else "medium",
         severity_number=number if not is_else else 500,
         advice=advice if not is_else else "inspect at the next service",
-        since=detection.onset,
-        since_interval=detection.onset_interval,
+        since=best.onset,
+        since_interval=best.onset_interval,
         runner_up=_words(second) if close else "",
-        trend=None if is_else else trend(best, observations, baseline, since=detection.onset),
+        trend=None if is_else else trend(best, observations, baseline, since=best.onset),
     )
 
 

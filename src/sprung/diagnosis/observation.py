@@ -12,7 +12,7 @@ from sprung.diagnosis.sensors import SensorFault, sensor_faults
 from sprung.errors import DataError, ParameterError
 from sprung.labels import MOTIONS
 from sprung.layout import with_layout
-from sprung.likelihood import CornerFit, CornerSettings, fit_corners
+from sprung.likelihood import CornerFit, CornerSettings, fit_corners, nominal_misfit
 from sprung.preparation import speed_channel
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
@@ -222,10 +222,14 @@ def _nothing(time: float, conditions: dict[str, float], faults: tuple[SensorFaul
 def _exchanged(
     recording: Recording, vehicle: Vehicle, settings: CornerSettings | None, fit: CornerFit
 ) -> tuple[SensorFault, ...]:
-    """Find sensors at opposite corners that are exchanged: bounce is as it was, pitch and roll are turned about."""
+    """Find sensors at opposite corners that are exchanged: bounce is as it was, pitch and roll are turned about.
+
+    Only an exchange that makes the vehicle as its file says more likely is worth a fit.
+    """
     places = {s.channel: s.position for s in vehicle.sensor if s.quantity == "acceleration" and s.position is not None}
     names = [name for name in places if name in recording.names]
     best: tuple[float, tuple[str, str]] | None = None
+    as_read = nominal_misfit(recording, vehicle, settings=settings)
     for row, first in enumerate(names):
         for second in names[row + 1 :]:
             apart = np.array(places[first])[:2] * np.array(places[second])[:2]
@@ -234,7 +238,10 @@ def _exchanged(
             order = list(range(len(recording.names)))
             one, other = recording.index(first), recording.index(second)
             order[one], order[other] = other, one
-            turned = fit_corners(replace(recording, samples=recording.samples[order]), vehicle, settings=settings)
+            exchanged = replace(recording, samples=recording.samples[order])
+            if nominal_misfit(exchanged, vehicle, settings=settings) >= as_read:
+                continue
+            turned = fit_corners(exchanged, vehicle, settings=settings)
             if best is None or turned.imperfection < best[0]:
                 best = turned.imperfection, (first, second)
     if best is None or best[0] > _CURED * fit.imperfection:

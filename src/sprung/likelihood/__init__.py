@@ -1,7 +1,7 @@
 """Whittle likelihood of a vehicle on its road: springs, dampers and tyres of every corner from the body's motion."""
 
 from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.fitting import fit_corners, fit_segments
+from sprung.likelihood.fitting import fit_corners, fit_segments, nominal_misfit
 from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs, SurfaceInputs
 from sprung.likelihood.layout import RigidLayout, rigid_layout
 from sprung.likelihood.lines import SpectralLine, residual_lines
@@ -31,6 +31,7 @@ __all__ = [
     "corners_from_modes",
     "fit_corners",
     "fit_segments",
+    "nominal_misfit",
     "residual_lines",
     "rigid_layout",
     "segment_spectra",

@@ -117,6 +117,30 @@ def fit_corners(
     return replace(fit, notes=(*fit.notes, note), from_modes=check)
 
 
+def nominal_misfit(recording: Recording, vehicle: Vehicle, *, settings: CornerSettings | None = None) -> float:
+    """Return minus the log likelihood of the vehicle as its file says, on a road as rough as the recording shows.
+
+    Nothing is fitted: two layouts of the same sensors can be compared at the cost of one step of a fit.
+
+    Parameters
+    ----------
+    recording, vehicle, settings
+        As for `fit_corners`.
+
+    Raises
+    ------
+    DataError
+        As from `fit_corners`.
+    """
+    fitter = _Fitter(vehicle, settings or CornerSettings(), [usable(recording, vehicle=vehicle)])
+    segments = fitter.segments
+    if not fitter.has_speed:
+        segments = with_estimated_speeds(segments, fitter.at_speeds)
+    spectra = class_spectra(segments, width=_COARSE)
+    model = vehicle_model(spectra, fitter.layout, vehicle, fitter.settings, fitter.kind)
+    return model.objective(model.scaled_start())[0]
+
+
 class _Fitter:
     """What the fits of one set of recordings have in common."""
 

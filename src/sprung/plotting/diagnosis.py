@@ -42,15 +42,16 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
         color=MODE_COLOURS[1],
     )
     if diagnosis.findings:
-        left.axvspan(*(time / 60 for time in detection.onset_interval), color="#F3D9C9", zorder=0)
-        left.axvline(detection.onset / 60, color=FAINT, linewidth=1)
+        left.axvspan(*(time / 60 for time in diagnosis.findings[0].since_interval), color="#F3D9C9", zorder=0)
+        left.axvline(diagnosis.findings[0].since / 60, color=FAINT, linewidth=1)
     left.set_xlabel("begin of the window [min]", fontsize=NORMAL)
     left.set_ylabel("ln evidence of any change", fontsize=NORMAL)
     best = detection.candidates[:_MOST][::-1]
+    named = diagnosis.findings[0].hypothesis if diagnosis.findings else best[-1].hypothesis.name
     right.barh(
         [one.hypothesis.name.replace("_", " ").replace(".", " ") for one in best],
         [one.log_evidence for one in best],
-        color=[*[FAINT] * (len(best) - 1), MODE_COLOURS[0]],
+        color=[MODE_COLOURS[0] if one.hypothesis.name == named else FAINT for one in best],
     )
     right.axvline(0, color=INK, linewidth=0.8)
     right.set_xlabel("ln evidence of each hypothesis", fontsize=NORMAL)
@@ -71,7 +72,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     detection = diagnosis.detection
     if detection is None:
         raise ParameterError("no window can tell: there are no corners to draw")
-    since = detection.onset if diagnosis.findings else 0.0
+    since = diagnosis.findings[0].since if diagnosis.findings else 0.0
     telling = [one for one in diagnosis.observations if one.can_tell and one.time >= since]
     normal = baseline or nominal_baseline(telling[0].components, vehicle="")
     telling = [one for one in telling if one.components == normal.components]

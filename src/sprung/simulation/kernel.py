@@ -14,12 +14,12 @@ ASYMMETRY, ASYMMETRY_VELOCITY, KNEE, KNEE_SLOPE, FRICTION, FRICTION_VELOCITY = 0
 CUBIC, GAP, STOP_STIFFNESS, RUBBER_STIFFNESS, RUBBER_FORCE = 6, 7, 8, 9, 10
 
 
-@njit(cache=True, error_model="numpy")
-def forces(e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, law: Any) -> Any:
+@njit(cache=True, error_model="numpy", inline="always")
+def forces(e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, laws: Any, row: Any) -> Any:
     """Return the tension of an element, and the rates of its damper's elongation and of its rubber's force."""
-    tension = k * (e + law[CUBIC] * e * e * e) + r
-    if abs(e) > law[GAP]:
-        tension += law[STOP_STIFFNESS] * (e - law[GAP] if e > 0 else e + law[GAP])
+    tension = k * (e + laws[row, CUBIC] * e * e * e) + r
+    if abs(e) > laws[row, GAP]:
+        tension += laws[row, STOP_STIFFNESS] * (e - laws[row, GAP] if e > 0 else e + laws[row, GAP])
     if bushing > 0 and c > 0:
         arm = bushing * (e - z)
         tension += arm
@@ -28,23 +28,23 @@ def forces(e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, law:
         z_rate = 0.0
         speed = abs(rate)
         bent = rate
-        if speed > law[KNEE]:
-            beyond = (speed - law[KNEE]) * law[KNEE_SLOPE] + law[KNEE]
+        if speed > laws[row, KNEE]:
+            beyond = (speed - laws[row, KNEE]) * laws[row, KNEE_SLOPE] + laws[row, KNEE]
             bent = beyond if rate > 0 else -beyond
         damping = c
-        if law[ASYMMETRY] != 0:
-            damping = c * (1 + law[ASYMMETRY] * rate / np.sqrt(rate * rate + law[ASYMMETRY_VELOCITY] ** 2))
+        if laws[row, ASYMMETRY] != 0:
+            damping = c * (1 + laws[row, ASYMMETRY] * rate / np.sqrt(rate * rate + laws[row, ASYMMETRY_VELOCITY] ** 2))
         tension += damping * bent
-    if law[FRICTION] > 0:
-        tension += law[FRICTION] * rate / np.sqrt(rate * rate + law[FRICTION_VELOCITY] ** 2)
+    if laws[row, FRICTION] > 0:
+        tension += laws[row, FRICTION] * rate / np.sqrt(rate * rate + laws[row, FRICTION_VELOCITY] ** 2)
     r_rate = 0.0
-    if law[RUBBER_STIFFNESS] > 0:
+    if laws[row, RUBBER_STIFFNESS] > 0:
         sign = 1.0 if rate > 0 else -1.0
-        r_rate = law[RUBBER_STIFFNESS] * rate * (1 - sign * r / law[RUBBER_FORCE])
+        r_rate = laws[row, RUBBER_STIFFNESS] * rate * (1 - sign * r / laws[row, RUBBER_FORCE])
     return tension, z_rate, r_rate
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def rates(
     state: Any,
     u: Any,
@@ -75,7 +75,7 @@ def rates(
         if feet[row] >= 0:
             e -= u[feet[row]]
         tension, z_rate, r_rate = forces(
-            e, rate, state[2 * n + row], state[2 * n + m + row], k[row], c[row], bushings[row], laws[row]
+            e, rate, state[2 * n + row], state[2 * n + m + row], k[row], c[row], bushings[row], laws, row
         )
         out[2 * n + row] = z_rate
         out[2 * n + m + row] = r_rate
