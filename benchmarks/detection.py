@@ -17,20 +17,25 @@ SIZES = (0.02, 0.05, 0.1, 0.2, 0.5)
 MINUTES = (10, 20, 30, 60, 120)
 OF_THESIS = (10, 30, 120)
 LEARNING = 12
+KINDS = ("spring", "damper", "tyre")
+CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
+PARTS = tuple(f"{corner}.{kind}" for corner in CORNERS for kind in KINDS)
+UNKNOWN = ("engine", "anti-roll bars", "geometry", "wheel lines")
 
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--vehicles", type=int, default=400)
+    arguments.add_argument("--seeds", type=int, nargs="+", help="these vehicles and no others")
     arguments.add_argument("--healthy", type=int, default=30, help="healthy windows of ten minutes of each vehicle")
     arguments.add_argument("--jobs", type=int, default=2)
     arguments.add_argument("--lives", type=Path, help="file of vehicles done, to go on from; a line is added for each")
     given = arguments.parse_args()
     from rich.progress import Progress
 
-    lives = [json.loads(line) for line in given.lives.open()] if given.lives and given.lives.exists() else []
+    lives = list(map(json.loads, given.lives.read_text().splitlines())) if given.lives and given.lives.exists() else []
     done = {life["seed"] for life in lives}
-    seeds = [seed for seed in range(given.vehicles) if seed not in done]
+    seeds = [seed for seed in given.seeds or range(given.vehicles) if seed not in done]
     with ProcessPoolExecutor(given.jobs) as pool, Progress() as progress:
         task = progress.add_task("vehicles", total=len(seeds))
         waiting = [pool.submit(partial(vehicle_life, given.healthy), seed) for seed in seeds]
@@ -75,7 +80,7 @@ def described(seed):
     file = file.model_copy(update={"body": body, "axle": axles})
     if seed % 2 == 0:
         return file, file
-    kind = ("engine", "anti-roll bars", "geometry", "wheel lines")[seed // 2 % 4]
+    kind = UNKNOWN[seed // 2 % 4]
     if kind == "engine":
         engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
         return file, file.model_copy(update={"mounted_mass": (engine,)})
@@ -179,7 +184,7 @@ def vehicle_life(n_healthy, seed):
 
     file, real = described(seed)
     generator = np.random.default_rng([seed, 6])
-    name = str(generator.choice([f"{e}_{s}.{k}" for e in ("front", "rear") for s in ("left", "right") for k in KINDS]))
+    name = str(generator.choice(PARTS))
     size = SIZES[seed // 2 % len(SIZES)]
     taught, taught_modes = several(window(file, real, seed, k, ()) for k in range(LEARNING))
     try:
@@ -226,51 +231,113 @@ def several(pairs):
     return list(observations), list(modes)
 
 
-KINDS = ("spring", "damper", "tyre")
-
-
 def tables(lives):
-    """Print detection, confusion and false alarms."""
-    import numpy as np
-
+    """Print detection by size, by part, what was named in place of what, sizes and onsets, and false alarms."""
     bad = [life for life in lives if "error" in life]
     good = [life for life in lives if "error" not in life]
-    for title, some in (
-        ("parts all in the file", [life for life in good if life["seed"] % 2 == 0]),
-        ("parts unknown to the file", [life for life in good if life["seed"] % 2 == 1]),
-    ):
-        print(f"\nFound at the right part, of vehicles with {title} (found at a wrong one)\n")
-        print("| size | " + " | ".join(f"{m} min" for m in MINUTES) + " | vehicles |\n|" + "---|" * (len(MINUTES) + 2))
-        for size in SIZES:
-            here = [life for life in some if life["size"] == size]
-            cells = []
-            for minutes in MINUTES:
-                right = sum(life["found"][str(minutes)] == life["name"] for life in here)
-                wrong = sum(life["found"][str(minutes)] not in {"", life["name"]} for life in here)
-                cells.append(f"{right} ({wrong})")
-            print(f"| {100 * size:.0f} % | " + " | ".join(cells) + f" | {len(here)} |")
-    print("\nWhat 120 minutes said of faults of 10 % or more\n\n| fault | spring | damper | tyre | other part | none |")
-    print("|" + "---|" * 6)
-    for kind in KINDS:
-        here = [life for life in good if life["name"].endswith(kind) and life["size"] >= 0.1]
-        answers = [life["found"]["120"] for life in here]
-        right = [a == life["name"] for a, life in zip(answers, here, strict=True)]
-        counts = [sum(r for r, life in zip(right, here, strict=True) if kind == other) for other in KINDS]
-        wrong = sum(a not in {"", life["name"]} for a, life in zip(answers, here, strict=True))
-        print(f"| {kind} | " + " | ".join(map(str, counts)) + f" | {wrong} | {answers.count('')} |")
+    complete = [life for life in good if life["seed"] % 2 == 0]
+    print("Found at the right part (found at a wrong one), with 95 % intervals of the share found")
+    size_table("all parts in the file", complete)
+    size_table("parts that the file does not know", [life for life in good if life["seed"] % 2 == 1])
+    for kind, name in enumerate(UNKNOWN):
+        size_table(f"of these: {name}", [x for x in good if x["seed"] % 2 == 1 and x["seed"] // 2 % 4 == kind])
+    part_table(good)
+    confusion(good)
+    sizes_and_onsets(good)
     hours, alarms = sum(life["hours"] for life in good), sum(life["alarm"] for life in good)
-    upper = np.round(
-        (alarms + 3.0 if alarms == 0 else alarms + 1.96 * np.sqrt(alarms) + 1.92) / max(hours, 1e-9) * 8, 4
-    )
-    delays = [life["delay"] for life in good if life["delay"] is not None and life["size"] >= 0.1]
-    print(f"\n{alarms} false alarms in {hours:.0f} healthy vehicle-hours: at most {upper} per day of 8 h (95 %).")
-    if delays:
-        median, most = np.quantile(delays, [0.5, 0.95])
-        print(f"Median delay of faults of 10 % or more: {median:.0f} min, 95 %: {most:.0f} min.")
+    low, high = (8 * limit / max(hours, 1e-9) for limit in poisson_interval(alarms))
+    print(f"\n{alarms} false alarms in {hours:.0f} healthy hours: {low:.4f} to {high:.4f} per day of 8 h (95 %).")
     print(f"{len(bad)} vehicles could not learn; {sum(life['mute'] for life in good)} windows could not tell.")
     for life in bad[:5]:
         print(f"- {life['error']}")
     thesis_table([life for life in good if "thesis" in life])
+
+
+def size_table(title, lives):
+    """Print how many faults of each size were found after so many minutes with them."""
+    print(f"\n{title}\n\n| size | " + " | ".join(f"{m} min" for m in MINUTES) + " |\n|" + "---|" * (len(MINUTES) + 1))
+    for size in SIZES:
+        here = [life for life in lives if life["size"] == size]
+        print(f"| {100 * size:.0f} % | " + " | ".join(share(here, str(minutes)) for minutes in MINUTES) + " |")
+
+
+def share(lives, minutes):
+    """Return how many of those asked after so many minutes had the right part named, and how many a wrong one."""
+    asked = [life for life in lives if minutes in life["found"]]
+    right = sum(life["found"][minutes] == life["name"] for life in asked)
+    wrong = sum(life["found"][minutes] not in {"", life["name"]} for life in asked)
+    if not asked:
+        return ""
+    low, high = binomial_interval(right, len(asked))
+    return f"{right} of {len(asked)}{f' ({wrong})' if wrong else ''}, {100 * low:.0f} to {100 * high:.0f} %"
+
+
+def part_table(lives):
+    """Print how many faults of each part were found after 30 minutes."""
+    print("\nFound at the right part after 30 minutes, by part\n\n| part | " + " | ".join(map("{:.0%}".format, SIZES)))
+    print("|" + "---|" * (len(SIZES) + 1))
+    for part in PARTS:
+        cells = []
+        for size in SIZES:
+            here = [life["found"]["30"] == part for life in lives if (life["name"], life["size"]) == (part, size)]
+            cells.append(f"{sum(here)} of {len(here)}")
+        print(f"| {part.replace('_', ' ').replace('.', ' ')} | " + " | ".join(cells) + " |")
+
+
+def confusion(lives):
+    """Print which corner and which component 120 minutes named in place of which, for faults of 5 % and more."""
+    lives = [life for life in lives if life["size"] >= 0.05]
+    for what, number, names in (("corner", 0, CORNERS), ("component", 1, KINDS)):
+        columns = [*names, "both of an axle", "all corners", "something else", "none"]
+        print(f"\nNamed after 120 minutes, faults of 5 % and more, by {what}\n\n| {what} | " + " | ".join(columns))
+        print("|" + "---|" * (len(columns) + 1))
+        for name in names:
+            said = [named(life["found"]["120"], number) for life in lives if life["name"].split(".")[number] == name]
+            print(f"| {name} | " + " | ".join(str(said.count(column)) for column in columns) + " |")
+
+
+def named(answer, number):
+    """Return the column of an answer in the matrix of corners (0) or components (1)."""
+    corner, _, component = answer.partition(".")
+    groups = {"": "none", "vehicle": "something else", "all": "all corners"}
+    if corner in groups:
+        return groups[corner]
+    return (corner, component)[number] if corner in CORNERS else "both of an axle"
+
+
+def sizes_and_onsets(lives):
+    """Print how often the intervals of size and onset hold the truth, where the right part was named."""
+    import numpy as np
+
+    right = [life for life in lives if "said" in life and life["found"]["120"] == life["name"]]
+    if not right:
+        return
+    said = [life["said"]["120"] for life in right]
+    covered = sum(
+        one["interval"][0] <= -life["size"] <= one["interval"][1] for one, life in zip(said, right, strict=True)
+    )
+    errors = [abs(one["change"] + life["size"]) for one, life in zip(said, right, strict=True)]
+    started = sum(one["onset"][1] <= 0 <= one["onset"][2] for one in said)
+    median, most = 100 * np.quantile(errors, [0.5, 0.95])
+    print(
+        f"\nRight part after 120 minutes, {len(right)} vehicles: the 95 % interval holds the size {covered} times "
+        f"(error {median:.1f} percentage points in the median, 95 % below {most:.1f}), and the onset {started} times."
+    )
+
+
+def binomial_interval(count, total):
+    """Return the exact 95 % interval of a share (Clopper and Pearson)."""
+    from scipy.stats import binomtest
+
+    interval = binomtest(count, total).proportion_ci(0.95)
+    return interval.low, interval.high
+
+
+def poisson_interval(count):
+    """Return the exact 95 % interval of a number of events (Garwood)."""
+    from scipy.stats import chi2
+
+    return (chi2.ppf(0.025, 2 * count) / 2 if count else 0.0), chi2.ppf(0.975, 2 * count + 2) / 2
 
 
 def thesis_table(lives):
@@ -282,9 +349,8 @@ def thesis_table(lives):
     share = sum(life["thesis"]["modes"] for life in lives) / sum(3 * life["thesis"]["windows"] for life in lives)
     print(f"\nThe thesis' way, {len(lives)} vehicles: CoSS-SSI found {share:.0%} of the body modes of single windows.")
     print("Called changed (any part), where the threshold lets one healthy vehicle in twenty pass\n")
-    print(
-        "| size | " + " | ".join(f"{what}, {m} min" for what in ("frequency", "MAC") for m in OF_THESIS) + " | vehicles |"
-    )
+    columns = [f"{what}, {m} min" for what in ("frequency", "MAC") for m in OF_THESIS]
+    print("| size | " + " | ".join(columns) + " | vehicles |")
     print("|" + "---|" * (2 * len(OF_THESIS) + 2))
     values = {state: np.array([life["thesis"][state] for life in lives]) for state in ("healthy", "faulty")}
     limits = np.quantile(values["healthy"], 0.95, axis=0)
