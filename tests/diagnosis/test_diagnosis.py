@@ -70,6 +70,16 @@ def test_change_is_found_at_its_corner_with_its_size_and_onset(baseline, name, s
     assert finding.corner.replace("_", "-") in finding.sentence
 
 
+def test_a_file_that_explains_its_windows_badly_is_remarked_on(baseline):
+    bad = [replace(one, conditions={**one.conditions, "imperfection": 0.51}) for one in healthy(12)]
+    taught = learn(bad, vehicle="car")
+    (note,) = taught.notes
+    assert "off by 51 %" in note
+    assert baseline_from_dict(taught.to_dict()).notes == taught.notes
+    assert note in diagnose(bad, taught).notes
+    assert baseline.notes == ()
+
+
 def test_both_sides_of_an_axle_are_one_finding(baseline):
     (finding,) = diagnose(faulty(5, {"rear_left.damper": -0.2, "rear_right.damper": -0.2}), baseline).findings
     assert (finding.corner, finding.component) == ("rear", "damper")

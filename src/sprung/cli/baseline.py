@@ -157,6 +157,7 @@ def _show(found: "Baseline", observations: "list[Observation]", out: Path) -> No
             [
                 f"version {found.version} ({found.reason}): {found.n_windows} of {len(observations)} windows taught it",
                 *([f"conditions met: {met}"] if met else []),
+                *found.notes,
                 f"wrote {out}",
             ]
         )

@@ -29,6 +29,8 @@ _ENDS = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
 _PRIOR_WINDOWS = 8.0
 #: Chance that a healthy window is left out of learning.
 _SUSPECT = 1e-3
+#: Misfit of the windows from which on the vehicle file is remarked on.
+_IMPERFECT = 0.25
 #: Standard deviations of a new vehicle about its file: left against right, front against rear.
 _UNLIKE, _UNLIKE_ENDS = 0.04, 0.15
 
@@ -61,6 +63,10 @@ class Baseline:
         Windows that could not tell or were suspect.
     version, reason
         Counts up with every new learning, and why it was learnt.
+    residuals
+        Reference of the subspace residual test; None: not learnt.
+    imperfection
+        By how much the vehicle file is off on the windows that taught it, in the median, see `CornerFit`.
     """
 
     vehicle: str
@@ -76,10 +82,22 @@ class Baseline:
     version: int
     reason: str
     residuals: ResidualReference | None = None
+    imperfection: float = 0.0
 
     def __post_init__(self) -> None:
         for name, ndim in (("mean", 1), ("covariance", 2), ("slopes", 2), ("nuisance", 2)):
             object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=ndim))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know, one sentence each."""
+        if self.imperfection < _IMPERFECT:
+            return ()
+        return (
+            f"the vehicle file is off by {100 * self.imperfection:.0f} % on the windows that taught the baseline, so "
+            "that small changes are found late or not at all: check masses, geometry and places of sensors, and add "
+            "what it lacks, such as an engine on mounts",
+        )
 
     def residual(self, observation: Observation) -> Real:
         """Return how far a window is from what its conditions make normal."""
@@ -100,6 +118,7 @@ class Baseline:
             "reason": self.reason,
             "n_windows": self.n_windows,
             "n_refused": self.n_refused,
+            "imperfection": self.imperfection,
             "components": list(self.components),
             "mean": self.mean.tolist(),
             "covariance": self.covariance.tolist(),
@@ -141,6 +160,7 @@ def baseline_from_dict(document: dict[str, Any]) -> Baseline:
             n_refused=int(document["n_refused"]),
             version=int(document["version"]),
             reason=str(document["reason"]),
+            imperfection=float(document.get("imperfection", 0.0)),
             residuals=residual_reference_from_dict(document["residuals"]) if document.get("residuals") else None,
         )
     except (KeyError, TypeError, ValueError, IndexError) as error:
@@ -304,6 +324,7 @@ def _taught(
         n_refused=n_all - len(observations),
         version=1 if previous is None else previous.version + 1,
         reason=reason,
+        imperfection=float(np.median([one.conditions.get("imperfection", 0.0) for one in observations])),
     )
 
 

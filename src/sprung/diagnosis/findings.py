@@ -216,7 +216,7 @@ def diagnose(
                     "the vehicle file: learn a baseline"
                 )
             sound = trusted
-        notes += _unmet(normal, sound)
+        notes += [*normal.notes, *_unmet(normal, sound)]
         detection = detect(normal, sound, false_alarms=false_alarms, windows_per_day=windows_per_day, known=known)
     findings = () if detection is None or not detection.is_alarm else (_finding(detection, telling, normal),)
     return Diagnosis(findings, tuple(faults.values()), detection, every, tuple(notes))

@@ -164,9 +164,8 @@ def observe(
     if fit.n_segments < FEWEST_SEGMENTS:
         return _nothing(time, conditions, faults, f"{fit.n_segments} segments of steady speed are too few")
     if fit.imperfection > _WORST:
-        return _nothing(
-            time, conditions, faults, f"the vehicle file explains the window badly: off by {fit.imperfection:.0%}"
-        )
+        off = f"off by {100 * fit.imperfection:.0f} %"
+        return _nothing(time, conditions, faults, f"the vehicle file explains the window badly: {off}")
     return _told(time, fit, conditions, faults)
 
 

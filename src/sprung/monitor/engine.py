@@ -323,6 +323,8 @@ class VehicleMonitor:
         del self._evidence[: self._n_telling(gone)]
         self._note = observation.reason
         learnt = self._learn() if self._is_learning else None
+        if not self._note and self._baseline is not None:
+            self._note = " ".join(self._baseline.notes)
         if not self._is_learning and learnt is None:
             self._diagnose()
         return Observed(number, recording, observation, self._diagnosis, learnt)
