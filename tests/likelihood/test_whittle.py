@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.likelihood import MassChange, RailInputs, RigInputs
-from sprung.likelihood.fitting import minimised, preconditioner
+from sprung.likelihood.fitting import minimised
 from sprung.likelihood.spectra import onto_grid, through_window
 from sprung.likelihood.whittle import inverse_and_logdet
 from sprung.simulation import DriveSettings, simulate_drive
@@ -86,7 +86,7 @@ def test_exact_spectra_give_the_parameters_back(model, with_data):
     truth[[row for row, name in enumerate(model.names) if name.startswith("class_")]] = 0
     some = with_data(model, truth, counts=100.0)
     start = some.scaled_start()
-    found = minimised(some, start, preconditioner(some, some.information(start)))
+    found = minimised(some, start)
     free = slice(0, model.n_free)
     if not model.masses:  # a load and all components together can hardly be told apart from accelerations
         assert found[free] == pytest.approx(truth[free], abs=0.05)

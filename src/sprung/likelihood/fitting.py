@@ -47,6 +47,8 @@ _ROUNDS = 3
 #: The search ends with a step that gains less than this share of all that was gained, or where the slope is less than
 #: this in standard deviations.
 _TOLERANCE, _SLOPE = 1e-8, 1e-2
+#: Most steps before the coordinates of the search are chosen anew: the information changes on the way.
+_STEPS = (25, 25, 50, 300)
 #: Lines that a note names.
 _MOST_NAMED = 6
 #: Relative misfit of the spectra from which on a fit is called imperfect.
@@ -94,7 +96,8 @@ def fit_corners(
     Notes
     -----
     Whittle likelihood of the segments' spectral matrices, averaged by speed class; see `sprung.likelihood.whittle`.
-    The minimum is found by L-BFGS in coordinates in which the Fisher information at the start is the unit matrix.
+    The minimum is found by L-BFGS in coordinates in which the Fisher information is the unit matrix, chosen anew on the
+    way.
     Segments count less where the model fits worse than chance allows (see `credibility`), so that the prior holds what
     an imperfect model would carry away. The covariance is that of the information, corrected for overlap, and by the
     scores of the segments (sandwich) where those scatter more than the model says.
@@ -225,16 +228,14 @@ def fit_segments(
     trust, limited = _FIRST, segments
     rough = model_of(limited, lines, trust, _COARSE)
     begin = min((rough.scaled_start(start) for start in (None, *starts)), key=lambda start: rough.objective(start)[0])
-    factor = preconditioner(rough, rough.information(begin))
-    found = minimised(rough, begin, factor)
+    found = minimised(rough, begin)
     if credibility(model_of(limited, lines, 1.0, _COARSE), found) < _DOUBTFUL:
-        others = (minimised(rough, rough.scaled_start(start), factor) for start in _broken_springs(rough))
+        others = (minimised(rough, rough.scaled_start(start)) for start in _broken_springs(rough))
         found = min((found, *others), key=lambda parameters: rough.objective(parameters)[0])
     model = model_of(limited, lines, trust, CLASS_WIDTH)
     parameters = _carried_over(rough, found, model)
     if model.objective(parameters)[0] == TOO_FAR:
         parameters = model.scaled_start()
-    information = model.information(parameters) / trust
     lowest = 0.0 if kind == "rig" else _OVER_BODY * highest_of_body(model.structure)
     for _ in range(_MOST_FITS):
         before = trust, lines
@@ -246,7 +247,7 @@ def fit_segments(
         model = model_of(limited, lines, trust, CLASS_WIDTH)
         if lines == before[1] and abs(trust - before[0]) < _SETTLED * before[0]:
             break
-        parameters = minimised(model, parameters, preconditioner(model, trust * information))
+        parameters = minimised(model, parameters)
     return _result(model, parameters, limited, lines)
 
 
@@ -268,13 +269,18 @@ def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
     return found
 
 
-def preconditioner(model: Model, information: Real) -> Real:
-    """Return the factor that makes the information about the parameters, prior included, the unit matrix."""
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(information + np.diag(1 / model.widths**2))).T)
+def minimised(model: Model, start: Real) -> Real:
+    """Return the parameters at which the likelihood is largest, searched from `start`."""
+    found, is_settled = start, False
+    for most in _STEPS:
+        if not is_settled:
+            found, is_settled = _searched(model, found, most)
+    return found
 
 
-def minimised(model: Model, start: Real, factor: Real) -> Real:
-    """Return the parameters at which the likelihood is largest, searched from `start` in whitened steps."""
+def _searched(model: Model, start: Real, most: int) -> tuple[Real, bool]:
+    """Return where so many steps lead, whitened by the information at the start, and whether there are no more."""
+    factor = preconditioner(model, start)
     first, slope = model.objective(start)
     hill = float(np.sum((factor.T @ slope) ** 2)) / 2  # what a Newton step would gain
 
@@ -289,9 +295,15 @@ def minimised(model: Model, start: Real, factor: Real) -> Real:
         np.zeros(start.size),
         jac=True,
         method="L-BFGS-B",
-        options={"maxiter": 300, "maxcor": 20, "ftol": _TOLERANCE, "gtol": _SLOPE},
+        options={"maxiter": most, "maxcor": 20, "ftol": _TOLERANCE, "gtol": _SLOPE},
     )
-    return np.asarray(start + factor @ found.x)
+    return np.asarray(start + factor @ found.x), found.nit < most
+
+
+def preconditioner(model: Model, parameters: Real) -> Real:
+    """Return the factor that makes the information about the parameters, prior included, the unit matrix."""
+    information = model.information(parameters) + np.diag(1 / model.widths**2)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(information)).T)
 
 
 def _result(
