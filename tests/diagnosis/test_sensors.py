@@ -19,7 +19,7 @@ from sprung.simulation import (
     simulate_drive,
     with_imperfections,
 )
-from sprung.vehicles import read_vehicle
+from sprung.vehicles import MountedMass, read_vehicle
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +86,19 @@ def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run):
     found = observe(with_imperfections(run, [Swapped("acc_fl", "acc_rr")]), car)
     assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
     assert not found.can_tell
+
+
+@pytest.mark.slow
+def test_diagonal_sensors_exchanged_are_seen_beside_an_unknown_engine(car):
+    engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
+    settings = DriveSettings("road", duration=600.0, snr=50.0, is_nonlinear=True)
+    run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), settings, seed=5).recording
+    sound = observe(run, car)
+    assert sound.conditions["imperfection"] > 0.25
+    assert sound.can_tell
+    assert not sound.sensor_faults
+    found = observe(with_imperfections(run, [Swapped("acc_rl", "acc_fr")]), car)
+    assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
 
 
 @pytest.mark.slow

@@ -27,8 +27,8 @@ _STANDS = 1.0
 _UPRIGHT = 0.9
 #: Misfit from which on a window cannot tell.
 _WORST = 1.0
-#: Misfit that makes an exchange of diagonal sensors worth a try, and by how much it must fall.
-_SUSPECT, _CURED = 0.3, 0.4
+#: Misfit that makes an exchange of diagonal sensors worth a try, and to which share of it it must fall.
+_SUSPECT, _CURED = 0.3, 0.8
 
 
 @dataclass(frozen=True, eq=False, slots=True)
