@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.box import Box, BoxSettings, blocks_of
-from sprung.box.onboard import OnBoard
+from sprung.box.onboard import Answers, OnBoard
 from sprung.link import Address, Link, Spool, checked_map, decode, message, topic
 from sprung.recording import Channel, Recording
 from sprung.vehicles import read_vehicle, vehicle_text
@@ -156,6 +156,82 @@ def test_samples_stay_on_board_until_they_are_asked_for(broker, monitor, tmp_pat
     frames = [decode(payload) for payload in monitor.of("raw")]
     assert sorted({(frame.start - 10**18) // 10**9 for frame in frames}) == [30, 31, 32, 33, 34]
     box.close()
+
+
+def asked(monitor, box, *, seconds=(30, 35), number=7):
+    """Ask for samples between two times, until the box answers, and return the answer."""
+    n_before = len(monitor.of("event"))
+    begin, end = (10**18 + second * 10**9 for second in seconds)
+    wish = message({0: 1, "do": "raw", "number": number, "from": begin, "to": end})
+    until(lambda: monitor.of("state"), box)  # only then has it subscribed
+    monitor.link.publish(topic("car-1", "cmd"), wish)
+    until(lambda: len(monitor.of("event")) > n_before, box)
+    return checked_map(monitor.of("event")[-1])
+
+
+def test_a_wish_that_comes_again_is_answered_again_and_sends_nothing_twice(broker, monitor, tmp_path):
+    """Nor does it after a restart of the box; another wish for the same time does."""
+
+    def begun():
+        ring = Spool(tmp_path / "ring", is_synced=False)
+        answers = Answers(tmp_path / "ring" / "answers.json")
+        one = box_of(broker, tmp_path, on_board=OnBoard(read_vehicle("zafira"), ring, window=600.0, answers=answers))
+        one.open(timeout=10.0)
+        return one, ring
+
+    box, ring = begun()
+    for block in blocks_of(run(seconds=90.0)):
+        box.take(block)
+    first = asked(monitor, box)
+    assert (first["did"], first["number"], first["boot"], first["last"]) == ("raw", 7, 0, 4)
+    assert (first["frames"], first["reason"]) == (5, "")
+    assert ((first["from"] - 10**18) / 1e9, (first["to"] - 10**18) / 1e9) == (30.0, 35.0)
+    assert asked(monitor, box) == first
+    assert box.n_waiting == 5
+    box.close()
+    ring.close()
+    monitor.heard.clear()
+    box, ring = begun()
+    assert asked(monitor, box) == first
+    assert box.n_waiting == 5
+    assert asked(monitor, box, number=8)["frames"] == 5
+    assert box.n_waiting == 10
+    nothing = asked(monitor, box, number=9, seconds=(1000, 2000))
+    assert nothing["frames"] == 0
+    assert "its box holds none of that time" in nothing["reason"]
+    box.close()
+    ring.close()
+
+
+def test_a_box_that_sends_all_samples_says_so_when_it_is_asked_for_them(broker, monitor, tmp_path):
+    box = box_of(broker, tmp_path)
+    box.open(timeout=10.0)
+    for block in blocks_of(run(seconds=5.0)):
+        box.take(block)
+    answer = asked(monitor, box, seconds=(0, 5))
+    assert (answer["frames"], box.n_waiting) == (0, 5)
+    assert "its box sends all samples as they come" in answer["reason"]
+    box.close()
+
+
+@pytest.mark.parametrize("text", ["", "[[1]]", "7", '{"a": 1}', "[[[1, 2, 3], {}"])
+def test_answers_whose_file_is_damaged_begin_anew(tmp_path, text):
+    path = tmp_path / "answers.json"
+    path.write_text(text, encoding="ascii")
+    answers = Answers(path)
+    assert answers.get((1, 2, 3)) is None
+    answers.keep((1, 2, 3), {"frames": 5})
+    assert Answers(path).get((1, 2, 3)) == {"frames": 5}
+
+
+def test_answers_are_bounded(tmp_path):
+    path = tmp_path / "answers.json"
+    answers = Answers(path)
+    for number in range(150):
+        answers.keep((number, 0, 1), {"frames": number})
+    again = Answers(path)
+    assert again.get((49, 0, 1)) is None
+    assert again.get((50, 0, 1)) == {"frames": 50}
 
 
 def test_a_monitor_of_another_version_is_a_problem_that_is_said(broker, monitor, tmp_path):

@@ -1,5 +1,7 @@
 """What a person at a terminal does with the monitor's store; and the monitor's own bad usage."""
 
+import threading
+import time
 from dataclasses import replace
 
 import pytest
@@ -50,14 +52,80 @@ def test_vehicles_and_learning_again(sprung, store):
     assert (one["vehicle"], one["windows"], one["baseline"], one["health_index"]) == ("bus-17", 0, None, 30.0)
     assert "bus-17" in sprung("vehicles", "--store", store).out
     words = ("vehicles", "learn", "bus-17", "--store", store, "--reason", "new springs", "--who", "anna")
-    assert sprung(*words).code == 0
+    asked = sprung(*words)
+    assert asked.code == 0
+    assert "bus-17 is to learn again what is normal, because of 'new springs': the monitor" in plain(asked)
     with open_store(store) as opened:
         (command,) = opened.open_commands()
     assert (command.vehicle, command.act, command.detail, command.who) == ("bus-17", "learn", "new springs", "anna")
-    assert sprung("vehicles", "raw", "bus-17", "--store", store, "--minutes", "5", "--who", "anna").code == 0
+    assert "bus-17: learning again, because of 'new springs': asked for at" in plain(
+        sprung("vehicles", "--store", store)
+    )
+
+
+def plain(outcome):
+    """Standard output without the breaks of its lines."""
+    return " ".join(outcome.out.split())
+
+
+def test_samples_that_are_asked_for_and_not_waited_for(sprung, store):
+    words = ("vehicles", "raw", "bus-17", "--store", store, "--minutes", "5", "--who", "anna", "--wait", "0")
+    asked = sprung(*words)
+    assert asked.code == 0
     with open_store(store) as opened:
-        detail = opened.open_commands()[-1].detail
-    assert detail["to"] - detail["from"] == 300 * 10**9
+        (command,) = opened.open_commands()
+    assert command.detail["to"] - command.detail["from"] == 300 * 10**9
+    assert (command.act, command.who) == ("raw", "anna")
+    for shown in (asked, sprung("vehicles", "--store", store)):
+        assert "bus-17: samples 20" in plain(shown)
+        assert "and not yet done" in plain(shown)
+
+
+@pytest.fixture
+def answered(store):
+    """Return a function that lets a monitor end the next request with an answer; it is stopped in the end."""
+    threads = []
+
+    def answer(detail):
+        def run():
+            with open_store(store) as opened:
+                end = time.monotonic() + 30.0
+                while not (asked := opened.open_commands()) and time.monotonic() < end:
+                    time.sleep(0.02)
+                opened.command_done(asked[0].id, NOW, detail={"asked": asked[0].detail, **detail})
+
+        threads.append(threading.Thread(target=run))
+        threads[-1].start()
+
+    yield answer
+    for thread in threads:
+        thread.join(30.0)
+
+
+RAW = ("vehicles", "raw", "bus-17")
+
+
+def test_samples_that_came_are_said(sprung, store, answered):
+    answered({"boot": 1, "last": 599, "frames": 600, "from": NOW, "to": NOW + 600 * 10**9, "reason": ""})
+    asked = sprung(*RAW, "--store", store, "--wait", "30")
+    assert asked.code == 0
+    assert "samples 2026-11-21 00:00 to 00:10 UTC of bus-17 came, 600 frames" in plain(asked)
+
+
+def test_a_box_that_has_no_such_samples_is_heard(sprung, store, answered):
+    answered({"boot": 1, "last": -1, "frames": 0, "from": 0, "to": 0, "reason": "its box holds none of that time"})
+    asked = sprung(*RAW, "--store", store, "--wait", "30")
+    assert asked.code == 3
+    assert "of bus-17 came: its box holds none of that time" in asked.err
+
+
+def test_samples_that_do_not_come_are_said_with_what_to_do(sprung, store):
+    asked = sprung(*RAW, "--store", store, "--wait", "0.3")
+    assert asked.code == 3
+    assert "have not come within 0.3 s: it was last heard at 2026-11-21 00:00 UTC" in asked.err
+    assert "the request stays, and goes out again when bus-17 is next heard" in asked.err
+    with open_store(store) as opened:
+        assert len(opened.open_commands()) == 1
 
 
 def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
@@ -101,7 +169,7 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
         (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "no name for one"),
         (
             ("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
-            "cannot be reached",
+            "cannot be reached: nobody listens there",
         ),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or a source"),
         (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "no vehicle can be called 'monitor'"),

@@ -28,7 +28,7 @@ from sprung.link import (
 from sprung.recording import Recording
 
 if TYPE_CHECKING:
-    from sprung.box.onboard import OnBoard
+    from sprung.box.onboard import OnBoard, Request
 
 #: Names that brokers know others by.
 RESERVED = ("monitor", "viewer")
@@ -36,6 +36,9 @@ RESERVED = ("monitor", "viewer")
 _REPORT, _LOOK = 5.0, 0.02
 #: Seconds between reports of the box' health.
 _EXAMINE = 60.0
+#: Why no samples are sent when they are asked for.
+_ALL_SENT = "its box sends all samples as they come: there is nothing to ask for"
+_NONE_HELD = "its box holds none of that time: ask further back with --minutes"
 #: Most bytes of samples in a frame.
 _LARGEST_DATA = 900_000
 
@@ -261,11 +264,29 @@ class Box:
             versions = document.get("versions")
             if isinstance(versions, list) and VERSION not in versions:
                 self._problem = f"the monitor reads frames of version {versions}, this box writes {VERSION}: update one"
-        elif name.endswith("/cmd") and document.get("do") == "raw" and self._on_board is not None:
-            begin, end = document.get("from"), document.get("to")
-            if isinstance(begin, int) and isinstance(end, int):
-                for frame in self._on_board.asked_for(begin, end):
-                    self._spool_map(frame)
+        elif name.endswith("/cmd") and document.get("do") == "raw":
+            number, begin, end = document.get("number", 0), document.get("from"), document.get("to")
+            if isinstance(number, int) and isinstance(begin, int) and isinstance(end, int):
+                self._publish("event", {"did": "raw", "number": number, **self._answer((number, begin, end))})
+
+    def _answer(self, request: "Request") -> Mapping[str, Any]:
+        """Send the samples that are asked for, but once, and return what was sent."""
+        if self._on_board is None:
+            return {**self._sent([]), "reason": _ALL_SENT}
+        answer = self._on_board.answers.get(request)
+        if answer is None:
+            times = []
+            for frame in self._on_board.asked_for(*request[1:]):
+                self._spool_map(frame)
+                times += [frame[4], frame[4] + frame[5] * frame[7]]
+            answer = {**self._sent(times), "reason": "" if times else _NONE_HELD}
+            self._on_board.answers.keep(request, answer)
+        return answer
+
+    def _sent(self, times: list[int]) -> dict[str, Any]:
+        """Return up to which frame, how many and of which time samples were sent; `times` of begin and end of each."""
+        place = {"boot": self._spool.boot, "last": self._spool.next_seq - 1, "frames": len(times) // 2}
+        return {**place, "from": min(times, default=0), "to": max(times, default=0)}
 
     def _announce(self) -> None:
         """Say what the vehicle and its channels are; kept by the broker for monitors that come later."""

@@ -89,7 +89,7 @@ def _blocks(
             reader.has_overflowed = True
 
     link = Link(address, f"sprung-source-{secrets.token_hex(6)}", topics=topics, on_message=received)
-    link.open(timeout=_CONNECT)
+    link.open(timeout=_CONNECT, is_patient=True)
     heard = time.monotonic()
     try:
         while not is_done():

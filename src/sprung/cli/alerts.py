@@ -13,17 +13,20 @@ import typer
 from sprung.cli.documents import write_json
 from sprung.cli.files import Json
 from sprung.cli.printing import console, notes, table
-from sprung.errors import ParameterError
+from sprung.cli.progress import progress_bar
+from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
     from sprung.alerting import Alert, Transition
-    from sprung.storage import Store
+    from sprung.storage import CommandRow, Store
 
 _ACTS = "ack, shelve, unshelve, assign, comment or history"
 
 StoreUrl = Annotated[str, typer.Option("--store", metavar="URL", help="sqlite:///FILE or postgresql://USER@HOST/NAME.")]
 Who = Annotated[str | None, typer.Option("--who", metavar="NAME", help="Who does it.", show_default="the user")]
 _DEFAULT = "sqlite:///sprung-data/sprung.sqlite"
+# Seconds between looks at whether samples have come.
+_LOOK = 0.2
 
 
 def alerts(
@@ -74,13 +77,18 @@ def vehicles(
     minutes: Annotated[
         float, typer.Option(metavar="M", help="How far back to ask a box for its samples.", min=0)
     ] = 30.0,
+    wait: Annotated[
+        float, typer.Option(metavar="SECONDS", help="How long to wait for those samples; the request stays.", min=0)
+    ] = 60.0,
     who: Who = None,
     json: Json = None,
 ) -> None:
     """List the vehicles that a monitor watches; have it learn again what is normal, or ask a box for its samples."""
     with _opened(store) as opened:
+        said = [_waiting(row) for row in opened.open_commands()]
         if act is not None:
-            _asked(opened, act, vehicle, who=who or getpass.getuser(), reason=reason, minutes=minutes)
+            number = _asked(opened, act, vehicle, who=who or getpass.getuser(), reason=reason, minutes=minutes)
+            said = [_done(opened, number, wait)]
         found = [_summary(opened, row.vehicle, row.last_seen) for row in opened.vehicles()]
     if json is not None:
         write_json({"schema": "sprung.vehicles/1", "vehicles": found}, json)
@@ -98,7 +106,10 @@ def vehicles(
         for one in found
     ]
     columns = ("vehicle", "windows", "baseline", "health index", "last seen (UTC)", "state")
-    console().print(table("", columns, rows))
+    screen = console()
+    screen.print(table("", columns, rows))
+    if said:
+        screen.print(notes(said))
 
 
 def _opened(url: str) -> "Store":
@@ -190,8 +201,8 @@ def _acted(store: "Store", act: str, number: int, *, who: str, comment: str, hou
     store.audit(who, act, f"{row.vehicle} {row.cause}", comment or None, now=now)
 
 
-def _asked(store: "Store", act: str, vehicle: str | None, *, who: str, reason: str, minutes: float) -> None:
-    """Ask something of the monitor."""
+def _asked(store: "Store", act: str, vehicle: str | None, *, who: str, reason: str, minutes: float) -> int:
+    """Ask something of the monitor, and return the number of the request."""
     if act not in {"learn", "raw"} or vehicle is None:
         raise ParameterError("write sprung vehicles, sprung vehicles learn ID --reason TEXT or sprung vehicles raw ID")
     if act == "learn" and not reason.strip():
@@ -200,7 +211,56 @@ def _asked(store: "Store", act: str, vehicle: str | None, *, who: str, reason: s
         raise ParameterError(f"the store knows no vehicle {vehicle!r}: see sprung vehicles")
     now = time.time_ns()
     detail = reason.strip() if act == "learn" else {"from": now - round(60e9 * minutes), "to": now}
-    store.add_command(who, vehicle, act, detail, now=now)
+    return store.add_command(who, vehicle, act, detail, now=now)
+
+
+def _done(store: "Store", number: int, wait: float) -> str:
+    """Return what comes of a request; samples are waited for."""
+    row = _awaited(store, number, wait)
+    if row.act == "learn":
+        return (
+            f"{row.vehicle} is to learn again what is normal, because of {row.detail!r}: the monitor takes its next"
+            " good windows for that (12, unless the site file says otherwise), and looks for changes again after them"
+        )
+    if row.done is None and not wait:
+        return _waiting(row)
+    if row.done is None:
+        (heard,) = (one.last_seen for one in store.vehicles() if one.vehicle == row.vehicle)
+        raise DataError(
+            f"samples {_span(row.detail)} of {row.vehicle} have not come within {wait:g} s: it was last heard at"
+            f" {_when(heard)} UTC: see whether its box and the monitor run; the request stays, and goes out again when"
+            f" {row.vehicle} is next heard (sprung vehicles shows whether it is still open)"
+        )
+    if not row.detail["frames"]:
+        asked = _span(row.detail["asked"])
+        raise DataError(f"no samples {asked} of {row.vehicle} came: {row.detail['reason']}")
+    return f"samples {_span(row.detail)} of {row.vehicle} came, {row.detail['frames']} frames"
+
+
+def _awaited(store: "Store", number: int, wait: float) -> "CommandRow":
+    """Return a request when it is done, or a time [s] has passed; only samples are waited for."""
+    end = time.monotonic() + wait
+    with progress_bar() as report:
+        while True:
+            row = store.command(number)
+            if row is None:
+                raise ParameterError(f"request {number} is gone from the store: ask again")
+            if row.act != "raw" or row.done is not None or time.monotonic() >= end:
+                return row
+            report(f"waiting for samples of {row.vehicle}", 0.0)
+            time.sleep(_LOOK)
+
+
+def _waiting(row: "CommandRow") -> str:
+    """Return what is asked of the monitor, and not yet done."""
+    what = f"samples {_span(row.detail)}" if row.act == "raw" else f"learning again, because of {row.detail!r}"
+    return f"{row.vehicle}: {what}: asked for at {_when(row.created)} UTC, and not yet done"
+
+
+def _span(times: dict[str, int]) -> str:
+    """Return begin and end of samples in words."""
+    begin, end = _when(times["from"]), _when(times["to"])
+    return f"{begin} to {end.removeprefix(begin[:11])} UTC"
 
 
 def _summary(store: "Store", vehicle: str, last_seen: int) -> dict[str, Any]:

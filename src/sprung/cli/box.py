@@ -91,6 +91,7 @@ def box(
     if is_replayed:
         blocks = after(blocks, one.resume_time())
     speed = {"files": pace, "simulator": 1.0}.get(source)
+    taken = 0.0
     try:
         one.open()
         looking = threading.Thread(target=_look, args=(one, stopping), daemon=True)
@@ -99,8 +100,12 @@ def box(
             if stopping.is_set():
                 break
             one.take(block)
+            taken += block.duration
         while not stopping.is_set() and not one.drain(timeout=1.0):
             pass
+        if not stopping.is_set():
+            said = f"{kept.next_seq} frames, {taken / 3600:.2f} hours in this run"
+            LOG.info(f"the source has ended, and all of {vehicle_id} is with the monitor: {said}")
     finally:
         stopping.set()
         one.close()
@@ -108,10 +113,11 @@ def box(
 
 def _on_board(vehicle: "Vehicle", folder: Path, megabytes: float) -> "OnBoard":
     """Return what identifies on the vehicle."""
-    from sprung.box.onboard import OnBoard
+    from sprung.box.onboard import Answers, OnBoard
     from sprung.link import Spool
 
-    return OnBoard(vehicle, Spool(folder, most_bytes=round(1e6 * megabytes)))
+    ring = Spool(folder, most_bytes=round(1e6 * megabytes))
+    return OnBoard(vehicle, ring, answers=Answers(folder / "answers.json"))
 
 
 def _beginning(path: Path) -> int:
@@ -163,7 +169,10 @@ def _blocks(
     if kind == "folder" and rest:
 
         def finish(name: str, said: str) -> None:
-            LOG.info(said or f"read {name}")
+            if said:
+                LOG.warning(f"{name} was not read to its end: {said}")
+            else:
+                LOG.info(f"read {name}")
             with done.open("a", encoding="utf-8") as file:
                 file.write(name + "\n")
 

@@ -1,7 +1,9 @@
 """A connection to an MQTT broker that comes back by itself."""
 
 import re
+import socket
 import ssl
+import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -56,6 +58,7 @@ class Address:
         try:
             parts = urlsplit(url)
             port = parts.port
+            (parts.hostname or "").encode("idna")
         except ValueError as error:
             raise ParameterError(f"{shown!r} is no address of a broker: {error}") from None
         if parts.scheme not in {"mqtt", "mqtts"} or not parts.hostname:
@@ -116,7 +119,9 @@ class Link:
         self._address, self._name, self._topics = address, name, tuple(topics)
         self._on_message, self._on_connected, self._will = on_message, on_connected, will
         self._is_connected = threading.Event()
-        self._problem = ""
+        # Connected, or sure that a second attempt would end like the first.
+        self._is_decided = threading.Event()
+        self._problem = self._refusal = ""
         self._is_closed = False
         self._client = self._made(self._mqtt.MQTTv311 if address.version == "3" else self._mqtt.MQTTv5)
 
@@ -127,22 +132,32 @@ class Link:
 
     @property
     def problem(self) -> str:
-        """Why it is not connected, as far as known."""
+        """What stands in the way, where, and what to do, as far as known; empty where nothing does."""
         return self._problem
 
-    def open(self, *, timeout: float = 0.0) -> None:
+    def open(self, *, timeout: float = 0.0, is_patient: bool = False) -> None:
         """Begin to connect, and wait up to a time [s] for it.
+
+        Parameters
+        ----------
+        timeout
+            0: return at once, and go on trying.
+        is_patient
+            Whether to wait for the whole time, too, where there is no such host, nobody listens or the broker refuses.
 
         Raises
         ------
         LinkError
-            Where a time was given and has passed.
+            Where a time was given and has passed, or is not worth waiting for.
         """
         self._start()
-        if timeout and not self._is_connected.wait(timeout):
-            problem = self.problem or "no answer"
+        if not timeout:
+            return
+        (self._is_connected if is_patient else self._is_decided).wait(timeout)
+        if not self.is_connected:
+            problem = self.problem or self._unreachable("no answer: see whether it runs there")
             self.close()
-            raise LinkError(f"the broker {self._address} cannot be reached: {problem}: see whether it runs there")
+            raise LinkError(problem)
 
     def publish(self, topic: str, payload: bytes, *, is_retained: bool = False) -> bool:
         """Hand a message to the broker (QoS 1) and return whether there was a connection to do so."""
@@ -187,15 +202,19 @@ class Link:
 
     def _connected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         """Subscribe, or fall back to the older protocol."""
-        if reason.is_failure:
-            self._problem = str(reason)
-            if "protocol" in self._problem.lower() and client is self._client and not self._is_closed:
-                threading.Thread(target=self._fall_back, args=(client,), daemon=True).start()
+        if reason.is_failure and "protocol" in str(reason).lower() and client is self._client and not self._is_closed:
+            threading.Thread(target=self._fall_back, args=(client,), daemon=True).start()
             return
-        self._problem = ""
+        if reason.is_failure:
+            self._refusal = f"the broker {self._address} refuses: {reason}: see user, password and certificate"
+            self._problem = self._refusal
+            self._is_decided.set()
+            return
+        self._problem = self._refusal = ""
         for name in self._topics:
             client.subscribe(name, qos=1)
         self._is_connected.set()
+        self._is_decided.set()
         self._on_connected()
 
     def _fall_back(self, client: Any) -> None:
@@ -209,19 +228,46 @@ class Link:
 
     def _disconnected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         """Take note."""
-        if client is self._client:
-            self._is_connected.clear()
-            self._problem = str(reason)
+        if client is not self._client:
+            return
+        if self.is_connected:
+            self._problem = f"the broker {self._address} was lost: {reason}: see whether it runs"
+        else:
+            advice = "see whether it is a broker, and user, password and certificate"
+            self._problem = self._refusal or f"the broker {self._address} hangs up: {reason}: {advice}"
+        self._is_connected.clear()
 
     def _failed(self, _client: Any, _data: Any) -> None:
-        """Take note."""
-        certificates = ", or one does not trust the other's certificate" if self._address.is_encrypted else ""
-        self._problem = f"nobody listens there{certificates}"
+        """Take note; paho calls this while it handles the error."""
+        error = sys.exception()
+        self._problem = self._unreachable(_why(error))
+        if isinstance(error, socket.gaierror | ConnectionRefusedError):
+            self._is_decided.set()
+
+    def _unreachable(self, why: str) -> str:
+        """Return the sentence for a broker that cannot be reached."""
+        return f"the broker {self._address} cannot be reached: {why}"
 
     def _published(self, _client: Any, _data: Any, _number: int, reason: Any, _properties: Any) -> None:
         """Take note of what the broker refuses, as where a vehicle's name is not that of its certificate."""
         if reason.is_failure:
             self._problem = f"the broker refuses what is sent: {reason}"
+
+
+def _why(error: BaseException | None) -> str:
+    """Return why a connection failed, and what to do."""
+    if isinstance(error, socket.gaierror):
+        if error.errno == socket.EAI_AGAIN:
+            return "its name cannot be looked up: see whether it is right, and this machine's network"
+        return "there is no such host: correct its name"
+    if isinstance(error, ConnectionRefusedError):
+        return "nobody listens there: see whether it runs, and at that port"
+    if isinstance(error, TimeoutError):
+        return "the attempt timed out: see whether its machine is on, and whether a firewall stands between"
+    if isinstance(error, ssl.SSLError):
+        detail = getattr(error, "verify_message", None) or getattr(error, "reason", None) or error
+        return f"TLS fails: {detail}: see ca, cert and key, and whether the host is called as in its certificate"
+    return f"{getattr(error, 'strerror', None) or error or 'no answer'}: see whether it runs there"
 
 
 def _context(address: Address) -> ssl.SSLContext:

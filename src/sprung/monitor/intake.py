@@ -15,10 +15,12 @@ MONITOR = "monitor"
 _MOST_CHANNELS = 256
 #: What boxes that identify on board send in line with frames.
 KINDS = ("corr", "modes")
+#: What a box that was asked for samples says of them: boot and number of the last frame, how many, of which time.
+_ANSWER = ("boot", "last", "frames", "from", "to")
 #: Time between notes of when vehicles were heard of [ns]: each is a transaction of its own.
 _NOTED_EVERY = 10**9
-#: Refusals that are remembered.
-_MOST_REFUSALS = 100
+#: Refusals, and answers of boxes, that are remembered.
+_MOST_REFUSALS, _MOST_ANSWERS = 100, 1000
 
 
 @dataclass(slots=True)
@@ -33,7 +35,8 @@ class Intake:
         Sends topic and payload.
 
     Attributes `parked` and `mixed` are the vehicles that said goodbye, and those that send more than samples; `health`
-    is the room on the disk of each box [bytes].
+    is the room on the disk of each box [bytes]; `answers` is what boxes say they sent, by vehicle and number of the
+    request.
 
     Notes
     -----
@@ -48,6 +51,7 @@ class Intake:
     parked: set[str] = field(default_factory=set)
     mixed: set[str] = field(default_factory=set)
     health: dict[str, float] = field(default_factory=dict)
+    answers: dict[tuple[str, int], dict[str, Any]] = field(default_factory=dict)
     _heard: dict[str, int] = field(default_factory=dict)
     _noted: int = 0
 
@@ -87,8 +91,8 @@ class Intake:
                 elif what == "meta":
                     if self._described(vehicle, checked_map(payload), now):
                         described.add(vehicle)
-                elif what == "health":
-                    self.health[vehicle] = _health(checked_map(payload))
+                elif what in ("health", "event"):
+                    self._told(vehicle, what, checked_map(payload))
                 elif what == "state":
                     arrived.update(self._stated(vehicle, checked_map(payload), now))
                 # Descriptions are kept by the broker and come again when the vehicle is long gone.
@@ -140,6 +144,16 @@ class Intake:
         self.store.put_vehicle(vehicle, configuration=configuration, description=text, channels=channels, now=now)
         return True
 
+    def _told(self, vehicle: str, what: str, document: dict[Any, Any]) -> None:
+        """Remember how a box is, or what it says it sent when it was asked for samples."""
+        if what == "health":
+            self.health[vehicle] = _health(document)
+        elif document.get("did") == "raw":
+            number, answer = _answer(document)
+            self.answers[vehicle, number] = answer
+            if len(self.answers) > _MOST_ANSWERS:
+                self.answers.pop(next(iter(self.answers)))
+
     def _stated(self, vehicle: str, document: dict[Any, Any], now: int) -> dict[tuple[str, int], int]:
         """Heed what a box no longer has, as such frames will never come, and whether it is switched off."""
         (self.parked.add if document.get("is_leaving") else self.parked.discard)(vehicle)
@@ -177,6 +191,16 @@ def _report(vehicle: str, what: str, payload: bytes) -> tuple[str, int, int, int
         if not isinstance(one, int) or not 0 <= one < 2**63:
             raise FormatError(f"{what} without boot, sequence number, time and number")
     return vehicle, int(boot or 0), int(seq or 0), int(start or 0), payload
+
+
+def _answer(document: dict[Any, Any]) -> tuple[int, dict[str, Any]]:
+    """Return the number of a request for samples, and what a box says it sent."""
+    number, reason = document.get("number"), document.get("reason", "")
+    answer = {key: document.get(key) for key in _ANSWER}
+    for one in (number, *answer.values()):
+        if not isinstance(one, int) or not -1 <= one < 2**63:
+            raise FormatError(f"an answer without number, {', '.join(_ANSWER)}")
+    return int(number or 0), {**answer, "reason": str(reason)[:200]}
 
 
 def _health(document: dict[Any, Any]) -> float:

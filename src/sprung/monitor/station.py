@@ -17,7 +17,7 @@ from sprung.monitor.received import received
 from sprung.monitor.serving import Serving
 from sprung.monitor.site import Site
 from sprung.monitor.streams import Stream, Waiting
-from sprung.monitor.upkeep import Posting, Upkeep
+from sprung.monitor.upkeep import Outage, Posting, Upkeep
 from sprung.monitor.workers import Opening, Outcome, Workers
 from sprung.storage import Progress, Store, StoreError, write_archive
 
@@ -69,6 +69,7 @@ class Station:
         self._intake = Intake(store, self._link.publish)
         self._alarms = Alarms(store, site.alerts.settings)
         self._upkeep = Upkeep(site, store, alarms=self._alarms, publish=self._link.publish, clock=clock)
+        self._outage = Outage(self._link, clock)
         self._posting = Posting(Postman(store, senders_of(site.send, LOG, self._link.publish)), clock)
         self._workers = workers
         self._serving: Serving | None = None
@@ -138,6 +139,7 @@ class Station:
             self._settle(outcome)
         if now >= self._next_look:
             self._next_look = now + _LOOK
+            self._outage.look()
             self._guarded(self._look)
         if now >= self._next_sweep:
             self._next_sweep = now + _SWEEP
@@ -188,7 +190,7 @@ class Station:
 
     def troubles(self) -> list[str]:
         """Return what is wrong with the monitor itself."""
-        found = [] if self._link.is_connected else [f"the broker is not connected: {self._link.problem or 'no answer'}"]
+        found = [] if self._link.is_connected else [self._link.problem or "the broker has not answered yet"]
         return [*found, self._trouble] if self._trouble else found
 
     def _arrived(self, name: str, payload: bytes) -> None:
@@ -415,7 +417,7 @@ class Station:
 
     def _look(self) -> None:
         """See to silent vehicles, shelves and people's acts."""
-        self._learning = {**self._upkeep.look(self._intake.parked), **self._learning}
+        self._learning = {**self._upkeep.look(self._intake.parked, self._intake.answers), **self._learning}
 
     def _sweep(self) -> None:
         """See to the disk."""

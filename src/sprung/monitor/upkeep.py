@@ -2,19 +2,22 @@
 
 import logging
 import threading
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Mapping
 from datetime import UTC, datetime
+from typing import Any
 
-from sprung.link import message, topic
+from sprung.link import Link, message, topic
 from sprung.monitor.alarms import Alarms, Postman
 from sprung.monitor.intake import MONITOR
 from sprung.monitor.site import Site
-from sprung.storage import Store, StoreError, prune_archive
+from sprung.storage import CommandRow, Store, StoreError, prune_archive
 
 LOG = logging.getLogger("sprung.monitor")
 
 #: Seconds between looks at what people are to be told.
 _POST = 1.0
+#: Least time before a box is asked for samples again, and between reminders that the broker is away [ns].
+_AGAIN, _REMIND = 10 * 10**9, 600 * 10**9
 
 
 class Upkeep:
@@ -46,14 +49,19 @@ class Upkeep:
         self._site, self._store, self._alarms = site, store, alarms
         self._publish, self._clock = publish, clock
         self._begun = clock()
+        self._asked: dict[int, int] = {}
 
-    def look(self, parked: Container[str]) -> dict[str, tuple[int, str]]:
+    def look(
+        self, parked: Container[str], answers: Mapping[tuple[str, int], dict[str, Any]]
+    ) -> dict[str, tuple[int, str]]:
         """See to silent vehicles, shelves and people's acts.
 
         Parameters
         ----------
         parked
             Vehicles that said goodbye.
+        answers
+            What boxes say they sent, by vehicle and number of the request.
 
         Returns
         -------
@@ -64,7 +72,8 @@ class Upkeep:
         self._alarms.shelves(now=now)
         patience = round(60e9 * self._site.alerts.silent_after_minutes)
         known = {row.vehicle for row in self._store.alerts(is_active=True) if row.cause == "silent"}
-        for vehicle, last_seen in self._store.last_seen().items():
+        heard = self._store.last_seen()
+        for vehicle, last_seen in heard.items():
             is_silent = now - max(last_seen, self._begun) > patience and vehicle not in parked
             if is_silent and vehicle not in known:
                 since = datetime.fromtimestamp(last_seen / 1e9, tz=UTC)
@@ -75,15 +84,26 @@ class Upkeep:
         learning = {}
         for command in self._store.open_commands():
             if command.act == "raw":
-                wish = message({0: 1, "do": "raw", **command.detail})
-                if self._publish(topic(command.vehicle, "cmd"), wish):
-                    self._store.command_done(command.id, now)
+                self._see_to(command, answers.get((command.vehicle, command.id)), heard.get(command.vehicle, 0), now)
             elif command.act == "learn":
                 learning[command.vehicle] = (command.id, str(command.detail or "maintenance"))
             else:
                 LOG.warning("an act that is not known", extra={"act": command.act})
                 self._store.command_done(command.id, now)
         return learning
+
+    def _see_to(self, command: CommandRow, answer: dict[str, Any] | None, heard: int, now: int) -> None:
+        """Ask a box for samples, and again when it is heard after that, until all that it says it sent has come."""
+        if answer is not None and self._store.cursor(command.vehicle, answer["boot"]).contiguous >= answer["last"]:
+            self._store.command_done(command.id, now, detail={"asked": command.detail, **answer})
+            self._asked.pop(command.id, None)
+            LOG.info("a request for samples is done", extra={"vehicle": command.vehicle, **answer})
+            return
+        asked = self._asked.get(command.id)
+        if asked is None or (heard > asked and now - asked >= _AGAIN):
+            wish = message({0: 1, "do": "raw", "number": command.id, **command.detail})
+            if self._publish(topic(command.vehicle, "cmd"), wish):
+                self._asked[command.id] = now
 
     def sweep(self) -> str:
         """Remove what is old, and return what is wrong with the disk: nothing may be taken in then."""
@@ -102,6 +122,33 @@ class Upkeep:
         for cause in ("monitor:disk", "monitor"):
             self._alarms.over(MONITOR, cause, now=now)
         return ""
+
+
+class Outage:
+    """Says in the log that the broker is away: at once, every ten minutes, and when it is back.
+
+    Parameters
+    ----------
+    link
+        To the broker.
+    clock
+        UTC ns.
+    """
+
+    def __init__(self, link: Link, clock: Callable[[], int]) -> None:
+        self._link, self._clock = link, clock
+        self._said: int | None = None
+
+    def look(self) -> None:
+        """See whether there is something to say."""
+        now = self._clock()
+        if self._link.is_connected:
+            if self._said is not None:
+                LOG.info("the broker has let the monitor in")
+            self._said = None
+        elif self._link.problem and (self._said is None or now - self._said >= _REMIND):
+            LOG.warning(self._link.problem)
+            self._said = now
 
 
 class Posting:

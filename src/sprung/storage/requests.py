@@ -38,8 +38,14 @@ class Requests(Database):
         with self._reading() as connection:
             return [CommandRow(**row) for row in connection.execute(query).mappings()]
 
-    def command_done(self, command_id: int, now: int) -> None:
-        """Store that the monitor did what it was asked."""
+    def command(self, command_id: int) -> CommandRow | None:
+        """Return a request of any age; None where there is none of that number."""
+        with self._reading() as connection:
+            row = connection.execute(select(COMMANDS).where(COMMANDS.c.id == command_id)).mappings().first()
+            return None if row is None else CommandRow(**row)
+
+    def command_done(self, command_id: int, now: int, *, detail: Any = None) -> None:
+        """Store that the monitor did what it was asked, and what came of it in place of the detail, if it is given."""
         one = update(COMMANDS).where(COMMANDS.c.id == command_id, COMMANDS.c.done.is_(None))
         with self._writing() as connection:
-            connection.execute(one.values(done=now))
+            connection.execute(one.values(done=now, **({} if detail is None else {"detail": detail})))

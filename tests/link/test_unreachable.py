@@ -1,0 +1,116 @@
+"""Why a broker cannot be reached, in one sentence; and how long that is waited for."""
+
+import gc
+import socket
+import ssl
+import threading
+import time
+
+import pytest
+
+from sprung.errors import ParameterError
+from sprung.link import Address, Link, LinkError
+
+pytest.importorskip("paho.mqtt.client")
+
+#: paho leaves the sockets that wake its thread to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore:unclosed <s:ResourceWarning")
+
+
+@pytest.fixture(autouse=True)
+def collected():
+    """Let sockets go here, where that is allowed, and not in whatever test comes next."""
+    yield
+    gc.collect()
+
+
+@pytest.fixture
+def made():
+    """Return a function from an address to a link, which is closed in the end."""
+    links = []
+
+    def link(url):
+        links.append(Link(Address.parse(url), "lost", topics=[], on_message=print))
+        return links[-1]
+
+    yield link
+    for one in links:
+        one.close()
+
+
+@pytest.fixture
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+REFUSED = ConnectionRefusedError(111, "Connection refused")
+NO_HOST = socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+ERRORS = [
+    (NO_HOST, "there is no such host: correct its name"),
+    (socket.gaierror(socket.EAI_AGAIN, "Temporary failure"), "its name cannot be looked up: see whether it is right"),
+    (REFUSED, "nobody listens there: see whether it runs, and at that port"),
+    (TimeoutError("timed out"), "the attempt timed out: see whether its machine is on"),
+    (ssl.SSLError("WRONG_VERSION_NUMBER"), "TLS fails: .*: see ca, cert and key"),
+    (OSError(113, "No route to host"), "No route to host: see whether it runs there"),
+]
+
+
+@pytest.mark.parametrize(("error", "sentence"), ERRORS, ids=lambda value: type(value).__name__)
+def test_each_cause_is_told_apart(made, monkeypatch, error, sentence):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(socket, "create_connection", fail)
+    with pytest.raises(LinkError, match=f"^the broker mqtt://broker.example:1883 cannot be reached: {sentence}"):
+        made("mqtt://broker.example").open(timeout=0.5)
+
+
+@pytest.mark.parametrize("error", [REFUSED, NO_HOST])
+def test_what_a_second_attempt_would_not_change_is_not_waited_for(made, monkeypatch, error):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(socket, "create_connection", fail)
+    begun = time.monotonic()
+    with pytest.raises(LinkError):
+        made("mqtt://broker.example").open(timeout=30.0)
+    assert time.monotonic() - begun < 5.0
+
+
+def test_refusal_of_a_real_port(made, free_port):
+    with pytest.raises(LinkError, match=f"127.0.0.1:{free_port} cannot be reached: nobody listens there"):
+        made(f"mqtt://127.0.0.1:{free_port}").open(timeout=30.0)
+
+
+def test_patience_waits_for_a_broker_that_is_not_there_yet(made, mosquitto):
+    """The first attempt is refused, and the next one, a second later, is let in."""
+    broker = mosquitto()
+    broker.stop()
+    later = threading.Timer(0.5, broker.restart)
+    later.start()
+    link = made(broker.address)
+    link.open(timeout=20.0, is_patient=True)
+    later.join()
+    assert link.is_connected
+    assert not link.problem
+
+
+def test_patience_has_an_end(made, free_port):
+    begun = time.monotonic()
+    with pytest.raises(LinkError, match="nobody listens there"):
+        made(f"mqtt://127.0.0.1:{free_port}").open(timeout=0.5, is_patient=True)
+    assert time.monotonic() - begun >= 0.5
+
+
+def test_one_who_listens_and_says_nothing(made):
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        link = made(f"mqtt://127.0.0.1:{mute.getsockname()[1]}")
+        with pytest.raises(LinkError, match="cannot be reached: no answer: see whether it runs there"):
+            link.open(timeout=0.5)
+
+
+def test_a_host_that_can_be_none_is_no_address():
+    with pytest.raises(ParameterError, match=r"'mqtt://a\.\.b' is no address of a broker"):
+        Address.parse("mqtt://a..b")

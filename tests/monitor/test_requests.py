@@ -1,0 +1,182 @@
+"""Samples that people ask for: until they have come; and a broker that is away, in the log."""
+
+import logging
+
+import pytest
+
+from sprung.link import checked_map, message, topic
+
+BEGUN = 1_795_219_200_000_000_000
+SECOND = 10**9
+TIMES = {"from": BEGUN - 600 * SECOND, "to": BEGUN}
+ANSWER = {"boot": 1, "last": 4, "frames": 5, "from": BEGUN - 600 * SECOND, "to": BEGUN - 595 * SECOND, "reason": ""}
+
+
+def look(one):
+    """Let the monitor see to what is due, whatever its clock says."""
+    one.station._next_look = 0.0
+    one.work()
+
+
+def wishes(one):
+    """What the box of car-1 was asked since the last time."""
+    found = [checked_map(payload) for name, payload in one.link.published if name == topic("car-1", "cmd")]
+    one.link.published.clear()
+    return found
+
+
+def say(one, what, vehicle="car-1", **document):
+    one.now += 15 * SECOND
+    one.link.on_message(topic(vehicle, what), message({0: 1, 1: vehicle, **document}))
+    one.work()
+
+
+def answer(one, number, vehicle="car-1", **changes):
+    say(one, "event", vehicle, did="raw", number=number, **(ANSWER | changes))
+
+
+def is_open(one, number):
+    return number in [row.id for row in one.store.open_commands()]
+
+
+@pytest.fixture
+def asking(bench, tmp_path):
+    """A monitor that knows car-1, and a request for its samples."""
+    one = bench(tmp_path)
+    one.describe()
+    one.work()
+    return one, one.store.add_command("anna", "car-1", "raw", TIMES, now=BEGUN)
+
+
+def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking):
+    one, number = asking
+    look(one)
+    assert wishes(one) == [{0: 1, "do": "raw", "number": number, **TIMES}]
+    for _ in range(3):
+        one.now += 3600 * SECOND
+        look(one)
+    assert wishes(one) == []
+    assert is_open(one, number)
+    say(one, "state", boots=[])
+    look(one)
+    assert [wish["number"] for wish in wishes(one)] == [number]
+    look(one)
+    assert wishes(one) == []  # nothing was heard since
+
+
+def test_a_request_is_not_repeated_more_often_than_every_ten_seconds(asking):
+    one, _ = asking
+    look(one)
+    for _ in range(9):
+        one.now += SECOND
+        one.link.on_message(topic("car-1", "state"), message({"boots": []}))
+        one.work()
+        look(one)
+    assert len(wishes(one)) == 1
+
+
+def test_a_request_is_not_lost_while_the_broker_is_away(asking, monkeypatch):
+    one, number = asking
+    with monkeypatch.context() as away:
+        away.setattr(one.station._upkeep, "_publish", lambda *_: False)
+        look(one)
+    look(one)
+    assert [wish["number"] for wish in wishes(one)] == [number]
+
+
+def test_a_request_outlasts_the_monitor(asking, bench, tmp_path):
+    one, number = asking
+    look(one)
+    one.close()
+    again = bench(tmp_path)
+    look(again)
+    assert [wish["number"] for wish in wishes(again)] == [number]
+
+
+def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, drive, frames_of):
+    one, number = asking
+    frames = frames_of(drive(0))[:5]
+    answer(one, number)
+    one.send(frames[:4])
+    look(one)
+    assert is_open(one, number)
+    one.send(frames[4:])
+    look(one)
+    assert not is_open(one, number)
+    assert one.store.command(number).detail == {"asked": TIMES, **ANSWER}
+    wishes(one)
+    answer(one, number)  # a box says it again where it was asked twice
+    look(one)
+    assert wishes(one) == []
+    assert one.store.command(number).detail == {"asked": TIMES, **ANSWER}
+
+
+def test_an_answer_without_samples_ends_a_request(asking):
+    one, number = asking
+    answer(one, number, last=-1, frames=0, reason="its box holds none of that time")
+    look(one)
+    row = one.store.command(number)
+    assert row.done == one.now
+    assert row.detail["reason"] == "its box holds none of that time"
+
+
+def test_another_vehicle_cannot_answer(asking):
+    one, number = asking
+    answer(one, number, vehicle="car-2", last=-1)
+    look(one)
+    assert is_open(one, number)
+
+
+@pytest.mark.parametrize("changes", [{"last": None}, {"boot": "1"}, {"frames": -2}, {"number": [1]}, {"to": 2**63}])
+def test_an_answer_that_is_none_is_refused(asking, changes):
+    one, number = asking
+    answer(one, **({"number": number} | changes))
+    look(one)
+    assert is_open(one, number)
+    assert one.station.figures()["sprung_messages_refused_total"] == 1
+
+
+def test_answers_are_bounded(asking):
+    one, number = asking
+    for k in range(1100):
+        one.link.on_message(topic("car-2", "event"), message({"did": "raw", "number": k, **ANSWER}))
+    one.link.on_message(topic("car-2", "event"), message({"did": "something new"}))
+    one.work()
+    assert len(one.station._intake.answers) == 1000
+    assert is_open(one, number)
+
+
+@pytest.fixture
+def log(caplog, monkeypatch):
+    """What the monitor logs; not by way of the root, which hears nothing once a test has run the command line."""
+    logger = logging.getLogger("sprung.monitor")
+    monkeypatch.setattr(logger, "propagate", False)
+    logger.addHandler(caplog.handler)
+    caplog.set_level(logging.INFO, logger="sprung.monitor")
+    yield lambda: [(one.levelname, one.getMessage()) for one in caplog.records if one.name == "sprung.monitor"]
+    logger.removeHandler(caplog.handler)
+
+
+def test_a_broker_that_is_away_is_in_the_log_at_once_and_every_ten_minutes(bench, log):
+    one = bench()
+    sentence = "the broker mqtt://broker:1883 cannot be reached: nobody listens there: see whether it runs"
+
+    def said(minutes):
+        before = len(log())
+        for _ in range(60 * minutes):
+            one.now += SECOND
+            one.station._outage.look()
+        return log()[before:]
+
+    one.link.is_connected, one.link.problem = False, ""
+    assert said(1) == []  # the first attempt has not failed yet
+    one.link.problem = sentence
+    before = len(log())
+    look(one)
+    assert log()[before:] == [("WARNING", sentence)]
+    assert one.station.troubles() == [sentence]
+    assert said(9) == []
+    assert said(11) == [("WARNING", sentence)] * 2
+    one.link.is_connected, one.link.problem = True, ""
+    assert said(30) == [("INFO", "the broker has let the monitor in")]
+    assert one.station.troubles() == []
