@@ -11,7 +11,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "sprung"
 FLOORS = (
     ("errors",),
     ("_checks",),
-    ("recording", "modal", "units"),
+    ("recording", "modal", "units", "toml"),
     ("formats", "inspection", "conditioning", "spectrum", "correlation", "vehicles"),
     ("cepstrum", "lines", "excitation", "layout", "labels", "subsets", "subspace", "contribution"),
     ("harmonics", "simulation", "stabilisation"),

@@ -11,13 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sprung.cli.logs import log_to
-from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
     from sprung.link import Address
     from sprung.monitor import EmbeddedBroker
-
-EMBEDDED = "embedded"
 
 Broker = Annotated[
     str | None,
@@ -77,14 +74,11 @@ def monitor(
 def connected(broker: str) -> "tuple[Address, EmbeddedBroker | None]":
     """Return the address of a broker, begun here where it is embedded ("embedded" or "embedded:PORT")."""
     from sprung.link import Address
-    from sprung.monitor import EmbeddedBroker
+    from sprung.monitor import EmbeddedBroker, embedded_port
 
-    word, _, port = broker.partition(":")
-    if word != EMBEDDED:
+    port = embedded_port(broker)
+    if port is None:
         return Address.parse(broker), None
-    if port and not port.isdigit():
-        raise ParameterError(f"--broker {broker!r}: write embedded, or embedded:PORT")
-    number = int(port or 1883)
-    begun = EmbeddedBroker(port=number)
+    begun = EmbeddedBroker(port=port)
     begun.open()
-    return Address("127.0.0.1", number, version="3"), begun
+    return Address("127.0.0.1", port, version="3"), begun

@@ -6,7 +6,7 @@ from sprung.monitor.broker import EmbeddedBroker
 from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor, mode_documents
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.serving import FIGURES, Serving, exposition
-from sprung.monitor.site import Site, read_site
+from sprung.monitor.site import Site, embedded_port, read_site
 from sprung.monitor.station import Station
 from sprung.monitor.streams import Stream
 from sprung.monitor.summaries import summary_document, summary_from_document
@@ -34,6 +34,7 @@ __all__ = [
     "VehicleMonitor",
     "Workers",
     "alert_of",
+    "embedded_port",
     "exposition",
     "frame_block",
     "joined",

@@ -10,13 +10,11 @@ from sprung.alerting import (
     AlertSettings,
     Backoff,
     LogSender,
-    MailSender,
     Message,
     PublishSender,
     Report,
     Sender,
     Transition,
-    WebhookSender,
     absent,
     assess,
     deliver,
@@ -151,21 +149,8 @@ class Postman:
 def senders_of(send: Send, log: Logger, publish: Callable[[str, bytes], object]) -> list[Sender]:
     """Return who is told: the log, the topic, and those of the site file."""
     senders: list[Sender] = [LogSender(log), PublishSender(publish)]
-    for number, hook in enumerate(send.webhook, start=1):
-        senders.append(WebhookSender(hook.url, headers=hook.headers, name=f"webhook {number}"))
-    for number, mail in enumerate(send.mail, start=1):
-        senders.append(
-            MailSender(
-                mail.host,
-                mail.port,
-                sender=mail.sender,
-                recipients=mail.recipients,
-                username=mail.username,
-                password=mail.password,
-                starttls=mail.starttls,
-                name=f"mail {number}",
-            )
-        )
+    senders += [hook.as_sender(f"webhook {number}") for number, hook in enumerate(send.webhook, start=1)]
+    senders += [mail.as_sender(f"mail {number}") for number, mail in enumerate(send.mail, start=1)]
     return senders
 
 

@@ -1,21 +1,26 @@
 """The site file: how a monitor is set up."""
 
-import tomllib
 from pathlib import Path
+from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from sprung.alerting import AlertSettings
+from sprung.alerting import AlertSettings, MailSender, WebhookSender
 from sprung.errors import FormatError, ParameterError
+from sprung.link import Address
 from sprung.monitor.engine import MonitorSettings
+from sprung.storage import check_address
+from sprung.toml import checked, toml_fields
 
 _DAY = 86400 * 10**9
+# A century: times are nanoseconds in 64 bits.
+_MOST_DAYS = 36525.0
 
 
 class _Table(BaseModel):
-    """A table of the file."""
+    """A table of the file: typed strictly, closed to unknown keys, unchangeable."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Watch(_Table):
@@ -23,7 +28,7 @@ class Watch(_Table):
 
     window_minutes: float = Field(10.0, ge=1, le=120)
     identify_every_minutes: float = Field(1.0, ge=0)
-    method: str = Field("cov", pattern="^(cov|acs|coss)$")
+    method: Literal["cov", "acs", "coss"] = "cov"
     learning_windows: int = Field(12, ge=2)
     false_alarms_per_day: float = Field(1e-3, gt=0)
     hours_per_day: float = Field(8.0, gt=0, le=24)
@@ -62,8 +67,8 @@ class Alerts(_Table):
 class Keep(_Table):
     """What is kept, and for how long."""
 
-    results_days: float = Field(730.0, gt=0)
-    raw_days: float = Field(2.0, ge=0)
+    results_days: float = Field(730.0, gt=0, le=_MOST_DAYS)
+    raw_days: float = Field(2.0, ge=0, le=_MOST_DAYS)
     raw_gigabytes: float = Field(20.0, gt=0)
     free_megabytes: float = Field(200.0, ge=0)
 
@@ -82,6 +87,15 @@ class Webhook(_Table):
     url: str
     headers: dict[str, str] = {}
 
+    def as_sender(self, name: str) -> WebhookSender:
+        """Return what sends."""
+        return WebhookSender(self.url, headers=self.headers, name=name)
+
+    @model_validator(mode="after")
+    def _can_send(self) -> Self:
+        self.as_sender("")
+        return self
+
 
 class Mail(_Table):
     """Alerts by e-mail."""
@@ -94,6 +108,15 @@ class Mail(_Table):
     password: str | None = None
     starttls: bool = True
 
+    def as_sender(self, name: str) -> MailSender:
+        """Return what sends."""
+        return MailSender(**self.model_dump(), name=name)
+
+    @model_validator(mode="after")
+    def _can_send(self) -> Self:
+        self.as_sender("")
+        return self
+
 
 class Send(_Table):
     """Who is told of alerts, beside the log and the topic."""
@@ -105,7 +128,7 @@ class Send(_Table):
 class Site(_Table):
     """A monitor's settings (`sprung.site/1`)."""
 
-    schema_name: str = Field("sprung.site/1", alias="schema", pattern="^sprung[.]site/1$")
+    schema_name: Literal["sprung.site/1"] = Field("sprung.site/1", alias="schema")
     broker: str = "embedded"
     store: str = "sqlite:///sprung-data/sprung.sqlite"
     http: str = "127.0.0.1:8737"
@@ -113,6 +136,25 @@ class Site(_Table):
     alerts: Alerts = Alerts()
     keep: Keep = Keep()
     send: Send = Send()
+
+    @field_validator("broker")
+    @classmethod
+    def _is_broker(cls, broker: str) -> str:
+        if embedded_port(broker) is None:
+            Address.parse(broker)
+        return broker
+
+    @field_validator("store")
+    @classmethod
+    def _is_store(cls, store: str) -> str:
+        check_address(store)
+        return store
+
+    @field_validator("http")
+    @classmethod
+    def _is_http(cls, http: str) -> str:
+        _http_address(http)
+        return http
 
     @property
     def archive(self) -> Path | None:
@@ -125,10 +167,7 @@ class Site(_Table):
     @property
     def http_address(self) -> tuple[str, int]:
         """Host and port."""
-        host, _, port = self.http.rpartition(":")
-        if not host or not port.isdigit() or int(port) > 65535:
-            raise ParameterError(f"http {self.http!r} is no address: write HOST:PORT, such as 127.0.0.1:8737")
-        return host.strip("[]"), int(port)
+        return _http_address(self.http)
 
 
 def read_site(path: Path) -> Site:
@@ -140,14 +179,31 @@ def read_site(path: Path) -> Site:
         Where it is none; the message names file, field, rule and remedy.
     """
     try:
-        fields = tomllib.loads(path.read_text(encoding="utf-8"))
+        return checked(Site, toml_fields(path.read_bytes(), source=str(path)))
     except OSError as error:
         raise ParameterError(f"{path}: {error.strerror}: give the site file of the monitor") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path} is no TOML: {error}") from None
-    try:
-        return Site.model_validate(fields)
-    except ValidationError as problems:
-        first = problems.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "file"
-        raise FormatError(f"{path}: {where}: {first['msg']}: correct it (see docs/monitor.md)") from None
+    except ParameterError as error:
+        raise FormatError(f"{path}: {error} (see docs/monitor.md)") from None
+
+
+def embedded_port(broker: str) -> int | None:
+    """Return the port of a broker that the monitor runs itself, "embedded" or "embedded:PORT"; None of any other."""
+    word, _, port = broker.partition(":")
+    if word != "embedded":
+        return None
+    if port and not _is_port(port):
+        raise ParameterError(f"{broker!r} is no address of a broker: write embedded or embedded:PORT")
+    return int(port or 1883)
+
+
+def _http_address(http: str) -> tuple[str, int]:
+    """Return host and port of an address."""
+    host, _, port = http.rpartition(":")
+    if not host or not _is_port(port):
+        raise ParameterError(f"{http!r} is no address: write HOST:PORT, such as 127.0.0.1:8737")
+    return host.strip("[]"), int(port)
+
+
+def _is_port(text: str) -> bool:
+    """Tell whether a text is the number of a port."""
+    return text.isdecimal() and len(text) <= 5 and int(text) <= 65535

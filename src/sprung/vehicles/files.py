@@ -1,16 +1,13 @@
 """Vehicle files (`sprung.vehicle/1`): read, check and write; the vehicles that come with the package."""
 
-import difflib
 import json
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from sprung.errors import FormatError, ParameterError
+from sprung.toml import checked, toml_fields
 from sprung.vehicles.description import KINDS, Chain, Quarter, Vehicle
 
 #: Vehicles that come with the package.
@@ -18,21 +15,6 @@ VEHICLES = ("chain3", "plate", "quarter", "scale-bogie", "y25", "zafira", "zafir
 
 # A vehicle file is a page of text; anything larger is another file.
 _LARGEST_FILE = 1_000_000
-
-# What a value must be, by the type of problem that pydantic reports.
-_RULES = {
-    "greater_than": "above {:g}: correct it",
-    "greater_than_equal": "at least {:g}: correct it",
-    "finite_number": "finite: give a number",
-    "float_type": "a number: write it without quotes, as in 1480.0",
-    "string_type": 'text: write it in quotes, as in "front"',
-    "string_too_short": "text of at least {} character: fill it in",
-    "string_too_long": "text of at most {} characters: shorten it",
-    "string_pattern_mismatch": "one line of text without blanks around it: correct it",
-    "tuple_type": "a list: write numbers in brackets, as in [1.2, 0.7, 0.0], and tables as [[name]]",
-    "model_type": "a table of fields: write [name] above them",
-    "literal_error": "{}: correct it",
-}
 
 
 def read_vehicle(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
@@ -90,12 +72,7 @@ def parse_vehicle(fields: Mapping[str, Any]) -> Vehicle | Quarter | Chain:
     kind = fields.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         raise ParameterError(f"kind={kind!r} must be one of {', '.join(KINDS)}: add or correct it")
-    try:
-        return KINDS[kind].model_validate(dict(fields))
-    except ValidationError as error:
-        problems = _without_consequences(error.errors(include_url=False))
-        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise ParameterError(_sentence(problems[0], KINDS[kind]) + more) from None
+    return checked(KINDS[kind], fields)
 
 
 def write_vehicle(vehicle: Vehicle | Quarter | Chain, path: str | Path) -> None:
@@ -132,11 +109,7 @@ def _shipped(name: str) -> bytes:
 
 def _read(source: str, content: bytes) -> Vehicle | Quarter | Chain:
     """Parse and check a vehicle file; `source` is its name in messages."""
-    try:
-        fields = tomllib.loads(content.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        reason = "nested too deeply" if isinstance(error, RecursionError) else error
-        raise FormatError(f"{source} is no TOML file: {reason}: correct it or give another file") from None
+    fields = toml_fields(content, source=source)
     if fields.get("schema") != "sprung.vehicle/1":
         raise FormatError(
             f'{source}: schema={fields.get("schema")!r} must be "sprung.vehicle/1": add it as the first line if this '
@@ -146,58 +119,6 @@ def _read(source: str, content: bytes) -> Vehicle | Quarter | Chain:
         return parse_vehicle(fields)
     except ParameterError as error:
         raise FormatError(f"{source}: {error}") from None
-
-
-def _without_consequences(problems: Sequence[Any]) -> list[Mapping[str, Any]]:
-    """Leave out that a list is too short where that is so because of another problem inside it."""
-    places = [problem["loc"] for problem in problems]
-
-    def is_consequence(problem: Mapping[str, Any]) -> bool:
-        start = problem["loc"]
-        return problem["type"] == "too_short" and any(
-            place != start and place[: len(start)] == start for place in places
-        )
-
-    return [problem for problem in problems if not is_consequence(problem)]
-
-
-def _sentence(problem: Mapping[str, Any], model: type[Vehicle | Quarter | Chain]) -> str:
-    """Word one problem found by the checks: field and value, rule, remedy."""
-    location, kind, context = problem["loc"], problem["type"], problem.get("ctx", {})
-    where = _path(location)
-    if kind == "value_error":
-        return f"{where}: {context['error']}" if location else str(context["error"])
-    if kind == "missing":
-        return f"{where} is missing: add it"
-    if kind == "extra_forbidden":
-        return f"{where} is not known here: {_remedy(str(location[-1]), model)}"
-    if kind in {"too_short", "too_long"}:
-        wanted = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
-        return f"{where} has {context['actual_length']} entries, but must have {wanted}: correct it"
-    value = repr(problem["input"])
-    shown = value if len(value) <= 60 else f"{value[:57]}..."
-    rule = _RULES.get(kind, "{}").format(*context.values() or [problem["msg"]])
-    return f"{where}={shown} must be {rule}"
-
-
-def _path(location: Sequence[str | int]) -> str:
-    """Write the place of a field as a reader of the file counts: [[axle]] 2, damping."""
-    words: list[str] = []
-    for step in location:
-        if isinstance(step, int):
-            words[-1] = f"[[{words[-1]}]] {step + 1}" if len(words) == 1 else f"{words[-1]}[{step}]"
-        else:
-            words.append(step)
-    return ", ".join(words)
-
-
-def _remedy(key: str, model: type[Vehicle | Quarter | Chain]) -> str:
-    """Name the field that an unknown key may have meant."""
-    definitions = model.model_json_schema(by_alias=True)
-    tables = [definitions, *definitions.get("$defs", {}).values()]
-    known = sorted({name for table in tables for name in table.get("properties", {})})
-    close = difflib.get_close_matches(key, known, n=1)
-    return f"did you mean {close[0]}?" if close else "remove it, or correct its spelling"
 
 
 def _toml(fields: Mapping[str, Any], prefix: str = "") -> str:

@@ -1,0 +1,124 @@
+"""TOML files that people write, and models that say what may stand in them: every mistake becomes one sentence."""
+
+import difflib
+import tomllib
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from sprung.errors import FormatError, ParameterError
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+# What a value must be, by the type of problem that pydantic reports.
+_RULES = {
+    "greater_than": "above {:g}: correct it",
+    "greater_than_equal": "at least {:g}: correct it",
+    "less_than_equal": "at most {:g}: correct it",
+    "finite_number": "finite: give a number",
+    "float_type": "a number: write it without quotes, as in 1480.0",
+    "int_type": "a whole number: write it without quotes and decimal point, as in 12",
+    "bool_type": "true or false: write it without quotes",
+    "string_type": 'text: write it in quotes, as in "front"',
+    "string_too_short": "text of at least {} character: fill it in",
+    "string_too_long": "text of at most {} characters: shorten it",
+    "string_pattern_mismatch": "one line of text without blanks around it: correct it",
+    "tuple_type": "a list: write numbers in brackets, as in [1.2, 0.7, 0.0], and tables as [[name]]",
+    "list_type": 'a list: write texts in brackets, as in ["a", "b"], and tables as [[name]]',
+    "dict_type": "a table of fields: write [name] above them",
+    "model_type": "a table of fields: write [name] above them",
+    "literal_error": "{}: correct it",
+}
+# Their values are in no message, nor is what may hold them.
+_SECRETS = {"url", "headers", "password"}
+
+
+def toml_fields(content: bytes, *, source: str) -> dict[str, Any]:
+    """Return the fields of a TOML file; `source` names it in messages.
+
+    Raises
+    ------
+    FormatError
+        Where it is none.
+    """
+    try:
+        return tomllib.loads(content.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else error
+        raise FormatError(f"{source} is no TOML file: {reason}: correct it or give another file") from None
+
+
+def checked(model: type[_Model], fields: Mapping[str, Any]) -> _Model:
+    """Return the model of fields.
+
+    Raises
+    ------
+    ParameterError
+        Where a field is missing, unknown or outside its range; the message names field, rule and remedy, and counts
+        further problems.
+    """
+    try:
+        return model.model_validate(dict(fields))
+    except ValidationError as error:
+        problems = _without_consequences(error.errors(include_url=False))
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise ParameterError(_sentence(problems[0], model) + more) from None
+
+
+def _without_consequences(problems: Sequence[Any]) -> list[Mapping[str, Any]]:
+    """Leave out that a list is too short where that is so because of another problem inside it."""
+    places = [problem["loc"] for problem in problems]
+
+    def is_consequence(problem: Mapping[str, Any]) -> bool:
+        start = problem["loc"]
+        return problem["type"] == "too_short" and any(
+            place != start and place[: len(start)] == start for place in places
+        )
+
+    return [problem for problem in problems if not is_consequence(problem)]
+
+
+def _sentence(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
+    """Word one problem found by the checks: field and value, rule, remedy."""
+    location, kind, context = problem["loc"], problem["type"], problem.get("ctx", {})
+    where = _path(location)
+    if kind == "value_error":
+        return f"{where}: {context['error']}" if location else str(context["error"])
+    if kind == "missing":
+        return f"{where} is missing: add it"
+    if kind == "extra_forbidden":
+        return f"{where} is not known here: {_remedy(str(location[-1]), model)}"
+    if kind in {"too_short", "too_long"}:
+        wanted = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
+        return f"{where} has {context['actual_length']} entries, but must have {wanted}: correct it"
+    rule = _RULES.get(kind, "{}").format(*context.values() or [problem["msg"]])
+    if _SECRETS.intersection(location) or isinstance(problem["input"], dict | list):
+        return f"{where} must be {rule}"
+    value = repr(problem["input"])
+    shown = value if len(value) <= 60 else f"{value[:57]}..."
+    return f"{where}={shown} must be {rule}"
+
+
+def _path(location: Sequence[str | int]) -> str:
+    """Write the place of a field as a reader of the file counts: [[axle]] 2, damping."""
+    words: list[str] = []
+    for place, step in enumerate(location):
+        if isinstance(step, str):
+            words.append(step)
+        elif all(isinstance(before, str) for before in location[:place]):
+            words = [f"[[{'.'.join(words)}]] {step + 1}"]
+        else:
+            words[-1] = f"{words[-1]}[{step}]"
+    return ", ".join(words)
+
+
+def _remedy(key: str, model: type[BaseModel]) -> str:
+    """Name the field that an unknown key may have meant."""
+    definitions = model.model_json_schema(by_alias=True)
+    tables = [definitions, *definitions.get("$defs", {}).values()]
+    known = sorted({name for table in tables for name in table.get("properties", {})})
+    close = difflib.get_close_matches(key, known, n=1)
+    if close == [key]:
+        return "move it to the table that it belongs to"
+    return f"did you mean {close[0]}?" if close else "remove it, or correct its spelling"
