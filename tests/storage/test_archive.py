@@ -1,4 +1,6 @@
+import os
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -6,7 +8,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.formats import read
-from sprung.storage import StoreError, prune_archive, write_archive
+from sprung.storage import Retention, StoreError, write_archive
 
 T0 = int(datetime(2024, 2, 29, 23, 59, 59, tzinfo=UTC).timestamp()) * 10**9 + 123
 DAY = 86400 * 10**9
@@ -77,20 +79,109 @@ def test_full_disk_leaves_no_part_of_a_file(small_disk):
 def test_old_files_are_pruned(tmp_path):
     paths = [write(tmp_path, first_seq=k, t0=T0 + k * DAY) for k in range(4)]
     write(tmp_path, vehicle="other", t0=T0)
-    assert prune_archive(tmp_path, before=T0) == 0
-    assert prune_archive(tmp_path, before=T0 + 1) == 2
+    archive = Retention(tmp_path)
+    assert archive.prune(before=T0) == 0
+    assert archive.prune(before=T0 + 1) == 2
     assert [path.exists() for path in paths] == [False, True, True, True]
     assert not paths[0].parent.exists()
-    assert prune_archive(tmp_path, before=0, most_bytes=2 * paths[1].stat().st_size) == 1
+    assert archive.prune(before=0, most_bytes=2 * paths[1].stat().st_size) == 1
     assert [path.exists() for path in paths] == [False, False, True, True]
-    assert prune_archive(tmp_path, before=0, most_bytes=0) == 2
-    assert prune_archive(tmp_path / "absent", before=T0) == 0
+    assert archive.prune(before=0, most_bytes=0) == 2
+    assert Retention(tmp_path / "absent").prune(before=T0) == 0
 
 
 def test_pruning_leaves_other_files(tmp_path):
     path = write(tmp_path)
     (path.parent / "notes.txt").touch()
     (tmp_path / "notes.parquet").touch()
-    assert prune_archive(tmp_path, before=T0 + DAY) == 1
+    assert Retention(tmp_path).prune(before=T0 + DAY) == 1
     assert (path.parent / "notes.txt").exists()
     assert (tmp_path / "notes.parquet").exists()
+
+
+def put(folder, *, vehicle, t0, size):
+    """A file as the archive has it."""
+    day = folder / vehicle / f"{datetime.fromtimestamp(t0 // 10**9, UTC):%Y-%m-%d}"
+    day.mkdir(parents=True, exist_ok=True)
+    path = day / f"1-{t0}.parquet"
+    path.write_bytes(bytes(size))
+    os.utime(path, ns=(t0, t0))
+    return path
+
+
+def settle(folder, *, at):
+    """Let the folders of days have been as they are since a time."""
+    for day in folder.glob("*/*"):
+        os.utime(day, ns=(at, at))
+
+
+def kept(files, *, before, most_bytes):
+    """What remains, found the long way; {path: (begin, size)}."""
+    left = dict(sorted(files.items(), key=lambda item: (item[1][0], str(item[0]))))
+    for path, (begin, _) in list(left.items()):
+        if begin < before or sum(size for _, size in left.values()) > most_bytes:
+            del left[path]
+    return left
+
+
+@pytest.mark.parametrize("is_restarted", [False, True])
+def test_what_remains_is_what_a_look_at_every_file_leaves(tmp_path, is_restarted):
+    generator = np.random.default_rng(5)
+    archive, files = Retention(tmp_path), {}
+    for step in range(60):
+        for _ in range(generator.integers(0, 6)):
+            t0, size = T0 + int(generator.integers(-DAY, DAY)) + step * DAY // 20, int(generator.integers(1, 1000))
+            path = put(tmp_path, vehicle=f"car-{generator.integers(0, 4)}", t0=t0, size=size)
+            files[path] = (t0, size)
+        if files and step % 7 == 0:  # by hand
+            path = list(files)[generator.integers(0, len(files))]
+            path.unlink()
+            del files[path]
+        archive = Retention(tmp_path) if is_restarted else archive
+        rules = {"before": T0 + (step - 30) * DAY // 20, "most_bytes": int(generator.integers(5_000, 40_000))}
+        left = kept(files, **rules)
+        assert archive.prune(**rules) == len(files) - len(left)
+        assert set(tmp_path.glob("*/*/*")) == set(left)
+        files = left
+
+
+def test_only_what_changed_or_must_go_is_looked_at(tmp_path, monkeypatch):
+    for vehicle in range(20):
+        for k in range(3):
+            put(tmp_path, vehicle=f"car-{vehicle}", t0=T0 + k * DAY + vehicle, size=10)
+    settle(tmp_path, at=T0)
+    opened, scandir = [], os.scandir
+    monkeypatch.setattr(os, "scandir", lambda path: opened.append(Path(path)) or scandir(path))
+
+    def looks(archive, **rules):
+        """Folders of days that were opened, and files that went."""
+        opened.clear()
+        n_deleted = archive.prune(before=0, **rules)
+        return len([path for path in opened if path.parent.parent == tmp_path]), n_deleted
+
+    archive = Retention(tmp_path)
+    assert looks(archive) == (60, 0)
+    assert looks(archive) == (0, 0)
+    put(tmp_path, vehicle="car-7", t0=T0 + 5, size=10)
+    assert looks(archive) == (1, 0)
+    assert looks(archive) == (1, 0), "it may have changed again within a tick of the disk's clock"
+    settle(tmp_path, at=T0 + 1)
+    assert looks(archive) == (60, 0)
+    assert looks(archive, most_bytes=600) == (1, 1)
+    assert looks(Retention(tmp_path), most_bytes=600) == (59, 0)
+
+
+def test_a_full_disk_gets_room(small_disk):
+    folder, _ = small_disk
+    noise = np.random.default_rng(1).standard_normal((2, 20_000))
+    days = (write(folder, samples=noise, t0=T0 + k * DAY) for k in range(100))
+    with pytest.raises(StoreError, match="No space left on device"):
+        list(days)
+    archive = Retention(folder)
+    assert archive.prune(before=0, most_bytes=10**6) > 0
+    left = sorted(folder.rglob("*.parquet"))
+    assert sum(path.stat().st_size for path in left) <= 10**6
+    assert left[0].parent.name > "2024-03-01"
+    assert write(folder, samples=noise, first_seq=1000, t0=T0 + 1000 * DAY).exists()
+    assert archive.prune(before=T0 + 1000 * DAY) > 0
+    assert len(list(folder.rglob("*.parquet"))) == 1

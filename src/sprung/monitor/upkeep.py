@@ -10,7 +10,7 @@ from sprung.link import Link, message, topic
 from sprung.monitor.alarms import Alarms, Postman
 from sprung.monitor.intake import MONITOR
 from sprung.monitor.site import Site
-from sprung.storage import CommandRow, Store, StoreError, prune_archive
+from sprung.storage import CommandRow, Retention, Store, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -49,6 +49,8 @@ class Upkeep:
         self._site, self._store, self._alarms = site, store, alarms
         self._publish, self._clock = publish, clock
         self._begun = clock()
+        folder = site.archive
+        self._archives = [] if folder is None else [Retention(folder), Retention(folder.with_name("correlations"))]
         self._asked: dict[int, int] = {}
 
     def look(
@@ -108,11 +110,10 @@ class Upkeep:
     def sweep(self) -> str:
         """Remove what is old, and return what is wrong with the disk: nothing may be taken in then."""
         now = self._clock()
+        most = round(1e9 * self._site.keep.raw_gigabytes)
+        for archive in self._archives:  # first of all: a store on a full disk cannot even delete
+            archive.prune(before=self._site.keep.raw_before(now), most_bytes=most)
         self._store.delete_older(self._site.keep.results_before(now))
-        if self._site.archive is not None:
-            most = round(1e9 * self._site.keep.raw_gigabytes)
-            for folder in (self._site.archive, self._site.archive.with_name("correlations")):
-                prune_archive(folder, before=self._site.keep.raw_before(now), most_bytes=most)
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
             text = f"only {free / 1e6:.0f} MB are free on the disk of the store: nothing is taken in before"

@@ -1,6 +1,6 @@
 """Results and state of the monitor in SQL, and the archive of samples; it knows documents, not vehicles."""
 
-from sprung.storage.archive import prune_archive, write_archive
+from sprung.storage.archive import Retention, write_archive
 from sprung.storage.rows import (
     AlertRow,
     AuditRow,
@@ -16,7 +16,7 @@ from sprung.storage.rows import (
     VehicleRow,
 )
 from sprung.storage.schema import StoreError
-from sprung.storage.store import Store, open_store
+from sprung.storage.store import Store, check_address, open_store
 
 __all__ = [
     "AlertRow",
@@ -29,11 +29,12 @@ __all__ = [
     "HistoryRow",
     "NotificationRow",
     "Progress",
+    "Retention",
     "Snapshot",
     "Store",
     "StoreError",
     "VehicleRow",
+    "check_address",
     "open_store",
-    "prune_archive",
     "write_archive",
 ]

@@ -2,9 +2,12 @@
 
 import os
 import re
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from heapq import heapify, heappop, heappush
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,18 @@ from sprung.storage.rows import check_count
 from sprung.storage.schema import StoreError
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+# Within the ticks of its disk a folder can change again without a sign [ns].
+_SETTLED = 2 * 10**9
+_NEVER = 2**63
+
+
+@dataclass(frozen=True, slots=True)
+class _Day:
+    """The files of a vehicle and day: when their folder changed (None: just now), oldest begin, bytes."""
+
+    changed: int | None
+    oldest: int
+    size: int
 
 
 def write_archive(
@@ -67,42 +82,90 @@ def write_archive(
     return path
 
 
-def prune_archive(folder: Path | str, *, before: int, most_bytes: int | None = None) -> int:
-    """Delete files whose samples begin before a time, then the oldest until the rest is small enough.
+class Retention:
+    """Deletes what an archive need not keep, as often as asked: what it saw in a folder holds until that changes.
 
     Parameters
     ----------
     folder
-        The archive.
-    before
-        UTC nanoseconds.
-    most_bytes
-        Bytes that may remain; None for any number.
+        The archive, as `write_archive` writes it.
 
-    Returns
-    -------
-    int
-        Number of files deleted.
-
-    Raises
-    ------
-    StoreError
-        Where a file cannot be deleted.
+    Notes
+    -----
+    The time of a folder changes with every file that comes or goes, whoever does it. So a look costs one call of the
+    system for each vehicle and day, and one for each file only where something came or has to go. Nothing of it is on
+    disk: the first look after a restart sees every file.
     """
-    with _reported(Path(folder)):
-        files = [file for pattern in ("*.parquet", "*.part") for file in Path(folder).glob(f"*/*/{pattern}")]
-        rows = sorted((file.stat().st_mtime_ns, file, file.stat().st_size) for file in files)
-        remaining = sum(size for _, _, size in rows)
-        n_deleted = 0
-        for begin, file, size in rows:
-            if begin >= before and (most_bytes is None or remaining <= most_bytes):
-                break
-            file.unlink()
-            if not any(file.parent.iterdir()):
-                file.parent.rmdir()
-            remaining -= size
-            n_deleted += 1
-    return n_deleted
+
+    def __init__(self, folder: Path | str) -> None:
+        self._folder = Path(folder)
+        self._days: dict[str, _Day] = {}
+
+    def prune(self, *, before: int, most_bytes: int | None = None) -> int:
+        """Delete files whose samples begin before a time, then the oldest until the rest is small enough.
+
+        Parameters
+        ----------
+        before
+            UTC nanoseconds.
+        most_bytes
+            Bytes that may remain; None for any number.
+
+        Returns
+        -------
+        int
+            Number of files deleted.
+
+        Raises
+        ------
+        StoreError
+            Where a file cannot be deleted.
+        """
+        with _reported(self._folder):
+            self._look()
+            remaining, n_deleted = sum(day.size for day in self._days.values()), 0
+            # A folder stands for its oldest file, and only what comes first is opened: most never are.
+            waiting: list[tuple[int, str, int | None]]
+            waiting = [(day.oldest, path, None) for path, day in self._days.items()]
+            heapify(waiting)
+            while waiting and (waiting[0][0] < before or (most_bytes is not None and remaining > most_bytes)):
+                _, path, size = heappop(waiting)
+                if size is None:
+                    for file in _files(path):
+                        heappush(waiting, file)
+                    continue
+                Path(path).unlink(missing_ok=True)
+                with suppress(OSError):  # other files are in it
+                    Path(path).parent.rmdir()
+                remaining -= size
+                n_deleted += 1
+        return n_deleted
+
+    def _look(self) -> None:
+        """See what is in the folders of days that are new or changed."""
+        days, settled = {}, time.time_ns() - _SETTLED
+        for path, changed in _day_folders(self._folder):
+            day = self._days.get(path)
+            if day is None or day.changed != changed:
+                files = _files(path)
+                oldest = min((begin for begin, _, _ in files), default=_NEVER)
+                day = _Day(changed if changed < settled else None, oldest, sum(size for _, _, size in files))
+            days[path] = day
+        self._days = days
+
+
+def _day_folders(folder: Path) -> Iterator[tuple[str, int]]:
+    """Yield the folders of vehicles and days, and when each changed."""
+    for vehicle in os.scandir(folder) if folder.is_dir() else ():
+        for day in os.scandir(vehicle.path) if vehicle.is_dir() else ():
+            if day.is_dir():
+                yield day.path, day.stat().st_mtime_ns
+
+
+def _files(folder: str) -> list[tuple[int, str, int]]:
+    """Return begin, path and size of the files of a day."""
+    files = [(file.stat(), file.path) for file in os.scandir(folder) if file.name.endswith((".parquet", ".part"))]
+    return [(facts.st_mtime_ns, path, facts.st_size) for facts, path in files]
 
 
 def _checked_vehicle(vehicle: str) -> str:
