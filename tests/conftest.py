@@ -8,7 +8,8 @@ import signal
 import socket
 import subprocess
 import time
-from contextlib import suppress
+import tracemalloc
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: matrices are small, more threads only wait
@@ -33,6 +34,24 @@ def real_file():
         return path
 
     return find
+
+
+@pytest.fixture
+def memory_below():
+    """Return a context that fails where more bytes than given are taken at once meanwhile, or `kept` after it."""
+
+    @contextmanager
+    def bounded(most, *, kept=None):
+        tracemalloc.start()
+        try:
+            yield
+            left, peak = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert peak < most
+        assert kept is None or left < kept
+
+    return bounded
 
 
 #: The broker as in production, private to the tests.

@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sprung.errors import FormatError, ParameterError
-from sprung.link import CLIPPED, MISSING, PACKED, RAW, Frame, decode, encode, quantised
+from sprung.link import CLIPPED, MISSING, PACKED, RAW, Frame, decode, encode, message, quantised
+from sprung.link.frame import LARGEST, MOST_SAMPLES
 
 
 def frame(samples=None, *, width=2, **fields):
@@ -90,7 +91,12 @@ def test_packed_is_small():
         ({2: -1}, "boot=-1"),
         ({9: [float("nan")] * 3}, "scale"),
         ({8: ["a", 5, "c"]}, "short text"),
-        ({3: 2**70}, "an integer"),
+        ({3: 2**63}, "an integer"),
+        ({3: 2**70}, "no CBOR map: tag 2 stands where none belongs"),
+        ({0: "9" * 10**5}, "version 9{40}: this program"),
+        ({7: 2**17, 8: list("abcde"), 9: [1.0] * 5}, "5 channels of 131072 samples: that is none, or too many"),
+        ({7: -1, 8: [], 9: []}, "that is none, or too many"),
+        ({5: 10**12}, "200 samples of 1e\\+12 ns: more than an hour"),
     ],
 )
 def test_frames_that_contradict_themselves_are_refused(change, words):
@@ -100,11 +106,65 @@ def test_frames_that_contradict_themselves_are_refused(change, words):
         decode(body + zlib.crc32(body).to_bytes(4, "little"))
 
 
-def test_a_bomb_is_not_unpacked():
-    document = cbor2.loads(encode(frame())[:-4]) | {11: zlib.compress(bytes(10**8))}
-    body = cbor2.dumps(document)
-    with pytest.raises(FormatError, match="bytes for 600 samples"):
-        decode(body + zlib.crc32(body).to_bytes(4, "little"))
+def sealed(body):
+    return body + zlib.crc32(body).to_bytes(4, "little")
+
+
+def test_a_bomb_is_not_unpacked(memory_below):
+    payload = message(cbor2.loads(encode(frame())[:-4]) | {11: zlib.compress(bytes(10**8))})
+    with memory_below(LARGEST), pytest.raises(FormatError, match="bytes for 600 samples"):
+        decode(payload)
+
+
+def test_a_bomb_that_claims_its_size_is_not_unpacked(memory_below):
+    """Counts of 64 MB: over 1 GB as they are worked on."""
+    n_channels, n_samples = 256, 1 << 17
+    claimed = {7: n_samples, 8: [f"c{k}" for k in range(n_channels)], 9: [1.0] * n_channels, 10: [0] * n_channels}
+    data = zlib.compress(bytes(2 * n_channels * n_samples))
+    payload = message(cbor2.loads(encode(frame())[:-4]) | claimed | {11: data})
+    assert len(payload) < LARGEST
+    with memory_below(LARGEST), pytest.raises(FormatError, match="256 channels of 131072 samples"):
+        decode(payload)
+
+
+@pytest.mark.parametrize(("n_channels", "width"), [(1, 2), (1, 4), (256, 2), (128, 4)])
+def test_the_largest_frame_is_read_in_bounded_memory(memory_below, n_channels, width):
+    counts = np.random.default_rng(4).integers(-3, 4, size=(n_channels, MOST_SAMPLES // n_channels))
+    names = tuple(f"c{k}" for k in range(n_channels))
+    payload = encode(Frame("v", 1, 1, 1, 1, names, np.ones(n_channels), counts, width))
+    with memory_below(20 * LARGEST):
+        assert np.array_equal(decode(payload).counts, counts)
+
+
+@pytest.mark.parametrize("major", [2, 3, 4, 5], ids=["bytes", "text", "list", "map"])
+@pytest.mark.parametrize("length", [2**20, 2**32, 2**62, 2**64 - 1])
+def test_lengths_that_are_only_claimed_take_no_memory(memory_below, major, length):
+    head = bytes([major << 5 | 27]) + length.to_bytes(8, "big")
+    for payload in (sealed(b"\xa1\x00" + head + b"\x00" * 8), sealed(head + b"\x00" * 8)):
+        with memory_below(LARGEST), pytest.raises(FormatError, match="the message is no CBOR map"):
+            decode(payload)
+
+
+def test_a_message_of_many_small_things_is_no_more_than_these(memory_below):
+    """A byte can be an empty map, of 80 bytes with its place in a list."""
+    with memory_below(100 * LARGEST), pytest.raises(FormatError, match="a frame of version"):
+        decode(sealed(b"\xa1\x00\x9a" + (10**6).to_bytes(4, "big") + b"\xa0" * 10**6))
+
+
+@pytest.mark.parametrize(
+    "tagged",
+    [
+        b"\xc4\x82\x00\xc2\x5a\x00\x0f\x00\x00" + b"\xa7" * 0xF0000,
+        b"\xd8\x23\x61a",
+        b"\xd8\x1c\x81\xd8\x1d\x00",
+        b"\xc1\x00",
+        b"\xd9\x99\x99\x80",
+    ],
+    ids=["decimal of a megabyte, over a minute", "pattern", "list of itself", "time", "unknown"],
+)
+def test_what_would_be_worked_out_by_a_tag_is_refused(tagged):
+    with pytest.raises(FormatError, match=r"tag \d+ stands where none belongs"):
+        decode(sealed(b"\xa1\x00" + tagged))
 
 
 def mutated(payload, generator, *, is_sealed):
@@ -142,11 +202,13 @@ def fuzz(count, *, seed):
         else:
             read += 1
             assert found.counts.shape == (len(found.channels), found.n_samples)
+            assert found.counts.size <= MOST_SAMPLES
     return refused, read
 
 
-def test_mutated_frames_are_refused_or_read():
-    refused, read = fuzz(20_000, seed=1)
+def test_mutated_frames_are_refused_or_read(memory_below):
+    with memory_below(LARGEST):
+        refused, read = fuzz(20_000, seed=1)
     assert refused > 10_000
     assert read > 100
 

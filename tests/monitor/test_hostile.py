@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import zlib
 
 import cbor2
 import numpy as np
@@ -139,7 +140,30 @@ def test_little_room_is_an_alert_and_stops_taking_in(bench, drive, frames_of, mo
     assert one.station.figures()["sprung_frames_total"] == 1
 
 
-def test_any_bytes_on_any_topic_do_no_harm(bench, drive, frames_of):
+def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypatch):
+    from sprung.storage import StoreError, write_archive
+
+    one = bench(watch=WATCH["watch"], keep={"raw_days": 1})
+
+    def refuse(_):
+        raise StoreError("the store cannot write: the disk is full: free space")
+
+    monkeypatch.setattr(one.store, "delete_older", refuse)
+    for folder in ("raw", "correlations"):
+        one.now = BEGUN
+        where = one.store._path.parent / folder
+        old, new = (
+            write_archive(where, "car-1", 1, k, BEGUN + k, samples=[[1.0]], channels=["a"], sampling_rate=1.0)
+            for k in range(2)
+        )
+        one.now = BEGUN + 86400 * 10**9 + 1
+        one.station._next_sweep = 0.0
+        one.station.step()
+        assert one.station.troubles() == ["the store cannot write: the disk is full: free space"]
+        assert (old.exists(), new.exists()) == (False, True)
+
+
+def test_any_bytes_on_any_topic_do_no_harm(bench, drive, frames_of, memory_below):
     """Mutated frames, reports, descriptions and states, sealed again."""
     one = bench(**WATCH)
     one.describe()
@@ -161,6 +185,43 @@ def test_any_bytes_on_any_topic_do_no_harm(bench, drive, frames_of):
             body[generator.integers(0, len(body))] ^= 1 << int(generator.integers(0, 8))
         one.link.on_message(topic("car-1", what), bytes(body))
     one.link.on_message(topic("car-1", "raw"), cbor2.dumps({}))
-    one.work()
+    with memory_below(32 << 20, kept=8 << 20):
+        one.work()
     assert one.station.figures()["sprung_messages_total"] >= 1500
     assert one.station.figures()["sprung_messages_refused_total"] > 500
+
+
+def claiming(generator, original):
+    """A frame that claims much, with data of that size packed to almost nothing."""
+    n_channels, n_samples = (int(2 ** generator.uniform(0, most)) for most in (8.1, 24))
+    size = min(n_channels * n_samples * int(generator.integers(2, 5)), 1 << 24)
+    each = {8: [f"c{k}" for k in range(n_channels)], 9: [1.0] * n_channels, 10: [0] * n_channels}
+    return message(original | each | {7: n_samples, 11: zlib.compress(bytes(size))})
+
+
+def test_claims_of_frames_bound_memory_and_work(bench, drive, frames_of, memory_below):
+    """Whatever they claim: no more samples than the largest frame holds unpacked, and 20 times its bytes to read it."""
+    one = bench(**WATCH)
+    original = checked_map(frames_of(drive(0))[0])
+    generator = np.random.default_rng(2)
+    for seq in range(1, 201):
+        one.link.on_message(topic("car-1", "raw"), claiming(generator, original | {3: seq}))
+    with memory_below(20 << 20, kept=8 << 20):
+        one.work()
+    figures = one.station.figures()
+    assert figures["sprung_messages_refused_total"] > 50
+    assert figures["sprung_frames_total"] > 50
+
+
+@pytest.mark.parametrize("modes", [b"y", [{"damping_ratio": float("nan")}], {b"x": 1}])
+def test_modes_that_the_store_cannot_hold_keep_nobody_waiting(bench, drive, frames_of, modes):
+    one = bench(**WATCH)
+    for vehicle in ("car-1", "car-2"):
+        one.describe(vehicle)
+    told = {0: 1, 1: "car-2", 2: 1, 3: 0, 4: BEGUN, 16: "modes", "number": 0, "modes": modes}
+    one.link.on_message(topic("car-2", "modes"), message(told))
+    one.send(frames_of(drive(0))[:3])
+    assert one.station.troubles() == []
+    assert one.store.cursor("car-2", 1).done == 0
+    assert one.store.modes("car-2") == []
+    assert one.store.cursor("car-1", 1).contiguous == 2

@@ -43,5 +43,6 @@ def test_what_is_no_summary_is_refused(run):
     for change in ({"plan": 5}, {"averages": []}, {"method": "coss"}, {"levels": [[1]] * 9}):
         with pytest.raises(FormatError, match="lack or garble"):
             summary_from_document(document | change)
-    with pytest.raises(FormatError, match="lack or garble"):
-        summary_from_document(document | {"averages": [document["averages"][0] | {"blocks": b"123"}]})
+    for change in ({"blocks": b"123"}, {"n_segments": float("inf")}, {"shape": [2**40, 2**40]}):
+        with pytest.raises(FormatError, match="lack or garble"):
+            summary_from_document(document | {"averages": [document["averages"][0] | change]})

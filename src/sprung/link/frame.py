@@ -16,8 +16,10 @@ from sprung.errors import FormatError, ParameterError
 VERSION = 1
 #: Names of vehicles, which are parts of topics and of paths.
 VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
-#: Largest frame [bytes], most channels and most samples of a channel in one.
-LARGEST, MOST_CHANNELS, MOST_SAMPLES = 1 << 20, 256, 1 << 18
+#: Largest frame [bytes], most channels, and most samples of all channels in one: what it holds unpacked.
+LARGEST, MOST_CHANNELS, MOST_SAMPLES = 1 << 20, 256, 1 << 19
+#: Longest frame [ns]: one could hold windows without number, each of them work.
+LONGEST = 3600 * 10**9
 #: Bits of a channel's flag.
 CLIPPED, STUCK, MISSING = 1, 2, 4
 #: Status of the time of a frame: nobody knows, set once, kept by a time server.
@@ -30,6 +32,13 @@ _KEYS = ("version", "vehicle", "boot", "seq", "start", "interval", "time status"
 
 class VersionError(FormatError):
     """A frame of another version of the format."""
+
+
+class _Untagged(dict[int, Any]):
+    """Refuses all tags of CBOR: one decimal of a megabyte, or a date, pattern or set, is work that no message needs."""
+
+    def __missing__(self, tag: int) -> None:
+        raise FormatError(f"tag {tag} stands where none belongs")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -204,7 +213,7 @@ def decode(payload: bytes) -> Frame:
     document = checked_map(payload)
     version = document.get(0)
     if version != VERSION:
-        raise VersionError(f"a frame of version {version!r}: this program reads version {VERSION}, update it")
+        raise VersionError(f"a frame of version {str(version)[:40]}: this program reads version {VERSION}, update it")
     missing = [name for key, name in enumerate(_KEYS) if key not in document]
     if missing or 11 not in document:
         raise FormatError(f"a frame without {(missing or ['data'])[0]}: send all of the keys 0 to 11")
@@ -212,9 +221,14 @@ def decode(payload: bytes) -> Frame:
         # One copy of each name, however many frames a monitor keeps.
         channels = tuple(sys.intern(_text(name)) for name in _list(document[8]))
         n_samples = _number(document[7])
-        if not (0 < n_samples <= MOST_SAMPLES and 0 < len(channels) <= MOST_CHANNELS):
+        if not 0 < n_samples * len(channels) <= MOST_SAMPLES:
             raise FormatError(
                 f"a frame with {len(channels)} channels of {n_samples} samples: that is none, or too many"
+            )
+        interval = _number(document[5])
+        if n_samples * interval > LONGEST:
+            raise FormatError(
+                f"a frame with {n_samples} samples of {interval:g} ns: more than an hour, send shorter ones"
             )
         counts, width = _counts(document[11], _number(document.get(12, RAW)), len(channels), n_samples)
         scale = np.array([float(value) for value in _list(document[9])])
@@ -225,7 +239,7 @@ def decode(payload: bytes) -> Frame:
             boot=_number(document[2]),
             seq=_number(document[3]),
             start=_number(document[4]),
-            interval=_number(document[5]),
+            interval=interval,
             channels=channels,
             scale=scale,
             counts=counts,
@@ -256,10 +270,12 @@ def checked_map(payload: bytes) -> dict[Any, Any]:
         raise FormatError("the checksum does not agree: the message was damaged on its way")
     stream = io.BytesIO(body)
     try:
-        decoder = cbor.CBORDecoder(stream, max_depth=8, allow_indefinite=False, allow_duplicate_keys=False)
+        decoder = cbor.CBORDecoder(
+            stream, max_depth=8, allow_indefinite=False, allow_duplicate_keys=False, semantic_decoders=_Untagged()
+        )
         document = decoder.decode()
     except (cbor.CBORError, ValueError, TypeError, OverflowError, RecursionError, MemoryError) as error:
-        raise FormatError(f"the message is no CBOR map: {error}") from None
+        raise FormatError(f"the message is no CBOR map: {error.__cause__ or error}") from None
     if not isinstance(document, dict) or stream.tell() != len(body):
         raise FormatError("the message is no single CBOR map")
     return document

@@ -1,5 +1,6 @@
 """What boxes have identified themselves: modes, and the correlations behind them."""
 
+import json
 import logging
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,9 +27,11 @@ def received(kind: str, document: Mapping[Any, Any], archive: Path | None, vehic
     vehicle
         Its name.
     """
-    if kind == "modes":
-        return {"modes": document.get("modes"), "reason": document.get("reason"), "is_on_board": True}
     try:
+        if kind == "modes":
+            found = {"modes": document.get("modes"), "reason": document.get("reason"), "is_on_board": True}
+            json.dumps(found, allow_nan=False)  # what the store cannot hold would come again and again
+            return found
         average = summary_from_document(document["summary"]).average
         if archive is not None:
             write_archive(
@@ -41,6 +44,6 @@ def received(kind: str, document: Mapping[Any, Any], archive: Path | None, vehic
                 channels=[f"{one}:{other}" for one in average.channels for other in average.references],
                 sampling_rate=average.sampling_rate,
             )
-    except (SprungError, KeyError) as error:
-        LOG.warning("correlations were not kept", extra={"vehicle": vehicle, "reason": str(error)})
+    except (SprungError, KeyError, TypeError, ValueError) as error:
+        LOG.warning("what a box identified was not kept", extra={"vehicle": vehicle, "reason": str(error)})
     return None

@@ -94,7 +94,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
             average=averages[0],
             harmonics=tuple(map(harmonic_from_dict, document["harmonics"])),
         )
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, ParameterError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, ParameterError) as error:
         raise FormatError(f"correlations that lack or garble {error}") from None
 
 
