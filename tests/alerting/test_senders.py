@@ -194,10 +194,11 @@ def test_log(caplog, severity, level):
     caplog.set_level(logging.DEBUG)
     sender = LogSender(logging.getLogger("alerts"))
     sender.send(a_message(severity))
-    sender.send(replace(a_message(severity), what="cleared", subject="100 % gone\nforged"))
+    odd = {"text": "20 %s\r\nforged"}
+    sender.send(replace(a_message(severity), what="cleared", subject="100 % gone\nforged", document=odd))
     assert [(one.levelno, one.getMessage()) for one in caplog.records] == [
-        (level, a_message(severity).subject),
-        (logging.INFO, "100 % gone forged"),
+        (level, f"{a_message(severity).subject}: front-left spring 20 % softer – inspect"),
+        (logging.INFO, "100 % gone forged: 20 %s forged"),
     ]
 
 

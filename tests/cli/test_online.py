@@ -1,8 +1,13 @@
 """What a person at a terminal does with the monitor's store; and the monitor's own bad usage."""
 
+import getpass
+import json
+import re
 import threading
 import time
 from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
 
@@ -39,11 +44,27 @@ def test_an_alert_from_raised_to_normal(sprung, store, monkeypatch):
     history = sprung("alerts", "history", "1", "--store", store, "--json", "-").document()["history"]
     assert [entry["what"] for entry in history] == ["raised", "acknowledged", "assigned", "shelved"]
     assert (history[1]["who"], history[1]["comment"]) == ("anna", "seen")
+    assert (history[2]["who"], history[2]["assignee"]) == ("anna", "bert")
+    assert history[3]["shelved_until"] == history[3]["time"] + 2 * 3600 * 10**9 == listed["shelved_until"]
+    assert [entry["shelved_until"] for entry in history[:3]] == [None] * 3
+    assert [entry["assignee"] for entry in history] == [None, None, "bert", "bert"]
+    until = f"shelved until {datetime.fromtimestamp(listed['shelved_until'] // 10**9, UTC):%Y-%m-%d %H:%M} UTC"
+    lines = sprung("alerts", "history", "1", "--store", store).out.splitlines()[-4:]
+    for line, words in zip(
+        lines,
+        (("raised", "the monitor"), ("acknowledged", "anna", "seen"), ("assigned to bert", "anna"), (until, "anna")),
+        strict=True,
+    ):
+        assert all(word in line for word in words)
+    assert until in sprung("alerts", "--store", store).out
+    assert sprung("alerts", "assign", "1", "--store", store).code == 0
+    assert "assigned to nobody" in sprung("alerts", "history", "1", "--store", store).out
     with open_store(store) as opened:
         assert [(row.who, row.act) for row in opened.audited()] == [
             ("anna", "ack"),
             ("anna", "assign"),
             ("anna", "shelve"),
+            (getpass.getuser(), "assign"),
         ]
 
 
@@ -193,5 +214,24 @@ def test_a_site_file_that_is_wrong_is_named_with_its_field(sprung, tmp_path):
     path.write_text('schema = "sprung.site/1"\n[watch]\nworkers = 0\n', encoding="utf-8")
     found = sprung("monitor", "--site", path)
     assert found.code == 2
-    assert "watch.workers" in found.err
-    assert "correct it" in found.err
+    assert found.err == f"sprung: {path}: watch, workers=0 must be at least 1: correct it (see docs/monitor.md)\n"
+
+
+def fields(value):
+    """All names in a document, but those of modes, which are many kinds."""
+    if isinstance(value, list):
+        return set().union(*map(fields, value))
+    if not isinstance(value, dict):
+        return set()
+    return set(value).union(*(fields(one) for name, one in value.items() if name != "modes"))
+
+
+@pytest.mark.parametrize("words", [("alerts",), ("alerts", "history", "1"), ("vehicles",)], ids=" ".join)
+def test_every_field_is_documented_with_an_example(sprung, store, words):
+    document = sprung(*words, "--store", store, "--json", "-").document()
+    text = (Path(__file__).parents[2] / "docs" / "results.md").read_text(encoding="utf-8")
+    section = text.split(f": `{document['schema']}`\n")[1].split("\n## ")[0]
+    example = json.loads(section.split("```json\n")[1].split("```")[0])
+    assert fields(example) == fields(document)
+    named = re.findall(r"`(?:\w+\[\]\.)?(\w+)`", " ".join(re.findall(r"^\| (`[^|]*) \|", section, re.MULTILINE)))
+    assert fields(document) - {"schema", "alerts", "history", "vehicles"} == set(named)

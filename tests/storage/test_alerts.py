@@ -15,11 +15,11 @@ def test_alert_is_stored_and_replaced_by_its_cause(store):
     second = store.put_alert(changed, history=("acknowledged", "eve", "ordered parts"), now=202)
     assert second.id == first.id
     assert store.alerts() == [replace(changed, updated=202)]
-    assert [(row.alert, row.time, row.what, row.who, row.comment) for row in store.alert_history(first.id)] == [
-        (first.id, 101, "raised", "monitor", ""),
-        (first.id, 202, "acknowledged", "eve", "ordered parts"),
+    rows = store.alert_history(first.id)
+    assert rows == [
+        HistoryRow(rows[0].id, first.id, 101, "raised", "monitor", "", None, None),
+        HistoryRow(rows[1].id, first.id, 202, "acknowledged", "eve", "ordered parts", "eve", 10**18),
     ]
-    assert isinstance(store.alert_history(first.id)[0], HistoryRow)
 
 
 def test_alerts_are_chosen_by_vehicle_and_state(store):

@@ -28,7 +28,7 @@ _VEHICLE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
 
 class LogSender:
-    """Writes the subject to a log, at a level by severity; what cleared is only worth INFO."""
+    """Writes subject and finding to a log, at a level by severity; what cleared is only worth INFO."""
 
     def __init__(self, logger: logging.Logger, *, name: str = "log") -> None:
         self.name = name
@@ -37,7 +37,8 @@ class LogSender:
     def send(self, message: Message) -> None:
         """Write one line."""
         level = logging.INFO if message.what == "cleared" else _LEVELS[severity_step(message.severity)]
-        self._logger.log(level, "%s", " ".join(message.subject.split()))
+        line = f"{message.subject}: {message.document['text']}"
+        self._logger.log(level, "%s", " ".join(line.split()))
 
 
 class _Unmoved(urllib.request.HTTPRedirectHandler):

@@ -3,6 +3,7 @@
 import getpass
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -140,6 +141,7 @@ def _rows(store: "Store", vehicle: str | None, every: bool) -> list[dict[str, An
                     "raised": row.raised,
                     "count": row.count,
                     "assignee": row.assignee,
+                    "shelved_until": row.shelved_until,
                     "text": row.text,
                 }
             )
@@ -156,7 +158,7 @@ def _show(found: list[dict[str, Any]]) -> None:
         (
             str(one["number"]),
             one["vehicle"],
-            one["state"],
+            _until(one["state"], one["shelved_until"]),
             _when(one["raised"]),
             str(one["severity"]),
             one["assignee"] or "",
@@ -169,14 +171,26 @@ def _show(found: list[dict[str, Any]]) -> None:
 
 
 def _history(store: "Store", number: int, json: str | None) -> None:
-    """Print what happened to an alert."""
-    found = store.alert_history(number)
+    """Print what happened to an alert, by whom, to whom and until when."""
+    found = [asdict(row) for row in store.alert_history(number)]
     if json is not None:
-        entries = [{"time": one.time, "what": one.what, "who": one.who, "comment": one.comment} for one in found]
+        entries = [{name: value for name, value in one.items() if name not in {"id", "alert"}} for one in found]
         write_json({"schema": "sprung.alert-history/1", "number": number, "history": entries}, json)
     if json != "-":
-        rows = [(_when(one.time), one.what, one.who, one.comment) for one in found]
-        console().print(table("", ("time (UTC)", "what", "who", "comment"), rows, n_words=3))
+        rows = [(_when(one["time"]), _happened(one), one["who"] or "the monitor", one["comment"]) for one in found]
+        console().print(table("", ("time (UTC)", "what", "by", "comment"), rows, n_words=3))
+
+
+def _happened(entry: dict[str, Any]) -> str:
+    """Return what happened to an alert, in words."""
+    if entry["what"] == "assigned":
+        return f"assigned to {entry['assignee'] or 'nobody'}"
+    return _until(entry["what"], entry["shelved_until"])
+
+
+def _until(what: str, shelved_until: int | None) -> str:
+    """Return a state or change, and until when where that is a shelf."""
+    return what if what != "shelved" or shelved_until is None else f"shelved until {_when(shelved_until)} UTC"
 
 
 def _acted(store: "Store", act: str, number: int, *, who: str, comment: str, hours: float, to: str | None) -> None:

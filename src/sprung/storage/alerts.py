@@ -50,7 +50,8 @@ class Alerts(Database):
         with self._writing() as connection:
             identity = connection.execute(put.returning(ALERTS.c.id)).scalar_one()
             entry = {"alert": identity, "time": now, "what": what, "who": who, "comment": comment}
-            connection.execute(ALERT_HISTORY.insert(), entry)
+            after = {"assignee": row.assignee, "shelved_until": row.shelved_until}
+            connection.execute(ALERT_HISTORY.insert(), entry | after)
             if notify is not None:
                 message = {"alert": identity, "created": now, "document": notify, "attempts": 0}
                 connection.execute(NOTIFICATIONS.insert(), message)

@@ -154,7 +154,7 @@ class AlertRow:
 
 @dataclass(frozen=True, slots=True)
 class HistoryRow:
-    """What happened to an alert, by whom."""
+    """What happened to an alert, by whom, and whom it was assigned to and until when it was shelved after that."""
 
     id: int
     alert: int
@@ -162,6 +162,8 @@ class HistoryRow:
     what: str
     who: str
     comment: str
+    assignee: str | None = None
+    shelved_until: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

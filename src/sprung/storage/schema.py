@@ -166,6 +166,8 @@ ALERT_HISTORY = Table(
     Column("what", Text, nullable=False),
     Column("who", Text, nullable=False),
     Column("comment", Text, nullable=False),
+    Column("assignee", Text),
+    Column("shelved_until", _INTEGER),
     Index("alert_history_of_alert", "alert"),
 )
 

@@ -72,7 +72,7 @@ def open_store(url: str) -> Store:
     """
     from sprung.storage.migrations import upgrade
 
-    address = _address(url)
+    address = check_address(url)
     is_file = address.get_backend_name() == "sqlite"
     store = Store(address, notices=_prepare(Path(address.database or "")) if is_file else ())
     try:
@@ -84,8 +84,8 @@ def open_store(url: str) -> Store:
     return store
 
 
-def _address(url: str) -> URL:
-    """Return the parts of an address."""
+def check_address(url: str) -> URL:
+    """Return the parts of an address of a store, or say what is wrong with it."""
     try:
         address = make_url(url)
     except ArgumentError:
