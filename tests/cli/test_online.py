@@ -59,6 +59,7 @@ def test_an_alert_from_raised_to_normal(sprung, store, monkeypatch):
     assert until in sprung("alerts", "--store", store).out
     assert sprung("alerts", "assign", "1", "--store", store).code == 0
     assert "assigned to nobody" in sprung("alerts", "history", "1", "--store", store).out
+    assert "there is no alert 99" in sprung("alerts", "history", "99", "--store", store).err
     with open_store(store) as opened:
         assert [(row.who, row.act) for row in opened.audited()] == [
             ("anna", "ack"),

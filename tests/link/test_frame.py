@@ -30,13 +30,12 @@ def test_write_then_read(width, codec, data):
     top = 2 ** (8 * width - 1) - 1
     counts = data.draw(st.lists(st.integers(-top - 1, top), min_size=shape[0] * shape[1], max_size=shape[0] * shape[1]))
     one = frame()
-    sent = Frame(
-        "car.1", 1, 2, 3, 4, tuple("abcd"[: shape[0]]), one.scale[:1].repeat(shape[0]), np.reshape(counts, shape), width
-    )
+    names, scale = tuple("abcd"[: shape[0]]), one.scale[:1].repeat(shape[0])
+    sent = Frame("car.1", 1, 2, 3, 10**6, names, scale, np.reshape(counts, shape), width)
     again = decode(encode(sent, codec=codec))
     assert np.array_equal(again.counts, sent.counts)
     assert again.width == width
-    assert (again.vehicle, again.boot, again.seq, again.start, again.interval) == ("car.1", 1, 2, 3, 4)
+    assert (again.vehicle, again.boot, again.seq, again.start, again.interval) == ("car.1", 1, 2, 3, 10**6)
     assert np.array_equal(again.samples, sent.samples, equal_nan=True)
 
 
@@ -44,14 +43,14 @@ def test_layout_is_the_documented_one():
     """Against a map put together by hand, as another program would."""
     counts = np.array([[1, -2, 3], [-32768, 5, -6]])
     body = cbor2.dumps(
-        {0: 1, 1: "v", 2: 7, 3: 9, 4: 11, 5: 13, 6: 1, 7: 3, 8: ["a", "b"], 9: [0.5, 2.0], 10: [0, 4]}
+        {0: 1, 1: "v", 2: 7, 3: 9, 4: 11, 5: 50_000, 6: 1, 7: 3, 8: ["a", "b"], 9: [0.5, 2.0], 10: [0, 4]}
         | {11: counts.astype("<i2").tobytes(), 12: 0, 13: 17, 14: "c", 99: "unknown"}
     )
     found = decode(body + zlib.crc32(body).to_bytes(4, "little"))
     assert np.array_equal(found.samples, [[0.5, -1.0, 1.5], [np.nan, 10.0, -12.0]], equal_nan=True)
     assert (found.boot, found.seq, found.monotonic, found.configuration) == (7, 9, 17, "c")
     thrice = np.array([[-2, 70000]]).astype("<i4").view(np.uint8).reshape(1, 2, 4)[..., :3].tobytes()
-    body = cbor2.dumps({0: 1, 1: "v", 2: 0, 3: 0, 4: 0, 5: 1, 6: 0, 7: 2, 8: ["a"], 9: [1], 11: thrice, 12: 0})
+    body = cbor2.dumps({0: 1, 1: "v", 2: 0, 3: 0, 4: 0, 5: 50_000, 6: 0, 7: 2, 8: ["a"], 9: [1], 11: thrice, 12: 0})
     assert decode(body + zlib.crc32(body).to_bytes(4, "little")).counts.tolist() == [[-2, 70000]]
 
 
@@ -131,9 +130,15 @@ def test_a_bomb_that_claims_its_size_is_not_unpacked(memory_below):
 def test_the_largest_frame_is_read_in_bounded_memory(memory_below, n_channels, width):
     counts = np.random.default_rng(4).integers(-3, 4, size=(n_channels, MOST_SAMPLES // n_channels))
     names = tuple(f"c{k}" for k in range(n_channels))
-    payload = encode(Frame("v", 1, 1, 1, 1, names, np.ones(n_channels), counts, width))
+    payload = encode(Frame("v", 1, 1, 1, 10**5, names, np.ones(n_channels), counts, width))
     with memory_below(20 * LARGEST):
         assert np.array_equal(decode(payload).counts, counts)
+
+
+def test_a_rate_whose_windows_would_never_be_complete_is_refused():
+    payload = message(cbor2.loads(encode(frame())[:-4]) | {5: 49_999})
+    with pytest.raises(FormatError, match="interval=49999"):
+        decode(payload)
 
 
 @pytest.mark.parametrize("major", [2, 3, 4, 5], ids=["bytes", "text", "list", "map"])

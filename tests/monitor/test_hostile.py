@@ -10,6 +10,7 @@ import pytest
 
 from sprung.link import checked_map, decode, message, topic
 from sprung.monitor import frame_block, joined
+from sprung.vehicles import vehicle_text
 
 BEGUN = 1_795_219_200_000_000_000
 WATCH = {"watch": {"learning_windows": 2, "window_minutes": 2, "identify_every_minutes": 0}, "keep": {"raw_days": 0}}
@@ -225,3 +226,27 @@ def test_modes_that_the_store_cannot_hold_keep_nobody_waiting(bench, drive, fram
     assert one.store.cursor("car-2", 1).done == 0
     assert one.store.modes("car-2") == []
     assert one.store.cursor("car-1", 1).contiguous == 2
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"description": ".".join(["a"] * 50_000) + " = 1"},
+        {"description": "# nothing\n" * 20_000},
+        {14: "x" * 300},
+        {14: "a\0b"},
+        {"quantities": {"acc\0": "acceleration"}},
+        {"quantities": {f"c{k}": "acceleration" for k in range(300)}},
+    ],
+    ids=["dotted", "long", "long name", "null", "null in a channel", "channels"],
+)
+def test_descriptions_that_are_too_much_work_are_refused(bench, change):
+    one = bench(**WATCH)
+    document = {0: 1, 14: "c", "description": vehicle_text(one.car), "quantities": one.quantities}
+    one.link.on_message(topic("car-1", "meta"), message(document | change))
+    one.work()
+    assert one.station.figures()["sprung_messages_refused_total"] == 1
+    assert one.store.vehicle("car-1") is None
+    one.describe()
+    one.work()
+    assert one.store.vehicle("car-1") is not None

@@ -173,6 +173,8 @@ def _show(found: list[dict[str, Any]]) -> None:
 def _history(store: "Store", number: int, json: str | None) -> None:
     """Print what happened to an alert, by whom, to whom and until when."""
     found = [asdict(row) for row in store.alert_history(number)]
+    if not found:
+        raise ParameterError(f"there is no alert {number}: see sprung alerts --all")
     if json is not None:
         entries = [{name: value for name, value in one.items() if name not in {"id", "alert"}} for one in found]
         write_json({"schema": "sprung.alert-history/1", "number": number, "history": entries}, json)

@@ -18,8 +18,9 @@ VERSION = 1
 VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
 #: Largest frame [bytes], most channels, and most samples of all channels in one: what it holds unpacked.
 LARGEST, MOST_CHANNELS, MOST_SAMPLES = 1 << 20, 256, 1 << 19
-#: Longest frame [ns]: one could hold windows without number, each of them work.
-LONGEST = 3600 * 10**9
+#: Longest frame [ns]: one could hold windows without number, each of them work. Least time between samples [ns]: a
+#: window of a higher rate would never be complete.
+LONGEST, LEAST_INTERVAL = 3600 * 10**9, 50_000
 #: Bits of a channel's flag.
 CLIPPED, STUCK, MISSING = 1, 2, 4
 #: Status of the time of a frame: nobody knows, set once, kept by a time server.
@@ -52,7 +53,7 @@ class Frame:
     boot, seq
         Number of the box' start, and of the frame since then, from 0.
     start, interval
-        Time of the first sample, UTC ns since 1970, and between samples [ns].
+        Time of the first sample, UTC ns since 1970, and between samples [ns], at least 50 us.
     time_status
         `TIME_UNKNOWN`, `TIME_SET` or `TIME_KEPT`.
     channels
@@ -92,7 +93,7 @@ class Frame:
         check_vehicle(self.vehicle)
         for name in ("boot", "seq", "monotonic"):
             check_number(name, getattr(self, name), at_least=0, at_most=2**63 - 1)
-        check_number("interval", self.interval, at_least=1, at_most=10**12)
+        check_number("interval", self.interval, at_least=LEAST_INTERVAL, at_most=10**12)
         flags = np.zeros(len(self.channels)) if self.flags is None else self.flags
         if self.width not in _WIDTHS:
             raise ParameterError(f"width={self.width} must be 2, 3 or 4 bytes")
@@ -358,7 +359,7 @@ def _number(value: Any) -> int:
 
 def _text(value: Any) -> str:
     """Return a short text, or refuse what is none."""
-    if not isinstance(value, str) or len(value) > 256:
+    if not isinstance(value, str) or len(value) > 256 or "\0" in value:
         raise FormatError(f"{str(value)[:40]!r} stands where a short text belongs")
     return value
 

@@ -11,8 +11,8 @@ from sprung.vehicles import vehicle_from_text
 
 #: The monitor's own name among the vehicles.
 MONITOR = "monitor"
-#: Largest number of channels that a vehicle may announce.
-_MOST_CHANNELS = 256
+#: Most channels that a vehicle may announce, and most characters of its description, a line of that, and a name.
+_MOST_CHANNELS, _MOST_TEXT, _LONGEST_LINE, _LONGEST_NAME = 256, 100_000, 1000, 256
 #: What boxes that identify on board send in line with frames.
 KINDS = ("corr", "modes")
 #: What a box that was asked for samples says of them: boot and number of the last frame, how many, of which time.
@@ -136,6 +136,11 @@ class Intake:
             raise FormatError("a description without text, configuration and quantities of the channels")
         if len(quantities) > _MOST_CHANNELS:
             raise FormatError(f"a description of {len(quantities)} channels: at most {_MOST_CHANNELS}")
+        # A key of many dotted names is work with the square of its length.
+        if len(text) > _MOST_TEXT or max(map(len, text.splitlines()), default=0) > _LONGEST_LINE:
+            raise FormatError(f"a description of more than {_MOST_TEXT} characters, or {_LONGEST_LINE} in a line")
+        if any(len(one) > _LONGEST_NAME or "\0" in one for one in map(str, (configuration, *quantities))):
+            raise FormatError(f"names of more than {_LONGEST_NAME} characters in a description, or with a null in them")
         vehicle_from_text(text, source=f"the vehicle file of {vehicle}")
         channels = [[str(name), str(quantity)] for name, quantity in quantities.items()]
         known = self.store.vehicle(vehicle)
