@@ -5,6 +5,7 @@ frequencies and shapes (MAC) are from those of the learning windows.
 """
 
 import argparse
+import gzip
 import json
 import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -30,6 +31,7 @@ def main():
     arguments.add_argument("--healthy", type=int, default=30, help="healthy windows of ten minutes of each vehicle")
     arguments.add_argument("--jobs", type=int, default=2)
     arguments.add_argument("--lives", type=Path, help="file of vehicles done, to go on from; a line is added for each")
+    arguments.add_argument("--windows", type=Path, help="folder to keep what windows say, and to judge them again from")
     given = arguments.parse_args()
     from rich.progress import Progress
 
@@ -38,7 +40,7 @@ def main():
     seeds = [seed for seed in given.seeds or range(given.vehicles) if seed not in done]
     with ProcessPoolExecutor(given.jobs) as pool, Progress() as progress:
         task = progress.add_task("vehicles", total=len(seeds))
-        waiting = [pool.submit(partial(vehicle_life, given.healthy), seed) for seed in seeds]
+        waiting = [pool.submit(partial(vehicle_life, given.healthy, given.windows), seed) for seed in seeds]
         for one in as_completed(waiting):
             progress.advance(task)
             error = one.exception()
@@ -172,27 +174,21 @@ def with_wheel_lines(run, generator):
     return replace(run, samples=samples)
 
 
-def vehicle_life(n_healthy, seed):
-    """Return a vehicle's fault, what was found after 10, 30 and 120 minutes with it, and false alarms before."""
+def vehicle_life(n_healthy, folder, seed):
+    """Return a vehicle's fault, what was found so many minutes after it, and false alarms before."""
     import numpy as np
 
     from sprung.diagnosis import detect, diagnose, learn
     from sprung.errors import DataError
-    from sprung.vehicles import Fault
 
-    file, real = described(seed)
-    generator = np.random.default_rng([seed, 6])
-    name = str(generator.choice(PARTS))
-    size = SIZES[seed // 2 % len(SIZES)]
-    taught, taught_modes = several(window(file, real, seed, k, ()) for k in range(LEARNING))
+    name = str(np.random.default_rng([seed, 6]).choice(PARTS))
+    life = {"seed": seed, "name": name, "size": SIZES[seed // 2 % len(SIZES)]}
+    taught, healthy, faulty, modes = windows(n_healthy, folder, life)
     try:
-        baseline = learn(taught, vehicle=file.name)
+        baseline = learn(taught, vehicle="car")
     except DataError as error:
-        return {"seed": seed, "name": name, "size": size, "error": str(error)}
-    healthy, healthy_modes = several(window(file, real, seed, LEARNING + k, ()) for k in range(n_healthy))
+        return {**life, "error": str(error)}
     calm = detect(baseline, healthy)
-    fault = (Fault(name, -size),)
-    faulty, faulty_modes = several(window(file, real, seed, 1000 + k, fault) for k in range(MINUTES[-1] // 10))
     found, said = {}, {}
     for minutes in MINUTES:
         findings = diagnose([*healthy[:3], *faulty[: minutes // 10]], baseline).findings
@@ -201,10 +197,7 @@ def vehicle_life(n_healthy, seed):
             onset = [(time - faulty[0].time) / 60 for time in (one.since, *one.since_interval)]
             said[str(minutes)] = {"change": one.change, "interval": one.interval, "onset": onset}
     late = detect(baseline, [*healthy[:3], *faulty])
-    life = {
-        "seed": seed,
-        "name": name,
-        "size": size,
+    life |= {
         "found": found,
         "said": said,
         "alarm": calm is not None and calm.first_alarm is not None,
@@ -212,21 +205,43 @@ def vehicle_life(n_healthy, seed):
         "mute": sum(not one.can_tell for one in [*healthy, *faulty]),
         "delay": None if late is None or late.first_alarm is None else (late.first_alarm - faulty[0].time) / 60 + 10,
     }
-    if is_thesis(seed):
-        counts = [n // 10 for n in OF_THESIS]
-        life["thesis"] = {
-            "healthy": [compared(taught_modes, healthy_modes[:n]) for n in counts],
-            "faulty": [compared(taught_modes, faulty_modes[:n]) for n in counts],
-            "modes": sum(len(modes) for modes in [*healthy_modes, *faulty_modes]),
-            "windows": len(healthy_modes) + len(faulty_modes),
-        }
-    return life
+    return life | ({"thesis": by_modes(*modes)} if modes else {})
 
 
-def several(pairs):
-    """Return observations and modes of windows."""
-    observations, modes = zip(*pairs, strict=True)
-    return list(observations), list(modes)
+def windows(n_healthy, folder, life):
+    """Return what the windows that teach, healthy and faulty ones say, and their modes where the thesis' way runs."""
+    from sprung.diagnosis import observation_from_dict
+    from sprung.vehicles import Fault
+
+    seed = life["seed"]
+    kept = folder / f"{seed}.json.gz" if folder else None
+    if kept and kept.exists():
+        document = json.loads(gzip.decompress(kept.read_bytes()))
+        return [*([observation_from_dict(one) for one in part] for part in document), None]
+    file, real = described(seed)
+    fault = (Fault(life["name"], -life["size"]),)
+    numbers = (range(LEARNING), range(LEARNING, LEARNING + n_healthy), range(1000, 1000 + MINUTES[-1] // 10))
+    parts = [
+        [window(file, real, seed, k, faults) for k in some]
+        for some, faults in zip(numbers, ((), (), fault), strict=True)
+    ]
+    told, modes = ([[pair[k] for pair in part] for part in parts] for k in range(2))
+    if kept:
+        folder.mkdir(parents=True, exist_ok=True)
+        document = [[one.to_dict() for one in part] for part in told]
+        kept.write_bytes(gzip.compress(json.dumps(document).encode()))
+    return [*told, modes if is_thesis(seed) else None]
+
+
+def by_modes(taught, healthy, faulty):
+    """Return how far the modes of healthy and of faulty windows are from those before, and how many were found."""
+    counts = [n // 10 for n in OF_THESIS]
+    return {
+        "healthy": [compared(taught, healthy[:n]) for n in counts],
+        "faulty": [compared(taught, faulty[:n]) for n in counts],
+        "modes": sum(len(modes) for modes in [*healthy, *faulty]),
+        "windows": len(healthy) + len(faulty),
+    }
 
 
 def tables(lives):
@@ -246,7 +261,7 @@ def tables(lives):
     hours, alarms = sum(life["hours"] for life in good), sum(life["alarm"] for life in good)
     low, high = (8 * limit / max(hours, 1e-9) for limit in poisson_interval(alarms))
     print(f"\n{alarms} false alarms in {hours:.0f} healthy hours: {low:.4f} to {high:.4f} per day of 8 h (95 %).")
-    print(f"{len(bad)} vehicles failed or could not learn; {sum(life['mute'] for life in good)} windows could not tell.")
+    print(f"{len(bad)} vehicles failed or taught nothing; {sum(life['mute'] for life in good)} windows could not tell.")
     for life in bad[:5]:
         print(f"- {life['error']}")
     thesis_table([life for life in good if "thesis" in life])

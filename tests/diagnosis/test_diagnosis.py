@@ -124,6 +124,48 @@ def test_false_alarms_stay_below_the_rate_asked_for():
     assert alarms <= 28  # 20 and 1.7 standard deviations
 
 
+def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms():
+    """Whatever the fit says of itself: six windows teach the scatter, and those tested show it."""
+    alarms = 0
+    for seed in range(100):
+        generator = np.random.default_rng(seed + 5000)
+        every = []
+        for k in range(30):
+            one = window(generator, 600.0 * k)
+            extra = generator.multivariate_normal(np.zeros(12), 3 * COVARIANCE)
+            every.append(replace(one, log_ratios=one.log_ratios + extra))
+        found = detect(learn(every[:6], vehicle="car"), every[6:], false_alarms=0.1)
+        alarms += found.first_alarm is not None
+    assert alarms <= 10  # 5 and two standard deviations
+
+
+def test_conditions_that_the_baseline_never_met_are_no_change():
+    """One component follows the road as the prior of slopes has it, and all learning was on one road."""
+    generator = np.random.default_rng(4)
+
+    def at(level, k):
+        one = window(generator, 600.0 * k)
+        moved = one.log_ratios + 0.01 * (np.log(level) + 8) / 1.4 * (np.array(NAMES) == "front_left.spring")
+        return replace(one, log_ratios=moved, conditions={**one.conditions, "level": level})
+
+    baseline = learn([at(np.exp(-8 + 0.01 * k), k) for k in range(12)], vehicle="car")
+    rough = [at(np.exp(-8 + 3 * 1.4), k) for k in range(24)]
+    found = diagnose(rough, baseline)
+    assert found.findings == ()
+    assert any("level far from what the baseline met" in note for note in found.notes)
+    smooth = diagnose([at(np.exp(-8 - 3 * 1.4), k) for k in range(24)], baseline)
+    assert any("level far from what the baseline met" in note for note in smooth.notes)
+
+
+def test_e_values_have_the_mean_one_at_most_without_a_change():
+    values = []
+    for seed in range(150):
+        every = healthy(18, seed=seed + 9000)
+        values.append(np.exp(detect(learn(every[:12], vehicle="car"), every[12:]).e_value))
+    assert np.mean(values) <= 1.0
+    assert false_discoveries(np.log(values)) == []
+
+
 def test_intervals_cover_the_size(baseline):
     inside = 0
     for seed in range(100):
@@ -178,9 +220,75 @@ def test_growing_change_has_a_trend_and_a_forecast(baseline):
     assert finding.trend.interval[0] < finding.trend.interval[1] < 0
     assert finding.trend.per_hour == pytest.approx(-0.065, abs=0.02)
     earliest, latest = finding.trend.hours_to_limit
-    assert 0 < earliest < latest
+    assert 0 < earliest < 2.5 < latest  # another 15 windows at -1 % each make 30 %
     (steady,) = diagnose(faulty(3, {"front_left.spring": -0.2}), baseline).findings
     assert steady.trend is None or steady.trend.hours_to_limit is None
+
+
+def test_a_limit_that_is_passed_is_due_now(baseline):
+    generator = np.random.default_rng(4)
+    growing = [window(generator, 600.0 * k, {"front_left.spring": -0.03 * k}) for k in range(16)]
+    (finding,) = diagnose(growing, baseline).findings
+    assert finding.trend.hours_to_limit[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("size", "severity", "number"),
+    [(-0.05, "low", 300), (-0.16, "medium", 500), (-0.28, "high", 700), (-0.6, "critical", 900)],
+)
+def test_severity_is_that_of_the_part_that_is_sure(baseline, size, severity, number):
+    (finding,) = diagnose(faulty(3, {"front_left.spring": size}, after=24), baseline).findings
+    assert (finding.severity, finding.severity_number) == (severity, number)
+
+
+def test_sizes_are_not_drawn_towards_nothing(baseline):
+    """However large, and from one window: the prior of sizes weighs evidence, and no more."""
+    errors = []
+    for seed in range(40):
+        (finding,) = diagnose(faulty(seed, {"front_left.spring": -0.75}, after=1), baseline).findings
+        errors.append(np.log1p(finding.change) - np.log1p(-0.75))
+    assert abs(np.mean(errors)) < 0.02
+
+
+def test_what_the_named_part_leaves_unexplained_is_said(baseline):
+    found = diagnose(faulty(6, {"front_left.spring": -0.25, "rear_right.tyre": -0.07}, after=12), baseline)
+    (finding,) = found.findings
+    assert finding.hypothesis == "front_left.spring"
+    assert any("the rest may be another part" in note for note in found.notes)
+    alone = diagnose(faulty(6, {"front_left.spring": -0.25}, after=12), baseline)
+    assert not any("the rest" in note for note in alone.notes)
+
+
+def test_an_alarm_that_is_over_is_said(baseline):
+    generator = np.random.default_rng(8)
+    course = [()] * 3 + [{"front_left.spring": -0.12}] * 3 + [()] * 60
+    found = diagnose([window(generator, 600.0 * k, change) for k, change in enumerate(course)], baseline)
+    assert found.findings == ()
+    assert any("an alarm stood from the window at" in note and "is over" in note for note in found.notes)
+
+
+def test_windows_without_a_sensor_are_said_not_to_watch(baseline):
+    dead = (SensorFault("acc_fl", "dead", ""),)
+    every = [replace(one, sensor_faults=dead) for one in faulty(3, {"front_left.spring": -0.25}, before=0)]
+    found = diagnose([*healthy(2, seed=3), *every], baseline)
+    assert found.findings == ()
+    (note,) = (note for note in found.notes if "not watched" in note)
+    assert note.startswith("6 of 8 windows say nothing of the suspension, as acc_fl is dead")
+
+
+def test_sentences_of_intervals_and_axles():
+    (finding,) = diagnose(
+        faulty(5, {"rear_left.damper": -0.2, "rear_right.damper": -0.2}), learn(healthy(12), vehicle="car")
+    ).findings
+    assert finding.sentence.startswith("both rear dampers ")
+    doubtful = replace(finding, change=-0.01, interval=(-0.03, 0.01))
+    assert "1 % (-3 to +1 %) weaker" in doubtful.sentence
+
+
+def test_a_baseline_of_the_wrong_shape_is_refused(baseline):
+    for name, value in (("mean", [0.0]), ("covariance", [[1.0]]), ("design", [[np.nan] * 4] * 4)):
+        with pytest.raises(ParameterError, match=f"{name} of a baseline must be"):
+            baseline_from_dict({**baseline.to_dict(), name: value})
 
 
 def test_without_a_baseline_limits_are_wide():

@@ -47,8 +47,11 @@ def baseline(
         typer.Option(metavar="B.json", help="Baseline that this one replaces, after maintenance.", show_default=False),
     ] = None,
     reason: Annotated[
-        str, typer.Option(metavar="TEXT", help="Why it is learnt, such as 'new dampers'.")
-    ] = "first learning",
+        str,
+        typer.Option(
+            metavar="TEXT", help="Why it is learnt, such as 'new dampers'; needed with --previous.", show_default=False
+        ),
+    ] = "",
     json: Json = None,
 ) -> None:
     """Learn what is normal for a vehicle from drives while it is healthy."""
@@ -56,15 +59,23 @@ def baseline(
 
     from sprung.diagnosis import FEWEST_RESIDUALS, learn, learn_residuals
 
+    if previous is not None and not reason.strip():
+        raise ParameterError("learning again after --previous needs --reason TEXT, such as 'new dampers'")
     check_file("--out", out, inputs=[*files, vehicle])
     check_file("--json", json, inputs=[*files, vehicle])
     description = vehicle_of(vehicle)
-    before = None if previous is None else read_baseline(previous)
+    before = None if previous is None else read_baseline(previous, description)
     with progress_bar() as report:
         observations, outputs = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
         )
-    found = learn(observations, vehicle=description.name, reason=reason, previous=before, n_windows=n_windows)
+    found = learn(
+        observations,
+        vehicle=description.name,
+        reason=reason.strip() or "first learning",
+        previous=before,
+        n_windows=n_windows,
+    )
     sound = [part for one, part in zip(observations, outputs, strict=True) if part is not None and one.can_tell]
     if len(sound) >= FEWEST_RESIDUALS:
         found = replace(found, residuals=learn_residuals(sound))
@@ -85,8 +96,8 @@ def vehicle_of(path: Path) -> "Vehicle":
     return description
 
 
-def read_baseline(path: Path) -> "Baseline":
-    """Return the baseline of a file."""
+def read_baseline(path: Path, vehicle: "Vehicle") -> "Baseline":
+    """Return the baseline of a vehicle from a file."""
     from sprung.diagnosis import baseline_from_dict
 
     try:
@@ -97,7 +108,13 @@ def read_baseline(path: Path) -> "Baseline":
         raise ParameterError(f"{path} is no JSON: give a baseline that `sprung baseline` wrote") from None
     if not isinstance(document, dict):
         raise ParameterError(f"{path} is no baseline: give one that `sprung baseline` wrote")
-    return baseline_from_dict(document)
+    found = baseline_from_dict(document)
+    if found.vehicle != vehicle.name:
+        raise ParameterError(
+            f"{path} was learnt of the vehicle {found.vehicle!r}, and the vehicle file is of {vehicle.name!r}: give a "
+            f"baseline of {vehicle.name!r}, or learn one with `sprung baseline`"
+        )
+    return found
 
 
 def observed(

@@ -13,7 +13,7 @@ from sprung.cli.progress import progress_bar
 from sprung.errors import DataError
 
 if TYPE_CHECKING:
-    from sprung.diagnosis import Baseline, Diagnosis, ModeChange
+    from sprung.diagnosis import Baseline, Diagnosis, ModeChange, Trend
 
 _SHOWN = 5
 
@@ -54,7 +54,7 @@ def diagnose(
     check_file("--json", json, inputs=[*files, vehicle, *([baseline] if baseline else [])])
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
     description = vehicle_of(vehicle)
-    normal = None if baseline is None else read_baseline(baseline)
+    normal = None if baseline is None else read_baseline(baseline, description)
     with progress_bar() as report:
         observations, outputs = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
@@ -69,7 +69,11 @@ def diagnose(
         tests = {} if normal is None else compared(normal, observations, outputs)
         if tests:
             found = replace(found, notes=(*found.notes, second_opinion(list(tests.values()))))
-        changes = [change for one in found.findings for change in mode_changes(description, one, normal)]
+        changes = [
+            change
+            for one in found.findings
+            for change in mode_changes(description, one, normal, observations=observations)
+        ]
         paths = [] if figures is None else _save(found, normal, changes, figures)
     if json is not None:
         document = {
@@ -81,7 +85,17 @@ def diagnose(
     if json != "-":
         _show(found, changes, paths)
     if found.detection is None and not found.sensor_faults:
-        raise DataError(f"no window can tell: {observations[0].reason if observations else 'there is none'}")
+        raise DataError(f"no window can tell: {_why_not(found, normal)}")
+
+
+def _why_not(found: "Diagnosis", normal: "Baseline | None") -> str:
+    """Say why no window can tell, or why those that can were set aside."""
+    reasons = [one.reason for one in found.observations if not one.can_tell]
+    if reasons:
+        return reasons[0]
+    if normal is not None and found.observations:
+        return "they have other components than the baseline: fit the same ones, or learn again"
+    return found.notes[-1] if found.notes else "there is none"
 
 
 def _save(found: "Diagnosis", normal: "Baseline | None", changes: "list[ModeChange]", folder: Path) -> list[Path]:
@@ -91,22 +105,22 @@ def _save(found: "Diagnosis", normal: "Baseline | None", changes: "list[ModeChan
     if found.detection is None:
         return []
     folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for name, draw in (("evidence", evidence_figure), ("trends", trends_figure)):
-        paths.append(folder / f"{name}.png")
-        draw(found).savefig(paths[-1], dpi=150)
-    paths.append(folder / "corners.png")
-    corner_changes_figure(found, normal).savefig(paths[-1], dpi=150)
+    drawn = {
+        "evidence": evidence_figure(found),
+        "trends": trends_figure(found, normal),
+        "corners": corner_changes_figure(found, normal),
+    }
     if changes:
-        paths.append(folder / "modes.png")
-        mode_changes_figure(changes, heading=found.findings[0].sentence).savefig(paths[-1], dpi=150)
-    return paths
+        drawn["modes"] = mode_changes_figure(changes, heading=found.findings[0].sentence)
+    for name, figure in drawn.items():
+        figure.savefig(folder / f"{name}.png", dpi=150)
+    return [folder / f"{name}.png" for name in drawn]
 
 
 def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) -> None:
     """Print findings, sensor faults and the likeliest hypotheses."""
     screen = console()
-    told = [finding.sentence for finding in found.findings]
+    told = [line for one in found.findings for line in (one.sentence, _trend_words(one.trend))]
     told += [
         f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}" for fault in found.sensor_faults
     ]
@@ -118,8 +132,8 @@ def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) ->
             (
                 one.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every "),
                 f"{one.log_evidence:.1f}",
-                f"{100 * one.change:+.1f}" if one.score else "",
-                f"{100 * one.interval[0]:+.1f} .. {100 * one.interval[1]:+.1f}" if one.score else "",
+                "" if one.change is None else f"{100 * one.change:+.1f}",
+                "" if one.interval is None else f"{100 * one.interval[0]:+.1f} .. {100 * one.interval[1]:+.1f}",
             )
             for one in found.detection.candidates[:_SHOWN]
         ]
@@ -135,10 +149,35 @@ def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) ->
                 f"{100 * one.damping[0]:.3g}",
                 f"{100 * one.damping[1]:.3g}",
                 f"{one.mac:.3f}",
+                _measured_words(one.measured_before),
+                _measured_words(one.measured_since),
                 one.label,
             )
             for one in changes
         ]
-        columns_ = ("before [Hz]", "after [Hz]", "damping [%]", "after [%]", "MAC", "label")
-        screen.print(table("Body modes of the baseline and with the change", columns_, lines, n_words=0))
+        columns_ = (
+            *("before [Hz]", "after [Hz]", "damping [%]", "after [%]", "MAC"),
+            *("measured before", "measured since", "label"),
+        )
+        title = "Body modes as the finding implies, and as measured"
+        screen.print(table(title, columns_, lines, n_words=0))
     screen.print(notes([*found.notes, *(f"wrote {path}" for path in paths)]))
+
+
+def _trend_words(trend: "Trend | None") -> str:
+    """Return in words how a change goes on."""
+    if trend is None:
+        return "no trend: that takes a named part and four windows since the onset"
+    low, high = (f"{100 * end:+.1f}" for end in trend.interval)
+    if trend.interval[0] * trend.interval[1] <= 0:
+        return f"no trend: {low} to {high} % per hour of driving"
+    text = f"trend: {100 * trend.per_hour:+.1f} % ({low} to {high}) per hour of driving"
+    if trend.hours_to_limit is None:
+        return text
+    soonest, latest = trend.hours_to_limit
+    return f"{text}, 30 % {f'in {soonest:.1f} to {latest:.1f} hours' if latest else 'is reached'}"
+
+
+def _measured_words(mode: tuple[float, float] | None) -> str:
+    """Return frequency and damping of a mode in words; nothing where it was not met."""
+    return "" if mode is None else f"{mode[0]:.3g} Hz, {100 * mode[1]:.3g} %"

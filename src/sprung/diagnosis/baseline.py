@@ -21,12 +21,15 @@ FEWEST = 6
 #: Conditions that contrasts may follow, what is one unit of each, and how much a unit usually changes ln values.
 CONDITIONS = {"payload": 100.0, "level": 1.4, "speed": 5.0}
 _SLOPE = 0.01
+#: Information about slopes that are 0 by assumption.
+_NO_SLOPE = 1e9
 #: Usual change of all components of a kind together from window to window (payload, temperature, road), and between
 #: front and rear, in ln values.
 _COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
 _ENDS = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
-#: Windows that the usual scatter is worth when the vehicle's own is estimated.
-_PRIOR_WINDOWS = 8.0
+#: Windows that the usual scatter of axles is worth when the vehicle's own is estimated, and the scatter that windows
+#: report.
+_PRIOR_WINDOWS, _PRIOR_SCATTER = 8.0, 2.0
 #: Chance that a healthy window is left out of learning.
 _SUSPECT = 1e-3
 #: Misfit of the windows from which on the vehicle file is remarked on.
@@ -57,6 +60,10 @@ class Baseline:
         Lowest and highest of the conditions met.
     nuisance
         Covariance of what moves components together from window to window (payload, temperature, road).
+    design
+        Information of the windows about mean and slopes, for a covariance of one, shape (1 + conditions, same).
+    degrees
+        Of freedom in what `covariance` says of the scatter of windows.
     n_windows
         That taught it; 0: nothing but the vehicle file.
     n_refused
@@ -67,6 +74,8 @@ class Baseline:
         Reference of the subspace residual test; None: not learnt.
     imperfection
         By how much the vehicle file is off on the windows that taught it, in the median, see `CornerFit`.
+    taught
+        Times of those windows [s].
     """
 
     vehicle: str
@@ -77,16 +86,24 @@ class Baseline:
     middle: dict[str, float]
     ranges: dict[str, tuple[float, float]]
     nuisance: Real
+    design: Real
+    degrees: float
     n_windows: int
     n_refused: int
     version: int
     reason: str
     residuals: ResidualReference | None = None
     imperfection: float = 0.0
+    taught: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, ndim in (("mean", 1), ("covariance", 2), ("slopes", 2), ("nuisance", 2)):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=ndim))
+        size, more = len(self.components), 1 + len(CONDITIONS)
+        shapes = {"mean": (size,), "covariance": (size, size), "nuisance": (size, size), "slopes": (size, more - 1)}
+        for name, shape in (shapes | {"design": (more, more)}).items():
+            values = frozen_array(name, getattr(self, name), ndim=len(shape))
+            if values.shape != shape or not np.all(np.isfinite(values)):
+                raise ParameterError(f"{name} of a baseline must be {shape} finite numbers: learn it again")
+            object.__setattr__(self, name, values)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -103,10 +120,10 @@ class Baseline:
         """Return how far a window is from what its conditions make normal."""
         if observation.components != self.components:
             raise ParameterError("the window has other components than the baseline: fit the same ones, or learn again")
-        return observation.log_ratios - self.mean - self.slopes @ self._units(observation)
+        return observation.log_ratios - self.mean - self.slopes @ self.units(observation)
 
-    def _units(self, observation: Observation) -> Real:
-        """Return the conditions of a window as units away from the middle."""
+    def units(self, observation: Observation) -> Real:
+        """Return the conditions of a window as units away from the middle; 0 where unknown."""
         return _units(observation, self.middle)
 
     def to_dict(self) -> dict[str, Any]:
@@ -123,6 +140,9 @@ class Baseline:
             "mean": self.mean.tolist(),
             "covariance": self.covariance.tolist(),
             "nuisance": self.nuisance.tolist(),
+            "design": self.design.tolist(),
+            "degrees": self.degrees,
+            "taught": list(self.taught),
             "conditions": {
                 name: {
                     "middle": self.middle.get(name),
@@ -156,6 +176,9 @@ def baseline_from_dict(document: dict[str, Any]) -> Baseline:
             middle={name: one["middle"] for name, one in conditions.items() if one["middle"] is not None},
             ranges={name: (one["range"][0], one["range"][1]) for name, one in conditions.items() if one["range"]},
             nuisance=np.array(document["nuisance"], dtype=np.float64),
+            design=np.array(document["design"], dtype=np.float64),
+            degrees=float(document["degrees"]),
+            taught=tuple(map(float, document["taught"])),
             n_windows=int(document["n_windows"]),
             n_refused=int(document["n_refused"]),
             version=int(document["version"]),
@@ -197,9 +220,9 @@ def learn(
 
     Notes
     -----
-    Means, and slopes over the conditions with a prior about 0, by weighted least squares. Windows whose contrasts lie
-    beyond the 99.9 % quantile of chance are left out, worst first. The scatter of contrasts about the fit widens what
-    the windows report (8 windows' worth of the usual scatter beside it).
+    Means, and slopes over the conditions with a prior about 0, by ridge regression. Windows beyond the 99.9 % quantile
+    of chance about the others are left out, worst first. The scatter of left against right about the fit widens
+    what the windows report (two windows' worth of what they report beside it).
     """
     check_number("n_windows", n_windows, at_least=2)
     telling = [one for one in observations if one.can_tell and not one.sensor_faults]
@@ -213,9 +236,11 @@ def learn(
         found = _taught(common, vehicle, reason, previous, len(observations))
         distances = np.array([_distance(found, one) for one in common])
         worst = int(np.argmax(distances))
-        if distances[worst] <= stats.chi2.isf(_SUSPECT / len(common), len(found.components)):
+        one = common.pop(worst)
+        others = _taught(common, vehicle, reason, previous, len(observations))
+        size = len(others.components)
+        if _distance(others, one) <= size * stats.f.isf(_SUSPECT / len(distances), size, others.degrees):
             return found
-        del common[worst]
 
 
 def nominal_baseline(components: tuple[str, ...], *, vehicle: str) -> Baseline:
@@ -232,6 +257,8 @@ def nominal_baseline(components: tuple[str, ...], *, vehicle: str) -> Baseline:
         middle={},
         ranges={},
         nuisance=usual_nuisance(components, _ENDS),
+        design=np.diag([1.0, *([_NO_SLOPE] * len(CONDITIONS))]),
+        degrees=_PRIOR_SCATTER * len(pairs),
         n_windows=0,
         n_refused=0,
         version=0,
@@ -294,21 +321,25 @@ def _taught(
     values = np.array([one.log_ratios for one in observations])
     units = np.array([_units(one, middle) for one in observations])
     reported = np.mean([one.covariance for one in observations], axis=0)
-    mean, slopes = _regressed(values, units, np.sqrt(np.diag(reported)))
-    scatter = values - mean - units @ slopes.T
+    rows = np.column_stack([np.ones(len(units)), units])
+    design = rows.T @ rows + np.diag([0.0, *([np.diag(reported).mean() / _SLOPE**2] * units.shape[1])])
+    mean, *slopes = np.linalg.solve(design, rows.T @ values)
+    scatter = values - mean - units @ np.array(slopes)
     pairs, ends, _ = _directions(components)
-    free = max(len(values) - 1, 1)
-    inflation = max(1.0, _weighted(scatter @ pairs.T, reported, pairs, free))
+    free = max(len(values) - float(np.trace(np.linalg.solve(design, rows.T @ rows))), 1.0)
+    variances = np.diag(pairs @ reported @ pairs.T)
+    own = float(np.sum((scatter @ pairs.T) ** 2 / variances)) / len(pairs)
+    inflation = max(1.0, (own + _PRIOR_SCATTER) / (free + _PRIOR_SCATTER))
     kinds = sorted({name.split(".")[1] for name in components})
     per_kind = len(ends) // max(len(kinds), 1)
     usual = {}
     for k, kind in enumerate(kinds):
         usual[kind] = _ENDS.get(kind, 0.02)
         if per_kind:
-            rows = ends[k * per_kind : (k + 1) * per_kind]
-            own = np.mean(np.sum((scatter @ rows.T) ** 2, axis=0)) / free
-            chance = inflation * np.mean(np.diag(rows @ reported @ rows.T))
-            extra = max(0.0, own - chance)
+            these = ends[k * per_kind : (k + 1) * per_kind]
+            own = float(np.mean(np.sum((scatter @ these.T) ** 2, axis=0))) / free
+            chance = inflation * np.mean(np.diag(these @ reported @ these.T))
+            extra = max(0.0, float(own - chance))
             share = free / (free + _PRIOR_WINDOWS)
             usual[kind] = float(np.sqrt(share * extra + (1 - share) * usual[kind] ** 2))
     return Baseline(
@@ -316,40 +347,27 @@ def _taught(
         components=components,
         mean=mean,
         covariance=inflation * reported,
-        slopes=slopes,
+        slopes=np.array(slopes).T,
         middle=middle,
         ranges={name: (min(values_), max(values_)) for name, values_ in met.items() if values_},
         nuisance=usual_nuisance(components, usual),
+        design=design,
+        degrees=len(pairs) * (free + _PRIOR_SCATTER),
         n_windows=len(observations),
         n_refused=n_all - len(observations),
         version=1 if previous is None else previous.version + 1,
         reason=reason,
         imperfection=float(np.median([one.conditions.get("imperfection", 0.0) for one in observations])),
+        taught=tuple(sorted(one.time for one in observations)),
     )
 
 
-def _regressed(values: Real, units: Real, deviations: Real) -> tuple[Real, Real]:
-    """Return means and slopes of each component by ridge regression."""
-    design = np.column_stack([np.ones(len(units)), units])
-    mean, slopes = np.empty(values.shape[1]), np.empty((values.shape[1], units.shape[1]))
-    for k, deviation in enumerate(deviations):
-        prior = np.diag([0.0, *([(deviation / _SLOPE) ** 2] * units.shape[1])])
-        found = np.linalg.solve(design.T @ design + prior, design.T @ values[:, k])
-        mean[k], slopes[k] = found[0], found[1:]
-    return mean, slopes
-
-
-def _weighted(contrasts: Real, reported: Real, rows: Real, free: int) -> float:
-    """Return the mean square of contrasts over what is reported, 8 windows of 1 beside them."""
-    variances = np.diag(rows @ reported @ rows.T)
-    own = np.sum(contrasts**2 / variances) / rows.shape[0]
-    return float((own + _PRIOR_WINDOWS) / (free + _PRIOR_WINDOWS))
-
-
 def _distance(baseline: Baseline, observation: Observation) -> float:
-    """Return the squared Mahalanobis distance of a window from what is normal."""
+    """Return the squared Mahalanobis distance of a window from what others make normal."""
     away = baseline.residual(observation)
-    return float(away @ np.linalg.solve(baseline.covariance + baseline.nuisance, away))
+    u = np.concatenate([[1.0], baseline.units(observation)])
+    doubt = 1 + u @ np.linalg.solve(baseline.design, u)
+    return float(away @ np.linalg.solve(baseline.covariance + baseline.nuisance, away) / doubt)
 
 
 def _why_not(observations: Sequence[Observation]) -> str:

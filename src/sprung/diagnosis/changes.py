@@ -12,7 +12,6 @@ from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.observation import Observation
 
 Real = NDArray[np.float64]
-_Span = tuple[float, float]
 
 #: Standard deviation of the size of a fault, ln values, before any window; of something else, per component.
 _SIZE, _ELSE = 0.15, 0.04
@@ -56,7 +55,7 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One hypothesis with its evidence at its best onset.
+    """One hypothesis with its evidence, and size and onset where it is likeliest.
 
     Parameters
     ----------
@@ -64,21 +63,24 @@ class Candidate:
         Which.
     log_evidence
         ln of the likelihood with it over that without any change, size and onset averaged over.
+    explained
+        By how much it lowers the sum of squares of the windows' residuals, in variances.
     change
-        Relative: -0.2 is a loss of a fifth.
+        Relative: -0.2 is a loss of a fifth; None for something else, which has no one size.
     interval
         Of the change, 95 %: of chance, and of what a linear and imperfect vehicle makes of it.
     score
         Size over its standard deviation.
     onset, onset_interval
-        Time of the first changed window, and 95 % of its posterior [s].
+        Time of the first changed window, and from when to when it may be, 95 % of its posterior [s].
     """
 
     hypothesis: Hypothesis
     log_evidence: float
-    change: float
-    interval: tuple[float, float]
-    score: float
+    explained: float
+    change: float | None
+    interval: tuple[float, float] | None
+    score: float | None
     onset: float
     onset_interval: tuple[float, float]
 
@@ -93,16 +95,19 @@ class Detection:
         Of the windows that could tell [s].
     evidence
         ln of the e-detector after each of them.
+    e_value
+        ln of the mean over onsets of the likelihood ratio after all of them: an e-value, see `false_discoveries`.
     threshold
         ln of the value from which on it alarms.
     candidates
         All hypotheses, the best first.
     first_alarm
-        Time of the end of the window with which it alarmed first [s]; None: never.
+        Time at which the window begins with which it alarmed first [s]; None: never.
     """
 
     times: Real
     evidence: Real
+    e_value: float
     threshold: float
     candidates: tuple[Candidate, ...]
     first_alarm: float | None
@@ -143,11 +148,13 @@ def detect(
 
     Notes
     -----
-    Residual of window w: r_w = m + d size 1[w >= onset] + g_w + e_w with m ~ N(0, (C + Q) / N) the baseline's own
-    error, g_w ~ N(0, Q) what moves corners together and e_w ~ N(0, S_w) the fit's. For every onset and hypothesis the
-    likelihood ratio with the size's prior N(0, 0.15^2) averaged over has the mean 1 without a change (an e-value); the
-    sum over onsets of their mean over hypotheses is an e-detector (Shiryaev-Roberts), whose mean time to a false alarm
-    is at least its threshold in windows.
+    Residual of window w under its conditions u_w (1, then units away from the middle of those that taught):
+    r_w = (m + B u_w) + d size 1[w >= onset] + g_w + e_w. The errors m and B of the baseline's means and slopes have its
+    information, g_w ~ N(0, Q) moves corners together, e_w ~ N(0, S_w) is the fit's; one scale of all covariances is
+    known as the windows that taught tell it, and as those tested do: a likelihood of Student's. For every onset and
+    hypothesis the likelihood ratio with the size's prior N(0, 0.15^2) averaged over has the mean 1 without a change (an
+    e-value); the sum over onsets of their mean over hypotheses is an e-detector (Shiryaev-Roberts), whose mean time to
+    a false alarm is at least its threshold in windows. Sizes are those of most likelihood, without that prior.
 
     References
     ----------
@@ -159,37 +166,25 @@ def detect(
     if not telling:
         return None
     hypotheses = _hypotheses(baseline.components)
-    residuals = np.array([baseline.residual(one) for one in telling])
     shares = np.log([_SHARES[one.kind] / sum(o.kind == one.kind for o in hypotheses) for one in hypotheses])
-    informations = [_inverse(_own(baseline, one) + baseline.nuisance) for one in telling]
-    start = _baseline_information(baseline)
+    windows = _Windows(baseline, telling)
     evidence = np.empty(len(telling))
-    last: list[list[tuple[float, float, float]]] = []
     evidence[: len(known)] = known[: len(telling)]
     for end in range(min(len(known) + 1, len(telling)), len(telling) + 1):
-        table = _evidence(residuals[:end], informations[:end], start, hypotheses, baseline.components)
-        evidence[end - 1] = logsumexp(
-            [[one[0] + share for one, share in zip(row, shares, strict=True)] for row in table]
-        )
-        last = table
+        table = windows.table(end, hypotheses)
+        evidence[end - 1] = logsumexp(table.logs + shares)
     threshold = float(np.log(windows_per_day / false_alarms))
-    logs = np.array([[one[0] for one in row] for row in last])
-    totals = logsumexp(logs, axis=0) - np.log(len(logs))
+    totals = logsumexp(table.logs, axis=0) - np.log(len(telling))
     times = np.array([one.time for one in telling])
     misfit = float(np.median([one.conditions.get("imperfection", 0.0) for one in telling]))
-    candidates = []
-    for k, hypothesis in enumerate(hypotheses):
-        best = int(np.argmax(logs[:, k]))
-        _, size, deviation = last[best][k]
-        onset = float(times[best]), _interval(logs[:, k], times)
-        candidates.append(_candidate(hypothesis, float(totals[k]), (size, deviation), misfit, onset))
-    order = np.argsort(-(totals + shares))
+    candidates = [_candidate(one, row, table, times, misfit) for row, one in enumerate(hypotheses)]
     above = np.flatnonzero(evidence >= threshold)
     return Detection(
         times=times,
         evidence=evidence,
+        e_value=float(evidence[-1] - np.log(len(telling))),
         threshold=threshold,
-        candidates=tuple(candidates[k] for k in order),
+        candidates=tuple(candidates[row] for row in np.argsort(-(totals + shares))),
         first_alarm=float(times[above[0]]) if above.size else None,
     )
 
@@ -200,7 +195,7 @@ def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[
     Parameters
     ----------
     evidence
-        ln of an e-value of each vehicle, such as the largest `Candidate.log_evidence`.
+        ln of an e-value of each vehicle: `Detection.e_value`.
     rate
         Share of false discoveries.
 
@@ -233,85 +228,80 @@ def _direction(hypothesis: Hypothesis, components: tuple[str, ...]) -> Real:
     return np.array([float(name in parts) for name in components])
 
 
-def _own(baseline: Baseline, observation: Observation) -> Real:
-    """Return the covariance of one window's estimates, at least as wide as the baseline's windows were."""
+@dataclass(frozen=True, eq=False, slots=True)
+class _Table:
+    """What windows say for each onset (rows) and hypothesis, the last of which is something else and has no size."""
+
+    logs: Real
+    explained: Real
+    sizes: Real
+    deviations: Real
+
+
+class _Windows:
+    """Windows against a baseline: what they know of its errors and of a change."""
+
+    def __init__(self, baseline: Baseline, observations: Sequence[Observation]) -> None:
+        self._components, self._degrees = baseline.components, baseline.degrees
+        self._residuals = np.array([baseline.residual(one) for one in observations])
+        self._units = np.array([np.concatenate([[1.0], baseline.units(one)]) for one in observations])
+        self._informations = np.array([np.linalg.inv(own_covariance(baseline, one)) for one in observations])
+        # What the baseline knows of its own means and slopes.
+        self._start = np.kron(baseline.design, np.linalg.inv(baseline.covariance + baseline.nuisance))
+
+    def table(self, end: int, hypotheses: Sequence[Hypothesis]) -> _Table:
+        """Return what the windows before `end` say."""
+        r, u, W = self._residuals[:end], self._units[:end], self._informations[:end]
+        n, p = r.shape
+        weighted = np.einsum("wij,wj->wi", W, r)
+        between = np.einsum("wa,wij->waij", u, W).reshape(n, -1, p)
+        J = self._start + np.einsum("wa,wb,wij->aibj", u, u, W).reshape(self._start.shape)
+        errors_of = np.linalg.inv(J)
+        pulled = np.einsum("wa,wi->ai", u, weighted).ravel()
+        errors = errors_of @ pulled
+        left = self._degrees + float(np.sum(r * weighted) - pulled @ errors)
+        # Of the windows from each on.
+        later, score, moved = (np.cumsum(part[::-1], axis=0)[::-1] for part in (W, weighted, between))
+        information = later - moved.swapaxes(-1, -2) @ errors_of @ moved
+        score = score - errors @ moved
+        directions = np.array([_direction(one, self._components) for one in hypotheses if one.kind != "else"])
+        known = np.einsum("hi,wij,hj->wh", directions, information, directions)
+        pulls = score @ directions.T
+        each = information + np.eye(p) / _ELSE**2
+        explained = np.column_stack(
+            [pulls**2 / (known + 1 / _SIZE**2), np.einsum("wi,wij,wj->w", score, np.linalg.inv(each), score)]
+        )
+        volumes = np.column_stack([np.log1p(known * _SIZE**2), np.linalg.slogdet(_ELSE**2 * each)[1]]) / 2
+        degrees, rest = self._degrees + n * p, left - explained
+        logs = degrees / 2 * np.log(left / rest) - volumes
+        return _Table(logs, explained, pulls / known, np.sqrt(rest[:, :-1] / degrees / known))
+
+
+def own_covariance(baseline: Baseline, observation: Observation) -> Real:
+    """Return the covariance of one window's residual, at least as wide as that of the baseline's windows."""
     if baseline.n_windows == 0:
-        return observation.covariance
+        return np.asarray(observation.covariance + baseline.nuisance)
     own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(baseline.covariance), 1.0))
-    return np.asarray(baseline.covariance * np.outer(own, own))
+    return np.asarray(baseline.covariance * np.outer(own, own) + baseline.nuisance)
 
 
-def _baseline_information(baseline: Baseline) -> Real:
-    """Return the information about the baseline's own error."""
-    if baseline.n_windows == 0:
-        return np.asarray(np.linalg.inv(baseline.covariance + baseline.nuisance))
-    return np.asarray(baseline.n_windows * np.linalg.inv(baseline.covariance + baseline.nuisance))
-
-
-def _evidence(
-    residuals: Real,
-    informations: Sequence[Real],
-    start: Real,
-    hypotheses: Sequence[Hypothesis],
-    components: tuple[str, ...],
-) -> list[list[tuple[float, float, float]]]:
-    """Return for each onset and hypothesis ln evidence, size and its standard deviation (ln values)."""
-    table = []
-    before_information, before_sum = start, np.zeros(len(components))
-    after_information = np.sum(informations, axis=0)
-    after_sum = np.sum([info @ r for info, r in zip(informations, residuals, strict=True)], axis=0)
-    for information, residual in zip(informations, residuals, strict=True):
-        before, after = _inverse(before_information), _inverse(after_information)
-        contrast = after @ after_sum - before @ before_sum
-        spread = before + after
-        weight = _inverse(spread)
-        row = []
-        for hypothesis in hypotheses:
-            if hypothesis.kind == "else":
-                row.append((_something(contrast, spread), 0.0, 0.0))
-                continue
-            d = _direction(hypothesis, components)
-            size_information, score = float(d @ weight @ d), float(d @ weight @ contrast)
-            total = size_information + 1 / _SIZE**2
-            log = -0.5 * np.log(size_information * _SIZE**2 + 1) + score**2 / (2 * total)
-            row.append((float(log), score / total, float(1 / np.sqrt(total))))
-        table.append(row)
-        before_information = before_information + information
-        before_sum = before_sum + information @ residual
-        after_information = after_information - information
-        after_sum = after_sum - information @ residual
-        if len(table) == len(residuals):
-            break
-    return table
-
-
-def _inverse(matrix: Real) -> Real:
-    """Return the inverse."""
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
-def _something(contrast: Real, spread: Real) -> float:
-    """Return ln evidence that every component moved by itself."""
-    wider = spread + _ELSE**2 * np.eye(len(contrast))
-    squares = contrast @ np.linalg.solve(spread, contrast) - contrast @ np.linalg.solve(wider, contrast)
-    return float((squares - np.linalg.slogdet(wider)[1] + np.linalg.slogdet(spread)[1]) / 2)
-
-
-def _candidate(
-    hypothesis: Hypothesis, log: float, found: tuple[float, float], misfit: float, onset: tuple[float, _Span]
-) -> Candidate:
-    """Return the candidate of a hypothesis, its size and the standard deviation of that [ln values]."""
-    size, deviation = found
+def _candidate(hypothesis: Hypothesis, row: int, table: _Table, times: Real, misfit: float) -> Candidate:
+    """Return the candidate of a hypothesis."""
+    log = float(logsumexp(table.logs[:, row]) - np.log(len(times)))
+    best = int(np.argmax(table.logs[:, row]))
+    onset = float(times[best]), _interval(table.logs[:, row], times)
+    explained = float(table.explained[best, row])
+    if hypothesis.kind == "else":
+        return Candidate(hypothesis, log, explained, None, None, None, *onset)
+    size, deviation = float(table.sizes[best, row]), float(table.deviations[best, row])
     scale = np.hypot(_SCALE.get(hypothesis.name.rsplit(".", maxsplit=1)[-1], 0.05), _OF_MISFIT * misfit)
     away = _Z * np.hypot(deviation, scale * size)
-    score = abs(size) / deviation if deviation else 0.0
     interval = float(np.expm1(size - away)), float(np.expm1(size + away))
-    return Candidate(hypothesis, log, float(np.expm1(size)), interval, score, *onset)
+    return Candidate(hypothesis, log, explained, float(np.expm1(size)), interval, abs(size) / deviation, *onset)
 
 
 def _interval(logs: Real, times: Real) -> tuple[float, float]:
-    """Return 95 % of the posterior of the onset."""
+    """Return 95 % of the posterior of the onset, which may lie anywhere since the window before began."""
     weights = np.exp(logs - logsumexp(logs))
-    total = np.cumsum(weights)
-    first, last = np.searchsorted(total, [0.025, 0.975])
-    return float(times[min(first, len(times) - 1)]), float(times[min(last, len(times) - 1)])
+    first, last = np.searchsorted(np.cumsum(weights), [0.025, 0.975])
+    return float(times[max(min(first, len(times) - 1) - 1, 0)]), float(times[min(last, len(times) - 1)])

@@ -1,5 +1,6 @@
-"""Mode-shape evidence beside a finding: the body's modes before and after, as the thesis looks at them."""
+"""The body's modes before and after a change, as the finding implies and as the windows have them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.findings import Finding
+from sprung.diagnosis.observation import Observation
 from sprung.labels import MOTIONS
 from sprung.modal import mac, unit_shapes
 from sprung.vehicles import Vehicle, structure
@@ -15,7 +17,7 @@ from sprung.vehicles import Vehicle, structure
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ModeChange:
-    """A mode of the body before and after a change.
+    """A mode of the body before and after a change, as the finding implies: computed, not measured.
 
     Parameters
     ----------
@@ -29,6 +31,9 @@ class ModeChange:
         Where the shapes are given.
     shapes
         Moduli before and after, shape (2, channels), 1 at the largest channel of each.
+    measured_before, measured_since
+        Natural frequency [Hz] and damping ratio of the vehicle as fitted to each window, in the median of the windows
+        before the onset and since then; None where there are none.
     """
 
     label: str
@@ -37,6 +42,8 @@ class ModeChange:
     mac: float
     channels: tuple[str, ...]
     shapes: NDArray[np.float64]
+    measured_before: tuple[float, float] | None = None
+    measured_since: tuple[float, float] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the change as plain values."""
@@ -47,11 +54,15 @@ class ModeChange:
             "mac": self.mac,
             "channels": list(self.channels),
             "shapes": self.shapes.tolist(),
+            "measured_before": None if self.measured_before is None else list(self.measured_before),
+            "measured_since": None if self.measured_since is None else list(self.measured_since),
         }
 
 
-def mode_changes(vehicle: Vehicle, finding: Finding, baseline: Baseline | None = None) -> tuple[ModeChange, ...]:
-    """Return how a finding changes the body's modes.
+def mode_changes(
+    vehicle: Vehicle, finding: Finding, baseline: Baseline | None = None, *, observations: Sequence[Observation] = ()
+) -> tuple[ModeChange, ...]:
+    """Return how the body's modes change as a finding implies.
 
     Parameters
     ----------
@@ -61,12 +72,15 @@ def mode_changes(vehicle: Vehicle, finding: Finding, baseline: Baseline | None =
         Of one part, of both of an axle or of all corners.
     baseline
         What the vehicle was like before; None: as its file says.
+    observations
+        The diagnosis' windows, for the measured modes.
 
     Notes
     -----
-    Exact modes of the vehicle with the baseline's components, and with the finding's change applied to them.
+    Exact modes of the vehicle with the baseline's components, and with the finding's change applied to them: they show
+    what the finding means and are no evidence for it. The measured ones vary with the payload, too.
     """
-    if finding.component == "something_else":
+    if finding.change is None:
         return ()
     known = {} if baseline is None else dict(zip(baseline.components, np.exp(baseline.mean), strict=True))
     nominal = structure(vehicle)
@@ -78,6 +92,9 @@ def mode_changes(vehicle: Vehicle, finding: Finding, baseline: Baseline | None =
             name = f"{owner}.{finding.component}"
             after[name] = before.get(name, 1.0) * (1 + finding.change)
     healthy, changed = (nominal.changed(factors).modes() for factors in (before, after))
+    sound = [one for one in observations if one.can_tell and not one.sensor_faults]
+    earlier = [one for one in sound if one.time < finding.since]
+    later = [one for one in sound if one.time >= finding.since]
     found = []
     for label in MOTIONS:
         if label not in healthy.labels:
@@ -95,6 +112,17 @@ def mode_changes(vehicle: Vehicle, finding: Finding, baseline: Baseline | None =
                 float(likeness[other]),
                 tuple(healthy.channels),
                 shapes,
+                _measured(earlier, label),
+                _measured(later, label),
             )
         )
     return tuple(found)
+
+
+def _measured(observations: Sequence[Observation], label: str) -> tuple[float, float] | None:
+    """Return frequency and damping of a mode in the median of windows."""
+    met = [one.modes[label] for one in observations if label in one.modes]
+    if not met:
+        return None
+    frequency, damping = np.median(met, axis=0)
+    return float(frequency), float(damping)

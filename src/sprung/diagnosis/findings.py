@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sprung.diagnosis.baseline import Baseline, nominal_baseline
-from sprung.diagnosis.changes import Candidate, Detection, detect
+from sprung.diagnosis.changes import Candidate, Detection, detect, own_covariance
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.sensors import SensorFault
 
@@ -22,11 +22,11 @@ SEVERITIES = (
 )
 #: A runner-up that is less likely by this in ln is not worth a word.
 _CLOSE = 3.0
-#: Share of the evidence of something else that a part must explain to be named in its place.
+#: Share of what something else explains that a part must explain to be named in its place.
 _MOSTLY = 0.8
 #: Misfit up to which values can be compared with the vehicle file itself.
 _TRUSTED = 0.15
-#: Change at which a part is due [ln values], for forecasts.
+#: Relative change at which a part is due, for forecasts.
 _LIMIT = 0.3
 #: Times beyond this count from 1970 [s].
 _DATED = 1e8
@@ -39,9 +39,10 @@ class Trend:
     Parameters
     ----------
     per_hour, interval
-        Relative change per hour of driving, and its 95 % interval.
+        Relative change per hour of the windows' clock, and its 95 % interval.
     hours_to_limit
-        Until the change is 30 %: earliest and latest (inf: perhaps never); None where there is no trend.
+        After the last window until the change is 30 %: earliest and latest, 0 where it is; None where there is no trend
+        towards it.
     """
 
     per_hour: float
@@ -60,13 +61,13 @@ class Finding:
     component
         "spring", "damper" or "tyre"; "something_else".
     change, interval
-        Relative, -0.2 is a loss of a fifth; 95 %.
+        Relative, -0.2 is a loss of a fifth; 95 %. None for something else, which has no one size.
     score
-        Size over its standard deviation.
+        Size over its standard deviation; None for something else.
     severity, severity_number, advice
         See `SEVERITIES`.
     since, since_interval
-        Begin of the first changed window [s], and 95 % of its posterior.
+        Begin of the first changed window [s], and from when to when that may be, 95 % of its posterior.
     runner_up
         What else it may be, where that is not far less likely; empty otherwise.
     trend
@@ -75,9 +76,9 @@ class Finding:
 
     corner: str
     component: str
-    change: float
-    interval: tuple[float, float]
-    score: float
+    change: float | None
+    interval: tuple[float, float] | None
+    score: float | None
     severity: str
     severity_number: int
     advice: str
@@ -94,17 +95,28 @@ class Finding:
     @property
     def sentence(self) -> str:
         """The finding in plain words."""
-        what = f"{self.corner.replace('_', '-')} {self.component}{'s' if self.corner == 'all' else ''}"
-        if self.component == "something_else":
+        if self.change is None or self.interval is None:
             return f"the suspension differs from the baseline in a way that no single part explains: {self.advice}"
-        low, high = sorted(100 * abs(end) for end in self.interval)
-        word = "softer" if self.change < 0 else "stiffer"
-        if self.component == "damper":
-            word = "weaker" if self.change < 0 else "stronger"
-        text = f"{what} {100 * abs(self.change):.0f} % ({low:.0f} to {high:.0f} %) {word}"
+        softer, stiffer = ("weaker", "stronger") if self.component == "damper" else ("softer", "stiffer")
+        low, high = sorted((100 * end for end in self.interval), key=abs)
+        span = (
+            f"{abs(low):.0f} to {abs(high):.0f} %"
+            if low * high > 0
+            else f"{min(low, high):+.0f} to {max(low, high):+.0f} %"
+        )
+        text = f"{self._what} {100 * abs(self.change):.0f} % ({span}) {softer if self.change < 0 else stiffer}"
         if self.runner_up:
             text += f" (or {self.runner_up})"
         return f"{text}, since {_when(self.since)}; {self.advice}"
+
+    @property
+    def _what(self) -> str:
+        """The parts in words."""
+        if self.corner == "all":
+            return f"all {self.component}s"
+        if "_" not in self.corner:
+            return f"both {self.corner} {self.component}s"
+        return f"{self.corner.replace('_', '-')} {self.component}"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -123,6 +135,10 @@ class Diagnosis:
         All windows.
     notes
         What a reader should know, one sentence each.
+    baseline
+        What the windows were compared with; None where no window can tell.
+    false_alarms
+        Rate of false alarms per vehicle and day.
     """
 
     findings: tuple[Finding, ...]
@@ -130,6 +146,8 @@ class Diagnosis:
     detection: Detection | None
     observations: tuple[Observation, ...]
     notes: tuple[str, ...]
+    baseline: Baseline | None = None
+    false_alarms: float = 1e-3
 
     @property
     def is_healthy(self) -> bool:
@@ -140,6 +158,9 @@ class Diagnosis:
         """Return the JSON object `sprung.diagnosis/1`."""
         return {
             "schema": "sprung.diagnosis/1",
+            "vehicle": None if self.baseline is None else self.baseline.vehicle,
+            "baseline": None if self.baseline is None else self.baseline.version,
+            "false_alarms": self.false_alarms,
             "healthy": self.is_healthy,
             "findings": [_plain(finding) for finding in self.findings],
             "sensor_faults": [
@@ -151,15 +172,20 @@ class Diagnosis:
             else {
                 "times": self.detection.times.tolist(),
                 "evidence": self.detection.evidence.tolist(),
+                "e_value": self.detection.e_value,
                 "threshold": self.detection.threshold,
                 "first_alarm": self.detection.first_alarm,
                 "hypotheses": [
                     {
                         "name": one.hypothesis.name,
+                        "kind": one.hypothesis.kind,
                         "log_evidence": one.log_evidence,
+                        "explained": one.explained,
                         "change": one.change,
-                        "interval": list(one.interval),
+                        "interval": _listed(one.interval),
                         "score": one.score,
+                        "onset": one.onset,
+                        "onset_interval": list(one.onset_interval),
                     }
                     for one in self.detection.candidates
                 ],
@@ -201,13 +227,14 @@ def diagnose(
     for one in every:
         for fault in one.sensor_faults:
             faults.setdefault((fault.channel, fault.kind), fault)
-    detection = None
+    detection = normal = None
     if telling:
         normal = baseline or nominal_baseline(telling[0].components, vehicle=vehicle)
         if baseline is None:
             notes.append("no baseline: compared with the vehicle file and left with right, with wide limits")
         # A window in which sensors failed is no witness: what they did to it is unknown.
         sound = [one for one in telling if not one.sensor_faults]
+        notes += _unwatched(telling, sound)
         if baseline is None:
             trusted = [one for one in sound if one.conditions.get("imperfection", 0.0) <= _TRUSTED]
             if len(trusted) < len(sound):
@@ -218,17 +245,49 @@ def diagnose(
             sound = trusted
         notes += [*normal.notes, *_unmet(normal, sound)]
         detection = detect(normal, sound, false_alarms=false_alarms, windows_per_day=windows_per_day, known=known)
-    findings = () if detection is None or not detection.is_alarm else (_finding(detection, telling, normal),)
-    return Diagnosis(findings, tuple(faults.values()), detection, every, tuple(notes))
+    findings: tuple[Finding, ...] = ()
+    if detection is not None and normal is not None:
+        if detection.is_alarm:
+            findings = (_finding(detection, sound, normal),)
+        notes += _left(detection)
+    return Diagnosis(findings, tuple(faults.values()), detection, every, tuple(notes), normal, false_alarms)
+
+
+def _unwatched(telling: Sequence[Observation], sound: Sequence[Observation]) -> list[str]:
+    """Say that windows in which sensors fail say nothing of the suspension."""
+    if len(sound) == len(telling):
+        return []
+    causes = {f"{fault.channel} is {fault.kind.replace('_', ' ')}" for one in telling for fault in one.sensor_faults}
+    return [
+        f"{len(telling) - len(sound)} of {len(telling)} windows say nothing of the suspension, as "
+        f"{', '.join(sorted(causes))}: it is not watched until that is mended"
+    ]
+
+
+def _left(detection: Detection) -> list[str]:
+    """Say what the named part does not explain, and that an alarm is over."""
+    if not detection.is_alarm:
+        if detection.first_alarm is None:
+            return []
+        return [f"an alarm stood from the window at {_when(detection.first_alarm)} on, and is over"]
+    first, named = detection.candidates[0], _best_two(detection)[0]
+    if first.log_evidence - named.log_evidence < detection.threshold:
+        return []
+    return [
+        f"the {_words(named)} explains {100 * named.explained / first.explained:.0f} % of what has changed: the rest "
+        "may be another part, or what the vehicle file lacks"
+    ]
 
 
 def _finding(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> Finding:
     """Return the best hypothesis as a finding."""
     best, second = _best_two(detection)
-    sure = min(abs(end) for end in best.interval) if best.interval[0] * best.interval[1] > 0 else 0.0
-    _, severity, number, advice = next(level for level in SEVERITIES if sure >= level[0])
-    is_else = best.hypothesis.kind == "else"
-    corner, component = ("vehicle", "something_else") if is_else else best.hypothesis.name.split(".")
+    if best.interval is None:
+        corner, component, level = "vehicle", "something_else", SEVERITIES[2]
+    else:
+        corner, component = best.hypothesis.name.split(".")
+        sure = min(map(abs, best.interval)) if best.interval[0] * best.interval[1] > 0 else 0.0
+        level = next(level for level in SEVERITIES if sure >= level[0])
     close = best.log_evidence - second.log_evidence < _CLOSE and second.hypothesis.kind != "else"
     return Finding(
         corner=corner,
@@ -236,26 +295,26 @@ def _finding(detection: Detection, observations: Sequence[Observation], baseline
         change=best.change,
         interval=best.interval,
         score=best.score,
-        severity=severity if not is_else else "medium",
-        severity_number=number if not is_else else 500,
-        advice=advice if not is_else else "inspect at the next service",
+        severity=level[1],
+        severity_number=level[2],
+        advice=level[3],
         since=best.onset,
         since_interval=best.onset_interval,
         runner_up=_words(second) if close else "",
-        trend=None if is_else else trend(best, observations, baseline, since=best.onset),
+        trend=trend(best, observations, baseline, since=best.onset),
     )
 
 
 def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     """Return the hypothesis to name and the next best.
 
-    A part that explains nearly all of the evidence is named, though something else explains a little more: with much
-    evidence, every imperfection of the vehicle file does.
+    A part that explains nearly all is named, though something else explains a little more: with much evidence, every
+    imperfection of the vehicle file does.
     """
     first, *others = detection.candidates
     named = next(one for one in detection.candidates if one.hypothesis.kind != "else")
-    least = max(_MOSTLY * first.log_evidence, detection.threshold)
-    if first.hypothesis.kind != "else" or named.log_evidence < least:
+    is_enough = named.explained >= _MOSTLY * first.explained and named.log_evidence >= detection.threshold
+    if first.hypothesis.kind != "else" or not is_enough:
         return first, others[0]
     return named, next(one for one in others if one.hypothesis.kind != "else" and one is not named)
 
@@ -263,38 +322,38 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
 def trend(
     candidate: Candidate, observations: Sequence[Observation], baseline: Baseline, *, since: float
 ) -> Trend | None:
-    """Return how a change goes on after its onset; None with fewer than four windows.
+    """Return how a change goes on after its onset; None with fewer than four windows, or without one size.
 
     Notes
     -----
-    A line through the sizes of single windows by weighted least squares; no trend where 0 lies within its interval.
+    A line through the sizes of single windows by weighted least squares; no trend where 0 lies within its interval. The
+    limit is met where the ends of the line's interval meet it.
     """
     names = baseline.components
-    rows = [names.index(name) for name in candidate.hypothesis.parts(names)]
+    d = np.array([float(name in candidate.hypothesis.parts(names)) for name in names])
     later = [one for one in observations if one.time >= since and one.components == names]
-    if len(later) < 4 or not rows:
+    if len(later) < 4 or not d.any():
         return None
-    d = np.zeros(len(names))
-    d[rows] = 1.0
     hours = np.array([one.time for one in later]) / 3600
-    sizes, weights = np.empty(len(later)), np.empty(len(later))
-    for k, one in enumerate(later):
-        information = np.linalg.inv(baseline.covariance + baseline.nuisance)
-        weights[k] = d @ information @ d
-        sizes[k] = d @ information @ baseline.residual(one) / weights[k]
+    informations = [np.linalg.inv(own_covariance(baseline, one)) for one in later]
+    weights = np.array([d @ information @ d for information in informations])
+    sizes = [d @ information @ baseline.residual(one) for information, one in zip(informations, later, strict=True)]
+    sizes = np.array(sizes) / weights
     away = hours - np.average(hours, weights=weights)
+    mean = float(np.average(sizes, weights=weights))
     slope = float(np.sum(weights * away * sizes) / np.sum(weights * away**2))
-    scatter = np.sum(weights * (sizes - np.average(sizes, weights=weights) - slope * away) ** 2) / (len(later) - 2)
-    deviation = float(np.sqrt(max(1.0, scatter) / np.sum(weights * away**2)))
+    scatter = max(1.0, float(np.sum(weights * (sizes - mean - slope * away) ** 2)) / (len(later) - 2))
+    deviation = float(np.sqrt(scatter / np.sum(weights * away**2)))
     interval = (slope - 1.96 * deviation, slope + 1.96 * deviation)
     limit: tuple[float, float] | None = None
-    if interval[0] * interval[1] > 0:
-        now = float(np.average(sizes, weights=weights) + slope * away[-1])
-        left = _LIMIT - abs(now)
-        if left > 0 and now * slope > 0:
-            fast, slow = max(map(abs, interval)), min(map(abs, interval))
-            limit = (left / fast, left / slow)
-    return Trend(slope, interval, limit)
+    now = mean + slope * away[-1]
+    if interval[0] * interval[1] > 0 and now * slope > 0:
+        left = abs(np.log1p(np.copysign(_LIMIT, slope))) - abs(now)
+        doubt = 1.96 * float(np.sqrt(scatter / np.sum(weights) + (deviation * away[-1]) ** 2))
+        fast, slow = max(map(abs, interval)), min(map(abs, interval))
+        limit = (max(0.0, left - doubt) / fast, max(0.0, left + doubt) / slow)
+    low, high = map(float, np.expm1(interval))
+    return Trend(float(np.expm1(slope)), (low, high), limit)
 
 
 def _when(time: float) -> str:
@@ -307,7 +366,7 @@ def _when(time: float) -> str:
 def _words(candidate: Candidate) -> str:
     """Return a hypothesis in words."""
     corner, component = candidate.hypothesis.name.split(".")
-    return f"{corner.replace('_', '-')} {component} by {100 * candidate.change:+.0f} %"
+    return f"{corner.replace('_', '-')} {component} by {100 * (candidate.change or 0.0):+.0f} %"
 
 
 def _refusals(observations: Sequence[Observation]) -> list[str]:
@@ -323,9 +382,12 @@ def _unmet(baseline: Baseline, observations: Sequence[Observation]) -> list[str]
     """Say which conditions the baseline never met."""
     found = []
     for name, (low, high) in baseline.ranges.items():
-        room = 0.5 * (high - low)
+        scale = np.log if name == "level" else float
+        room = 0.5 * (scale(high) - scale(low))
         outside = [
-            one for one in observations if not low - room <= one.conditions.get(name, (low + high) / 2) <= high + room
+            one
+            for one in observations
+            if name in one.conditions and not scale(low) - room <= scale(one.conditions[name]) <= scale(high) + room
         ]
         if outside:
             found.append(
@@ -335,13 +397,18 @@ def _unmet(baseline: Baseline, observations: Sequence[Observation]) -> list[str]
     return found
 
 
+def _listed(interval: tuple[float, float] | None) -> list[float] | None:
+    """Return an interval as JSON has it."""
+    return None if interval is None else list(interval)
+
+
 def _plain(finding: Finding) -> dict[str, Any]:
     """Return a finding as plain values."""
     return {
         "corner": finding.corner,
         "component": finding.component,
         "change": finding.change,
-        "interval": list(finding.interval),
+        "interval": _listed(finding.interval),
         "score": finding.score,
         "severity": finding.severity,
         "severity_number": finding.severity_number,
@@ -354,7 +421,7 @@ def _plain(finding: Finding) -> dict[str, Any]:
         else {
             "per_hour": finding.trend.per_hour,
             "interval": list(finding.trend.interval),
-            "hours_to_limit": None if finding.trend.hours_to_limit is None else list(finding.trend.hours_to_limit),
+            "hours_to_limit": _listed(finding.trend.hours_to_limit),
         },
         "sentence": finding.sentence,
     }

@@ -72,6 +72,7 @@ def corner_bars(
     *,
     is_told: np.ndarray,
     heading: tuple[str, str],
+    by_chance: np.ndarray | None = None,
 ) -> Figure:
     """Draw the vehicle from above with bars of every component.
 
@@ -85,6 +86,8 @@ def corner_bars(
         Which are known well enough to be coloured.
     heading
         And what stands below it.
+    by_chance
+        The part of the deviations that every component has for itself, drawn as a thicker line; None: not drawn.
     """
     owners = list(dict.fromkeys(name.split(".")[0] for name in names))
     n_axles = len(owners) // 2
@@ -92,10 +95,13 @@ def corner_bars(
     panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
     change, low, high = (100 * np.expm1(log_ratios + sign * 1.96 * deviations) for sign in (0, -1, 1))
     reach = max(10.0, 1.3 * np.abs(np.concatenate([low[is_told], high[is_told], [5.0]])).max())
+    thick = None if by_chance is None else [100 * np.expm1(log_ratios + sign * 1.96 * by_chance) for sign in (-1, 1)]
     for axes, owner in zip(panels.ravel(), owners, strict=True):
         rows = [k for k, name in enumerate(names) if name.split(".")[0] == owner]
         words = [names[row].split(".")[1] for row in rows]
         _draw_corner(axes, words, is_told[rows], change[rows], low[rows], high[rows])
+        if thick is not None:
+            axes.vlines(range(len(rows)), thick[0][rows], thick[1][rows], color=INK, linewidth=4)
         axes.set_title(owner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
         axes.set_ylim(-reach, reach)
     for axes in panels[:, 0]:

@@ -1,17 +1,23 @@
-"""Pictures of a diagnosis: evidence over time, likelihood of the hypotheses, trends of the components."""
+"""Pictures of a diagnosis: evidence of the hypotheses, corners, components over time, modes as a finding implies."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
 
-from sprung.diagnosis import Baseline, Diagnosis, ModeChange, nominal_baseline
+from sprung.diagnosis import Baseline, Diagnosis, Finding, ModeChange, Observation, nominal_baseline
 from sprung.errors import ParameterError
 from sprung.plotting.corners import corner_bars
 from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 
 _MOST = 8
 _KINDS = ("spring", "damper", "tyre")
+#: Colours of what is usual, with and without what moves corners together.
+_BANDS = ("#EDEDED", "#D5D5D5")
+#: Colour of the interval of an onset, and quantile of a 95 % interval.
+_ONSET, _Z = "#F3D9C9", 1.96
 
 
 def evidence_figure(diagnosis: Diagnosis) -> Figure:
@@ -42,14 +48,16 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
         color=MODE_COLOURS[1],
     )
     if diagnosis.findings:
-        left.axvspan(*(time / 60 for time in diagnosis.findings[0].since_interval), color="#F3D9C9", zorder=0)
-        left.axvline(diagnosis.findings[0].since / 60, color=FAINT, linewidth=1)
+        left.axvspan(*(time / 60 for time in diagnosis.findings[0].since_interval), color=_ONSET, zorder=0)
+        left.axvline(diagnosis.findings[0].since / 60, color=FAINT, linewidth=1, label="onset, with 95 %")
+        left.legend(fontsize=SMALL, frameon=False)
+    left.set_xlim(*_span(minutes))
     left.set_xlabel("begin of the window [min]", fontsize=NORMAL)
     left.set_ylabel("ln evidence of any change", fontsize=NORMAL)
     best = detection.candidates[:_MOST][::-1]
     named = diagnosis.findings[0].hypothesis if diagnosis.findings else best[-1].hypothesis.name
     right.barh(
-        [one.hypothesis.name.replace("_", " ").replace(".", " ") for one in best],
+        [one.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every ") for one in best],
         [one.log_evidence for one in best],
         color=[MODE_COLOURS[0] if one.hypothesis.name == named else FAINT for one in best],
     )
@@ -72,14 +80,16 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     detection = diagnosis.detection
     if detection is None:
         raise ParameterError("no window can tell: there are no corners to draw")
-    since = diagnosis.findings[0].since if diagnosis.findings else 0.0
-    telling = [one for one in diagnosis.observations if one.can_tell and one.time >= since]
+    telling = _witnesses(diagnosis)
+    since = diagnosis.findings[0].since if diagnosis.findings else telling[0].time
+    telling = [one for one in telling if one.time >= since]
     normal = baseline or nominal_baseline(telling[0].components, vehicle="")
-    telling = [one for one in telling if one.components == normal.components]
     mean = np.mean([normal.residual(one) for one in telling], axis=0)
-    spread = np.mean([one.covariance for one in telling], axis=0) / len(telling)
+    own = np.mean([one.covariance for one in telling], axis=0) / len(telling)
     if normal.n_windows:
-        spread = normal.covariance * (1 / len(telling) + 1 / normal.n_windows)
+        own = normal.covariance * (1 / len(telling) + 1 / normal.n_windows)
+    # What moves corners together may stay, as a payload does: a mean over windows does not take it out.
+    spread = own + normal.nuisance
     against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
     return corner_bars(
         normal.components,
@@ -87,51 +97,109 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         np.sqrt(np.diag(spread)),
         is_told=np.ones(len(mean), dtype=np.bool_),
         heading=(
-            f"Corners against {against}",
-            f"Change in {len(telling)} windows since {since / 60:.0f} min [%], with 95 % intervals",
+            f"Corners against {against}: mean of {len(telling)} windows since {since / 60:.0f} min",
+            "95 % intervals: thick by chance, thin with what moves corners together, such as payload",
         ),
+        by_chance=np.sqrt(np.diag(own)),
     )
 
 
-def trends_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw every component over the windows, with 95 % intervals.
+def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Figure:
+    """Draw every component over the windows beside what is usual, with onset and trend of a finding.
 
     Parameters
     ----------
     diagnosis
         With a window that can tell.
+    baseline
+        None: the vehicle file.
+
+    Notes
+    -----
+    Values are those in the middle of the baseline's conditions. The line is the baseline's mean (without one 0, as the
+    file says), the grey band holds 95 % of usual single windows, the darker one is without what moves corners together.
     """
-    telling = [one for one in diagnosis.observations if one.can_tell]
-    if not telling:
+    if diagnosis.detection is None:
         raise ParameterError("no window can tell: there are no trends to draw")
-    names = telling[0].components
-    telling = [one for one in telling if one.components == names]
+    telling = _witnesses(diagnosis)
+    normal = baseline or nominal_baseline(telling[0].components, vehicle="")
+    names = normal.components
+    owners = list(dict.fromkeys(name.split(".")[0] for name in names))
+    against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
+    what = "Components over time against the vehicle file, with 95 % intervals"
+    where = f"Grey: 95 % of usual windows by {against}; darker: without what moves corners together"
+    figure = new_figure(what, where, width=max(9.5, 2.4 * len(owners)), height=7)
+    panels = figure.subplots(len(_KINDS), len(owners), sharex=True, sharey="row", squeeze=False)
     minutes = np.array([one.time for one in telling]) / 60
-    values = 100 * np.expm1([one.log_ratios for one in telling])
-    bars = 196 * np.sqrt([np.diag(one.covariance) for one in telling])
-    figure = new_figure("Components over time", "Change against the vehicle file, 95 % intervals", width=9.5, height=7)
-    panels = figure.subplots(len(_KINDS), 1, sharex=True)
-    for axes, kind in zip(panels, _KINDS, strict=True):
-        plain(axes)
-        members = [row for row, name in enumerate(names) if name.endswith("." + kind)]
-        for number, row in enumerate(members):
-            label = names[row].split(".")[0].replace("_", " ")
-            colour = MODE_COLOURS[number % len(MODE_COLOURS)]
-            axes.errorbar(
-                minutes, values[:, row], bars[:, row], color=colour, label=label, marker="o", markersize=3, linewidth=1
-            )
-        for finding in diagnosis.findings:
-            if finding.component == kind:
-                axes.axvline(finding.since / 60, color=FAINT, linewidth=1)
-        axes.axhline(0, color=INK, linewidth=0.8)
-        axes.set_ylabel(f"{kind} [%]", fontsize=NORMAL)
-    panels[0].legend(fontsize=SMALL, frameon=False, ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
-    panels[-1].set_xlabel("begin of the window [min]", fontsize=NORMAL)
+    values = np.array([normal.mean + normal.residual(one) for one in telling])
+    bars = _Z * np.sqrt([np.diag(one.covariance) for one in telling])
+    own, usual = (_Z * np.sqrt(np.diag(c)) for c in (normal.covariance, normal.covariance + normal.nuisance))
+    for line, kind in zip(panels, _KINDS, strict=True):
+        line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
+        for axes, owner in zip(line, owners, strict=True):
+            plain(axes)
+            if f"{owner}.{kind}" not in names:
+                continue
+            row = names.index(f"{owner}.{kind}")
+            _draw_limits(axes, float(normal.mean[row]), (usual[row], own[row]))
+            middle, low, high = (_percent(values[:, row] + sign * bars[:, row]) for sign in (0, -1, 1))
+            axes.errorbar(minutes, middle, (middle - low, high - middle), fmt="o", color=MODE_COLOURS[0], markersize=3)
+            for finding in diagnosis.findings:
+                if names[row] in _parts(diagnosis, finding, names):
+                    _draw_onset(axes, finding, minutes, values[:, row])
+    for axes, owner in zip(panels[0], owners, strict=True):
+        axes.set_title(owner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
+    panels[0, 0].set_xlim(*_span(minutes))
+    for axes in panels[-1]:
+        axes.set_xlabel("begin of the window [min]", fontsize=NORMAL)
     return figure
 
 
+def _draw_limits(axes: Axes, mean: float, halves: tuple[float, float]) -> None:
+    """Draw what is usual: its mean, and a light and a dark band of which half the widths are given [ln]."""
+    for half, colour in zip(halves, _BANDS, strict=True):
+        axes.axhspan(*_percent([mean - half, mean + half]), color=colour, zorder=0)
+    axes.axhline(float(_percent(mean)), color=INK, linewidth=0.8)
+
+
+def _draw_onset(axes: Axes, finding: Finding, minutes: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    """Draw the onset of a finding with its interval, and its trend through the values [ln] since then."""
+    axes.axvspan(*(time / 60 for time in finding.since_interval), color=_ONSET, zorder=0.5)
+    axes.axvline(finding.since / 60, color=MODE_COLOURS[1], linewidth=1.2, label="onset, with 95 %")
+    if finding.trend is not None:
+        later = minutes >= finding.since / 60
+        away = minutes[later] - minutes[later].mean()
+        trend = values[later].mean() + np.log1p(finding.trend.per_hour) * away / 60
+        label = f"{100 * finding.trend.per_hour:+.1f} % per hour"
+        axes.plot(minutes[later], _percent(trend), color=MODE_COLOURS[1], linewidth=1.5, linestyle="--", label=label)
+    axes.legend(fontsize=SMALL, frameon=False)
+
+
+def _witnesses(diagnosis: Diagnosis) -> list[Observation]:
+    """Return the windows that the test has seen: without those whose sensors fail or that were set aside."""
+    seen = set() if diagnosis.detection is None else set(diagnosis.detection.times.tolist())
+    return [one for one in diagnosis.observations if one.time in seen]
+
+
+def _parts(diagnosis: Diagnosis, finding: Finding, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the components that a finding is about."""
+    candidates = () if diagnosis.detection is None else diagnosis.detection.candidates
+    return next((c.hypothesis.parts(names) for c in candidates if c.hypothesis.name == finding.hypothesis), ())
+
+
+def _span(minutes: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the ends of an axis of time, also of a single window."""
+    room = max(1.0, 0.05 * float(np.ptp(minutes)))
+    return float(minutes[0]) - room, float(minutes[-1]) + room
+
+
+def _percent(log_ratio: ArrayLike) -> NDArray[np.float64]:
+    """Return the relative change [%] of ln values."""
+    return np.asarray(100 * np.expm1(log_ratio))
+
+
 def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> Figure:
-    """Draw the shapes of the body's modes before and after a change, with frequencies and MAC.
+    """Draw the shapes of the body's modes before and after a change as the finding implies, with frequencies and MAC.
 
     Parameters
     ----------
@@ -142,7 +210,7 @@ def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> 
     """
     if not changes:
         raise ParameterError("there is no change of a mode to draw")
-    figure = new_figure("Body modes before and after", heading, width=9.5, height=3.4)
+    figure = new_figure("Body modes before and after, as the finding implies", heading, width=9.5, height=3.4)
     panels = figure.subplots(1, len(changes), sharey=True, squeeze=False)[0]
     for axes, change in zip(panels, changes, strict=True):
         plain(axes)
@@ -153,11 +221,11 @@ def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> 
         ):
             axes.bar(places + shift, shape, 0.4, color=colour, label=label)
         axes.set_xticks(places, [name.replace("acc_", "").upper() for name in change.channels], fontsize=SMALL)
-        axes.set_title(
-            f"{change.label}: {change.frequency[0]:.3g} to {change.frequency[1]:.3g} Hz, MAC {change.mac:.3f}",
-            fontsize=SMALL,
-        )
-    panels[0].set_ylabel("modulus of the shape", fontsize=NORMAL)
+        title = f"{change.label}: {change.frequency[0]:.3g} to {change.frequency[1]:.3g} Hz, MAC {change.mac:.3f}"
+        if change.measured_before is not None and change.measured_since is not None:
+            title += f"\nmeasured: {change.measured_before[0]:.3g} to {change.measured_since[0]:.3g} Hz"
+        axes.set_title(title, fontsize=SMALL)
+    panels[0].set_ylabel("modulus of the shape [-]", fontsize=NORMAL)
     panels[0].set_ylim(0, 1.2)
     panels[-1].legend(fontsize=SMALL, frameon=False, loc="upper right", ncols=2)
     return figure
