@@ -23,9 +23,16 @@ def main():
         parts = list(pool.map(partial(trials, taught, given.each), range(100, 100 + given.drives)))
     print("| fault | trials | named with its channel | another word or channel | missed | suspension finding |")
     print("|" + "---|" * 6)
-    for kind in parts[0]:
-        counts = [sum(part[kind][k] for part in parts) for k in range(4)]
-        print(f"| {kind} | {sum(counts[:3])} | " + " | ".join(map(str, counts)) + " |")
+    for kind in parts[0][0]:
+        counts = [sum(part[kind][k] for part, _ in parts) for k in range(4)]
+        word = "swapped (all four sensors named)" if kind == "swapped" else kind
+        print(f"| {word} | {sum(counts[:3])} | " + " | ".join(map(str, counts)) + " |")
+    print(f"\nSmall faults of acc_fl, named in so many of {given.drives} windows\n")
+    for kind in parts[0][1]:
+        sizes = parts[0][1][kind]
+        print(f"| {kind} | " + " | ".join(f"{size:g}" for size in sizes) + " |")
+        print("|" + "---|" * (len(sizes) + 1))
+        print("| named | " + " | ".join(str(sum(part[kind][size] for _, part in parts)) for size in sizes) + " |\n")
 
 
 def drive(seed):
@@ -91,11 +98,39 @@ def faults(name, rms, generator):
     }
 
 
+def small_faults(rms):
+    """Return faults of acc_fl by kind and size: gains, delays [ms], and noise over the signal."""
+    from sprung.simulation import Delayed, Gained, Noisy
+
+    name = "acc_fl"
+    return {
+        "wrong_gain": {gain: Gained(name, gain) for gain in (1.02, 1.04, 1.06, 1.08, 1.1)},
+        "time_shifted": {delay: Delayed(name, 1e-3 * delay) for delay in (1.0, 1.5, 2.0, 3.0, 4.0)},
+        "noisy": {share: Noisy(share * rms, name) for share in (0.02, 0.05, 0.1, 0.2)},
+    }
+
+
+def named_small(run, car):
+    """Return which small faults are named."""
+    from sprung.diagnosis import sensor_faults
+    from sprung.simulation import with_imperfections
+
+    every = small_faults(float(run.samples[run.index("acc_fl")].std()))
+    return {
+        kind: {
+            size: ("acc_fl", kind)
+            in {(one.channel, one.kind) for one in sensor_faults(with_imperfections(run, [fault]), car)}
+            for size, fault in some.items()
+        }
+        for kind, some in every.items()
+    }
+
+
 def trials(taught, each, seed):
-    """Return for each kind how many were named, called something else, missed, and became a finding."""
+    """Return how many of each kind were named, called something else, missed, became a finding; and small ones."""
     import numpy as np
 
-    from sprung.diagnosis import diagnose, learn, observe, sensor_faults
+    from sprung.diagnosis import diagnose, learn, observe
     from sprung.simulation import with_imperfections
     from sprung.vehicles import read_vehicle
 
@@ -110,17 +145,14 @@ def trials(taught, each, seed):
             if kind == "none" and number:
                 continue
             broken = run if fault is None else with_imperfections(run, [fault], seed=number)
-            found = sensor_faults(broken, car)
-            is_finding = False
-            if not found:  # what the checks miss meets the fit
-                window = observe(broken, car)
-                found = window.sensor_faults
-                is_finding = bool(diagnose([window, window], baseline).findings)
+            window = observe(broken, car)
+            found = window.sensor_faults
+            is_finding = bool(diagnose([window, window], baseline).findings)
             is_named = (name, kind) in {(one.channel, one.kind) for one in found} or (kind == "none" and not found)
             row = counts.setdefault(kind, [0, 0, 0, 0])
             row[0 if is_named else 1 if found else 2] += 1
             row[3] += is_finding
-    return counts
+    return counts, named_small(run, car)
 
 
 if __name__ == "__main__":

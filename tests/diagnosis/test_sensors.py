@@ -1,8 +1,14 @@
 """All eleven faults of a sensor, named with their channel; none in a healthy drive."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from sprung.diagnosis import KINDS, observe, sensor_faults
+from sprung.diagnosis.sensors import check_sensors
+from sprung.diagnosis.speeds import speed_fault
+from sprung.errors import DataError
 from sprung.simulation import (
     Clipped,
     Dead,
@@ -19,7 +25,7 @@ from sprung.simulation import (
     simulate_drive,
     with_imperfections,
 )
-from sprung.vehicles import MountedMass, read_vehicle
+from sprung.vehicles import MountedMass, Sensor, read_vehicle
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +85,82 @@ def test_size_of_gain_and_delay(car, run, gain, delay):
     (fault,) = sensor_faults(with_imperfections(run, [change]), car)
     number = float(fault.detail.split()[0])
     assert number == pytest.approx(gain if delay == 0 else 1e3 * delay, rel=0.07)
+
+
+def test_an_early_channel_is_called_early(car, run):
+    (fault,) = sensor_faults(with_imperfections(run, [Delayed("acc_fl", -0.01)]), car)
+    assert (fault.kind, fault.detail) == ("time_shifted", "10.0 ms early")
+
+
+def test_a_recording_of_speed_alone_is_refused(car, run):
+    speed = Sensor(channel="speed", quantity="speed", unit="m/s")
+    with pytest.raises(DataError, match="no channel of motion"):
+        sensor_faults(run.select(["speed"]), car.model_copy(update={"sensor": (*car.sensor, speed)}))
+
+
+CONTRADICTIONS = {
+    "diagonal inverted": [Inverted("acc_fl"), Inverted("acc_rr")],
+    "diagonal too large": [Gained("acc_fl", 1.3), Gained("acc_rr", 1.3)],
+    "front too large": [Gained("acc_fl", 1.2), Gained("acc_fr", 1.2)],
+    "front late": [Delayed("acc_fl", 0.01), Delayed("acc_fr", 0.01)],
+}
+
+
+@pytest.mark.parametrize("wrong", CONTRADICTIONS)
+def test_two_wrong_sensors_set_the_window_aside(car, run, wrong):
+    found = observe(with_imperfections(run, CONTRADICTIONS[wrong]), car)
+    assert not found.can_tell
+    assert "check signs, gains, places and delays" in found.reason
+
+
+def wheel_lines(run):
+    """Lines at one and two cycles per turn of the wheels, of another phase at every corner."""
+    way = np.cumsum(run.samples[-1]) / run.sampling_rate
+    samples, generator = run.samples.copy(), np.random.default_rng(3)
+    for order, size in ((1, 0.15), (2, 0.08)):
+        for row in range(4):
+            samples[row] += size * np.sin(2 * np.pi * 0.516 * order * way + generator.uniform(0, 6.28))
+    return replace(run, samples=samples)
+
+
+@pytest.mark.parametrize("unknown", ["nothing", "engine", "anti-roll bars", "wheel lines"])
+def test_healthy_sensors_agree_on_a_smooth_road_with_noise(car, unknown):
+    engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
+    bars = tuple(axle.model_copy(update={"anti_roll_stiffness": 12e3}) for axle in car.axle)
+    changes = {"engine": {"mounted_mass": (engine,)}, "anti-roll bars": {"axle": bars}}
+    settings = DriveSettings("road", duration=300.0, road="A", snr=30.0, n_stops=1, is_nonlinear=True)
+    drive = simulate_drive(car.model_copy(update=changes.get(unknown, {})), settings, seed=4).recording
+    checked = check_sensors(wheel_lines(drive) if unknown == "wheel lines" else drive, car)
+    assert checked.faults == ()
+    assert checked.disagreement == 0.0
+
+
+def with_speed(run, values):
+    return replace(run, samples=np.vstack([run.samples[:-1], np.broadcast_to(values, run.n_samples)]))
+
+
+@pytest.mark.parametrize(("speed", "kind"), [(0.0, "dead"), (30.0, "stuck")])
+def test_a_speed_that_stays_while_the_delay_says_another_is_left_out(car, run, speed, kind):
+    found = observe(with_speed(run, speed), car)
+    assert [(fault.channel, fault.kind) for fault in found.sensor_faults] == [("speed", kind)]
+    assert found.can_tell
+    assert not {"speed", "standing"} & found.conditions.keys()
+
+
+@pytest.mark.parametrize(("speed", "road"), [(5.5, "A"), (30.0, "B")])
+def test_a_kept_speed_is_not_stuck(car, speed, road):
+    settings = DriveSettings("road", duration=180.0, road=road, speed=(speed, speed), snr=30.0, is_nonlinear=True)
+    assert speed_fault(simulate_drive(car, settings, seed=2).recording, car) is None
+
+
+def test_a_standing_car_and_a_rig_have_no_speed_to_be_wrong(car, run):
+    generator = np.random.default_rng(1)
+    idling = 0.3 * np.sin(2 * np.pi * 26.0 * np.arange(run.n_samples) / run.sampling_rate)
+    still = replace(run, samples=0.02 * generator.standard_normal(run.samples.shape) + idling)
+    assert speed_fault(with_speed(still, 0.0), car) is None
+    assert speed_fault(with_speed(run, 0.0), car.model_copy(update={"kind": "rig"})) is None
+    shaken = replace(run, samples=generator.standard_normal(run.samples.shape))
+    assert speed_fault(with_speed(shaken, 0.0), car) is None
 
 
 @pytest.mark.slow

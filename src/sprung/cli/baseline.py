@@ -76,7 +76,9 @@ def baseline(
         previous=before,
         n_windows=n_windows,
     )
-    sound = [part for one, part in zip(observations, outputs, strict=True) if part is not None and one.can_tell]
+    sound = [
+        part for one, part in zip(observations, outputs, strict=True) if part is not None and one.time in found.taught
+    ]
     if len(sound) >= FEWEST_RESIDUALS:
         found = replace(found, residuals=learn_residuals(sound))
     write_json(found.to_dict(), str(out))
@@ -154,7 +156,7 @@ def compared(
     return {
         one.time: compare_residuals(reference, part)
         for one, part in zip(observations, outputs, strict=True)
-        if part is not None and part.names == reference.channels
+        if part is not None and one.can_tell and part.names == reference.channels
     }
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung._checks import frozen_array
-from sprung.diagnosis.sensors import SensorFault, sensor_faults
+from sprung.diagnosis.sensors import SensorFault, check_sensors
+from sprung.diagnosis.speeds import speed_fault
 from sprung.errors import DataError, ParameterError
 from sprung.labels import MOTIONS
 from sprung.layout import with_layout
@@ -146,17 +147,27 @@ def observe(
 
     Notes
     -----
-    Channels that fail are left out and the fit goes on with the rest; a window that cannot tell says why.
+    Channels that fail are left out and the fit goes on with the rest, without a wrong speed by the delay between the
+    axles; a window that cannot tell says why. One whose sensors contradict each other cannot.
     """
-    faults = sensor_faults(recording, vehicle)
-    conditions = _conditions(recording, vehicle)
+    checked = check_sensors(recording, vehicle)
+    faults, conditions = checked.faults, _conditions(recording, vehicle)
     bad = {fault.channel for fault in faults}
+    wrong_speed = speed_fault(
+        recording.select([n for n in recording.names if n not in bad]), vehicle, settings=settings
+    )
+    if wrong_speed is not None:
+        faults, bad = (*faults, wrong_speed), {*bad, wrong_speed.channel}
+        conditions = {name: value for name, value in conditions.items() if name not in {"speed", "standing"}}
     # With one layout only for the rest of a vehicle's life, exchanged channels leave nothing to go on with.
     names = [name for name in recording.names if name not in bad]
     try:
         fit = fit_corners(recording.select(names), vehicle, settings=settings)
     except (DataError, ParameterError) as error:
         return _nothing(time, conditions, faults, str(error))
+    if checked.disagreement:
+        apart = f"sensors disagree by {100 * checked.disagreement:.0f} % and no single one explains it"
+        return _nothing(time, conditions, faults, f"{apart}: check signs, gains, places and delays")
     if not faults and fit.imperfection > _SUSPECT:
         faults = _exchanged(recording, vehicle, settings, fit)
         if faults:

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.linalg import eigh
+from scipy.special import polygamma
 
 from sprung._checks import check_number, frozen_array
 from sprung.conditioning import decimate
@@ -23,9 +25,9 @@ _EXPLAINED = 0.999
 #: Most directions of the residual that are tested, and segments for each.
 _MOST_DIRECTIONS, _SEGMENTS_EACH = 40, 4
 #: Least standard deviation of ln statistic from window to window, and windows that it is worth.
-_LEAST_SCATTER, _PRIOR_WINDOWS = 0.15, 3.0
-#: Fewest windows that teach.
-FEWEST = 3
+_LEAST_SCATTER, _PRIOR_WINDOWS = 0.15, 1.0
+#: Fewest windows that teach, and chance below which a window that is unlike the others does not.
+FEWEST, _SUSPECT = 3, 0.005
 #: Rate at which a vehicle's windows are compared [Hz], and chance below which one differs.
 VEHICLE_RATE, DIFFERENT = 25.0, 1e-3
 
@@ -138,7 +140,9 @@ def learn_residuals(
     Left null space S of the mean block Hankel matrix of correlations; residual vec(S^T H_k) of each segment, its
     largest directions whitened over all segments. Correlations are divided by each window's own power. ln of a window's
     mean square has a mean and a scatter over the windows, which conditions (speed, road) widen; a new window is
-    compared with these by Student's t.
+    compared with these by Student's t. Each window's mean square is that against what the others teach: one that took
+    part is nearer to the null space than any later one, by (n - 1) / (n + 1) with n windows. A window that is unlike
+    all the others, such as one with a shock, does not teach.
 
     References
     ----------
@@ -150,28 +154,29 @@ def learn_residuals(
     ready = [outputs_at(recording, sampling_rate) for recording in recordings]
     if len(ready) < FEWEST:
         raise DataError(f"{len(ready)} windows cannot teach the residual test, {FEWEST} can: give more")
+    n_channels = len(ready[0].names)
     matrices = [_matrices(recording, segment, block_rows) for recording in ready]
-    every = np.concatenate(matrices)
-    left, values, _ = np.linalg.svd(every.mean(axis=0), full_matrices=True)
-    explained = np.cumsum(values**2) / np.sum(values**2)
-    order = min(int(np.searchsorted(explained, _EXPLAINED)) + 1, len(left) - len(ready[0].names))
-    null_space = left[:, order:]
-    residuals = _residuals(every, null_space)
-    away = residuals - residuals.mean(axis=0)
-    count = max(1, min(_MOST_DIRECTIONS, len(away) // _SEGMENTS_EACH))
-    _, sizes, directions = np.linalg.svd(away, full_matrices=False)
-    whitening = directions[:count] / (sizes[:count, None] / np.sqrt(len(away) - 1))
-    logs = np.log([_statistic(_residuals(one, null_space), whitening) for one in matrices])
-    prior, free = _PRIOR_WINDOWS * _LEAST_SCATTER**2, len(logs) - 1
-    scatter = float(np.sqrt((np.sum((logs - logs.mean()) ** 2) + prior) / (free + _PRIOR_WINDOWS)))
+    while True:
+        null_space, whitening = _taught(matrices, n_channels)
+        logs = np.log([_left_out(matrices, k, n_channels) for k in range(len(matrices))])
+        # Chance alone scatters ln of a mean of squares as that of chi square.
+        least = max(_LEAST_SCATTER, float(np.sqrt(polygamma(1, len(whitening) / 2))))
+        worst = int(np.argmax(logs))
+        others = np.delete(logs, worst)
+        score = (logs[worst] - others.mean()) / (_scatter(others, least) * np.sqrt(1 + 1 / len(others)))
+        if len(logs) <= FEWEST or stats.t.sf(score, len(others) - 1) > _SUSPECT:
+            break
+        del matrices[worst]
+    # The mean of the others, which the null space removes, adds 1 / (n - 1) to the variance, that of all 1 / n.
+    center = float(logs.mean() + np.log(1 - len(logs) ** -2.0))
     return ResidualReference(
         ready[0].names,
         ready[0].sampling_rate,
         segment,
         null_space,
         whitening,
-        float(logs.mean()),
-        max(scatter, _LEAST_SCATTER),
+        center,
+        _scatter(logs, least),
         len(logs),
     )
 
@@ -191,7 +196,7 @@ def compare_residuals(reference: ResidualReference, recording: Recording) -> Res
     statistic = _statistic(_residuals(matrices, reference.null_space), reference.whitening)
     spread = reference.scatter * np.sqrt(1 + 1 / reference.n_windows)
     score = (np.log(statistic) - reference.center) / spread
-    return ResidualTest(statistic, float(stats.t.sf(score, reference.n_windows - 1 + _PRIOR_WINDOWS)))
+    return ResidualTest(statistic, float(stats.t.sf(score, reference.n_windows - 1)))
 
 
 def second_opinion(tests: Sequence[ResidualTest]) -> str:
@@ -219,6 +224,43 @@ def _matrices(recording: Recording, segment: float, block_rows: int) -> Real:
     segments = correlate_segments(scaled, n_lags=2 * block_rows + 1, segment=segment)
     values = segments.sums / segments.n_products[:, None, None, :]
     return np.array([block_hankel(one, block_rows, first_lag=1, n_columns=block_rows) for one in values])
+
+
+def _taught(matrices: Sequence[Real], n_channels: int) -> tuple[Real, Real]:
+    """Return the null space and the whitening that windows teach."""
+    every = np.concatenate(matrices)
+    left, values, _ = np.linalg.svd(every.mean(axis=0), full_matrices=True)
+    explained = np.cumsum(values**2) / np.sum(values**2)
+    order = min(int(np.searchsorted(explained, _EXPLAINED)) + 1, len(left) - n_channels)
+    null_space = left[:, order:]
+    residuals = _residuals(every, null_space)
+    away = residuals - residuals.mean(axis=0)
+    count = max(1, min(_MOST_DIRECTIONS, len(away) // _SEGMENTS_EACH))
+    return null_space, _whitening(away, count)
+
+
+def _whitening(away: Real, count: int) -> Real:
+    """Return what whitens the largest directions; not by SVD, which fails to converge on some such low ranks."""
+    if len(away) < away.shape[1]:
+        squares, left = eigh(away @ away.T, subset_by_index=(len(away) - count, len(away) - 1))
+        directions = left.T @ away / np.sqrt(squares)[:, None]
+    else:
+        size = away.shape[1]
+        squares, right = eigh(away.T @ away, subset_by_index=(max(0, size - count), size - 1))
+        directions = right.T
+    return np.asarray(directions * np.sqrt((len(away) - 1) / squares)[:, None])
+
+
+def _scatter(logs: Real, least: float) -> float:
+    """Return the standard deviation of ln statistic from window to window, at least that of chance."""
+    squares = np.sum((logs - logs.mean()) ** 2) + _PRIOR_WINDOWS * least**2
+    return max(float(np.sqrt(squares / (len(logs) - 1 + _PRIOR_WINDOWS))), least)
+
+
+def _left_out(matrices: Sequence[Real], row: int, n_channels: int) -> float:
+    """Return the statistic of a window against what the others teach."""
+    null_space, whitening = _taught([*matrices[:row], *matrices[row + 1 :]], n_channels)
+    return _statistic(_residuals(matrices[row], null_space), whitening)
 
 
 def _residuals(matrices: Real, null_space: Real) -> Real:

@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from sprung.errors import DataError
 from sprung.inspection import inspect
 from sprung.layout import with_layout
 from sprung.preparation import speed_channel
@@ -48,6 +49,8 @@ _DRIFT, _PEERS, _DRIFT_ALONE, _FAR_WANDERED = 0.08, 2, 0.5, 2.5
 #: Power of what the rigid body cannot explain over the mean power of the channels, and share of it that one faulty
 #: channel must explain.
 _RESIDUAL, _EXPLAINED = 1e-3, 0.7
+#: Share of the residual that other signs, gains, places and delays of several channels must explain.
+_EXPLAINED_TOGETHER = 0.7
 #: A channel moves by itself that explains this share of the residual, and so many times more than any other.
 _ALONE, _FAR_MORE = 0.03, 5.0
 #: Gains within this of 1 and delays [s] below this are right.
@@ -75,7 +78,29 @@ class SensorFault:
     detail: str
 
 
+@dataclass(frozen=True, slots=True)
+class SensorCheck:
+    """What the sensors of a window are worth.
+
+    Parameters
+    ----------
+    faults
+        Of single channels.
+    disagreement
+        RMS of the residual channel over that of the channels, where no single channel explains it but other signs,
+        gains, places or delays of several do; 0 otherwise.
+    """
+
+    faults: tuple[SensorFault, ...]
+    disagreement: float = 0.0
+
+
 def sensor_faults(recording: Recording, vehicle: Vehicle) -> tuple[SensorFault, ...]:
+    """Return what is wrong with single sensors of a window, see `check_sensors`."""
+    return check_sensors(recording, vehicle).faults
+
+
+def check_sensors(recording: Recording, vehicle: Vehicle) -> SensorCheck:
     """Return what is wrong with the sensors of a window.
 
     Parameters
@@ -91,12 +116,29 @@ def sensor_faults(recording: Recording, vehicle: Vehicle) -> tuple[SensorFault, 
     quantity. Inverted, swapped, wrongly scaled and late ones are seen in the residual channel n^T y, where n^T T = 0
     for the rigid body's motions T: it is noise while all are right; a faulty channel y = G x adds n (1 - 1/G) y, which
     is coherent with that channel over all frequencies and gives G.
+
+    The residual needs accelerations of more places than the rigid body has motions there: four on a car. With fewer,
+    with angular velocities or displacements beside them, and where those of one axle or side are wrong alike and the
+    body hardly moves that way, inverted, swapped, wrongly scaled and late sensors are not seen here. Exchanged sensors
+    of opposite corners leave it as it is. A gain that is off by less than about 6 % in one of four corners is below
+    its limit.
+
+    Several wrong channels: where (a + b d/dt)^T y with constant a and b, a of length 1, nearly vanishes, but n^T y does
+    not, signs, gains, places or delays are not those of the vehicle file. Noise, lines of wheels and a body that bends
+    follow no such rule. With four channels, two wrong ones may be taken for one.
+
+    Raises
+    ------
+    DataError
+        Where no channel of motion is in the recording.
     """
     ready = with_layout(recording, vehicle.sensor)
     names = [
         s.channel for s in vehicle.sensor if s.quantity not in {"speed", "temperature"} and s.channel in ready.names
     ]
     moving = _moving(ready, speed_channel(ready, vehicle))
+    if not names:
+        raise DataError("the recording has no channel of motion of the vehicle file's sensors: give accelerations")
     facts = inspect(ready.select(names))
     samples = np.array([ready.samples[ready.index(name)] for name in names])[:, moving]
     rate = ready.sampling_rate
@@ -107,7 +149,7 @@ def sensor_faults(recording: Recording, vehicle: Vehicle) -> tuple[SensorFault, 
             found[name] = fault
     kept = [row for row, name in enumerate(names) if name not in found and np.isfinite(samples[row]).mean() > 0.5]
     if not kept or samples.shape[1] < 4 * _SEGMENT * rate:
-        return tuple(found.values())
+        return SensorCheck(tuple(found.values()))
     clean = np.nan_to_num(samples[kept])
     channels = tuple(ready.channels[ready.index(names[row])] for row in kept)
     spectra = spectral_matrix(Recording(clean, rate, channels), segment_length=_SEGMENT)
@@ -121,9 +163,12 @@ def sensor_faults(recording: Recording, vehicle: Vehicle) -> tuple[SensorFault, 
     ):
         for row, (kind, detail) in check.items():
             found.setdefault(channels[row].name, SensorFault(channels[row].name, kind, detail))
-    for fault in _unlike_the_rigid_body(spectra.matrix, spectra.frequencies, [c.name for c in channels], vehicle):
+    alone, disagreement = _unlike_the_rigid_body(
+        spectra.matrix, spectra.frequencies, [channel.name for channel in channels], vehicle
+    )
+    for fault in alone:
         found.setdefault(fault.channel, fault)
-    return tuple(found.values())
+    return SensorCheck(tuple(found.values()), 0.0 if found else disagreement)
 
 
 def _moving(recording: Recording, speed: str | None) -> NDArray[np.bool_]:
@@ -231,25 +276,41 @@ def _drifting(samples: Real, rate: float, quantities: list[str]) -> dict[int, tu
     return found
 
 
-def _unlike_the_rigid_body(matrix: Complex, frequencies: Real, names: list[str], vehicle: Vehicle) -> list[SensorFault]:
-    """Find inverted, swapped, wrongly scaled, late and noisy channels by what the rigid body cannot explain."""
+def _unlike_the_rigid_body(
+    matrix: Complex, frequencies: Real, names: list[str], vehicle: Vehicle
+) -> tuple[list[SensorFault], float]:
+    """Find inverted, swapped, wrongly scaled, late and noisy channels by what the rigid body cannot explain.
+
+    Beside them the size of that over the channels' (RMS), where several channels explain it and no single one does.
+    """
     outputs = structure(vehicle).outputs
     rows = [outputs.names.index(name) for name in names]
     if np.any(outputs.velocity[rows]) or np.any(outputs.displacement[rows]):
-        return []  # rates beside accelerations: the residual would need differentiation
+        return [], 0.0  # rates beside accelerations: the residual would need differentiation
     T = outputs.acceleration[rows]
     T = T[:, np.abs(T).max(axis=0) > 0]
     left, values, _ = np.linalg.svd(T, full_matrices=True)
     null = left[:, np.count_nonzero(values > 1e-6 * values[0]) :].T
     band = (frequencies > 0.5) & (frequencies < 0.5 * frequencies[-1])
     if not len(null):
-        return []
+        return [], 0.0
     S = matrix.transpose(2, 0, 1)[band]
     mean_power = np.einsum("fii->", S).real / len(names)
     residual = np.einsum("ki,fij,kj->", null, S, null).real / len(null)
     if residual < _RESIDUAL * mean_power:
-        return []
-    return _swapped(S, null, residual, names) or _faulty(S, null, names, frequencies[band])
+        return [], 0.0
+    alone = _swapped(S, null, residual, names) or _faulty(S, null, names, frequencies[band])
+    together = 1 - _least(S, frequencies[band], len(null)) / residual
+    return alone, 0.0 if alone or together < _EXPLAINED_TOGETHER else float(np.sqrt(residual / mean_power))
+
+
+def _least(S: Complex, frequencies: Real, count: int) -> float:
+    """Return the least mean power of so many orthogonal combinations (a + b d/dt)^T y with a of length 1."""
+    omega = 2 * np.pi * frequencies
+    own, slopes = S.sum(axis=0).real, np.einsum("f,fij->ij", omega**2, S).real
+    cross = np.einsum("f,fij->ij", -1j * omega, S).real
+    powers = np.linalg.eigvalsh(own - cross @ np.linalg.pinv(slopes, hermitian=True) @ cross.T)
+    return float(powers[:count].mean())
 
 
 def _faulty(S: Complex, null: Real, names: list[str], frequencies: Real) -> list[SensorFault]:
@@ -310,7 +371,7 @@ def _kind(S: Complex, null: Real, row: int, frequencies: Real) -> tuple[str, str
     if amplitude < 0:
         return "inverted", f"{-1 / amplitude:.2f} times the opposite of what the others say"
     if abs(delay) > _DELAY:
-        return "time_shifted", f"{1e3 * delay:.1f} ms late"
+        return "time_shifted", f"{1e3 * abs(delay):.1f} ms {'late' if delay > 0 else 'early'}"
     if abs(1 / amplitude - 1) > _GAIN:
         return "wrong_gain", f"{1 / amplitude:.2f} times what the others say"
     return "noisy", "moves by itself"
