@@ -279,7 +279,7 @@ def minimised(model: Model, start: Real) -> Real:
 
 
 def _searched(model: Model, start: Real, most: int) -> tuple[Real, bool]:
-    """Return where so many steps lead, whitened by the information at the start, and whether there are no more."""
+    """Return where so many steps lead, whitened by the information at the start, and whether the search ended there."""
     factor = preconditioner(model, start)
     first, slope = model.objective(start)
     hill = float(np.sum((factor.T @ slope) ** 2)) / 2  # what a Newton step would gain
@@ -297,7 +297,7 @@ def _searched(model: Model, start: Real, most: int) -> tuple[Real, bool]:
         method="L-BFGS-B",
         options={"maxiter": most, "maxcor": 20, "ftol": _TOLERANCE, "gtol": _SLOPE},
     )
-    return np.asarray(start + factor @ found.x), found.nit < most
+    return np.asarray(start + factor @ found.x), found.status == 0
 
 
 def preconditioner(model: Model, parameters: Real) -> Real:
