@@ -28,6 +28,8 @@ _MOSTLY = 0.8
 _TRUSTED = 0.15
 #: Relative change at which a part is due, for forecasts.
 _LIMIT = 0.3
+#: Percentage points below which the ends of an interval are told with a decimal.
+_NARROW = 2.0
 #: Times beyond this count from 1970 [s].
 _DATED = 1e8
 
@@ -99,12 +101,13 @@ class Finding:
             return f"the suspension differs from the baseline in a way that no single part explains: {self.advice}"
         softer, stiffer = ("weaker", "stronger") if self.component == "damper" else ("softer", "stiffer")
         low, high = sorted((100 * end for end in self.interval), key=abs)
-        span = (
-            f"{abs(low):.0f} to {abs(high):.0f} %"
-            if low * high > 0
-            else f"{min(low, high):+.0f} to {max(low, high):+.0f} %"
-        )
-        text = f"{self._what} {100 * abs(self.change):.0f} % ({span}) {softer if self.change < 0 else stiffer}"
+        digits = 0 if abs(high - low) >= _NARROW else 1
+        if low * high > 0:
+            span = f"{abs(low):.{digits}f} to {abs(high):.{digits}f} %"
+        else:
+            span = f"{min(low, high):+.{digits}f} to {max(low, high):+.{digits}f} %"
+        word = softer if self.change < 0 else stiffer
+        text = f"{self._what} {100 * abs(self.change):.{digits}f} % ({span}) {word}"
         if self.runner_up:
             text += f" (or {self.runner_up})"
         return f"{text}, since {_when(self.since)}; {self.advice}"
