@@ -64,7 +64,7 @@ def test_a_recording_that_is_left_out_is_a_warning_with_the_reason(words, drive,
             lines = [box.stderr.readline() for _ in range(2)]
         finally:
             box.send_signal(signal.SIGTERM)
-            rest = box.communicate(timeout=30)[1]
+            rest = box.communicate(timeout=120)[1]
             guard.cancel()
     assert box.returncode == 0, rest
     assert "warning a.csv was not read to its end: " in lines[0]

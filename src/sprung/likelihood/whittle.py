@@ -293,7 +293,10 @@ class Model:
         data = self.spectra.matrices
         weights = self.spectra.weights
         ratio = inverse @ data
-        value = float(np.sum(weights * (logdet + np.einsum("cfii->cf", ratio).real)))
+        traces = np.einsum("cfii->cf", ratio).real
+        if np.any(traces < 0):  # singular but for rounding: no inverse of it means anything
+            raise np.linalg.LinAlgError
+        value = float(np.sum(weights * (logdet + traces)))
         W = onto_grid(weights[..., None, None] * (inverse - ratio @ inverse))
         HcW = Hc @ W
         Q = (SrHc @ W).sum(axis=0)
