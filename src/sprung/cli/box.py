@@ -68,7 +68,8 @@ def box(
     description = vehicle_of(vehicle)
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopping.set())
+        # In a thread: the signal may come while this one holds the lock of the event, and would wait for itself.
+        signal.signal(number, lambda *_: threading.Thread(target=stopping.set).start())
     kept = Spool(spool, most_bytes=round(1e6 * spool_megabytes), boot_from=time.time_ns() // 10**6)
     one = Box(
         BoxSettings(vehicle_id, vehicle_text(description)),
