@@ -125,8 +125,7 @@ def is_thesis(seed):
 def body_modes(run, file):
     """Return natural frequency and mode shape of the body modes that CoSS-SSI finds, by label."""
     from sprung.errors import SprungError
-    from sprung.identification import coss_ssi
-    from sprung.preparation import IdentificationSettings
+    from sprung.identification import IdentificationSettings, coss_ssi
 
     try:
         modes = coss_ssi([run], settings=IdentificationSettings(band=(0.5, 8.0)), vehicle=file).modes

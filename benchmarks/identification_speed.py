@@ -93,11 +93,17 @@ def _recording(samples: Any) -> Any:
 
 def _sprung_coss_parts(options: Sequence[str], records: Any, watch: Stopwatch) -> None:
     """The eight steps of CoSS-SSI alone."""
-    from sprung.conditioning import decimate
-    from sprung.correlation import correlate_segments, join_segments
-    from sprung.stabilisation import THESIS_CRITERIA, StabilityCriteria, merge_modes, select_modes, stabilise
-    from sprung.subsets import subsets_of_equal_width
-    from sprung.subspace import block_row_ladder, poles_of_orders, realise
+    from sprung.identification.correlation import correlate_segments, join_segments
+    from sprung.identification.stabilisation import (
+        THESIS_CRITERIA,
+        StabilityCriteria,
+        merge_modes,
+        select_modes,
+        stabilise,
+    )
+    from sprung.identification.subsets import subsets_of_equal_width
+    from sprung.identification.subspace import block_row_ladder, poles_of_orders, realise
+    from sprung.signals.conditioning import decimate
 
     is_decimated, has_row_ladder = "decimated" in options, "rows" in options
     rows, order = (20, 40) if is_decimated else (BLOCK_ROWS, MAX_ORDER)
@@ -129,9 +135,8 @@ def _sprung_coss_parts(options: Sequence[str], records: Any, watch: Stopwatch) -
 
 def _sprung_coss(options: Sequence[str], records: Any, watch: Stopwatch) -> None:
     """`coss_ssi` with everything it adds: choice of band, search for harmonics, spectra, significance."""
-    from sprung.identification import coss_ssi
-    from sprung.preparation import IdentificationSettings
-    from sprung.stabilisation import THESIS_CRITERIA
+    from sprung.identification import IdentificationSettings, coss_ssi
+    from sprung.identification.stabilisation import THESIS_CRITERIA
 
     recordings = [_recording(samples) for samples in records]
     rate = LOW_RATE if "decimated" in options else SAMPLING_RATE
@@ -154,9 +159,9 @@ def _sprung_coss(options: Sequence[str], records: Any, watch: Stopwatch) -> None
 
 def _sprung_parts(options: Sequence[str], samples: Any, watch: Stopwatch) -> None:
     """Cov-SSI from its parts: correlations, realisation, poles, labels."""
-    from sprung.correlation import average, correlate_segments
-    from sprung.stabilisation import stabilise
-    from sprung.subspace import poles_of_orders, realise
+    from sprung.identification.correlation import average, correlate_segments
+    from sprung.identification.stabilisation import stabilise
+    from sprung.identification.subspace import poles_of_orders, realise
 
     recording = _recording(samples)
     segment = recording.duration / 48 if "uncertainty" in options else None
@@ -174,8 +179,7 @@ def _sprung_parts(options: Sequence[str], samples: Any, watch: Stopwatch) -> Non
 
 def _sprung(options: Sequence[str], samples: Any, watch: Stopwatch) -> None:
     """`cov_ssi` with everything it adds."""
-    from sprung.identification import cov_ssi
-    from sprung.preparation import IdentificationSettings
+    from sprung.identification import IdentificationSettings, cov_ssi
 
     settings = IdentificationSettings(decimate_to=SAMPLING_RATE, block_rows=BLOCK_ROWS, max_order=MAX_ORDER)
     with watch("cov_ssi"):
@@ -212,7 +216,7 @@ def _koma(options: Sequence[str], samples: Any, watch: Stopwatch) -> None:
         koma_stable(*found)
 
 
-_SPRUNG = ("sprung.identification", "sprung.stabilisation")
+_SPRUNG = ("sprung.identification.methods", "sprung.identification.stabilisation")
 CASES = {
     "sprung-coss-parts": (_sprung_coss_parts, _SPRUNG),
     "sprung-coss": (_sprung_coss, _SPRUNG),

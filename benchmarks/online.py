@@ -219,9 +219,9 @@ def here(folder: Path, workers: object, **watch: float) -> object:
 
 def described(vehicle: str, prepared: Course) -> tuple[str, bytes]:
     """Return topic and payload of the announcement of a vehicle."""
-    from sprung.layout import quantities_of
     from sprung.link import message, topic
     from sprung.vehicles import read_vehicle, vehicle_text
+    from sprung.vehicles.sensor_layout import quantities_of
 
     car = read_vehicle("zafira")
     quantities = quantities_of(prepared.first, car.sensor)
@@ -299,8 +299,8 @@ def publisher(broker: str, **given: object) -> object:
 
 def measure_memory(_given: argparse.Namespace, folder: Path) -> None:
     """Memory of watched vehicles, each number of them in a process of its own."""
-    from sprung.layout import quantities_of
     from sprung.vehicles import read_vehicle
+    from sprung.vehicles.sensor_layout import quantities_of
 
     prepared, file = course(), folder / "frames"
     file.write_bytes(pickle.dumps((prepared.documents, quantities_of(prepared.first, read_vehicle("zafira").sensor))))

@@ -231,9 +231,9 @@ class Vehicle:
 
     def __init__(self, name: str, broker: str, folder: Path, course: Course) -> None:
         from sprung.box import Box, BoxSettings
-        from sprung.layout import quantities_of
         from sprung.link import Address, Spool
         from sprung.vehicles import read_vehicle, vehicle_text
+        from sprung.vehicles.sensor_layout import quantities_of
 
         car = read_vehicle("zafira")
         self.name, self._course = name, course

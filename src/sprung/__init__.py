@@ -11,7 +11,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sprung.cepstrum import Comb, Exponential, ShortPass
     from sprung.diagnosis import Baseline, Diagnosis, Observation, diagnose, learn, observe, windows
     from sprung.errors import (
         DataError,
@@ -22,14 +21,14 @@ if TYPE_CHECKING:
         SprungError,
     )
     from sprung.formats import read, read_blocks, write
-    from sprung.identification import Identification, acs_ssi, coss_ssi, cov_ssi
-    from sprung.inspection import Inspection, inspect
+    from sprung.identification import Identification, IdentificationSettings, acs_ssi, coss_ssi, cov_ssi
+    from sprung.identification.stabilisation import THESIS_CRITERIA, StabilityCriteria
     from sprung.likelihood import CornerFit, CornerSettings, fit_corners
     from sprung.modal import Modes
-    from sprung.preparation import IdentificationSettings
     from sprung.recording import Channel, Gap, Recording
+    from sprung.signals.cepstrum import Comb, Exponential, ShortPass
+    from sprung.signals.inspection import Inspection, inspect
     from sprung.simulation import DriveSettings, simulate, simulate_drive
-    from sprung.stabilisation import THESIS_CRITERIA, StabilityCriteria
     from sprung.vehicles import read_vehicle, write_vehicle
 
 __version__ = "0.1.0"
@@ -79,7 +78,7 @@ __all__ = [
 
 # Where each name lives; its module is imported when the name is first used, so that `import sprung` costs nothing.
 _HOMES = {
-    "cepstrum": ("Comb", "Exponential", "ShortPass"),
+    "signals.cepstrum": ("Comb", "Exponential", "ShortPass"),
     "diagnosis": ("Baseline", "Diagnosis", "Observation", "diagnose", "learn", "observe", "windows"),
     "errors": (
         "DataError",
@@ -90,14 +89,13 @@ _HOMES = {
         "SprungError",
     ),
     "formats": ("read", "read_blocks", "write"),
-    "identification": ("Identification", "acs_ssi", "coss_ssi", "cov_ssi"),
-    "inspection": ("Inspection", "inspect"),
+    "identification": ("Identification", "IdentificationSettings", "acs_ssi", "coss_ssi", "cov_ssi"),
+    "signals.inspection": ("Inspection", "inspect"),
     "likelihood": ("CornerFit", "CornerSettings", "fit_corners"),
     "modal": ("Modes",),
-    "preparation": ("IdentificationSettings",),
     "recording": ("Channel", "Gap", "Recording"),
     "simulation": ("DriveSettings", "simulate", "simulate_drive"),
-    "stabilisation": ("THESIS_CRITERIA", "StabilityCriteria"),
+    "identification.stabilisation": ("THESIS_CRITERIA", "StabilityCriteria"),
     "vehicles": ("read_vehicle", "write_vehicle"),
 }
 

@@ -5,9 +5,8 @@ import pytest
 
 from sprung.diagnosis import diagnose, learn, observe, windows
 from sprung.formats import read
-from sprung.identification import cov_ssi
+from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerSettings, fit_corners
-from sprung.preparation import IdentificationSettings
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Sensor, parse_vehicle
 

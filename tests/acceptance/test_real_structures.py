@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from sprung.formats import read
-from sprung.identification import METHODS, coss_ssi, cov_ssi
+from sprung.identification import METHODS, IdentificationSettings, coss_ssi, cov_ssi
+from sprung.identification.stabilisation import StabilityCriteria
 from sprung.modal import mac
-from sprung.preparation import IdentificationSettings
 from sprung.recording import Channel, Recording
-from sprung.stabilisation import StabilityCriteria
 
 SINGLE_SENSOR = StabilityCriteria(contribution=0.0, uncertainty=np.inf, stable_rate=0.5)
 

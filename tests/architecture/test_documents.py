@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import sprung
-from sprung.preparation import IdentificationSettings
+from sprung.identification import IdentificationSettings
 from sprung.vehicles import parse_vehicle
 
 REPOSITORY = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ import pytest
 
 from sprung.diagnosis import KINDS, observe, sensor_faults
 from sprung.diagnosis.sensors import check_sensors
-from sprung.diagnosis.speeds import speed_fault
+from sprung.diagnosis.speed_check import speed_fault
 from sprung.errors import DataError
 from sprung.simulation import (
     Clipped,

@@ -5,12 +5,11 @@ import functools
 import numpy as np
 import pytest
 
-from sprung.cepstrum import Exponential, ShortPass
-from sprung.identification import METHODS, acs_ssi, cov_ssi
+from sprung.identification import METHODS, IdentificationSettings, acs_ssi, cov_ssi
+from sprung.identification.stabilisation import THESIS_CRITERIA
 from sprung.modal import PoleStatus, mac
-from sprung.preparation import IdentificationSettings
+from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.simulation import simulate, usual_excitation
-from sprung.stabilisation import THESIS_CRITERIA
 from sprung.vehicles import chain, read_vehicle, structure
 
 CHAIN = chain()

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import DataError, ParameterError
-from sprung.identification import METHODS
-from sprung.preparation import IdentificationSettings
+from sprung.identification import METHODS, IdentificationSettings
 from sprung.recording import Channel, Recording
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.identification import METHODS, cov_ssi
+from sprung.identification import METHODS, IdentificationSettings, cov_ssi
 from sprung.modal import mac
-from sprung.preparation import IdentificationSettings
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 

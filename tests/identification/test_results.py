@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.identification import METHODS, acs_ssi, coss_ssi, cov_ssi
+from sprung.identification import METHODS, IdentificationSettings, acs_ssi, coss_ssi, cov_ssi
+from sprung.identification.stabilisation import StabilityCriteria
 from sprung.modal import PoleStatus, mac
-from sprung.preparation import IdentificationSettings
 from sprung.recording import Channel, Gap, Recording
 from sprung.simulation import simulate, usual_excitation
-from sprung.stabilisation import StabilityCriteria
 from sprung.vehicles import chain
 
 CHAIN = chain()

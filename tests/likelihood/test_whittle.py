@@ -9,8 +9,8 @@ from sprung.likelihood import MassChange, RailInputs, RigInputs
 from sprung.likelihood.fitting import minimised
 from sprung.likelihood.spectra import onto_grid, through_window
 from sprung.likelihood.whittle import inverse_and_logdet
+from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import DriveSettings, simulate_drive
-from sprung.spectrum import spectral_matrix
 from sprung.vehicles import frequency_response, structure
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 
 from sprung.box import blocks_of
-from sprung.layout import quantities_of
 from sprung.link import Frame, encode, quantised
 from sprung.monitor import Site, Station
 from sprung.monitor.workers import Opening, _opened, _worked
 from sprung.simulation import DriveSettings, simulate_drive
 from sprung.storage import open_store
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
+from sprung.vehicles.sensor_layout import quantities_of
 
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000

@@ -9,10 +9,10 @@ import pytest
 
 from sprung.diagnosis import diagnose, observe
 from sprung.errors import ParameterError
-from sprung.layout import quantities_of
 from sprung.link import decode
 from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor, frame_block, joined
 from sprung.recording import Channel, Recording
+from sprung.vehicles.sensor_layout import quantities_of
 
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000

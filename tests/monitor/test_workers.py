@@ -6,9 +6,9 @@ import time
 
 import pytest
 
-from sprung.layout import quantities_of
 from sprung.monitor import MonitorSettings, Observed, Opening, Workers
 from sprung.vehicles import vehicle_text
+from sprung.vehicles.sensor_layout import quantities_of
 
 SETTINGS = MonitorSettings(window=120.0, identify_every=0.0, n_learning=2)
 

@@ -2,10 +2,9 @@ from dataclasses import replace
 
 import pytest
 
-from sprung.cepstrum import ShortPass
-from sprung.harmonics import Harmonic
-from sprung.identification import acs_ssi, coss_ssi, cov_ssi
-from sprung.preparation import IdentificationSettings
+from sprung.identification import IdentificationSettings, acs_ssi, coss_ssi, cov_ssi
+from sprung.signals.cepstrum import ShortPass
+from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import read_vehicle, structure
 

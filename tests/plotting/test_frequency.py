@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.text import Text
 
-from sprung.harmonics import Harmonic
 from sprung.modal import Modes
 from sprung.plotting import spectra_figure, stabilisation_figure
 from sprung.plotting.frequency import curve_limits, frequency_range
 from sprung.plotting.style import in_hertz, in_percent, spread
+from sprung.signals.harmonics import Harmonic
 
 
 def made_modes(frequencies, channels):

@@ -5,7 +5,7 @@ import pytest
 
 from sprung.plotting import spectra_figure
 from sprung.recording import Channel
-from sprung.spectrum import SpectralMatrix
+from sprung.signals.spectrum import SpectralMatrix
 
 
 def curves(axes, gid):

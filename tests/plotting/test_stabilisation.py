@@ -8,7 +8,7 @@ from sprung.modal import PoleStatus
 from sprung.plotting import stabilisation_figure
 from sprung.plotting.stabilisation import first_singular_value
 from sprung.plotting.style import mode_colour
-from sprung.spectrum import SpectralMatrix
+from sprung.signals.spectrum import SpectralMatrix
 
 
 def drawn(axes, gid):

@@ -8,10 +8,9 @@ import functools
 import numpy as np
 import pytest
 
-from sprung.cepstrum import Exponential, ShortPass
 from sprung.excitation import QUARTER_CASES
-from sprung.identification import coss_ssi, cov_ssi
-from sprung.preparation import IdentificationSettings
+from sprung.identification import IdentificationSettings, coss_ssi, cov_ssi
+from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.simulation import simulate
 from sprung.vehicles import read_vehicle, structure
 

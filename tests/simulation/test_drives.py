@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from sprung.conditioning import while_moving
 from sprung.errors import ParameterError
 from sprung.excitation import road_class
+from sprung.signals.conditioning import while_moving
+from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import DriveSettings, simulate_drive
-from sprung.spectrum import spectral_matrix
 from sprung.vehicles import frequency_response, parse_fault, read_vehicle, structure
 
 

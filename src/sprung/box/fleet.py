@@ -9,11 +9,11 @@ import numpy as np
 
 from sprung.box.box import Box, BoxSettings
 from sprung.box.sources import blocks_of
-from sprung.layout import quantities_of
 from sprung.link import Address, Spool
 from sprung.recording import Recording
 from sprung.simulation import DriveSettings, simulate_drive
 from sprung.vehicles import Vehicle, parse_fault, vehicle_text
+from sprung.vehicles.sensor_layout import quantities_of
 
 #: Length of a piece of a drive, and of a block [s].
 PIECE, _BLOCK = 600.0, 5.0

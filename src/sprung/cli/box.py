@@ -60,9 +60,9 @@ def box(
     Runs until its source ends and all is acknowledged, or until it is stopped; started again, it goes on where it was.
     """
     from sprung.box import Box, BoxSettings, after, paced
-    from sprung.layout import quantities_of
     from sprung.link import Address, Spool
     from sprung.vehicles import vehicle_text
+    from sprung.vehicles.sensor_layout import quantities_of
 
     log_to(log_format)
     description = vehicle_of(vehicle)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from sprung.identification import Identification, SubsetModes
     from sprung.modal import Modes
-    from sprung.preparation import AnyVehicle
+    from sprung.vehicles.usable import AnyVehicle
 
 
 def write_json(document: Mapping[str, Any], path: str) -> None:
@@ -118,7 +118,7 @@ def _participations(
     identification: "Identification", vehicle: "AnyVehicle | None"
 ) -> list[dict[str, "np.float64"] | None]:
     """Return the shares of the rigid-body motions in each mode; None where the layout does not tell."""
-    from sprung.labels import MOTIONS, rigid_body_participation
+    from sprung.vehicles.labels import MOTIONS, rigid_body_participation
 
     shares, explained = rigid_body_participation(
         identification.modes, identification.channels, mass=_body_mass(vehicle)

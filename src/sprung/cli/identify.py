@@ -16,8 +16,8 @@ from sprung.errors import IdentificationError, ParameterError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sprung.identification import Identification
-    from sprung.preparation import AnyVehicle, IdentificationSettings
+    from sprung.identification import Identification, IdentificationSettings
+    from sprung.vehicles.usable import AnyVehicle
 
 _PREPARATION, _SIZES = "Preparation (default: chosen from the data)", "Identification (default: chosen from the data)"
 #: First and last number of block rows of the thesis' ladder for the 3-DOF chain.
@@ -138,14 +138,14 @@ def identify(
 
 def _given(given: dict[str, Any]) -> "IdentificationSettings":
     """Return the settings with what is given."""
-    from sprung.preparation import IdentificationSettings
+    from sprung.identification import IdentificationSettings
 
     return IdentificationSettings(**{name: value for name, value in given.items() if value is not None})
 
 
 def _preset(given: dict[str, Any]) -> "IdentificationSettings":
     """Return the settings of the thesis with what is given."""
-    from sprung.stabilisation import THESIS_CRITERIA
+    from sprung.identification.stabilisation import THESIS_CRITERIA
 
     first, last = _THESIS_ROWS[0], given["block_rows"] or _THESIS_ROWS[1]
     if given["max_order"] is not None:
@@ -162,7 +162,7 @@ def _with_words(
     settings: "IdentificationSettings", references: str | None, cepstrum: float | None, stable_rate: float | None
 ) -> "IdentificationSettings":
     """Return the settings with the options that stand for values of their own."""
-    from sprung.cepstrum import ShortPass
+    from sprung.signals.cepstrum import ShortPass
 
     if references == "disjoint":
         settings = replace(settings, has_disjoint_references=True)

@@ -10,7 +10,7 @@ from sprung.cli.printing import console, notes, printable, table
 from sprung.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from sprung.inspection import ChannelFacts, Inspection
+    from sprung.signals.inspection import ChannelFacts, Inspection
 
 
 def info(
@@ -34,7 +34,7 @@ def info(
 
 def _inspected(path: Path, sampling_rate: float | None, channels: tuple[str, ...] | None) -> "Inspection":
     """Return the facts about a file, in bounded memory where it is large."""
-    from sprung.inspection import inspect_blocks
+    from sprung.signals.inspection import inspect_blocks
 
     with progress_bar() as report:
         return inspect_blocks(records([path], sampling_rate=sampling_rate, channels=channels, report=report))

@@ -12,8 +12,8 @@ from sprung.cli.printing import console, notes, printable, table
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from sprung.harmonics import Harmonic
     from sprung.identification import Identification, SubsetModes
+    from sprung.signals.harmonics import Harmonic
 
 #: Channels below this share of the largest one are left out of a shape in words.
 _MAIN_SHARE = 0.3

@@ -45,9 +45,9 @@ def replay(
     """Send recordings to a monitor as a vehicle would, and wait until it has them."""
     from sprung._checks import check_number
     from sprung.box import Box, BoxSettings, after, from_files, paced
-    from sprung.layout import quantities_of
     from sprung.link import Address, Spool
     from sprung.vehicles import vehicle_text
+    from sprung.vehicles.sensor_layout import quantities_of
 
     if pace is not None:
         check_number("--pace", pace, above=0)

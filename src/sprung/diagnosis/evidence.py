@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.findings import Finding
 from sprung.diagnosis.observation import Observation
-from sprung.labels import MOTIONS
 from sprung.modal import mac, unit_shapes
 from sprung.vehicles import Vehicle, structure
+from sprung.vehicles.labels import MOTIONS
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from sprung._checks import frozen_array
 from sprung.diagnosis.sensors import SensorFault, check_sensors
-from sprung.diagnosis.speeds import speed_fault
+from sprung.diagnosis.speed_check import speed_fault
 from sprung.errors import DataError, ParameterError
-from sprung.labels import MOTIONS
-from sprung.layout import with_layout
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners, nominal_misfit
-from sprung.preparation import speed_channel
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
+from sprung.vehicles.labels import MOTIONS
+from sprung.vehicles.sensor_layout import with_layout
+from sprung.vehicles.usable import speed_channel
 
 Real = NDArray[np.float64]
 

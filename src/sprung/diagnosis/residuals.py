@@ -11,12 +11,12 @@ from scipy.linalg import eigh
 from scipy.special import polygamma
 
 from sprung._checks import check_number, frozen_array
-from sprung.conditioning import decimate
-from sprung.correlation import correlate_segments
 from sprung.errors import DataError, ParameterError
-from sprung.preparation import usable
+from sprung.identification.correlation import correlate_segments
+from sprung.identification.subspace import block_hankel
 from sprung.recording import Recording
-from sprung.subspace import block_hankel
+from sprung.signals.conditioning import decimate
+from sprung.vehicles.usable import usable
 
 Real = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung.errors import DataError
-from sprung.inspection import inspect
-from sprung.layout import with_layout
-from sprung.preparation import speed_channel
 from sprung.recording import Recording
-from sprung.spectrum import spectral_matrix
+from sprung.signals.inspection import inspect
+from sprung.signals.spectrum import spectral_matrix
 from sprung.vehicles import Vehicle, structure
+from sprung.vehicles.sensor_layout import with_layout
+from sprung.vehicles.usable import speed_channel
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]

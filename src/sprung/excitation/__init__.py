@@ -2,8 +2,8 @@
 
 from sprung.excitation.base_motion import QUARTER_CASES, BaseMotion, pulse_indices
 from sprung.excitation.hammer import HammerBlows
-from sprung.excitation.lines import Lines, Sum
 from sprung.excitation.noise import BAND_ORDER, Excitation, RandomInputs, noise
+from sprung.excitation.orders import Lines, Sum
 from sprung.excitation.rig import RollerRig
 from sprung.excitation.speed import SpeedProfile, constant_speed, random_speed
 from sprung.excitation.surface import (

@@ -1,11 +1,11 @@
 """Whittle likelihood of a vehicle on its road: springs, dampers and tyres of every corner from the body's motion."""
 
+from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.fitting import fit_corners, fit_segments, nominal_misfit
+from sprung.likelihood.from_modes import corners_from_modes
 from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs, SurfaceInputs
-from sprung.likelihood.layout import RigidLayout, rigid_layout
-from sprung.likelihood.lines import SpectralLine, residual_lines
-from sprung.likelihood.modal import corners_from_modes
+from sprung.likelihood.masked_lines import SpectralLine, residual_lines
 from sprung.likelihood.spectra import ClassSpectra, RunningClassSpectra, SegmentSpectra, class_spectra, segment_spectra
 from sprung.likelihood.vehicle import CornerSettings, vehicle_model
 from sprung.likelihood.whittle import Component, MassChange, Model, SensorChange

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from sprung.errors import DataError
-from sprung.labels import MOTIONS
+from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.layout import RigidLayout, rigid_layout
-from sprung.likelihood.lines import SpectralLine, residual_lines, without_lines
-from sprung.likelihood.modal import corners_from_modes
+from sprung.likelihood.from_modes import corners_from_modes
+from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
+from sprung.likelihood.missing_speed import with_estimated_speeds
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
     ClassSpectra,
@@ -20,7 +20,6 @@ from sprung.likelihood.spectra import (
     class_spectra,
     segment_spectra,
 )
-from sprung.likelihood.speeds import with_estimated_speeds
 from sprung.likelihood.uncertainty import credibility, parameter_covariance, power_misfit, segment_weights
 from sprung.likelihood.vehicle import (
     CornerSettings,
@@ -33,9 +32,10 @@ from sprung.likelihood.vehicle import (
 )
 from sprung.likelihood.whittle import TOO_FAR, Model
 from sprung.modal import Modes
-from sprung.preparation import speed_channel, usable
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle, structure
+from sprung.vehicles.labels import MOTIONS
+from sprung.vehicles.usable import speed_channel, usable
 
 Real = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from scipy import signal
 
 from sprung._checks import check_number, frozen_array
 from sprung.errors import DataError
-from sprung.likelihood.layout import RigidLayout
+from sprung.likelihood.coordinates import RigidLayout
 from sprung.recording import Recording
 
 #: Half-overlapping Hann windows count every sample about twice: variance over that of independent segments and

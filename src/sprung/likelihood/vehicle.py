@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
-from sprung.labels import MOTIONS
+from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs
-from sprung.likelihood.layout import RigidLayout
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.whittle import Component, MassChange, Model, SensorChange
 from sprung.vehicles import Outputs, Structure, Vehicle, corner_names, structure, wheel_hop_frequencies
+from sprung.vehicles.labels import MOTIONS
 
 Real = NDArray[np.float64]
 Kind = Literal["road", "rail", "rig"]

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.inputs import InputModel
-from sprung.likelihood.layout import RigidLayout
 from sprung.likelihood.spectra import ClassSpectra, onto_grid, through_window
 from sprung.vehicles import Element, Structure
 from sprung.vehicles.structure import PARTS
@@ -100,7 +100,7 @@ class Model:
     Notes
     -----
     The parameters are those of the components, of the masses, of the sensors, of the inputs, and for each channel ln of
-    its noise density over that of `sprung.likelihood.layout`.
+    its noise density over that of `sprung.likelihood.coordinates`.
     """
 
     structure: Structure

@@ -18,12 +18,11 @@ from sprung.diagnosis import (
     observe,
 )
 from sprung.errors import DataError, ParameterError, SprungError
-from sprung.harmonics import Harmonic, harmonic_from_dict
-from sprung.identification import METHODS
+from sprung.identification import METHODS, IdentificationSettings
 from sprung.modal import Modes
 from sprung.monitor.blocks import Block, joined
-from sprung.preparation import IdentificationSettings
 from sprung.recording import Channel, Gap, Recording
+from sprung.signals.harmonics import Harmonic, harmonic_from_dict
 from sprung.vehicles import Vehicle
 
 STATE = "sprung.vehicle-monitor/1"

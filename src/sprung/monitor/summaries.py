@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sprung.cepstrum import Exponential, ShortPass
-from sprung.correlation import Correlations
 from sprung.errors import FormatError, ParameterError
-from sprung.harmonics import harmonic_from_dict
-from sprung.identification import CorrelationSummary
-from sprung.preparation import IdentificationSettings, Plan
+from sprung.identification import CorrelationSummary, IdentificationSettings, Plan
+from sprung.identification.correlation import Correlations
+from sprung.identification.stabilisation import StabilityCriteria
 from sprung.recording import Channel
-from sprung.stabilisation import StabilityCriteria
+from sprung.signals.cepstrum import Exponential, ShortPass
+from sprung.signals.harmonics import harmonic_from_dict
 
 #: Most bytes of all blocks of all averages.
 _ROOM = 800_000

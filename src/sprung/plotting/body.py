@@ -8,11 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from sprung.labels import MOTIONS, rigid_body_participation
 from sprung.modal import Modes
 from sprung.plotting.style import FAINT, INK, SMALL, mode_colour
 from sprung.recording import Channel
 from sprung.vehicles import sensor_outputs
+from sprung.vehicles.labels import MOTIONS, rigid_body_participation
 
 #: Direction of the camera from the body: to the right and a little ahead, and this far above it [degrees].
 _AZIMUTH, _ELEVATION = -62.0, 24.0

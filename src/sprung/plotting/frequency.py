@@ -11,7 +11,6 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from sprung.harmonics import Harmonic
 from sprung.identification import Identification
 from sprung.modal import Modes
 from sprung.plotting.style import (
@@ -25,6 +24,7 @@ from sprung.plotting.style import (
     spread,
     text_width,
 )
+from sprung.signals.harmonics import Harmonic
 
 #: A logarithmic axis is used from this ratio of its upper end to the lowest mode, and starts at this share of that.
 _LOGARITHMIC, _BELOW_LOWEST = 12.0, 0.33

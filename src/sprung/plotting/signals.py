@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sprung.plotting.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, panel_grid, plain, pretty_unit
 from sprung.recording import Recording
-from sprung.spectrum import spectral_matrix
+from sprung.signals.spectrum import spectral_matrix
 
 _MOST_POINTS = 4000
 

@@ -30,7 +30,7 @@ from sprung.plotting.style import (
     plain,
     pretty_unit,
 )
-from sprung.spectrum import SpectralMatrix
+from sprung.signals.spectrum import SpectralMatrix
 
 _WIDTH = 11.0
 #: More channels than this are not drawn.

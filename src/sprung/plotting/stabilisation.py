@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from sprung.identification import Identification, SubsetModes
+from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.modal import PoleStatus
 from sprung.plotting.frequency import (
     FrequencyRange,
@@ -33,8 +34,7 @@ from sprung.plotting.style import (
     origin,
     plain,
 )
-from sprung.spectrum import SpectralMatrix, singular_values
-from sprung.stabilisation import StabilisationDiagram
+from sprung.signals.spectrum import SpectralMatrix, singular_values
 
 _WIDTH, _PANEL_HEIGHT = 11.0, 4.6
 #: The spectrum is shown down to this far below its maximum [dB].

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung.excitation import RollerRig, random_speed
-from sprung.identification import METHODS, Identification
+from sprung.identification import METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import (
     Spread,
@@ -19,7 +19,6 @@ from sprung.plotting import (
     stabilisation_figure,
     stable_rates_figure,
 )
-from sprung.preparation import IdentificationSettings
 from sprung.recording import Recording
 from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.report import Block, Paragraph, Report, Section, Table, deviation, picture

@@ -5,7 +5,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from sprung.cepstrum import ShortPass, edit
 from sprung.excitation import RollerRig, constant_speed
 from sprung.identification import Identification, coss_ssi
 from sprung.modal import Modes
@@ -24,6 +23,7 @@ from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.report import Block, Report, Section, Table, deviation, picture
 from sprung.reproduce.runs import Effort, Progress, over_seeds
 from sprung.reproduce.thesis import BODY_MOTIONS, THRESHOLDS, number, of_runs, share, thesis_settings
+from sprung.signals.cepstrum import ShortPass, edit
 from sprung.simulation import simulate
 from sprung.vehicles import read_vehicle, structure
 

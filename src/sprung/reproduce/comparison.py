@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung.excitation import RandomInputs
-from sprung.identification import METHODS
+from sprung.identification import METHODS, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import Spread, runs_figure
-from sprung.preparation import IdentificationSettings
 from sprung.recording import Recording
 from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.report import Block, Paragraph, Report, Section, Table, picture

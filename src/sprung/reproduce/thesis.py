@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sprung.cepstrum import Lifter
-from sprung.preparation import IdentificationSettings
+from sprung.identification import IdentificationSettings
+from sprung.identification.stabilisation import THESIS_CRITERIA
 from sprung.reproduce.report import found_in, spread
-from sprung.stabilisation import THESIS_CRITERIA
+from sprung.signals.cepstrum import Lifter
 
 BODY_MOTIONS = ("bounce", "pitch", "roll")
 THRESHOLDS = (

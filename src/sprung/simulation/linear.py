@@ -8,10 +8,10 @@ from scipy.linalg import expm, matrix_balance, schur
 from scipy.signal import lfilter
 
 from sprung._checks import check_number
-from sprung.conditioning import decimate
 from sprung.errors import ParameterError
 from sprung.excitation import Excitation, RandomInputs
 from sprung.recording import Recording
+from sprung.signals.conditioning import decimate
 from sprung.simulation.sensors import with_noise
 from sprung.vehicles import StateSpace, Structure
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sprung._checks import check_number, check_one_of, required
-from sprung.conditioning import decimate
 from sprung.errors import ParameterError
 from sprung.excitation import Excitation
 from sprung.recording import Recording
+from sprung.signals.conditioning import decimate
 from sprung.simulation.laws import Law
 from sprung.simulation.linear import SMOOTH_RATE, check_fits, settling_time
 from sprung.simulation.sensors import with_noise

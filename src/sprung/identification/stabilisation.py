@@ -1,0 +1,372 @@
+"""From the poles of a ladder to modes: criteria, alignments, selection, merging."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.cluster import hierarchy
+
+from sprung._checks import check_number, frozen_array
+from sprung.identification.contribution import contributions
+from sprung.identification.correlation import Correlations
+from sprung.modal import Modes, Poles, PoleStatus, join_modes, mac, mpc, unit_shapes
+
+#: Two poles of one shape are one mode if they lie within this share of their half-power half-bandwidth (between
+#: rungs, and between modes where damping may differ: there, if their half-power bands overlap) ...
+_ALIGNED_BANDWIDTH, _MERGED_BANDWIDTH = 0.5, 2.0
+#: ... plus this share of their frequency; and two shapes are one if 1 - MAC is below this.
+_MERGED_FREQUENCY = 0.01
+_MERGED_MAC = 0.1
+#: Chance to be exceeded by a contribution, and the uncertainty (over the half-bandwidth) up to which it counts in full.
+_CHANCE, _WELL_KNOWN = 1e-2, 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class StabilityCriteria:
+    """When a pole is stable, and when an alignment of stable poles is a mode.
+
+    Parameters
+    ----------
+    frequency, damping
+        Largest relative change against the nearest pole of the rung below.
+    shape
+        Largest 1 - MAC against it.
+    mpc
+        Least modal phase collinearity; 0 for no bound (road vehicles have truly complex modes).
+    max_damping
+        Largest damping ratio that is physical.
+    stable_rate
+        Least share of rungs with a stable pole (delta of eq. 3-57).
+    bandwidth
+        The change of frequency may also be up to this share of the half-power half-bandwidth (damping ratio times
+        frequency): the frequency of a heavily damped mode is known no better.
+    contribution
+        Least contribution (see `contribution.contributions`) of a mode; 0 for no bound.
+    uncertainty
+        Largest standard deviation of the frequency over the half-power half-bandwidth; infinite for no bound.
+
+    References
+    ----------
+    F. Liu (2020), eq. 3-53 to 3-57.
+    """
+
+    frequency: float = 0.01
+    bandwidth: float = 0.1
+    damping: float = 0.1
+    shape: float = 0.02
+    mpc: float = 0.0
+    max_damping: float = 0.6
+    stable_rate: float = 0.2
+    contribution: float = 4.0
+    uncertainty: float = 0.6
+
+    def __post_init__(self) -> None:
+        for name in ("frequency", "damping", "shape", "max_damping"):
+            check_number(name, getattr(self, name), above=0, at_most=1)
+        for name in ("mpc", "stable_rate"):
+            check_number(name, getattr(self, name), at_least=0, at_most=1)
+
+
+#: The thresholds of the thesis (section 4.3), very loose, without the tests of significance.
+THESIS_CRITERIA = StabilityCriteria(
+    frequency=0.1, bandwidth=0.0, damping=0.2, shape=0.5, stable_rate=0.5, contribution=0.0, uncertainty=np.inf
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StabilisationDiagram:
+    """All poles of a ladder and what became of each.
+
+    Parameters
+    ----------
+    poles
+        As identified.
+    status
+        `PoleStatus` of each, shape (poles,).
+    alignments
+        Number of the alignment each stable pole belongs to, shape (poles,); -1 for none.
+    criteria
+        As applied.
+    """
+
+    poles: Poles
+    status: NDArray[np.int8]
+    alignments: NDArray[np.intp]
+    criteria: StabilityCriteria
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "status", frozen_array("status", self.status, ndim=1, dtype=np.int8))
+        object.__setattr__(self, "alignments", frozen_array("alignments", self.alignments, ndim=1, dtype=np.intp))
+
+
+def stabilise(
+    poles: Poles,
+    *,
+    criteria: StabilityCriteria | None = None,
+    band: tuple[float, float] = (0.0, np.inf),
+    is_harmonic: NDArray[np.bool_] | None = None,
+) -> StabilisationDiagram:
+    """Compare every pole with the rung below, align the stable ones and keep the alignments that are modes.
+
+    Parameters
+    ----------
+    poles
+        Of all rungs, with standard deviations where these are to count.
+    criteria
+        Default: `StabilityCriteria()`.
+    band
+        Lowest and highest natural frequency [Hz].
+    is_harmonic
+        Poles known to be harmonics of the excitation, shape (poles,).
+    """
+    criteria = criteria or StabilityCriteria()
+    status = _status_alone(poles, criteria, band)
+    if is_harmonic is not None:
+        status[(status == PoleStatus.SELECTED) & is_harmonic] = PoleStatus.HARMONIC
+    _compare_with_rung_below(poles, criteria, status)
+    stable = np.flatnonzero(status == PoleStatus.SELECTED)
+    alignments = np.full(len(status), -1)
+    alignments[stable] = align(poles.poles[stable], poles.mode_shapes[stable])
+    for alignment in range(alignments.max(initial=-1) + 1):
+        members = np.flatnonzero(alignments == alignment)
+        status[members] = _verdict(poles, members, criteria)
+    return StabilisationDiagram(poles, status, alignments, criteria)
+
+
+def _status_alone(poles: Poles, criteria: StabilityCriteria, band: tuple[float, float]) -> NDArray[np.int8]:
+    """Return the status as far as each pole tells it alone; SELECTED for the rest."""
+    frequency, damping = poles.natural_frequency, poles.damping_ratio
+    status = np.full(len(frequency), PoleStatus.SELECTED, dtype=np.int8)
+    status[mpc(poles.mode_shapes) < criteria.mpc] = PoleStatus.INCOHERENT_SHAPE
+    status[(frequency < band[0]) | (frequency > band[1])] = PoleStatus.OUT_OF_BAND
+    status[(damping <= 0) | (damping > criteria.max_damping)] = PoleStatus.UNPHYSICAL_DAMPING
+    return status
+
+
+def _compare_with_rung_below(poles: Poles, criteria: StabilityCriteria, status: NDArray[np.int8]) -> None:
+    """Write into `status` the criterion that fails against every pole of the rung below."""
+    frequency, damping = poles.natural_frequency, poles.damping_ratio
+    unstable = np.full(len(status), PoleStatus.FREQUENCY_CHANGED, dtype=np.int8)
+    starts = np.searchsorted(poles.rungs, np.arange(len(poles.ladder) + 1))
+    for below, here, end in zip(starts[:-2], starts[1:-1], starts[2:], strict=True):
+        old, new = slice(below, here), slice(here, end)
+        tolerance = np.maximum(criteria.frequency, criteria.bandwidth * damping[new]) * frequency[new]
+        is_near = np.abs(frequency[new, None] - frequency[old]) <= tolerance[:, None]
+        same_damping = np.abs(damping[new, None] - damping[old]) <= criteria.damping * np.abs(damping[new, None])
+        same_shape = 1 - mac(poles.mode_shapes[new], poles.mode_shapes[old]) <= criteria.shape
+        unstable[new] = np.select(
+            [
+                (is_near & same_damping & same_shape).any(axis=1),
+                (is_near & same_damping).any(axis=1),
+                is_near.any(axis=1),
+            ],
+            [PoleStatus.SELECTED, PoleStatus.SHAPE_CHANGED, PoleStatus.DAMPING_CHANGED],
+            PoleStatus.FREQUENCY_CHANGED,
+        )
+    undecided = status == PoleStatus.SELECTED
+    status[undecided] = unstable[undecided]
+
+
+def align(
+    poles: NDArray[np.complex128], mode_shapes: NDArray[np.complex128], *, has_free_damping: bool = False
+) -> NDArray[np.intp]:
+    """Group poles of one mode.
+
+    Parameters
+    ----------
+    poles
+        Continuous, rad/s, shape (poles,).
+    mode_shapes
+        Shape (poles, channels).
+    has_free_damping
+        Compare frequency and shape only: between subsets of different level the damping may differ.
+
+    Returns
+    -------
+    numpy.ndarray
+        Number of the group of each pole, from 0, by rising frequency of the groups.
+
+    Notes
+    -----
+    Average linkage on the distance abs(p - q) / (0.01 abs(p) + 0.5 abs(Re p)) + (1 - MAC) / 0.1, cut at 1: poles
+    within half of their half-bandwidth and of one shape are one mode. With free damping p and q are moduli, and 2
+    stands for 0.5: modes of one shape whose half-power bands overlap are one.
+    """
+    if len(poles) < 2:
+        return np.zeros(len(poles), dtype=np.intp)
+    share = _MERGED_BANDWIDTH if has_free_damping else _ALIGNED_BANDWIDTH
+    width = _MERGED_FREQUENCY * np.abs(poles) + share * np.abs(poles.real)
+    places = np.abs(poles) if has_free_damping else poles
+    distance = np.abs(places[:, None] - places) / ((width[:, None] + width) / 2)
+    distance += (1 - mac(mode_shapes, mode_shapes)) / _MERGED_MAC
+    condensed = np.maximum(distance, distance.T)[np.triu_indices(len(poles), 1)]
+    groups = hierarchy.fcluster(hierarchy.linkage(condensed, "average"), 1.0, "distance") - 1
+    mean = np.bincount(groups, np.abs(poles)) / np.bincount(groups)
+    return np.asarray(np.argsort(np.argsort(mean))[groups])
+
+
+def _verdict(poles: Poles, members: NDArray[np.intp], criteria: StabilityCriteria) -> PoleStatus:
+    """Decide about one alignment of stable poles by itself."""
+    rungs = np.unique(poles.rungs[members])
+    if len(rungs) < criteria.stable_rate * len(poles.ladder):
+        return PoleStatus.RARE
+    relative = poles.natural_frequency_std[members] / (poles.natural_frequency * poles.damping_ratio)[members]
+    if np.min(relative) > criteria.uncertainty:
+        return PoleStatus.UNCERTAIN
+    return PoleStatus.SELECTED
+
+
+def _representatives(poles: Poles, alignments: NDArray[np.intp], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return for each chosen alignment the pole of least variance plus squared distance from the median pole."""
+    found = []
+    for alignment in chosen:
+        members = np.flatnonzero(alignments == alignment)
+        values = poles.poles[members]
+        median = np.median(values.real) + 1j * np.median(values.imag)
+        variance = poles.natural_frequency_std[members] ** 2
+        variance = variance + (poles.natural_frequency * poles.damping_ratio_std)[members] ** 2
+        deviation = np.abs(values - median) ** 2 / (2 * np.pi) ** 2
+        found.append(members[np.argmin(np.nan_to_num(variance) + deviation)])
+    return np.array(found, dtype=np.intp)
+
+
+def select_modes(diagram: StabilisationDiagram) -> tuple[Modes, NDArray[np.intp]]:
+    """Return the modes of the alignments that were kept, each from its most trustworthy pole.
+
+    Parameters
+    ----------
+    diagram
+        From `stabilise`.
+
+    Returns
+    -------
+    modes
+        By rising frequency.
+    alignments
+        The alignment behind each mode, shape (modes,).
+
+    Notes
+    -----
+    The pole with the least sum of its variance and its squared distance from the alignment's median pole stands for the
+    mode, with its own shape and standard deviations: high orders scatter more than low ones, and the lowest may still
+    be biased.
+    """
+    poles = diagram.poles
+    kept = np.unique(diagram.alignments[diagram.status == PoleStatus.SELECTED])
+    chosen = _representatives(poles, diagram.alignments, kept)
+    rates = [len(np.unique(poles.rungs[diagram.alignments == alignment])) / len(poles.ladder) for alignment in kept]
+    modes = Modes(
+        poles=poles.poles[chosen],
+        mode_shapes=unit_shapes(poles.mode_shapes[chosen]),
+        channels=poles.channels,
+        natural_frequency_std=poles.natural_frequency_std[chosen],
+        damping_ratio_std=poles.damping_ratio_std[chosen],
+        stable_rate=np.array(rates),
+        labels=(None,) * len(chosen),
+    )
+    order = np.argsort(modes.natural_frequency)
+    return modes.take(order), kept[order]
+
+
+def with_status(diagram: StabilisationDiagram, alignments: Iterable[int], status: PoleStatus) -> StabilisationDiagram:
+    """Return the diagram with another status of all poles of the given alignments."""
+    changed = np.where(np.isin(diagram.alignments, list(alignments)), np.int8(status), diagram.status)
+    return replace(diagram, status=changed)
+
+
+def significant(modes: Modes, correlations: Correlations, *, least: float) -> NDArray[np.bool_]:
+    """Tell which modes contribute more than chance to the correlations between channels.
+
+    Parameters
+    ----------
+    modes
+        Candidates, of the channels of `correlations`.
+    correlations
+        With blocks; of all segments.
+    least
+        Least contribution (see `contribution.contributions`); 0: all are kept.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (modes,).
+
+    Notes
+    -----
+    The weakest mode is taken away and the rest solved for again until all that are left contribute enough. A
+    contribution counts less the more uncertain the mode's frequency is: in full up to 0.2 of the half-bandwidth. The
+    bound rises to what chance exceeds once in a hundred times, by Fisher's distribution, where there are few pairs of
+    channels or few blocks.
+    """
+    is_kept = np.ones(len(modes), dtype=np.bool_)
+    if least <= 0:
+        return is_kept
+    n_pairs = max(int(correlations.is_cross.sum()), 1)
+    least = max(least, float(stats.f.isf(_CHANCE, 2 * n_pairs, max(len(correlations.blocks) - 1, 1))))
+    spread = modes.natural_frequency_std / (modes.natural_frequency * modes.damping_ratio)
+    while is_kept.any():
+        kept = np.flatnonzero(is_kept)
+        contribution = contributions(modes.poles[kept], modes.mode_shapes[kept], correlations)
+        certainty = contribution / np.fmax(spread[kept] / _WELL_KNOWN, 1.0)
+        weakest = int(np.argmin(certainty))
+        if certainty[weakest] >= least:
+            break
+        is_kept[kept[weakest]] = False
+    return is_kept
+
+
+def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> tuple[Modes, NDArray[np.intp]]:
+    """Merge the modes of several identifications of one system.
+
+    Parameters
+    ----------
+    parts
+        Of the same channels: from subsets of segments, or from splits of outputs and references.
+    weights
+        Of the parts, above 0; the number of segments for subsets.
+
+    Returns
+    -------
+    modes
+        Found in at least half of the parts; poles are weighted means, the shape is that of the part of largest weight.
+        Of several modes of one part that merge, the one of largest stable rate stands for the part.
+    members
+        For each mode and part the index of the part's mode, -1 where it has none; shape (modes, parts).
+
+    References
+    ----------
+    F. Liu (2020), section 4.2, step 8.
+    """
+    owners = np.concatenate([np.full(len(part), k) for k, part in enumerate(parts)])
+    places = np.concatenate([np.arange(len(part)) for part in parts])
+    together = join_modes(parts)
+    groups = align(together.poles, together.mode_shapes, has_free_damping=True)
+    merged, members = [], []
+    for group in range(groups.max(initial=-1) + 1):
+        chosen = np.flatnonzero(groups == group)
+        chosen = chosen[np.argsort(-together.stable_rate[chosen], kind="stable")]
+        chosen = chosen[np.unique(owners[chosen], return_index=True)[1]]
+        if 2 * len(chosen) < len(parts):
+            continue
+        row = np.full(len(parts), -1)
+        row[owners[chosen]] = places[chosen]
+        members.append(row)
+        merged.append(_merged(together.take(chosen), np.asarray(weights, dtype=float)[owners[chosen]]))
+    modes = join_modes(merged) if merged else together.take(np.zeros(0, dtype=np.intp))
+    order = np.argsort(modes.natural_frequency)
+    return modes.take(order), np.array(members, dtype=np.intp).reshape(-1, len(parts))[order]
+
+
+def _merged(same: Modes, weights: NDArray[np.float64]) -> Modes:
+    """Return one mode from several estimates of it."""
+    shares = weights / weights.sum()
+    best = same.take(np.array([np.argmax(shares)]))
+    return replace(
+        best,
+        poles=np.array([np.sum(shares * same.poles)]),
+        natural_frequency_std=np.sqrt([np.sum((shares * same.natural_frequency_std) ** 2)]),
+        damping_ratio_std=np.sqrt([np.sum((shares * same.damping_ratio_std) ** 2)]),
+        stable_rate=np.array([np.mean(same.stable_rate)]),
+    )

@@ -1,0 +1,392 @@
+"""Realisations of correlations: block matrices, state matrices of all orders, poles and their uncertainty."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, linalg
+
+from sprung._checks import check_number
+from sprung.errors import ParameterError
+from sprung.identification.correlation import Correlations
+from sprung.modal import Poles
+
+Matrix: TypeAlias = NDArray[np.float64]
+Complex: TypeAlias = NDArray[np.complex128]
+
+_WHITENING_FLOOR = 3e-3
+
+
+def block_toeplitz(values: Matrix, block_rows: int) -> Matrix:
+    """Return the block Toeplitz matrix of Lambda_1 ... Lambda_(2 i - 1).
+
+    Parameters
+    ----------
+    values
+        Correlations, shape (channels, references, lags) with lags from 0; at least 2 i lags.
+    block_rows
+        i, at least 2.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (i channels, i references); block (p, q) is Lambda_(i + p - q).
+
+    References
+    ----------
+    F. Liu (2020), eq. 3-39.
+    """
+    falling = values[:, :, 2 * block_rows - 1 : 0 : -1]
+    rows = _windows(falling, block_rows, block_rows)[::-1]
+    return np.ascontiguousarray(rows.reshape(block_rows * len(values), -1))
+
+
+def block_hankel(values: Matrix, block_rows: int, *, first_lag: int, n_columns: int) -> Matrix:
+    """Return the block Hankel matrix of correlations taken as data.
+
+    Parameters
+    ----------
+    values
+        Correlations, shape (channels, references, lags) with lags from 0.
+    block_rows
+        i.
+    first_lag
+        Lag of block (0, 0).
+    n_columns
+        Number of block columns j.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (i channels, j references); block (p, q) is Lambda_(first_lag + p + q).
+
+    References
+    ----------
+    F. Liu (2020), eq. 3-35.
+    """
+    rising = values[:, :, first_lag : first_lag + block_rows + n_columns - 1]
+    rows = _windows(rising, block_rows, n_columns)
+    return np.ascontiguousarray(rows.reshape(block_rows * len(values), -1))
+
+
+def _windows(values: Matrix, n_rows: int, n_columns: int) -> Matrix:
+    """Return a view (rows, channels, columns references) whose block (p, q) is lag p + q: its rows are stored once."""
+    n_channels, n_references, _ = values.shape
+    rows = np.ascontiguousarray(values.transpose(0, 2, 1)).reshape(n_channels, -1)
+    windows = np.lib.stride_tricks.sliding_window_view(rows, n_columns * n_references, axis=1)
+    return np.asarray(windows[:, ::n_references].transpose(1, 0, 2)[:n_rows])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Realisation:
+    """What one decomposition says about all model orders.
+
+    Parameters
+    ----------
+    observability
+        Shape (block_rows channels, max_order); its first n columns are the observability matrix of order n.
+    singular_values
+        Of the (weighted) block matrix, all of them, falling.
+    right_factor
+        Z of `observability` = H Z with the block Hankel matrix H whose block (p, q) is lag p + q of the correlations
+        in use; shape (block columns, references, max_order).
+    changes
+        Change of these correlations with each of their blocks, shape (blocks, channels, references, block_rows + block
+        columns - 1), scaled so that the sum over blocks of the squares of any linear function is its variance.
+    channels
+        Names of the outputs.
+    sampling_rate
+        In Hz.
+    """
+
+    observability: Matrix
+    singular_values: Matrix
+    right_factor: Matrix
+    changes: Matrix
+    channels: tuple[str, ...]
+    sampling_rate: float
+
+
+def realise(
+    correlations: Correlations, *, block_rows: int, max_order: int, is_weighted: bool = True, is_hankel: bool = False
+) -> Realisation:
+    """Decompose the block matrix of the correlations.
+
+    Parameters
+    ----------
+    correlations
+        With at least 2 `block_rows` lags (3 `block_rows` for the Hankel form).
+    block_rows
+        i, at least 2.
+    max_order
+        Largest model order wanted, at most (i - 1) channels and i references.
+    is_weighted
+        True: canonical variates, the block matrix is whitened by the outputs' own covariance before the singular
+        value decomposition, which brings weak modes beside strong ones. Without all outputs among the references
+        only the references' side is whitened. False: the thesis' unweighted form.
+    is_hankel
+        False: correlations are the blocks of the Toeplitz matrix. True: they are data in past and future block
+        Hankel matrices (the thesis' form; never weighted).
+
+    Raises
+    ------
+    ParameterError
+        If the correlations hold too few lags, or the matrix is too small for `max_order`.
+
+    Notes
+    -----
+    T = U S V^T and O = U S^(1/2), weighted: O = W U S^(1/2) with the whitening W taken off again. As O = T Z with a
+    known Z, a change dT of the correlations changes O by dT Z to first order (up to a change of basis, and
+    neglecting what the discarded singular values add).
+
+    References
+    ----------
+    F. Liu (2020), eq. 3-35 to 3-45. P. Van Overschee and B. De Moor (1996), Subspace identification for linear
+    systems, chapter 3 (weights). M. Döhler and L. Mevel (2013), Efficient multi-order uncertainty computation for
+    stochastic subspace identification.
+    """
+    _check_size(correlations, block_rows, max_order, is_hankel)
+    form = _hankel_form if is_hankel else _toeplitz_form
+    matrix, first_lag, with_rising_lags = form(correlations, block_rows)
+    if is_weighted and not is_hankel:
+        left, right = _whitening(correlations, block_rows)
+    else:
+        left = right = None
+    weighted = _apply(left, matrix)
+    weighted = weighted if right is None else weighted @ right
+    _, S, Vt = _svd(weighted)
+    Z = Vt[:max_order].T / np.sqrt(S[:max_order])
+    Z = Z if right is None else right @ Z
+    right_factor = with_rising_lags(Z)
+    n_lags = block_rows + len(right_factor) - 1
+    return Realisation(
+        observability=matrix @ Z,
+        singular_values=S,
+        right_factor=right_factor,
+        changes=correlations.changes[..., first_lag : first_lag + n_lags],
+        channels=correlations.channels,
+        sampling_rate=correlations.sampling_rate,
+    )
+
+
+def _check_size(correlations: Correlations, block_rows: int, max_order: int, is_hankel: bool) -> None:
+    """Check that lags and block rows are enough."""
+    check_number("block_rows", block_rows, at_least=2)
+    check_number("max_order", max_order, at_least=2)
+    n_needed = (3 if is_hankel else 2) * block_rows
+    if correlations.n_lags < n_needed:
+        raise ParameterError(
+            f"block_rows={block_rows} needs {n_needed} lags, but the correlations hold {correlations.n_lags}:"
+            f" estimate with at least {n_needed / correlations.sampling_rate:.3g} s of lags"
+            f" or use block_rows <= {correlations.n_lags // (3 if is_hankel else 2)}"
+        )
+    n_references = len(correlations.references)
+    largest = min((block_rows - 1) * len(correlations.channels), block_rows * n_references)
+    if max_order > largest:
+        raise ParameterError(
+            f"max_order={max_order} is more than block_rows={block_rows} can carry with {len(correlations.channels)}"
+            f" channels and {n_references} references: use max_order <= {largest} or more block rows"
+        )
+
+
+def _toeplitz_form(correlations: Correlations, block_rows: int) -> tuple[Matrix, int, Callable[[Matrix], Matrix]]:
+    """Return the block Toeplitz matrix, its first lag and what puts its right factors in the order of rising lags."""
+    return (
+        block_toeplitz(correlations.values, block_rows),
+        1,
+        lambda Z: Z.reshape(block_rows, -1, Z.shape[1])[::-1],
+    )
+
+
+def _hankel_form(correlations: Correlations, block_rows: int) -> tuple[Matrix, int, Callable[[Matrix], Matrix]]:
+    """Return the projection of the future of correlations as data on their past; otherwise as `_toeplitz_form`.
+
+    Yf Q with the orthonormal rows Q of Yp spans the same columns as the thesis' T = Yf Yp^T, without squaring the
+    condition number (poles of a 7-DOF vehicle: 1e-13 instead of 1e-7). A change of Yp only changes the basis.
+    """
+    n_columns = correlations.n_lags - 2 * block_rows
+    past = block_hankel(correlations.values, block_rows, first_lag=1, n_columns=n_columns)
+    rows = np.linalg.qr(past.T).Q
+    future = block_hankel(correlations.values, block_rows, first_lag=1 + block_rows, n_columns=n_columns)
+    return future @ rows, 1 + block_rows, lambda Z: (rows @ Z).reshape(n_columns, -1, Z.shape[1])
+
+
+def _whitening(correlations: Correlations, block_rows: int) -> tuple[Matrix | None, Matrix | None]:
+    """Return the inverse square roots of the covariances of future outputs and past references, where known."""
+    lags = np.arange(block_rows)[:, None] - np.arange(block_rows)
+    if not set(correlations.references) <= set(correlations.channels):
+        return None, None
+    rows = [correlations.channels.index(name) for name in correlations.references]
+    own = correlations.values[rows]
+    blocks = np.where(lags >= 0, own[:, :, np.abs(lags)], own.transpose(1, 0, 2)[:, :, np.abs(lags)])
+    size = block_rows * len(rows)
+    eigenvalues, vectors = np.linalg.eigh(blocks.transpose(2, 0, 3, 1).reshape(size, size))
+    eigenvalues = np.maximum(eigenvalues, _WHITENING_FLOOR * eigenvalues[-1])
+    root = (vectors / np.sqrt(eigenvalues)) @ vectors.T
+    return (root if correlations.references == correlations.channels else None), root
+
+
+def _apply(left: Matrix | None, matrix: Matrix) -> Matrix:
+    """Return left @ matrix, or the matrix where there is no left factor."""
+    return matrix if left is None else np.asarray(left @ matrix)
+
+
+def _svd(matrix: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Return the thin singular value decomposition, by the slower method where the fast one does not converge."""
+    try:
+        U, S, Vt = linalg.svd(matrix, full_matrices=False, check_finite=False)
+    except linalg.LinAlgError:
+        U, S, Vt = linalg.svd(matrix, full_matrices=False, lapack_driver="gesvd")
+    return U, S, Vt
+
+
+def poles_of_orders(realisation: Realisation, orders: Sequence[int]) -> Poles:
+    """Return the poles of every model order from one QR decomposition.
+
+    Parameters
+    ----------
+    realisation
+        From `realise`.
+    orders
+        Model orders, rising, at most its `max_order`.
+
+    Returns
+    -------
+    Poles
+        With `ladder` = `orders` and standard deviations.
+
+    Notes
+    -----
+    With the observability matrix of the largest order without its last, and without its first block row,
+    O_up = Q R and X = Q^T O_down, the state matrix of order n is R[:n, :n]^-1 X[:n, :n]. Frequency abs(ln lambda) fs
+    / 2 pi, damping -Re(ln lambda) / abs(ln lambda), shape C psi. First-order change of an eigenvalue: chi^H
+    O_up^+ (dO_down - lambda dO_up) psi / (chi^H psi).
+
+    References
+    ----------
+    M. Döhler and L. Mevel (2012), Fast multi-order computation of system matrices in subspace-based system
+    identification. F. Liu (2020), eq. 3-46 to 3-52.
+    """
+    n_channels = len(realisation.channels)
+    O_up, O_down = realisation.observability[:-n_channels], realisation.observability[n_channels:]
+    Q, R = np.linalg.qr(O_up)
+    X = Q.T @ O_down
+    spectra = _conjugate_spectra(realisation.changes)
+    rungs = []
+    for order in orders:
+        rungs.append(_poles_of_order(realisation, Q[:, :order], R[:order, :order], X[:order, :order], spectra))
+    return _stack(rungs, tuple(orders), realisation.channels)
+
+
+def _conjugate_spectra(changes: Matrix) -> Complex:
+    """Return the Fourier transforms over lags that turn convolutions into sums; (blocks, frequencies, l, r)."""
+    n_fft = fft.next_fast_len(changes.shape[-1])
+    return np.ascontiguousarray(np.moveaxis(fft.fft(changes, n_fft).conj() / n_fft, -1, 1))
+
+
+def _poles_of_order(
+    realisation: Realisation, Q: Matrix, R: Matrix, X: Matrix, spectra: Complex
+) -> tuple[Complex, Complex, Matrix, Matrix]:
+    """Return poles, shapes and standard deviations of frequency and damping of one order."""
+    order = len(R)
+    eigenvalues, psi = np.linalg.eig(linalg.solve_triangular(R, X, check_finite=False))
+    chosen = np.flatnonzero(eigenvalues.imag > 0)
+    eigenvalues, right = eigenvalues[chosen], psi[:, chosen]
+    poles = np.log(eigenvalues) * realisation.sampling_rate
+    shapes = (realisation.observability[: len(realisation.channels), :order] @ right).T
+    if not len(spectra) or not len(chosen):
+        unknown = np.full(len(chosen), np.nan)
+        return poles, shapes, unknown, unknown
+    left = np.linalg.solve(R.T.astype(complex), np.linalg.inv(psi)[chosen].T)
+    change = _eigenvalue_changes(realisation, spectra, eigenvalues, np.asarray(Q @ left, dtype=complex), right)
+    return poles, shapes, *_standard_deviations(poles, change / eigenvalues * realisation.sampling_rate)
+
+
+def _eigenvalue_changes(
+    realisation: Realisation, spectra: Complex, eigenvalues: Complex, left: Complex, right: Complex
+) -> Complex:
+    """Return left_k^T (dO_down - eigenvalue_k dO_up) right_k for every block and pole, shape (blocks, poles).
+
+    A block Hankel matrix between two vectors is the sum over lags of the correlations times the convolution of both.
+    """
+    n_blocks, n_fft, n_channels, _ = spectra.shape
+    nothing = np.zeros((n_channels, len(eigenvalues)))
+    before = np.concatenate([nothing, left]) - np.concatenate([eigenvalues * left, nothing])
+    before = fft.fft(before.reshape(-1, n_channels, len(eigenvalues)), n_fft, axis=0)
+    after = fft.fft(realisation.right_factor[..., : len(right)] @ right, n_fft, axis=0)
+    convolution = before[:, :, None] * after[:, None]
+    return np.asarray(spectra.reshape(n_blocks, -1) @ convolution.reshape(-1, len(eigenvalues)))
+
+
+def _standard_deviations(poles: Complex, change: Complex) -> tuple[Matrix, Matrix]:
+    """Turn changes of the poles with each block, (blocks, poles), into deviations of frequency and damping."""
+    modulus = np.abs(poles)
+    d_modulus = np.real(np.conj(poles) * change) / modulus
+    d_damping = -change.real / modulus + poles.real * d_modulus / modulus**2
+    return np.sqrt(np.sum(d_modulus**2, axis=0)) / (2 * np.pi), np.sqrt(np.sum(d_damping**2, axis=0))
+
+
+def _stack(
+    rungs: Sequence[tuple[Complex, Complex, Matrix, Matrix]],
+    ladder: tuple[int, ...],
+    channels: tuple[str, ...],
+) -> Poles:
+    """Join the rungs of a ladder."""
+    poles, shapes, frequency_std, damping_std = (np.concatenate(parts) for parts in zip(*rungs, strict=True))
+    return Poles(
+        poles=poles,
+        mode_shapes=shapes,
+        rungs=np.repeat(np.arange(len(rungs)), [len(rung[0]) for rung in rungs]),
+        ladder=ladder,
+        channels=channels,
+        natural_frequency_std=frequency_std,
+        damping_ratio_std=damping_std,
+    )
+
+
+def join_ladders(parts: Sequence[Poles]) -> Poles:
+    """Put ladders one on top of another."""
+    offsets = np.cumsum([0, *(len(part.ladder) for part in parts)])[:-1]
+
+    def joined(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return replace(
+        parts[0],
+        poles=joined("poles"),
+        mode_shapes=joined("mode_shapes"),
+        rungs=np.concatenate([part.rungs + offset for part, offset in zip(parts, offsets, strict=True)]),
+        ladder=tuple(rung for part in parts for rung in part.ladder),
+        natural_frequency_std=joined("natural_frequency_std"),
+        damping_ratio_std=joined("damping_ratio_std"),
+    )
+
+
+def block_row_ladder(
+    correlations: Correlations, block_rows: Sequence[int], *, is_weighted: bool = False, is_hankel: bool = False
+) -> Poles:
+    """Return the poles of one realisation for each number of block rows, the order following it.
+
+    Parameters
+    ----------
+    correlations
+        With lags for the largest number.
+    block_rows
+        Rungs of the ladder, rising (the thesis: 12 to 45, 48 or 82). The model order is the largest even number up
+        to the number of block rows, or to one less with one channel, which carries no more.
+    is_weighted, is_hankel
+        As in `realise`.
+
+    References
+    ----------
+    F. Liu (2020), sections 4.3 and 7.3.
+    """
+    rungs = []
+    for i in block_rows:
+        largest = min(i, (i - 1) * len(correlations.channels))
+        order = largest - largest % 2
+        realisation = realise(correlations, block_rows=i, max_order=order, is_weighted=is_weighted, is_hankel=is_hankel)
+        rungs.append(poles_of_orders(realisation, [order]))
+    return replace(join_ladders(rungs), ladder=tuple(block_rows))

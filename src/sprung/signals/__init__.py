@@ -1,0 +1,1 @@
+"""Signals: filters, spectra, cepstrum, narrow lines, and what a recording holds."""

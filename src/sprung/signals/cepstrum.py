@@ -1,0 +1,279 @@
+"""Cepstrum editing: taking harmonics out of a recording before its modes are identified."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft, interpolate
+
+from sprung._checks import check_complete, check_number
+from sprung.errors import ParameterError
+from sprung.recording import Recording
+from sprung.signals.conditioning import moving_parts, over_distance
+
+#: Spectral amplitudes below this part of the spectrum's RMS count as this part: ln 0 must not happen.
+AMPLITUDE_FLOOR = 1e-9
+
+
+class Lifter(Protocol):
+    """Weights over quefrency; its `repr` is what the history of an edited recording says."""
+
+    def weights(self, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the weight at each quefrency [s], which is never negative."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShortPass:
+    """Keep the cepstrum up to the quefrency `length` [s] and nothing beyond it.
+
+    Quasi-periodic excitation lives at long quefrencies, the modes at short ones: the log spectrum is smoothed over
+    about 1/(2 length) Hz, so any line narrower than that disappears, whatever its frequency.
+
+    References
+    ----------
+    Liu (2020), eq. 5-4, with `length` = 0.25 s in chapter 5.
+    """
+
+    length: float
+
+    def __post_init__(self) -> None:
+        check_number("length of the short-pass lifter", self.length, above=0)
+
+    def weights(self, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return 1 below `length`, 0 from there on."""
+        return (quefrency < self.length).astype(np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Exponential:
+    """Multiply the cepstrum by exp(-quefrency / time_constant), which adds a known damping to every mode.
+
+    See `subtract_lifter_damping`, which takes that damping off again.
+    """
+
+    time_constant: float
+
+    def __post_init__(self) -> None:
+        check_number("time_constant", self.time_constant, above=0)
+
+    @property
+    def added_damping(self) -> float:
+        """How far every pole moves to the left [rad/s]."""
+        return 1 / self.time_constant
+
+    def weights(self, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the exponential."""
+        return np.exp(-quefrency / self.time_constant)
+
+
+@dataclass(frozen=True, slots=True)
+class Comb:
+    """Take out the rahmonics of one `period` [s]: the quefrencies within `width` / 2 of its multiples.
+
+    It removes pulse trains and other families of many multiples of 1 / period, and leaves the rest of the spectrum
+    nearly untouched. A single sine has no rahmonics: only a short-pass or exponential lifter removes it.
+    A notch takes in the samples on both sides of its multiple at least; a wider one follows a period that is not
+    quite constant.
+    """
+
+    period: float
+    width: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_number("period", self.period, above=0)
+        check_number("width", self.width, at_least=0, at_most=self.period, advice="a notch cannot exceed a period")
+
+    def weights(self, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return 0 near the period's multiples from the first on, 1 elsewhere."""
+        multiple = np.round(quefrency / self.period)
+        spacing = quefrency[1] - quefrency[0] if quefrency.size > 1 else 0.0
+        is_near = np.abs(quefrency - multiple * self.period) <= max(self.width / 2, spacing * (1 + 1e-9))
+        return np.where(is_near & (multiple >= 1), 0.0, 1.0)
+
+
+def real_cepstrum(samples: ArrayLike) -> NDArray[np.float64]:
+    """Return the real cepstrum c = IFFT(ln |FFT(x)|) along the last axis, for the mean removed.
+
+    Parameters
+    ----------
+    samples
+        Shape (..., samples), real.
+
+    Returns
+    -------
+    ndarray
+        Shape (..., samples), symmetric: entry k and entry (samples - k) both belong to the quefrency k / rate.
+    """
+    x = np.asarray(samples, dtype=np.float64)
+    spectrum = fft.rfft(x - x.mean(axis=-1, keepdims=True), axis=-1)
+    return np.asarray(fft.irfft(_log_amplitude(spectrum), x.shape[-1], axis=-1))
+
+
+def edit(recording: Recording, lifter: Lifter) -> Recording:
+    """Multiply the real cepstrum of each channel by a lifter and go back to samples with the original phase.
+
+    Parameters
+    ----------
+    recording
+        Without missing values. One that was resampled over distance has quefrencies in metres.
+    lifter
+        `ShortPass`, `Exponential`, `Comb` or anything else with `weights(quefrency)`.
+
+    Returns
+    -------
+    Recording
+        With each stretch edited by itself, its mean removed. A channel of digital silence stays as it is.
+
+    Raises
+    ------
+    DataError
+        A channel has missing values.
+
+    Notes
+    -----
+    c = IFFT(ln |X|); X_edited = exp(FFT(lifter c)) X / |X|. The lifter also sees the mirrored half of the
+    symmetric cepstrum. The amplitude at zero frequency, which the removed mean leaves empty, is taken from its
+    neighbour. In effect each spectrum is multiplied by a real, positive gain: a zero-phase filter that acts
+    circularly over the stretch (extended by zeros to a good FFT length), so that within a few lengths of the
+    filter's response the end of a stretch leaks into its beginning.
+
+    A lifter that keeps no long quefrencies replaces |X| by its smooth geometric mean, which for noise is
+    exp(-gamma / 2) = 0.749 times its RMS at all frequencies alike (gamma: Euler's constant).
+
+    References
+    ----------
+    Liu (2020), section 5.2; Randall, Coats and Smith (2016), Mechanical Systems and Signal Processing 72-73, 399-416.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> noise = np.random.default_rng(1).standard_normal((1, 6000))
+    >>> recording = Recording(noise, 100.0, (Channel("a"),))
+    >>> edit(recording, ShortPass(0.25)).history
+    ('cepstrum edited with ShortPass(length=0.25)',)
+    """
+    check_complete(recording.names, recording.samples)
+    samples = np.empty_like(recording.samples)
+    for stretch in recording.stretches():
+        samples[:, stretch] = _edited(recording.samples[:, stretch], recording.sampling_rate, lifter)
+    return recording.changed(f"cepstrum edited with {lifter}", samples=samples)
+
+
+def edit_over_distance(recording: Recording, lifter: Lifter, *, speed: str, minimum_speed: float = 3.0) -> Recording:
+    """Edit the cepstrum over distance, where lines that move with speed stand still.
+
+    Parameters
+    ----------
+    recording
+        Without missing values.
+    lifter
+        Its quefrencies are in metres: `Comb(2.0)` for what repeats every 2 m, a wheel's circumference say.
+    speed
+        Name of the channel with the speed [m/s], which is not edited.
+    minimum_speed
+        Slower parts stay as they are [m/s].
+
+    Returns
+    -------
+    Recording
+        At the old sampling rate.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `over_distance`.
+
+    Notes
+    -----
+    Only the difference that the editing makes over distance is brought back to time and added, so that resampling
+    costs the rest of the signal nothing.
+    """
+    row = recording.index(speed)
+    interval = minimum_speed / recording.sampling_rate
+    along = over_distance(recording, speed, interval=interval, minimum_speed=minimum_speed)
+    change = edit(along, lifter).samples - (along.samples - _stretch_means(along))
+    samples = recording.samples.copy()
+    parts = moving_parts(recording, speed, minimum_speed=minimum_speed)
+    for part, stretch in zip(parts, along.stretches(), strict=True):
+        v = recording.samples[row, part]
+        metres = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)]) / recording.sampling_rate
+        grid = np.arange(stretch.stop - stretch.start) * interval
+        spline = interpolate.make_interp_spline(grid, change[:, stretch], k=5, axis=1)
+        samples[:, part] += spline(np.minimum(metres, grid[-1]))
+    samples[row] = recording.samples[row]
+    return recording.changed(f"cepstrum edited over the distance of {speed!r} with {lifter}", samples=samples)
+
+
+def subtract_lifter_damping(poles: ArrayLike, time_constant: float) -> NDArray[np.complex128]:
+    """Take off the damping that an exponential lifter added to the poles identified after it.
+
+    Parameters
+    ----------
+    poles
+        Continuous poles [rad/s], any shape.
+    time_constant
+        Of the lifter [s].
+
+    Returns
+    -------
+    ndarray
+        poles + 1 / time_constant.
+
+    Raises
+    ------
+    ParameterError
+        `time_constant` is not above 0.
+
+    Notes
+    -----
+    The cepstrum of a minimum-phase pole is a damped cosine over its quefrency, so that the lifter adds 1 /
+    time_constant to the decay and nothing to the damped frequency: xi_true = xi - 1 / (tau omega), to first order in
+    the damping ratios; on poles it is exact.
+    """
+    check_number("time_constant", time_constant, above=0)
+    return np.asarray(poles, dtype=np.complex128) + 1 / time_constant
+
+
+def _edited(samples: NDArray[np.float64], sampling_rate: float, lifter: Lifter) -> NDArray[np.float64]:
+    """Edit one stretch, shape (channels, samples)."""
+    n_samples = samples.shape[1]
+    length = fft.next_fast_len(n_samples, real=True)
+    centred = samples - samples.mean(axis=1, keepdims=True)
+    spectrum = fft.rfft(centred, length, axis=1)
+    log_amplitude = _log_amplitude(spectrum)
+    cepstrum = fft.irfft(log_amplitude, length, axis=1)
+    weights = _checked_weights(lifter, np.arange(length // 2 + 1) / sampling_rate)
+    cepstrum *= np.concatenate([weights, weights[1 : (length + 1) // 2][::-1]])
+    gain = np.exp(fft.rfft(cepstrum, axis=1).real - log_amplitude)
+    edited = fft.irfft(spectrum * gain, length, axis=1)[:, :n_samples]
+    return np.where(centred.any(axis=1, keepdims=True), edited, samples)
+
+
+def _log_amplitude(spectrum: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return ln |X|, floored, with the empty bin at zero frequency taken from its neighbour."""
+    amplitude = np.abs(spectrum)
+    amplitude[..., 0] = amplitude[..., min(1, amplitude.shape[-1] - 1)]
+    level = np.sqrt(np.mean(amplitude**2, axis=-1, keepdims=True))
+    floor = np.where(level > 0, AMPLITUDE_FLOOR * level, 1.0)
+    return np.log(np.maximum(amplitude, floor))
+
+
+def _checked_weights(lifter: Lifter, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the lifter's weights if they are finite and fit the quefrencies."""
+    weights = np.asarray(lifter.weights(quefrency), dtype=np.float64)
+    if weights.shape != quefrency.shape or not np.isfinite(weights).all():
+        raise ParameterError(
+            f"{lifter} gave weights of shape {weights.shape}: they must be one finite number for each of the "
+            f"{quefrency.size} quefrencies"
+        )
+    return weights
+
+
+def _stretch_means(recording: Recording) -> NDArray[np.float64]:
+    """Return the mean of each channel over its stretch, at each sample."""
+    means = np.empty_like(recording.samples)
+    for stretch in recording.stretches():
+        means[:, stretch] = recording.samples[:, stretch].mean(axis=1, keepdims=True)
+    return means

@@ -1,0 +1,316 @@
+"""Finding harmonics: lines too narrow and too regular to be modes, at constant frequency or proportional to speed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+
+from sprung._checks import check_number
+from sprung.errors import DataError, ParameterError
+from sprung.recording import Recording
+from sprung.signals.conditioning import moving_parts, over_distance, while_moving
+from sprung.signals.narrow_lines import Line, largest_family, merged, multiples, narrow_lines, octaves
+
+Numbers = NDArray[np.float64]
+
+#: Least distance of consecutive segments in time constants of the least damped mode (their powers are independent
+#: then, but for a few per cent).
+INDEPENDENCE = 0.75
+#: Longest segment for lines of constant frequency [s].
+LONGEST_SEGMENT = 256.0
+#: Cycles of a speed-proportional line in a segment: a resolution of 1 to 0.5 % (speed is not known better).
+CYCLES = 150.0
+#: How far a speed-proportional line is from a constant multiple of the measured speed.
+SLIP = 0.004
+#: Least height of a multiple of a speed-proportional line [dB].
+FAINTEST_MULTIPLE = 4.0
+#: Least spread of speed (middle half over median) that tells a line proportional to it from a constant one.
+LEAST_SPREAD = 0.03
+#: A pole with a larger damping ratio is a mode's, whatever lies beside it.
+MOST_DAMPED_LINE = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Harmonic:
+    """A line that is no mode.
+
+    Parameters
+    ----------
+    frequency
+        In Hz, or for a line proportional to speed in cycles per metre.
+    kind
+        "constant" or "speed".
+    band
+        Lowest and highest frequency at which it sits [Hz]: within its resolution; over 5 to 95 % of the speeds.
+    resolution
+        Width within which `frequency` is known, in its unit.
+    prominence
+        Height over its neighbourhood in the channel where it is most prominent [dB].
+    channels
+        Names of the channels that show it.
+    fundamental, order
+        The line is the multiple `order` of `fundamental` (in the unit of `frequency`); None and 1 for a line by
+        itself.
+    """
+
+    frequency: float
+    kind: Literal["constant", "speed"]
+    band: tuple[float, float]
+    resolution: float
+    prominence: float
+    channels: tuple[str, ...]
+    fundamental: float | None = None
+    order: int = 1
+
+
+def harmonic_from_dict(document: Mapping[str, Any]) -> Harmonic:
+    """Return the line of plain values, as `dataclasses.asdict` gives them and JSON or CBOR keeps them."""
+    return Harmonic(**{**document, "band": tuple(document["band"]), "channels": tuple(document["channels"])})
+
+
+def find_harmonics(
+    recording: Recording,
+    *,
+    speed: str | None = None,
+    prominence: float = 6.0,
+    false_alarm_rate: float = 1e-3,
+    least_damping: float = 0.005,
+    minimum_speed: float = 3.0,
+) -> tuple[Harmonic, ...]:
+    """Find lines that are too narrow and too regular to be modes.
+
+    Parameters
+    ----------
+    recording
+        Without missing values; channels of quantity "speed" are not searched.
+    speed
+        Name of the channel with the speed [m/s]: also look for lines proportional to it.
+    prominence
+        Least height over the higher of both neighbourhoods [dB].
+    false_alarm_rate
+        Probability of calling anything a harmonic in a recording of random vibration.
+    least_damping
+        Smallest damping ratio a mode may have.
+    minimum_speed
+        Slower parts say nothing about lines proportional to speed [m/s].
+
+    Returns
+    -------
+    tuple of Harmonic
+        Lines of constant frequency, then lines proportional to speed, each by rising frequency.
+
+    Raises
+    ------
+    DataError
+        A channel has missing values, or there is no channel to search.
+    ParameterError
+        An option cannot be used.
+
+    Notes
+    -----
+    *Constant frequency.* Averaged periodograms with segments of 2/7 of the recording (at most 256 s) and shorter
+    ones in octaves. A line must (a) stand out of the bins 3 to 12 on each side of it at the segments' own resolution,
+    and (b) be regular: its power hardly differs between consecutive segments
+    (`sprung.signals.narrow_lines.chance_of_regularity`; the false discovery rate of all peaks together is
+    `false_alarm_rate`).
+    Segments of a narrow mode are independent only if they lie about a time constant 1 / (xi omega) of the mode
+    apart: so `least_damping` sets the lowest frequency at which a recording of T seconds can tell a tone from a
+    mode, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %. Narrow peaks that are not regular count where so many of them lie
+    at multiples of a regular one that this is no coincidence.
+
+    *Proportional to speed.* The same search over distance with segments of 150 to 300 cycles, by the geometric mean
+    of the segments. Such lines change level with speed, so (b) is replaced: in no channel that shows it may a line
+    over time, at the frequencies of the middle half of the speeds, be more prominent. Where that half spreads over
+    less than 3 % of the median speed the two cannot be told apart, and no line is called proportional to speed.
+    Multiples of such a line need 4 dB only.
+
+    References
+    ----------
+    Antoni (2006), Mechanical Systems and Signal Processing 20, 282-307 (spectral kurtosis).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> t = np.arange(12_000) / 200
+    >>> noise = np.random.default_rng(1).standard_normal(t.size)
+    >>> recording = Recording((noise + np.sin(2 * np.pi * 17 * t))[None], 200.0, (Channel("a"),))
+    >>> [round(line.frequency, 1) for line in find_harmonics(recording)]
+    [17.0]
+    """
+    check_number("prominence", prominence, above=0)
+    check_number("false_alarm_rate", false_alarm_rate, above=0, at_most=0.5)
+    check_number("least_damping", least_damping, above=0, at_most=1)
+    names = [channel.name for channel in recording.channels if channel.quantity != "speed" and channel.name != speed]
+    if not names:
+        raise DataError("the recording has no channel besides the speed: there is nothing to search")
+    lines = _constant_lines(recording.select(names), prominence, false_alarm_rate, least_damping)
+    found = _as_harmonics(lines, names, "constant", (1.0, 1.0))
+    if speed is None or not moving_parts(recording, speed, minimum_speed=minimum_speed):
+        return found
+    moving = while_moving(recording, speed, minimum_speed=minimum_speed)
+    v = moving.samples[moving.index(speed)]
+    slow, low, middle, high, fast = (float(q) for q in np.quantile(v, (0.05, 0.25, 0.5, 0.75, 0.95)))
+    if high - low < LEAST_SPREAD * middle:
+        return found
+    along = over_distance(moving, speed, interval=middle / recording.sampling_rate, minimum_speed=minimum_speed)
+    lines = _speed_lines(along.select(names), moving.select(names), (low, middle, high), prominence, false_alarm_rate)
+    return found + _as_harmonics(lines, names, "speed", (slow, fast))
+
+
+def near_harmonic(
+    natural_frequency: ArrayLike,
+    damping_ratio: ArrayLike,
+    harmonics: Sequence[Harmonic],
+    *,
+    resolution: float,
+) -> NDArray[np.bool_]:
+    """Tell which poles are harmonics rather than modes.
+
+    Parameters
+    ----------
+    natural_frequency, damping_ratio
+        Of the poles, any shape [Hz, -].
+    harmonics
+        As `find_harmonics` gives them.
+    resolution
+        Frequency resolution of the identification [Hz], half the reciprocal of its longest correlation lag say: a
+        pole of a line may be off by as much, and have as much half-power bandwidth.
+
+    Returns
+    -------
+    ndarray of bool
+        True for a pole within `resolution` of a line's band whose damping ratio is at most 5 % and, for a line of
+        constant frequency, whose half-power bandwidth 2 xi f is at most `resolution`. The pole of a heavily damped
+        mode beside a line, or in the band that one proportional to speed sweeps, is wider, and False.
+
+    Raises
+    ------
+    ParameterError
+        Frequencies and damping ratios differ in shape, or `resolution` is not above 0.
+    """
+    check_number("resolution", resolution, above=0)
+    f, xi = np.asarray(natural_frequency, dtype=np.float64), np.asarray(damping_ratio, dtype=np.float64)
+    if f.shape != xi.shape:
+        raise ParameterError(f"{f.shape} natural frequencies need as many damping ratios, but there are {xi.shape}")
+    is_near = np.zeros(f.shape, dtype=np.bool_)
+    for harmonic in harmonics:
+        is_narrow = (harmonic.kind == "speed") | (2 * xi * f <= resolution)
+        low, high = harmonic.band
+        is_near |= is_narrow & (low - resolution <= f) & (f <= high + resolution)
+    return is_near & (xi <= MOST_DAMPED_LINE)
+
+
+def _constant_lines(
+    recording: Recording, prominence: float, false_alarm_rate: float, least_damping: float
+) -> list[Line]:
+    """Return regular lines, and narrow ones at their multiples."""
+    longest = max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate
+    peaks: list[Line] = []
+    for segment_length in octaves(min(recording.duration / 3.5, longest, LONGEST_SEGMENT), recording):
+        lowest = INDEPENDENCE / (math.pi * least_damping * segment_length)
+        found = narrow_lines(
+            recording,
+            segment_length=segment_length,
+            prominence=prominence,
+            false_alarm_rate=false_alarm_rate,
+        )
+        peaks += [peak for peak in found if peak.frequency >= lowest]
+    if not peaks:
+        return []
+    is_regular = stats.false_discovery_control([peak.chance for peak in peaks]) <= false_alarm_rate
+    regular = merged(peak for peak, holds in zip(peaks, is_regular, strict=True) if holds)
+    doubtful = merged((peak for peak, holds in zip(peaks, is_regular, strict=True) if not holds), known=regular)
+    return _with_multiples(regular, doubtful, false_alarm_rate)
+
+
+def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate: float) -> list[Line]:
+    """Add doubtful lines at multiples of regular ones where so many are not there by chance."""
+    found, left = list(regular), list(doubtful)
+    for base in regular:
+        family = multiples(base.frequency, base.tolerance, left)
+        if family.members:
+            width = 2 * max(left[i].tolerance + order * family.tolerance for i, order in family.members)
+            coincidence = stats.binom.sf(len(family.members) - 1, len(left), min(1.0, width / base.frequency))
+            if coincidence < false_alarm_rate:
+                taken = {i for i, _ in family.members}
+                found += [left[i] for i in taken]
+                left = [line for i, line in enumerate(left) if i not in taken]
+    return sorted(found, key=lambda line: line.frequency)
+
+
+def _speed_lines(
+    along: Recording,
+    moving: Recording,
+    speeds: tuple[float, float, float],
+    prominence: float,
+    false_alarm_rate: float,
+) -> list[Line]:
+    """Return lines over distance that no line over time, at the frequencies of these quartiles of speed, exceeds."""
+    peaks: list[Line] = []
+    longest = max(stretch.stop - stretch.start for stretch in along.stretches()) / along.sampling_rate
+    for metres in octaves(min(along.duration / 3.5, longest), along):
+        found = narrow_lines(
+            along,
+            segment_length=metres,
+            prominence=min(prominence, FAINTEST_MULTIPLE),
+            false_alarm_rate=false_alarm_rate,
+            is_geometric=True,
+        )
+        found = [peak for peak in found if CYCLES <= peak.frequency * metres < 2 * CYCLES]
+        peaks += _not_explained(found, moving, metres / speeds[1], speeds) if found else []
+    lines = merged(peak for peak in peaks if peak.prominence >= prominence)
+    faint = merged((peak for peak in peaks if peak.prominence < prominence), known=lines)
+    families = [multiples(line.frequency, line.tolerance, faint) for line in lines]
+    added = {i for family in families for i, order in family.members if order > 1}
+    return sorted([*lines, *(faint[i] for i in added)], key=lambda line: line.frequency)
+
+
+def _not_explained(
+    peaks: list[Line], moving: Recording, segment_length: float, speeds: tuple[float, float, float]
+) -> list[Line]:
+    """Return the peaks over distance that no line over time in the same channel explains."""
+    longest = max(stretch.stop - stretch.start for stretch in moving.stretches()) / moving.sampling_rate
+    rivals = narrow_lines(
+        moving,
+        segment_length=min(segment_length, longest),
+        prominence=min(peak.prominence for peak in peaks),
+        false_alarm_rate=1.0 / 2,
+        is_geometric=True,
+    )
+    return [
+        replace(peak, tolerance=max(peak.tolerance, SLIP * peak.frequency))
+        for peak in peaks
+        if not any(_explains(rival, peak, speeds) for rival in rivals)
+    ]
+
+
+def _explains(rival: Line, peak: Line, speeds: tuple[float, float, float]) -> bool:
+    """Tell whether a line over time is as prominent as a peak over distance, at a frequency that this can have."""
+    low, high = peak.frequency * speeds[0] - rival.resolution, peak.frequency * speeds[2] + rival.resolution
+    return peak.rows == rival.rows and rival.prominence >= peak.prominence and low <= rival.frequency <= high
+
+
+def _as_harmonics(
+    lines: list[Line], names: Sequence[str], kind: Literal["constant", "speed"], speeds: tuple[float, float]
+) -> tuple[Harmonic, ...]:
+    """Describe lines, in their families."""
+    families: dict[int, tuple[float, int]] = {}
+    left = list(range(len(lines)))
+    while family := largest_family([lines[i] for i in left]):
+        families |= {left[i]: (family.fundamental, order) for i, order in family.members}
+        left = [i for i in left if i not in families]
+    harmonics = []
+    for i, line in enumerate(lines):
+        fundamental, order = families.get(i, (None, 1))
+        half = line.resolution / 2
+        band = ((line.frequency - half) * speeds[0], (line.frequency + half) * speeds[1])
+        shown = tuple(names[row] for row in sorted(line.rows))
+        harmonics.append(
+            Harmonic(line.frequency, kind, band, line.resolution, line.prominence, shown, fundamental, order)
+        )
+    return tuple(harmonics)

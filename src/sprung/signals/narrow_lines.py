@@ -1,0 +1,269 @@
+"""Narrow lines in averaged periodograms: their heights, how regular they are, and their multiples."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, special, stats
+
+from sprung.recording import Recording
+from sprung.signals.spectrum import short_time_spectra
+
+Numbers = NDArray[np.float64]
+
+#: Bins of the Hann window's main lobe on each side, and of the neighbourhood beyond it that a line must exceed.
+MAIN_LOBE, NEIGHBOURHOOD = 2, 12
+#: Resolution of a Hann window (its noise bandwidth) in bins.
+NOISE_BANDWIDTH = 1.5
+#: Segments whose powers are compared at a time, and the fewest that say anything.
+BLOCK, FEWEST_SEGMENTS = 6, 5
+#: Fewest samples of a segment, and how many lengths are tried.
+SHORTEST_SEGMENT, N_OCTAVES = 64, 8
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A peak no wider than its window.
+
+    Parameters
+    ----------
+    frequency, tolerance, resolution
+        Frequency, its uncertainty and the noise bandwidth of the window, in the recording's unit of frequency.
+    prominence
+        Height over the higher neighbourhood [dB].
+    rows
+        Rows of the channels that show it.
+    chance
+        Probability that the powers of random vibration are as regular, see `chance_of_regularity`.
+    """
+
+    frequency: float
+    tolerance: float
+    resolution: float
+    prominence: float
+    rows: frozenset[int]
+    chance: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """Lines at multiples of a fundamental: `members` pairs the index of a line with its order."""
+
+    fundamental: float
+    tolerance: float
+    members: tuple[tuple[int, int], ...]
+
+
+def octaves(longest: float, recording: Recording) -> list[float]:
+    """Return segment lengths up to `longest`, each half of the one before, rounded down to good FFT lengths."""
+    n_samples = [int(longest * recording.sampling_rate / 2**octave) for octave in range(N_OCTAVES)]
+    return [fft.prev_fast_len(n, real=True) / recording.sampling_rate for n in n_samples if n >= SHORTEST_SEGMENT]
+
+
+def narrow_lines(
+    recording: Recording,
+    *,
+    segment_length: float,
+    prominence: float,
+    false_alarm_rate: float,
+    is_geometric: bool = False,
+) -> list[Line]:
+    """Find the peaks of each channel's averaged periodogram that are as narrow as the window.
+
+    Parameters
+    ----------
+    recording
+        Without missing values.
+    segment_length
+        Length of the averaged segments [s].
+    prominence
+        Least height over the median of bins 3 to 12 on either side [dB].
+    false_alarm_rate
+        Probability of any peak in noise with a smooth spectrum, which raises the least height where few segments
+        are averaged.
+    is_geometric
+        Average the logarithms of the powers, so that no single segment makes a line.
+
+    Returns
+    -------
+    list of Line
+        One for each channel and peak.
+    """
+    spectra = short_time_spectra(recording, segment_length=segment_length)
+    powers = np.concatenate([np.abs(block) ** 2 for block in spectra], axis=1)
+    n_channels, n_segments, n_bins = powers.shape
+    if n_segments < FEWEST_SEGMENTS:
+        return []
+    random = _random_height(n_segments, false_alarm_rate / (n_channels * n_bins), is_geometric)
+    densities = _geometric_mean(powers) if is_geometric else powers.mean(axis=1)
+    bin_width = float(recording.sampling_rate / round(segment_length * recording.sampling_rate))
+    lines = []
+    for row, density in enumerate(densities):
+        for k, height in zip(*_peaks(density), strict=True):
+            if height >= max(prominence, random):
+                frequency = float(k + _offset(density[k - 1 : k + 2])) * bin_width
+                chance = chance_of_regularity(powers[row, :, k])
+                resolution = NOISE_BANDWIDTH * bin_width
+                lines.append(Line(frequency, bin_width / 2, resolution, float(height), frozenset([row]), chance))
+    return lines
+
+
+def chance_of_regularity(powers: Numbers) -> float:
+    """Return the probability that the powers of random vibration differ as little from segment to segment.
+
+    Parameters
+    ----------
+    powers
+        Shape (segments,): squared amplitudes in one bin, of consecutive segments.
+
+    Returns
+    -------
+    float
+        An upper bound; 1 for fewer than 5 segments.
+
+    Notes
+    -----
+    The powers of a Gaussian signal in m independent segments are exponentially distributed, so that the shares
+    P / sum P are uniform on a simplex, whatever the level. A spectral kurtosis k = m sum P^2 / (sum P)^2 (2 for long
+    random signals, 1 for a tone) means that they lie within the radius sqrt((k - 1) / m) of its centre, which has
+    the probability V(m - 1) ((k - 1) / m)^((m - 1)/2) (m - 1)! / sqrt(m) with V(n) the volume of the unit ball in n
+    dimensions: exact up to k = 1 + 1/(m - 1), an upper bound beyond.
+
+    Blocks of 6 segments (or a few more) are judged one by one because lines come and go: the smallest probability
+    that any number of blocks are as regular as these, times the number of blocks (Berk and Jones' statistic with
+    Bonferroni's bound).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> chance_of_regularity(np.array([1.0, 1.1, 1.0, 0.9, 1.0, 1.0])) < 1e-4
+    True
+    """
+    if powers.size < FEWEST_SEGMENTS or not powers.all():
+        return 1.0
+    n_blocks = max(1, powers.size // BLOCK)
+    m = powers.size // n_blocks
+    blocks = powers[: m * n_blocks].reshape(n_blocks, m)
+    excess = m * np.sum(blocks**2, axis=1) / np.sum(blocks, axis=1) ** 2 - 1
+    log_ball = (m - 1) / 2 * math.log(math.pi) - special.gammaln((m + 1) / 2)
+    log_simplex = math.log(m) / 2 - special.gammaln(m)
+    log_chance = log_ball - log_simplex + (m - 1) / 2 * np.log(np.maximum(excess, 1e-12) / m)
+    chances = np.sort(np.exp(np.minimum(log_chance, 0.0)))
+    return float(min(1.0, n_blocks * np.min(stats.binom.sf(np.arange(n_blocks), n_blocks, chances))))
+
+
+def merged(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Line]:
+    """Join the peaks of all channels and resolutions that are one line, the finest first; leave `known` ones out."""
+    lines: list[Line] = []
+    for peak in sorted(peaks, key=lambda peak: (peak.resolution, peak.chance, -peak.prominence)):
+        if any(_is_same(peak, line) for line in known):
+            continue
+        same = next((i for i, line in enumerate(lines) if _is_same(peak, line)), None)
+        if same is None:
+            lines.append(peak)
+        else:
+            line = lines[same]
+            lines[same] = replace(line, prominence=max(peak.prominence, line.prominence), rows=line.rows | peak.rows)
+    return sorted(lines, key=lambda line: line.frequency)
+
+
+def multiples(fundamental: float, tolerance: float, lines: Sequence[Line]) -> Family:
+    """Find the lines at multiples of a frequency.
+
+    Parameters
+    ----------
+    fundamental, tolerance
+        The frequency, and its uncertainty. Multiples make it more precise on the way up; the search ends where an
+        order is no longer certain (an eighth of the fundamental).
+    lines
+        By rising frequency.
+
+    Returns
+    -------
+    Family
+        Its fundamental is the median of the members' frequency / order.
+    """
+    followed = fundamental
+    members: list[tuple[int, int]] = []
+    for i, line in enumerate(lines):
+        order = round(line.frequency / followed)
+        allowed = line.tolerance + order * tolerance
+        if allowed > fundamental / 8:
+            break
+        if order >= 1 and abs(line.frequency - order * followed) <= allowed:
+            members.append((i, order))
+            if line.tolerance / order < tolerance:
+                followed, tolerance = line.frequency / order, line.tolerance / order
+    ratios = [lines[i].frequency / order for i, order in members] or [fundamental]
+    return Family(float(np.median(ratios)), tolerance, tuple(members))
+
+
+def largest_family(lines: Sequence[Line]) -> Family | None:
+    """Return the largest family: multiples of a line, or of its half or third if most of those are there."""
+    best: Family | None = None
+    for most, line, divisor in _most_multiples(lines):
+        if best is not None and most <= len(best.members):
+            break
+        family = multiples(line.frequency / divisor, line.tolerance / divisor, lines)
+        orders = [order for _, order in family.members]
+        is_family = len(orders) >= 2 and (divisor == 1 or len(orders) > max(2, orders[-1] / 2))
+        if is_family and (best is None or len(orders) > len(best.members)):
+            best = family
+    return best
+
+
+def _most_multiples(lines: Sequence[Line]) -> list[tuple[int, Line, int]]:
+    """Return, for each line and divisor, how many multiples there can be at most; the most promising first."""
+    frequencies = np.array([line.frequency for line in lines])
+    tolerances = np.array([line.tolerance for line in lines])
+    bounds = []
+    for divisor in (1, 2, 3):
+        for line in lines:
+            fundamental, tolerance = line.frequency / divisor, line.tolerance / divisor
+            orders = np.round(frequencies / fundamental)
+            reach = np.minimum(tolerances + 2 * (orders + 1) * tolerance, fundamental / 4)
+            is_multiple = (orders >= 1) & (np.abs(frequencies - orders * fundamental) <= reach)
+            bounds.append((int(np.count_nonzero(is_multiple)), line, divisor))
+    return sorted(bounds, key=lambda bound: -bound[0])
+
+
+def _random_height(n_segments: int, rate: float, is_geometric: bool) -> float:
+    """Return the height that one bin of an averaged periodogram exceeds by chance at this rate [dB]."""
+    if is_geometric:
+        return float(10 / math.log(10) * stats.norm.isf(rate) * math.pi / math.sqrt(6 * n_segments))
+    return 10 * math.log10(stats.chi2.isf(rate, 2 * n_segments) / (2 * n_segments))
+
+
+def _geometric_mean(powers: Numbers) -> Numbers:
+    """Average the logarithms over the segments."""
+    return np.asarray(np.exp(np.mean(np.log(np.maximum(powers, np.finfo(np.float64).tiny)), axis=1)))
+
+
+def _peaks(density: Numbers) -> tuple[NDArray[np.intp], Numbers]:
+    """Return the highest bins of main lobes and their height over the median of the higher neighbourhood [dB]."""
+    margin = 2 * MAIN_LOBE + 1
+    lobes = np.lib.stride_tricks.sliding_window_view(density, 2 * MAIN_LOBE + 1).max(axis=-1)
+    centres = np.arange(MAIN_LOBE, density.size - MAIN_LOBE)
+    bins = centres[(density[centres] == lobes) & (density[centres] > 0)]
+    bins = bins[(bins >= margin) & (bins < density.size - margin)]
+    sides = np.arange(MAIN_LOBE + 1, NEIGHBOURHOOD + 1)
+    medians = [
+        np.median(density[np.clip(bins[:, None] + side, MAIN_LOBE, density.size - 2)], axis=1)
+        for side in (sides, -sides)
+    ]
+    floor = np.maximum(np.maximum(*medians), np.finfo(np.float64).tiny)
+    return bins, 10 * np.log10(density[bins] / floor)
+
+
+def _offset(three: Numbers) -> float:
+    """Return where the parabola through the logarithms of a peak and its neighbours is highest [bins]."""
+    below, at, above = np.log(np.maximum(three, np.finfo(np.float64).tiny))
+    return float((below - above) / (2 * (below - 2 * at + above))) if at > max(below, above) else 0.0
+
+
+def _is_same(first: Line, second: Line) -> bool:
+    """Tell whether two peaks lie within a main lobe."""
+    lobe = MAIN_LOBE / NOISE_BANDWIDTH * max(first.resolution, second.resolution)
+    return abs(first.frequency - second.frequency) <= lobe

@@ -1,0 +1,259 @@
+"""Realisations: poles of exact correlations and shapes to 1e-9 in every form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import linalg
+
+from sprung.errors import ParameterError
+from sprung.identification.correlation import exact_correlations
+from sprung.identification.subspace import (
+    block_hankel,
+    block_row_ladder,
+    block_toeplitz,
+    join_ladders,
+    poles_of_orders,
+    realise,
+)
+from sprung.modal import mac
+
+BLOCK_ROWS = 20
+CASES = [
+    ("chain3", 125.0),
+    ("chain3", 500.0),
+    ("quarter", 250.0),
+    ("quarter", 1000.0),
+    ("zafira", 50.0),
+    ("zafira", 100.0),
+    ("zafira-printed", 50.0),
+    ("zafira-printed", 100.0),
+    ("zafira-firm", 100.0),
+]
+FORMS = {
+    "Toeplitz, weighted": {},
+    "Toeplitz, unweighted": {"is_weighted": False},
+    "Hankel": {"is_hankel": True},
+}
+
+
+def assert_holds(found, poles, shapes):
+    """Every exact pole and its shape are among those found, to 1e-9."""
+    errors = np.abs(found.poles[:, None] - poles) / np.abs(poles)
+    nearest = np.argmin(errors, axis=0)
+    assert errors.min(axis=0).max() < 1e-9
+    assert 1 - np.diag(mac(found.mode_shapes[nearest], shapes)).min() < 1e-9
+
+
+def rung(poles, k):
+    """The poles of one rung, as a ladder of its own."""
+    chosen = np.flatnonzero(poles.rungs == k)
+    names = ("poles", "mode_shapes", "natural_frequency_std", "damping_ratio_std")
+    values = {name: getattr(poles, name)[chosen] for name in names}
+    return replace(poles, rungs=np.zeros(len(chosen)), ladder=(poles.ladder[k],), **values)
+
+
+# Exact correlations in, exact poles out
+
+
+def test_the_vehicles_reach_damping_of_30_per_cent(vehicle):
+    assert vehicle("zafira").modes().damping_ratio[:3] == pytest.approx([0.162, 0.204, 0.240], abs=1e-3)
+    for name in ("zafira-printed", "zafira-firm"):
+        assert vehicle(name).modes().damping_ratio[:3].max() > 0.3
+    assert all(len(vehicle(name).modes().poles) == 7 for name in ("zafira", "zafira-printed", "zafira-firm"))
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("name", "rate"), CASES)
+def test_exact_correlations_give_exact_poles_and_shapes(known, name, rate, form):
+    correlations, poles, shapes = known(name, rate)
+    found = poles_of_orders(
+        realise(correlations, block_rows=BLOCK_ROWS, max_order=2 * len(poles), **FORMS[form]), [2 * len(poles)]
+    )
+    assert len(found.poles) == len(poles)
+    assert_holds(found, poles, shapes)
+    assert np.isnan(found.natural_frequency_std).all()
+    assert np.isnan(found.damping_ratio_std).all()
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("name", "rate"), CASES)
+def test_the_true_poles_are_found_at_every_order_from_the_true_one(known, name, rate, form):
+    correlations, poles, shapes = known(name, rate)
+    orders = range(2, 31, 2)
+    found = poles_of_orders(realise(correlations, block_rows=BLOCK_ROWS, max_order=30, **FORMS[form]), orders)
+    assert found.ladder == tuple(orders)
+    for k, order in enumerate(orders):
+        assert len(rung(found, k).poles) <= order / 2
+        if order >= 2 * len(poles):
+            assert_holds(rung(found, k), poles, shapes)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("case", "outputs", "references"),
+    [
+        (("chain3", 125.0), "123", "2"),
+        (("chain3", 125.0), "123", "31"),
+        (("chain3", 125.0), "13", "2"),
+        (("chain3", 125.0), "1", "3"),
+        (("chain3", 125.0), "1", "1"),
+        (("quarter", 250.0), "1", "2"),
+        (("quarter", 250.0), "12", "1"),
+        (("zafira", 100.0), "1234", "13"),
+        (("zafira", 100.0), "1234", "421"),
+        (("zafira", 100.0), "13", "24"),
+        (("zafira", 100.0), "421", "43"),
+        (("zafira-printed", 50.0), "24", "13"),
+        (("zafira-firm", 100.0), "1234", "24"),
+    ],
+)
+def test_fewer_and_disjoint_references_give_the_same_poles(known, case, outputs, references, form):
+    correlations, poles, shapes = known(*case)
+    chosen = correlations.select(tuple(outputs), tuple(references))
+    found = poles_of_orders(
+        realise(chosen, block_rows=BLOCK_ROWS, max_order=2 * len(poles), **FORMS[form]), [2 * len(poles)]
+    )
+    assert_holds(found, poles, shapes[:, [int(channel) - 1 for channel in outputs]])
+    assert found.channels == tuple(outputs)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("name", "rate"), [("chain3", 125.0), ("quarter", 250.0), ("zafira", 50.0)])
+def test_the_ladder_over_block_rows_finds_the_true_poles_on_every_high_enough_rung(known, name, rate, form):
+    correlations, poles, shapes = known(name, rate)
+    block_rows = range(11, 27)
+    found = block_row_ladder(correlations, block_rows, **{"is_weighted": True, **FORMS[form]})
+    assert found.ladder == tuple(block_rows)
+    assert sorted(set(found.rungs)) == list(range(len(block_rows)))
+    for k, i in enumerate(block_rows):
+        assert len(rung(found, k).poles) <= i // 2
+        if i - i % 2 >= 2 * len(poles):
+            assert_holds(rung(found, k), poles, shapes)
+
+
+@pytest.mark.parametrize(("name", "rate"), CASES)
+def test_the_state_matrix_by_the_second_route_has_the_same_eigenvalues(known, name, rate):
+    """F. Liu (2020), eq. 3-45: A = S^-1/2 U^T T(2:i+1) V S^-1/2, written out from the blocks."""
+    correlations, poles, shapes = known(name, rate)
+    values, i, n = correlations.values, BLOCK_ROWS, 2 * len(poles)
+    T, shifted = (np.block([[values[:, :, i + shift + p - q] for q in range(i)] for p in range(i)]) for shift in (0, 1))
+    U, S, Vt = np.linalg.svd(T)
+    root = np.diag(S[:n] ** -0.5)
+    A = root @ U[:, :n].T @ shifted @ Vt[:n].T @ root
+    eigenvalues = np.linalg.eigvals(A)
+    second = np.log(eigenvalues[eigenvalues.imag > 0]) * rate
+    first = poles_of_orders(realise(correlations, block_rows=i, max_order=n, is_weighted=False), [n])
+    assert_holds(first, second[np.argsort(np.abs(second))], shapes)
+
+
+# Block matrices and the decomposition
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    sizes=st.tuples(st.integers(1, 3), st.integers(1, 3)),
+    block_rows=st.integers(2, 6),
+    first_lag=st.integers(0, 4),
+    n_columns=st.integers(1, 5),
+)
+def test_block_matrices_hold_the_blocks_of_their_equations(sizes, block_rows, first_lag, n_columns):
+    """F. Liu (2020), eq. 3-39 and 3-35."""
+    n_lags = max(2 * block_rows, first_lag + block_rows + n_columns)
+    values = np.random.default_rng(0).normal(size=(*sizes, n_lags))
+    toeplitz = np.block([[values[:, :, block_rows + p - q] for q in range(block_rows)] for p in range(block_rows)])
+    np.testing.assert_array_equal(block_toeplitz(values, block_rows), toeplitz)
+    hankel = np.block([[values[:, :, first_lag + p + q] for q in range(n_columns)] for p in range(block_rows)])
+    np.testing.assert_array_equal(block_hankel(values, block_rows, first_lag=first_lag, n_columns=n_columns), hankel)
+
+
+def test_weighted_singular_values_are_canonical_correlations_of_past_and_future(known):
+    """Against the generalised eigenvalue problem of the joint covariance of i past and i future samples.
+
+    White noise in lag 0 keeps the covariance far from singular, so that no bound on its eigenvalues acts.
+    """
+    correlations, *_ = known("chain3", 125.0)
+    values, i = correlations.values.copy(), 6
+    values[:, :, 0] += np.eye(3)
+    realised = realise(exact_correlations(values, sampling_rate=125.0), block_rows=i, max_order=6)
+    lag = np.arange(2 * i)[:, None] - np.arange(2 * i)
+    covariance = np.block([[values[:, :, m] if m >= 0 else values[:, :, -m].T for m in row] for row in lag])
+    past, future = slice(0, 3 * i), slice(3 * i, None)
+    zero = np.zeros((3 * i, 3 * i))
+    cross = np.block([[zero, covariance[past, future]], [covariance[future, past], zero]])
+    own = linalg.block_diag(covariance[past, past], covariance[future, future])
+    canonical = np.sort(linalg.eigh(cross, own, eigvals_only=True))[::-1][: 3 * i]
+    np.testing.assert_allclose(realised.singular_values, canonical, atol=1e-12)
+    assert realised.singular_values[0] < 1
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_multi_order_qr_equals_a_least_squares_shift_at_every_order(measured, form):
+    """On noisy correlations, where all orders differ; numpy's lstsq of the shifted observability matrix."""
+    correlations = measured(seed=3)
+    realised = realise(correlations, block_rows=12, max_order=20, **FORMS[form])
+    orders = (2, 6, 7, 14, 20)
+    found = poles_of_orders(realised, orders)
+    for k, order in enumerate(orders):
+        O = realised.observability[:, :order]  # noqa: E741
+        A = np.linalg.lstsq(O[:-3], O[3:], rcond=None)[0]
+        eigenvalues = np.linalg.eigvals(A)
+        expected = np.log(eigenvalues[eigenvalues.imag > 0]) * correlations.sampling_rate
+        np.testing.assert_allclose(np.sort_complex(rung(found, k).poles), np.sort_complex(expected), rtol=1e-7)
+
+
+def test_the_unweighted_observability_is_that_of_the_singular_value_decomposition(measured):
+    """O = U S^(1/2), F. Liu (2020), eq. 3-41."""
+    correlations = measured(seed=4)
+    realised = realise(correlations, block_rows=10, max_order=8, is_weighted=False)
+    U, S, _ = np.linalg.svd(block_toeplitz(correlations.values, 10))
+    np.testing.assert_allclose(realised.singular_values, S, rtol=1e-9, atol=1e-12 * S[0])
+    np.testing.assert_allclose(np.abs(realised.observability), np.abs(U[:, :8] * np.sqrt(S[:8])), atol=1e-9)
+
+
+def test_joined_ladders_stand_on_top_of_one_another(known):
+    realised = realise(known("chain3", 125.0)[0], block_rows=10, max_order=12)
+    low, high = poles_of_orders(realised, [2, 4, 6]), poles_of_orders(realised, [8, 10])
+    joined = join_ladders([low, high])
+    assert joined.ladder == (2, 4, 6, 8, 10)
+    np.testing.assert_array_equal(joined.rungs, np.concatenate([low.rungs, high.rungs + 3]))
+    np.testing.assert_array_equal(joined.poles, np.concatenate([low.poles, high.poles]))
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (
+            {"block_rows": 41, "max_order": 6},
+            "block_rows=41 needs 82 lags, but the correlations hold 80: estimate with at least 0.656 s of lags"
+            " or use block_rows <= 40",
+        ),
+        (
+            {"block_rows": 27, "max_order": 6, "is_hankel": True},
+            "block_rows=27 needs 81 lags, but the correlations hold 80: estimate with at least 0.648 s of lags"
+            " or use block_rows <= 26",
+        ),
+        (
+            {"block_rows": 5, "max_order": 14},
+            "max_order=14 is more than block_rows=5 can carry with 3 channels and 3 references:"
+            " use max_order <= 12 or more block rows",
+        ),
+        ({"block_rows": 1, "max_order": 2}, "block_rows=1 must be at least 2"),
+        ({"block_rows": 5, "max_order": 0}, "max_order=0 must be at least 2"),
+    ],
+)
+def test_a_matrix_that_cannot_be_built_is_refused(known, options, sentence):
+    with pytest.raises(ParameterError) as refusal:
+        realise(known("chain3", 125.0)[0], **options)
+    assert str(refusal.value) == sentence
+
+
+def test_ladder_over_block_rows_of_one_channel():
+    """One channel carries one order less than it has block rows."""
+    decays = np.exp(-0.1 * np.arange(40)) * np.cos(0.5 * np.arange(40))
+    correlations = exact_correlations(decays[None, None], sampling_rate=1.0, channels=("a",))
+    poles = block_row_ladder(correlations, range(6, 12))
+    assert poles.ladder == (6, 7, 8, 9, 10, 11)
+    assert np.abs(poles.poles - (-0.1 + 0.5j)).min() < 1e-9

@@ -1,0 +1,185 @@
+"""What identification chooses from the data, against what is known of the data."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sprung.errors import DataError, ParameterError
+from sprung.identification import IdentificationSettings
+from sprung.identification.planning import disjoint_splits, make_plan, sized
+from sprung.identification.preparation import prepare
+from sprung.recording import Channel, Recording
+from sprung.simulation import simulate, usual_excitation
+from sprung.vehicles import chain, read_vehicle, structure
+
+FREQUENCIES = chain().modes().natural_frequency
+
+
+@pytest.fixture(scope="module")
+def run():
+    three_masses = chain()
+    return simulate(three_masses, usual_excitation(three_masses), duration=60.0, sampling_rate=500.0, seed=1, snr=10.0)
+
+
+def planned(recording, *, method="cov", total=None, **settings):
+    plan = make_plan(recording, settings=IdentificationSettings(**settings))
+    return sized(plan, prepare(recording, plan), method=method, total_duration=total or recording.duration)
+
+
+def test_the_band_holds_all_modes_and_the_rate_carries_it(run):
+    plan = planned(run)
+    assert plan.band[0] < FREQUENCIES[0]
+    assert FREQUENCIES[-1] < plan.band[1] < 60.0
+    assert plan.settings.decimate_to >= 3 * plan.band[1]
+    assert 500.0 / plan.settings.decimate_to == pytest.approx(round(500.0 / plan.settings.decimate_to))
+    assert plan.mode_band[0] < FREQUENCIES[0]
+    assert plan.mode_band[1] > FREQUENCIES[-1]
+    assert plan.notes[0].endswith("Hz (where the channels move together), sampled at 125 Hz")
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_choices_do_not_depend_on_units(run, factor):
+    scaled = run.changed("scaled", samples=run.samples * np.array([[1.0], [factor], [1.0]]))
+    assert planned(scaled).settings == planned(run).settings
+    assert planned(scaled).band == pytest.approx(planned(run).band)
+    assert planned(scaled).factors["acc_2"] == pytest.approx(planned(run).factors["acc_2"] / factor)
+
+
+def test_choices_do_not_depend_on_the_order_of_channels(run):
+    turned = run.select(["acc_3", "acc_1", "acc_2"])
+    assert planned(turned).settings == planned(run).settings
+
+
+def test_the_band_is_where_channels_move_together_not_where_they_are_loud(run):
+    """Noise of each sensor alone at 100 to 200 Hz, as strong as the motion, does not widen the band."""
+    generator = np.random.default_rng(0)
+    frequencies = np.fft.rfftfreq(run.n_samples, 1 / 500.0)
+    spectrum = np.fft.rfft(generator.normal(size=run.samples.shape)) * ((frequencies > 100) & (frequencies < 200))
+    own = np.fft.irfft(spectrum, run.n_samples)
+    own *= run.samples.std(axis=1, keepdims=True) / own.std(axis=1, keepdims=True)
+    loud = run.changed("noisy", samples=run.samples + own)
+    assert planned(loud).band[1] < 60.0
+
+
+def test_the_band_of_a_vehicle_is_around_its_modes():
+    car = read_vehicle("zafira")
+    recording = Recording(np.random.default_rng(0).normal(size=(1, 5000)), 200.0, (Channel("a", "acceleration"),))
+    plan = make_plan(recording, settings=IdentificationSettings(), vehicle=car)
+    modes = structure(car).modes().natural_frequency
+    assert plan.band == pytest.approx((0.3 * modes.min(), 1.5 * modes.max()))
+    assert "around the vehicle's own modes" in plan.notes[0]
+
+
+def test_given_settings_are_kept(run):
+    given = {"band": (5.0, 35.0), "decimate_to": 250.0, "segment": 7.0, "block_rows": 33, "max_order": 22}
+    plan = planned(run, **given)
+    for name, value in given.items():
+        assert getattr(plan.settings, name) == value
+    assert plan.mode_band == (5.0, 35.0)
+    assert plan.n_lags == 66
+    assert planned(run, is_hankel=True, block_rows=33).n_lags == 99
+    assert planned(run, row_ladder=(12, 45)).n_lags == 90
+    assert "(given)" in plan.notes[0]
+
+
+def test_segments_are_many_and_long_against_the_lags(run):
+    cov, acs, coss = (planned(run, method=method, total=1200.0) for method in ("cov", "acs", "coss"))
+    assert cov.settings.segment == pytest.approx(1200.0 / 48)
+    assert acs.settings.segment == pytest.approx(60.0)
+    assert coss.settings.segment == pytest.approx(1200.0 / 36)
+    for plan in (cov, acs, coss):
+        assert plan.settings.segment >= 3 * plan.n_lags / plan.settings.decimate_to
+    short = planned(run, method="coss")
+    assert short.settings.segment == pytest.approx(3 * short.n_lags / short.settings.decimate_to)
+    assert short.settings.segment > 60.0 / 36
+
+
+def test_orders_are_even_and_fit_the_matrix(run):
+    for given_settings, n_channels in (
+        ({}, 3),
+        ({"block_rows": 4}, 3),
+        ({"references": ("acc_1",)}, 1),
+        ({"has_disjoint_references": True}, 1),
+    ):
+        found = planned(run, **given_settings).settings
+        assert found.max_order % 2 == 0
+        assert found.max_order <= (found.block_rows - 1) * n_channels
+
+
+@pytest.mark.parametrize(
+    ("n_samples", "settings", "error", "sentence"),
+    [
+        (
+            150,
+            {},
+            DataError,
+            "the longest stretch without a gap has 150 samples at 500 Hz, but identification needs 200 or more:"
+            " record longer, or decimate less",
+        ),
+        (
+            30_000,
+            {"decimate_to": 2.0},
+            DataError,
+            "the longest stretch without a gap has 120 samples at 2 Hz, but identification needs 200 or more:"
+            " record longer, or decimate less",
+        ),
+        (
+            30_000,
+            {"block_rows": 4000, "decimate_to": 125.0},
+            DataError,
+            "block_rows=4000 needs 8000 lags, but the longest stretch without a gap has 7500 samples at 125 Hz:"
+            " record longer or use block_rows <= 3750",
+        ),
+        (
+            30_000,
+            {"row_ladder": (12, 3000), "is_hankel": True, "decimate_to": 125.0},
+            DataError,
+            "block_rows=3000 needs 9000 lags, but the longest stretch without a gap has 7500 samples at 125 Hz:"
+            " record longer or use block_rows <= 2500",
+        ),
+        (
+            30_000,
+            {"decimate_to": 600.0},
+            ParameterError,
+            "decimate_to=600 must be at most 500: decimation only lowers the sampling rate",
+        ),
+        (
+            30_000,
+            {"band": (300.0, 400.0)},
+            ParameterError,
+            "the band's lower edge=300 must be at most 250: it is above half the sampling rate",
+        ),
+    ],
+)
+def test_what_a_record_cannot_carry_is_refused(run, n_samples, settings, error, sentence):
+    short = run.changed("cut", samples=run.samples[:, :n_samples])
+    with pytest.raises(error) as refusal:
+        planned(short, **settings)
+    assert str(refusal.value) == sentence
+
+
+# Splits
+
+
+@settings(deadline=None)
+@given(st.integers(2, 40))
+def test_every_two_channels_are_apart_in_some_split_both_ways(n):
+    splits = disjoint_splits(range(n))
+    together = set()
+    for outputs, references in splits:
+        assert outputs
+        assert references
+        assert sorted(outputs + references) == list(range(n))
+        together |= set(itertools.product(outputs, references))
+    assert together == set(itertools.permutations(range(n), 2))
+    assert len(splits) == 2 * int(np.ceil(np.log2(n)))
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_a_single_channel_cannot_be_split(n):
+    with pytest.raises(ParameterError) as refusal:
+        disjoint_splits(range(n))
+    assert str(refusal.value) == "disjoint outputs and references need at least two channels"

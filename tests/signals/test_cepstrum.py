@@ -1,0 +1,182 @@
+import numpy as np
+import pytest
+from scipy import signal
+
+from sprung.errors import DataError, ParameterError
+from sprung.excitation import QUARTER_CASES
+from sprung.recording import Channel, Gap, Recording
+from sprung.signals.cepstrum import (
+    Comb,
+    Exponential,
+    ShortPass,
+    edit,
+    edit_over_distance,
+    real_cepstrum,
+    subtract_lifter_damping,
+)
+from sprung.signals.harmonics import find_harmonics
+from sprung.signals.spectrum import spectral_matrix
+from sprung.simulation import simulate
+from sprung.vehicles import read_vehicle, structure
+
+RATE = 100.0
+
+
+def recorded(samples, **fields):
+    samples = np.atleast_2d(samples)
+    return Recording(samples, RATE, tuple(Channel(f"c{i}") for i in range(len(samples))), **fields)
+
+
+def noise(n_samples=6000, n_channels=1, seed=1):
+    return np.random.default_rng(seed).standard_normal((n_channels, n_samples))
+
+
+def resonator(frequency, damping_ratio):
+    """Denominator of an all-pole filter with one mode, and its continuous pole."""
+    pole = 2 * np.pi * frequency * (-damping_ratio + 1j * np.sqrt(1 - damping_ratio**2))
+    return np.real(np.poly(np.exp(np.array([pole, pole.conjugate()]) / RATE))), pole
+
+
+def impulse_response(denominator, n_samples=6000):
+    return signal.lfilter([1.0], denominator, np.eye(1, n_samples)[0])
+
+
+def test_an_echo_has_the_rahmonics_of_its_delay():
+    """ln(1 + a exp(-i w T)) = sum of (-1)^(n+1) a^n / n exp(-i n w T); a real cepstrum holds half on each side."""
+    x = np.zeros(4000)
+    x[0], x[130] = 1.0, 0.6
+    cepstrum = real_cepstrum(x)
+    for n in (1, 2, 3):
+        assert cepstrum[130 * n] == pytest.approx((-1) ** (n + 1) * 0.6**n / (2 * n), abs=1e-3)
+        assert cepstrum[-130 * n] == pytest.approx(cepstrum[130 * n])
+    assert abs(cepstrum[129]) < 1e-3
+
+
+def test_an_exponential_lifter_moves_a_pole_by_one_over_its_time_constant():
+    denominator, pole = resonator(8.0, 0.02)
+    moved, _ = resonator(8.0, 0.02)
+    tau = 0.4
+    moved = denominator * np.exp(-np.arange(3) / (tau * RATE))
+    edited = edit(recorded(impulse_response(denominator)), Exponential(tau)).samples[0]
+    _, expected = signal.freqz([1.0], moved, worN=np.arange(5, 2995) / 6000 * RATE, fs=RATE)
+    np.testing.assert_allclose(np.abs(np.fft.rfft(edited)[5:2995]), np.abs(expected), rtol=5e-3)
+    poles = RATE * np.log(np.roots(moved))
+    assert poles[0].real == pytest.approx(pole.real - Exponential(tau).added_damping)
+    assert subtract_lifter_damping(poles, tau)[0] == pytest.approx(pole)
+
+
+def test_the_first_order_formula_of_the_damping_is_that_of_the_poles():
+    omega, xi, tau = 2 * np.pi * 8.0, 0.02, 5.0
+    pole = omega * (-xi + 1j * np.sqrt(1 - xi**2))
+    true = subtract_lifter_damping(pole, tau)
+    assert -true.real / abs(true) == pytest.approx(xi - 1 / (tau * omega), rel=1e-3)
+
+
+@pytest.mark.parametrize("n_samples", [6000, 6007])
+def test_weights_of_one_give_the_recording_without_its_mean(n_samples):
+    x = noise(n_samples, 2) + np.array([[3.0], [-1.0]])
+    edited = edit(recorded(x), ShortPass(1e6))
+    np.testing.assert_allclose(edited.samples, x - x.mean(axis=1, keepdims=True), atol=1e-10)
+
+
+def test_a_short_pass_keeps_the_symmetric_half_too():
+    edited = edit(recorded(noise()), ShortPass(0.25)).samples[0]
+    cepstrum = real_cepstrum(edited)
+    original = real_cepstrum(noise()[0])
+    np.testing.assert_allclose(cepstrum[:25], original[:25], atol=2e-3)
+    np.testing.assert_allclose(cepstrum[-24:], original[-24:], atol=2e-3)
+    assert np.abs(cepstrum[25:-24]).max() < 2e-3
+
+
+def test_a_short_pass_replaces_noise_by_its_geometric_mean():
+    edited = edit(recorded(noise(200_000)), ShortPass(0.1))
+    assert edited.samples.std() == pytest.approx(np.exp(-np.euler_gamma / 2), rel=0.01)
+
+
+def test_stretches_are_edited_by_themselves():
+    x = noise(3000)
+    edited = edit(recorded(x, gaps=(Gap(1234, 1.0),)), Exponential(0.3))
+    alone = edit(recorded(x[:, 1234:]), Exponential(0.3))
+    np.testing.assert_array_equal(edited.samples[:, 1234:], alone.samples)
+    assert edited.history == ("cepstrum edited with Exponential(time_constant=0.3)",)
+
+
+def test_silence_stays_silent_and_gaps_in_a_spectrum_do_no_harm():
+    x = np.vstack([np.zeros(1000), np.full(1000, 2.0), np.sin(2 * np.pi * 0.1 * np.arange(1000))])
+    edited = edit(recorded(x), ShortPass(0.25)).samples
+    np.testing.assert_array_equal(edited[:2], x[:2])
+    assert np.isfinite(edited).all()
+
+
+def test_editing_does_not_depend_on_scale():
+    x = noise()
+    small = edit(recorded(1e-6 * x), ShortPass(0.25)).samples
+    np.testing.assert_allclose(small, 1e-6 * edit(recorded(x), ShortPass(0.25)).samples, rtol=1e-9, atol=1e-15)
+
+
+def test_what_cannot_be_edited_is_refused():
+    with pytest.raises(ParameterError, match="time_constant=0 must be above 0"):
+        Exponential(0.0)
+    with pytest.raises(ParameterError, match="a notch cannot exceed a period"):
+        Comb(1.0, width=2.0)
+    with pytest.raises(DataError, match="channel 'c0' has 1 missing values"):
+        edit(recorded([0.0, np.nan]), ShortPass(0.25))
+
+    class Wrong:
+        def weights(self, quefrency):
+            return quefrency[:3]
+
+    with pytest.raises(ParameterError, match="one finite number for each of the 3001 quefrencies"):
+        edit(recorded(noise()), Wrong())
+
+
+def test_a_comb_removes_a_pulse_train_and_keeps_the_noise():
+    t = np.arange(6000)
+    pulses = np.where(t % 40 == 0, 8.0, 0.0)
+    edited = edit(recorded(noise() + pulses), Comb(0.4)).samples[0]
+    spectra = spectral_matrix(recorded([noise()[0] + pulses, edited, noise()[0]]), segment_length=20.0)
+    lines = spectra.densities[:, 50:1000:50].mean(axis=1)
+    assert lines[0] > 30 * lines[2]
+    assert lines[1] < 2 * lines[2]
+    assert np.corrcoef(edited, noise()[0])[0, 1] > 0.93
+
+
+def quarter(case, seed=0):
+    vehicle = structure(read_vehicle("quarter"))
+    return simulate(vehicle, QUARTER_CASES[case - 1], duration=60.0, sampling_rate=1000.0, seed=seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [2, 3, 4])
+def test_editing_gives_the_quarter_vehicle_its_undisturbed_spectrum_back(case):
+    clean, edited = quarter(1), edit(quarter(case), ShortPass(0.25))
+    assert find_harmonics(edited) == ()
+    before, after, disturbed = (
+        spectral_matrix(recording, segment_length=2.0).densities for recording in (clean, edited, quarter(case))
+    )
+    change, disturbance = 10 * np.log10(after / before), 10 * np.log10(disturbed / before)
+    levels = change.mean(axis=1, keepdims=True)
+    band = slice(4, 200)
+    assert np.abs(change - levels)[:, band].max() < 6.0
+    assert (change - levels)[:, band].std() < 1.5
+    assert disturbance[:, band].max() > 15.0
+
+
+def test_editing_over_distance_removes_lines_that_move_with_speed_and_nothing_else():
+    rng = np.random.default_rng(4)
+    t = np.arange(30_000) / RATE
+    v = 12 + 4 * np.sin(0.05 * t)
+    v[14_000:16_000] = 1.0
+    metres = np.concatenate([[0], np.cumsum((v[1:] + v[:-1]) / 2)]) / RATE
+    random = rng.standard_normal(t.size)
+    pulses = np.zeros(t.size)
+    pulses[np.searchsorted(metres, np.arange(2.0, metres[-1], 2.0))] = 8.0
+    channels = (Channel("x"), Channel("v", "speed"))
+    disturbed = Recording(np.vstack([random + pulses, v]), RATE, channels)
+    edited = edit_over_distance(disturbed, Comb(2.0, width=0.1), speed="v")
+    np.testing.assert_array_equal(edited.samples[1], v)
+    np.testing.assert_array_equal(edited.samples[0, 14_000:16_000], disturbed.samples[0, 14_000:16_000])
+    left = edited.samples[0] - random
+    assert left[:14_000].std() < 0.65 * pulses.std()
+    assert any(line.kind == "speed" for line in find_harmonics(disturbed, speed="v"))
+    assert not any(line.kind == "speed" for line in find_harmonics(edited, speed="v"))

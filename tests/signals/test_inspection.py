@@ -1,0 +1,97 @@
+import json
+
+import numpy as np
+import pytest
+
+from sprung.errors import DataError
+from sprung.recording import Channel, Gap, Recording
+from sprung.signals.inspection import inspect, inspect_blocks
+
+
+def recording(*rows, **fields):
+    channels = tuple(Channel(f"c{number}", "acceleration") for number in range(len(rows)))
+    return Recording(np.array(rows, dtype=float), 100.0, channels, **fields)
+
+
+def test_levels_of_a_sine_on_an_offset():
+    phase = 2 * np.pi * np.arange(1000) / 50
+    (facts,) = inspect(recording(9.81 + 2 * np.sin(phase))).channels
+    assert facts.mean == pytest.approx(9.81)
+    assert facts.standard_deviation == pytest.approx(np.sqrt(2))
+    assert facts.rms == pytest.approx(np.sqrt(9.81**2 + 2))
+    assert facts.maximum == pytest.approx(11.81, abs=0.01)
+    assert facts.minimum == pytest.approx(7.81, abs=0.01)
+    assert facts.unit == "m/s^2"
+    assert (facts.is_dead, facts.is_clipped, facts.is_stuck) == (False, False, False)
+
+
+def test_dead_channels():
+    facts = inspect(recording(np.zeros(200), np.full(200, np.nan), np.arange(200))).channels
+    assert [channel.is_dead for channel in facts] == [True, True, False]
+    assert [channel.n_values for channel in facts] == [200, 0, 200]
+    assert facts[1].mean is None
+    assert not facts[0].is_clipped
+
+
+def test_share_of_clipped_samples():
+    phase = 2 * np.pi * (np.arange(10_000) + 0.5) / 200
+    (facts,) = inspect(recording(np.clip(np.sin(phase), -0.5, 2.0))).channels
+    # A sine is below -1/2 for a third of its period.
+    assert facts.clipped == pytest.approx(1 / 3, abs=0.01)
+    assert facts.is_clipped
+    assert not facts.is_stuck
+
+
+def test_coarse_but_unclipped_channel_is_not_called_clipped():
+    rng = np.random.default_rng(1)
+    (facts,) = inspect(recording(np.round(rng.standard_normal(100_000) * 4) / 4)).channels
+    assert not facts.is_clipped
+
+
+def test_stuck_stretch_counts_from_a_second_on():
+    values = np.random.default_rng(2).standard_normal(1000)
+    values[300:450] = values[300]
+    values[600:690] = values[600]
+    (facts,) = inspect(recording(values)).channels
+    assert facts.stuck == pytest.approx(0.15)
+    assert facts.is_stuck
+
+
+def test_gap_ends_a_run():
+    values = np.random.default_rng(3).standard_normal(1000)
+    values[300:450] = values[300]
+    assert inspect(recording(values, gaps=(Gap(375, 1.0),))).channels[0].stuck == 0
+
+
+def test_gaps_and_duration():
+    facts = inspect(recording(np.arange(1000), gaps=(Gap(100, 2.5), Gap(300, 0.5)), start=7, history=("read",)))
+    assert (facts.n_gaps, facts.gap_duration, facts.duration) == (2, 3.0, 10.0)
+    assert (facts.start, facts.history, facts.n_samples) == (7, ("read",), 1000)
+
+
+def test_blocks_equal_the_whole():
+    rng = np.random.default_rng(4)
+    values = rng.standard_normal((2, 9000))
+    values[0] += 1e4
+    values[1] = np.maximum(values[1], -1)
+    values[1, 5000:5010] = np.nan
+    whole = inspect(recording(*values))
+    parts = inspect_blocks([recording(*part) for part in np.array_split(values, 4, axis=1)])
+    for one, other in zip(whole.channels, parts.channels, strict=True):
+        assert other.rms == pytest.approx(one.rms, rel=1e-12)
+        assert other.standard_deviation == pytest.approx(one.standard_deviation, rel=1e-9)
+        assert (other.minimum, other.maximum, other.n_values) == (one.minimum, one.maximum, one.n_values)
+        assert other.clipped == pytest.approx(one.clipped, rel=0.02)
+    assert parts.duration == pytest.approx(whole.duration)
+
+
+def test_nothing_to_inspect():
+    with pytest.raises(DataError, match="no blocks"):
+        inspect_blocks([])
+
+
+def test_plain_values_for_json():
+    facts = inspect(recording(np.zeros(30), np.arange(30), np.full(30, np.nan))).to_dict()
+    again = json.loads(json.dumps(facts, allow_nan=False))
+    assert [channel["is_dead"] for channel in again["channels"]] == [True, False, True]
+    assert again["channels"][1]["maximum"] == 29

@@ -1,0 +1,63 @@
+import itertools
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from sprung.recording import Channel, Recording
+from sprung.signals.narrow_lines import Line, chance_of_regularity, largest_family, multiples, narrow_lines
+
+
+def line(frequency, tolerance=0.01):
+    return Line(frequency, tolerance, 3 * tolerance, 20.0, frozenset([0]))
+
+
+@pytest.mark.parametrize("n_segments", [5, 6, 7, 11])
+def test_chance_of_regularity_is_uniform_for_random_signals(n_segments):
+    """Against the definition: the share of random signals that look at least as regular."""
+    powers = np.random.default_rng(5).exponential(size=(20_000, n_segments))
+    chances = np.array([chance_of_regularity(row) for row in powers])
+    for level in (1e-3, 1e-2):
+        expected = 20_000 * level
+        assert abs(np.count_nonzero(chances <= level) - expected) < 4 * np.sqrt(expected)
+
+
+def test_one_regular_block_of_two_counts():
+    regular, random = np.array([1.0, 1.2, 0.9, 1.0, 1.1, 1.0]), np.array([0.1, 3.0, 0.4, 2.0, 0.1, 0.5])
+    alone = chance_of_regularity(regular)
+    assert chance_of_regularity(np.concatenate([random, regular])) == pytest.approx(2 * (1 - (1 - alone) ** 2))
+
+
+def test_chance_of_regularity_does_not_depend_on_level_and_says_nothing_about_few_segments():
+    powers = np.array([1.0, 1.2, 0.9, 1.0, 1.1, 1.0])
+    assert chance_of_regularity(1e-9 * powers) == pytest.approx(chance_of_regularity(powers))
+    assert chance_of_regularity(powers[:4]) == 1.0
+    assert chance_of_regularity(np.zeros(6)) == 1.0
+
+
+def test_multiples_follow_a_fundamental_upwards():
+    lines = [line(3.652), line(7.3), line(10.95), line(17.0), line(3.65 * 40), line(3.65 * 100)]
+    family = multiples(lines[0].frequency, lines[0].tolerance, lines)
+    assert family.members == ((0, 1), (1, 2), (2, 3), (4, 40), (5, 100))
+    assert family.fundamental == pytest.approx(3.65)
+
+
+def test_a_family_without_its_fundamental_is_found_if_most_multiples_are_there():
+    family = largest_family([line(20.0), line(30.0), line(40.0), line(50.0), line(61.3)])
+    assert family is not None
+    assert family.fundamental == pytest.approx(10.0)
+    assert [order for _, order in family.members] == [2, 3, 4, 5]
+    assert largest_family([line(20.0), line(31.0)]) is None
+
+
+def test_noise_has_no_narrow_lines_at_the_rate_stated():
+    found = 0
+    for seed, is_geometric in itertools.product(range(100), (False, True)):
+        samples = np.random.default_rng(seed).standard_normal((2, 6000))
+        recording = Recording(samples, 100.0, (Channel("a"), Channel("b")))
+        found += len(
+            narrow_lines(
+                recording, segment_length=4.0, prominence=0.1, false_alarm_rate=0.05, is_geometric=is_geometric
+            )
+        )
+    assert found <= stats.poisson.isf(1e-3, 2 * 100 * 0.05)
