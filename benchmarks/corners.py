@@ -30,7 +30,7 @@ def main():
         print()
         print(
             "| case | springs, bias ± std % | dampers | tyres | left/right contrasts, std % | front/rear | "
-            "f of body modes, worst bias % | damping | imperfection |\n|" + "---|" * 9
+            "f of body modes, worst bias % | damping | model error |\n|" + "---|" * 9
         )
         for case in CASES:
             runs = linear if case == "linear" else list(pool.map(partial(drive, case), range(given.each)))
@@ -93,7 +93,7 @@ CASES = (
 
 
 def drive(case, seed):
-    """Return errors of ln values and reported deviations, errors of body modes, and the imperfection."""
+    """Return errors of ln values and reported deviations, errors of body modes, and the model_error."""
     import numpy as np
 
     from sprung.likelihood import fit_corners
@@ -108,7 +108,7 @@ def drive(case, seed):
     at = [modes.labels.index(mode["label"]) if mode["label"] in modes.labels else 0 for mode in body]
     frequency = modes.natural_frequency[at] / [mode["natural_frequency"] for mode in body] - 1
     damping = modes.damping_ratio[at] / [mode["damping_ratio"] for mode in body] - 1
-    return np.log(fit.values / true), fit.log_ratios_std, frequency, damping, fit.imperfection
+    return np.log(fit.values / true), fit.log_ratios_std, frequency, damping, fit.model_error
 
 
 def coverage(runs):
@@ -136,8 +136,8 @@ def row(case, runs):
     frequency, damping = (np.array([run[k] for run in runs]).mean(axis=0) for k in (2, 3))
     modes = [f"{100 * value[np.argmax(np.abs(value))]:+.1f}" for value in (frequency, damping)]
     contrasts = [" / ".join(f"{100 * value:.1f}" for value in each) for each in (sides, ends)]
-    imperfection = f"{np.median([run[4] for run in runs]):.3f}"
-    print("| " + " | ".join([case, *values, *contrasts, *modes, imperfection]) + " |", flush=True)
+    model_error = f"{np.median([run[4] for run in runs]):.3f}"
+    print("| " + " | ".join([case, *values, *contrasts, *modes, model_error]) + " |", flush=True)
 
 
 def one_fit():

@@ -199,10 +199,10 @@ def vehicle_life(n_healthy, folder, seed):
     life |= {
         "found": found,
         "said": said,
-        "alarm": calm is not None and calm.first_alarm is not None,
-        "hours": len([one for one in healthy if one.can_tell]) / 6,
-        "mute": sum(not one.can_tell for one in [*healthy, *faulty]),
-        "delay": None if late is None or late.first_alarm is None else (late.first_alarm - faulty[0].time) / 60 + 10,
+        "alarm": calm is not None and calm.first_alert is not None,
+        "hours": len([one for one in healthy if one.is_conclusive]) / 6,
+        "mute": sum(not one.is_conclusive for one in [*healthy, *faulty]),
+        "delay": None if late is None or late.first_alert is None else (late.first_alert - faulty[0].time) / 60 + 10,
     }
     return life | ({"thesis": by_modes(*modes)} if modes else {})
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sprung._arrays import Real
 from sprung.errors import DataError, MissingPackageError, ParameterError
 
 
@@ -18,6 +19,12 @@ def frozen_array(name: str, values: ArrayLike, *, ndim: int, dtype: Any = np.flo
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def freeze(value: object, *, dtype: Any = np.float64, **ndim: int) -> None:
+    """Make arrays of a frozen dataclass read-only, each with its number of dimensions; for `__post_init__`."""
+    for name, count in ndim.items():
+        object.__setattr__(value, name, frozen_array(name, getattr(value, name), ndim=count, dtype=dtype))
 
 
 def check_number(
@@ -65,7 +72,7 @@ def required(package: str, *, purpose: str, extra: str) -> Any:
         ) from None
 
 
-def check_complete(names: Sequence[str], samples: NDArray[np.float64]) -> None:
+def check_complete(names: Sequence[str], samples: Real) -> None:
     """Refuse samples, shape (channels, samples), of which any is missing (NaN) or infinite."""
     n_missing = np.count_nonzero(~np.isfinite(samples), axis=1)
     if n_missing.any():

@@ -8,21 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sprung._checks import frozen_array
+from sprung._arrays import Complex, Indices, Real
+from sprung._checks import freeze, frozen_array
 from sprung.errors import ParameterError
 
 
-def natural_frequency(poles: NDArray[np.complex128]) -> NDArray[np.float64]:
+def natural_frequency(poles: Complex) -> Real:
     """Return the undamped natural frequency abs(pole) / 2 pi [Hz] of continuous poles [rad/s]."""
-    return np.asarray(np.abs(poles) / (2 * np.pi))
+    return np.abs(poles) / (2 * np.pi)
 
 
-def damping_ratio(poles: NDArray[np.complex128]) -> NDArray[np.float64]:
+def damping_ratio(poles: Complex) -> Real:
     """Return the damping ratio -Re(pole) / abs(pole) of continuous poles [rad/s]."""
-    return np.asarray(-poles.real / np.abs(poles))
+    return -poles.real / np.abs(poles)
 
 
-def mac(shapes: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArray[np.float64]:
+def mac(shapes: Complex, others: Complex) -> Real:
     """Return the modal assurance criterion of every shape with every other one.
 
     Parameters
@@ -48,10 +49,10 @@ def mac(shapes: NDArray[np.complex128], others: NDArray[np.complex128]) -> NDArr
     """
     products = np.abs(np.conj(shapes) @ others.T) ** 2
     powers = np.outer(np.sum(np.abs(shapes) ** 2, axis=1), np.sum(np.abs(others) ** 2, axis=1))
-    return np.asarray(products / np.maximum(powers, np.finfo(float).tiny))
+    return products / np.maximum(powers, np.finfo(float).tiny)
 
 
-def mpc(shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
+def mpc(shapes: Complex) -> Real:
     """Return the modal phase collinearity of each shape, 1 where all channels move in phase or against it.
 
     Parameters
@@ -74,10 +75,10 @@ def mpc(shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
     J.-N. Juang and R. S. Pappa (1985), An eigensystem realization algorithm for modal parameter identification.
     """
     power = np.sum(np.abs(shapes) ** 2, axis=1)
-    return np.asarray((np.abs(np.sum(shapes**2, axis=1)) / np.maximum(power, np.finfo(float).tiny)) ** 2)
+    return (np.abs(np.sum(shapes**2, axis=1)) / np.maximum(power, np.finfo(float).tiny)) ** 2
 
 
-def unit_shapes(shapes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def unit_shapes(shapes: Complex) -> Complex:
     """Scale each shape to 1 at its largest channel.
 
     Parameters
@@ -93,7 +94,7 @@ def unit_shapes(shapes: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """
     largest = np.argmax(np.abs(shapes), axis=1)
     scale = shapes[np.arange(len(shapes)), largest]
-    return np.asarray(shapes / np.where(scale == 0, 1, scale)[:, None])
+    return shapes / np.where(scale == 0, 1, scale)[:, None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -116,22 +117,21 @@ class Poles:
         Standard deviations from the blocks' spread, shape (poles,); NaN where the correlations have no blocks.
     """
 
-    poles: NDArray[np.complex128]
-    mode_shapes: NDArray[np.complex128]
-    rungs: NDArray[np.intp]
+    poles: Complex
+    mode_shapes: Complex
+    rungs: Indices
     ladder: tuple[int, ...]
     channels: tuple[str, ...]
-    natural_frequency_std: NDArray[np.float64]
-    damping_ratio_std: NDArray[np.float64]
+    natural_frequency_std: Real
+    damping_ratio_std: Real
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "poles", frozen_array("poles", self.poles, ndim=1, dtype=np.complex128))
+        freeze(self, poles=1, dtype=np.complex128)
         n_poles = len(self.poles)
-        for name in ("natural_frequency_std", "damping_ratio_std"):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
+        freeze(self, natural_frequency_std=1, damping_ratio_std=1)
         shapes = frozen_array("mode_shapes", self.mode_shapes, ndim=2, dtype=np.complex128)
         object.__setattr__(self, "mode_shapes", shapes)
-        object.__setattr__(self, "rungs", frozen_array("rungs", self.rungs, ndim=1, dtype=np.intp))
+        freeze(self, rungs=1, dtype=np.intp)
         if shapes.shape != (n_poles, len(self.channels)):
             raise ParameterError(
                 f"mode_shapes {shapes.shape} must have one row for each of {n_poles} poles"
@@ -139,12 +139,12 @@ class Poles:
             )
 
     @property
-    def natural_frequency(self) -> NDArray[np.float64]:
+    def natural_frequency(self) -> Real:
         """Undamped natural frequencies [Hz]."""
         return natural_frequency(self.poles)
 
     @property
-    def damping_ratio(self) -> NDArray[np.float64]:
+    def damping_ratio(self) -> Real:
         """Damping ratios."""
         return damping_ratio(self.poles)
 
@@ -207,17 +207,16 @@ class Modes:
         "bounce", "pitch", "roll", "wheel_hop" or None for each mode.
     """
 
-    poles: NDArray[np.complex128]
-    mode_shapes: NDArray[np.complex128]
+    poles: Complex
+    mode_shapes: Complex
     channels: tuple[str, ...]
-    natural_frequency_std: NDArray[np.float64]
-    damping_ratio_std: NDArray[np.float64]
-    stable_rate: NDArray[np.float64]
+    natural_frequency_std: Real
+    damping_ratio_std: Real
+    stable_rate: Real
     labels: tuple[str | None, ...]
 
     def __post_init__(self) -> None:
-        for name in ("natural_frequency_std", "damping_ratio_std", "stable_rate"):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
+        freeze(self, natural_frequency_std=1, damping_ratio_std=1, stable_rate=1)
         for name, ndim in (("poles", 1), ("mode_shapes", 2)):
             value = frozen_array(name, getattr(self, name), ndim=ndim, dtype=np.complex128)
             object.__setattr__(self, name, value)
@@ -230,21 +229,21 @@ class Modes:
         return len(self.poles)
 
     @property
-    def natural_frequency(self) -> NDArray[np.float64]:
+    def natural_frequency(self) -> Real:
         """Undamped natural frequencies [Hz]."""
         return natural_frequency(self.poles)
 
     @property
-    def damping_ratio(self) -> NDArray[np.float64]:
+    def damping_ratio(self) -> Real:
         """Damping ratios."""
         return damping_ratio(self.poles)
 
     @property
-    def mpc(self) -> NDArray[np.float64]:
+    def mpc(self) -> Real:
         """Modal phase collinearity of each shape."""
         return mpc(self.mode_shapes)
 
-    def take(self, chosen: NDArray[np.intp]) -> "Modes":
+    def take(self, chosen: Indices) -> "Modes":
         """Return the modes at the given indices, in that order."""
         return replace(
             self,

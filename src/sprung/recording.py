@@ -6,10 +6,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from sprung._checks import check_number, check_one_of, frozen_array
+from sprung._arrays import Real
+from sprung._checks import check_number, check_one_of, freeze
 from sprung.errors import ParameterError
 
 #: Quantities a channel may measure, with their SI unit. An unknown quantity has no unit.
@@ -95,7 +93,7 @@ class Recording:
         Where shapes, names, gaps or rate contradict each other.
     """
 
-    samples: NDArray[np.float64]
+    samples: Real
     sampling_rate: float
     channels: tuple[Channel, ...]
     start: int | None = None
@@ -103,7 +101,7 @@ class Recording:
     history: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "samples", frozen_array("samples", self.samples, ndim=2))
+        freeze(self, samples=2)
         check_number("sampling_rate", self.sampling_rate, above=0)
         if len(self.channels) != self.samples.shape[0]:
             raise ParameterError(

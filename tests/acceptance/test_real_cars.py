@@ -91,7 +91,7 @@ def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_
         for log in logs
     )
     for fit in (slow, fast):
-        assert fit.imperfection > 0.2
+        assert fit.model_error > 0.2
         assert any("off by" in note for note in fit.notes)
         assert any(" 0.5" in note and "per m" in note for note in fit.notes)  # the wheel's line
         assert np.abs(fit.log_ratios).max() < 0.8
@@ -168,7 +168,7 @@ def test_no_finding_between_two_logs_of_the_same_car(real_file):
         ]
         for log, length in (("00000165_00000001-60FEB68B", 360.0), ("00000165_00000002-60FEB8E3", 150.0))
     )
-    assert sum(one.can_tell for one in fast) == 4
+    assert sum(one.is_conclusive for one in fast) == 4
     baseline = learn(fast, vehicle="canedge", n_windows=4)
     found = diagnose(slow, baseline)
     assert found.detection is not None

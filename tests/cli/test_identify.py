@@ -183,7 +183,7 @@ def test_no_mode_is_no_answer_but_the_document_is_written(sprung, chain, tmp_pat
     assert sprung("identify", chain, "--band", "80", "95", "--json", "-").document() == document
 
 
-def test_no_pole_at_all_is_told(sprung, chain):
+def test_no_pole_at_all_is_named(sprung, chain):
     outcome = sprung("identify", chain, "--max-order", "2")
     assert outcome.code == 3
     assert "--max-order" in outcome.err or "poles" in outcome.err

@@ -76,7 +76,7 @@ def test_change_is_found_at_its_corner_with_its_size_and_onset(baseline, name, s
 
 
 def test_a_file_that_explains_its_windows_badly_is_remarked_on(baseline):
-    bad = [replace(one, conditions={**one.conditions, "imperfection": 0.51}) for one in healthy(12)]
+    bad = [replace(one, conditions={**one.conditions, "model_error": 0.51}) for one in healthy(12)]
     taught = learn(bad, vehicle="car")
     (note,) = taught.notes
     assert "off by 51 %" in note
@@ -91,10 +91,10 @@ def test_both_sides_of_an_axle_are_one_finding(baseline):
     assert finding.change == pytest.approx(-0.2, abs=0.04)
 
 
-def test_several_parts_at_once_are_something_else(baseline):
+def test_several_parts_at_once_are_unmodelled(baseline):
     change = {"front_left.spring": -0.1, "rear_right.tyre": 0.12, "front_right.damper": -0.15, "rear_left.tyre": -0.1}
     (finding,) = diagnose(faulty(5, change), baseline).findings
-    assert finding.component == "something_else"
+    assert finding.component == "unmodelled"
 
 
 def test_a_part_is_named_though_an_imperfect_file_leaves_a_rest(baseline):
@@ -125,7 +125,7 @@ def test_false_alarms_stay_below_the_rate_asked_for():
     for seed in range(200):
         every = healthy(54, seed=seed + 1000)
         found = detect(learn(every[:6], vehicle="car"), every[6:], false_alarms=0.1)
-        alarms += found.first_alarm is not None
+        alarms += found.first_alert is not None
     assert alarms <= 28  # 20 and 1.7 standard deviations
 
 
@@ -139,7 +139,7 @@ def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms(
             one = window(generator, 600.0 * k)
             every.append(replace(one, log_ratios=one.log_ratios + drawn(generator, 3 * COVARIANCE)))
         found = detect(learn(every[:6], vehicle="car", n_windows=4), every[6:], false_alarms=0.1)
-        alarms += found.first_alarm is not None
+        alarms += found.first_alert is not None
     assert alarms <= 10  # 5 and two standard deviations
 
 
@@ -340,7 +340,7 @@ def test_conditions_of_a_window_that_cannot_tell():
     warm = np.full((1, run.n_samples), 21.5)
     channels = (*run.channels, Channel("oil", "temperature"))
     found = observe(replace(run, samples=np.concatenate([samples, warm]), channels=channels), car)
-    assert not found.can_tell
+    assert not found.is_conclusive
     assert found.conditions["standing"] == pytest.approx(0.25, abs=0.01)
     assert found.conditions["temperature"] == pytest.approx(21.5)
     assert found.conditions["turning"] == pytest.approx(0.2)

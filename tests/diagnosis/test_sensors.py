@@ -109,7 +109,7 @@ CONTRADICTIONS = {
 @pytest.mark.parametrize("wrong", CONTRADICTIONS)
 def test_two_wrong_sensors_set_the_window_aside(car, run, wrong):
     found = observe(with_imperfections(run, CONTRADICTIONS[wrong]), car)
-    assert not found.can_tell
+    assert not found.is_conclusive
     assert "check signs, gains, places and delays" in found.reason
 
 
@@ -143,7 +143,7 @@ def with_speed(run, values):
 def test_a_speed_that_stays_while_the_delay_says_another_is_left_out(car, run, speed, kind):
     found = observe(with_speed(run, speed), car)
     assert [(fault.channel, fault.kind) for fault in found.sensor_faults] == [("speed", kind)]
-    assert found.can_tell
+    assert found.is_conclusive
     assert not {"speed", "standing"} & found.conditions.keys()
 
 
@@ -167,7 +167,7 @@ def test_a_standing_car_and_a_rig_have_no_speed_to_be_wrong(car, run):
 def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run):
     found = observe(with_imperfections(run, [Swapped("acc_fl", "acc_rr")]), car)
     assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
-    assert not found.can_tell
+    assert not found.is_conclusive
 
 
 @pytest.mark.slow
@@ -176,8 +176,8 @@ def test_diagonal_sensors_exchanged_are_seen_beside_an_unknown_engine(car):
     settings = DriveSettings("road", duration=600.0, snr=50.0, is_nonlinear=True)
     run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), settings, seed=5).recording
     sound = observe(run, car)
-    assert sound.conditions["imperfection"] > 0.25
-    assert sound.can_tell
+    assert sound.conditions["model_error"] > 0.25
+    assert sound.is_conclusive
     assert not sound.sensor_faults
     found = observe(with_imperfections(run, [Swapped("acc_rl", "acc_fr")]), car)
     assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
@@ -187,5 +187,5 @@ def test_diagonal_sensors_exchanged_are_seen_beside_an_unknown_engine(car):
 def test_the_rest_goes_on_without_a_bad_channel(car, run):
     found = observe(with_imperfections(run, [Dead("acc_rl")]), car)
     assert [fault.kind for fault in found.sensor_faults] == ["dead"]
-    assert found.can_tell
+    assert found.is_conclusive
     assert len(found.components) == 12

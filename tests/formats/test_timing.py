@@ -157,7 +157,7 @@ def test_resolution_is_the_coarsest_power_of_ten(step, expected):
         (np.array([5, 7], dtype="m8[ms]"), 1e-9, None),
     ],
 )
-def test_epoch_is_told_by_its_magnitude(stamps, factor, start):
+def test_epoch_is_named_by_its_magnitude(stamps, factor, start):
     scale = time_scale(stamps)
     assert scale.factor == pytest.approx(factor)
     assert scale.start == start

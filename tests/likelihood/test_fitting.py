@@ -65,7 +65,7 @@ def test_body_modes_come_out_with_their_uncertainty(fits):
 
 @pytest.mark.slow
 def test_a_perfect_model_is_not_called_imperfect(fits):
-    assert np.median([fit.imperfection for fit, _ in fits]) < 0.03
+    assert np.median([fit.model_error for fit, _ in fits]) < 0.03
     assert not any("off by" in note for fit, _ in fits for note in fit.notes)
 
 
@@ -98,7 +98,7 @@ def test_an_imu_tells_what_four_corners_tell(car):
     one = drive(with_imu, seed=3, snr=100.0)
     fit = fit_corners(one.recording, with_imu)
     assert np.abs(errors(fit, one.truth)).max() < 0.12
-    assert fit.is_told.all()
+    assert fit.is_identifiable.all()
 
 
 @pytest.mark.slow
@@ -114,7 +114,7 @@ def test_a_wrong_sign_of_the_pitch_rate_shows_as_a_misfit(car):
     right = car.model_copy(update={"sensor": tuple(sensors)})
     wrong = car.model_copy(update={"sensor": (*sensors[:2], Sensor(channel="wy", direction=(0.0, -1.0, 0.0), **rate))})
     run = drive(right, seed=3, snr=100.0).recording
-    assert fit_corners(run, wrong).imperfection > 5 * max(fit_corners(run, right).imperfection, 0.02)
+    assert fit_corners(run, wrong).model_error > 5 * max(fit_corners(run, right).model_error, 0.02)
     assert any("off by" in note for note in fit_corners(run, wrong).notes)
 
 
@@ -149,7 +149,7 @@ def test_constant_speed_and_three_sensors_still_answer(car):
 def test_one_sensor_cannot_tell_the_corners_apart(car):
     one = drive(car, seed=5)
     fit = fit_corners(one.recording.select(["acc_fl", "speed"]), car, settings=CornerSettings(width=0.3))
-    assert not fit.is_told.all()
+    assert not fit.is_identifiable.all()
     assert any("cannot tell" in note for note in fit.notes)
 
 
@@ -163,7 +163,7 @@ def test_a_payload_is_fitted_and_not_taken_for_soft_springs(car):
     assert load["std"] < 60.0
     plain = fit_corners(one.recording, car, settings=CornerSettings(has_payload=False))
     assert np.exp(errors(plain, one.truth)[::3]).mean() < 0.9  # per mass all springs are softer
-    assert plain.imperfection > 0.1
+    assert plain.model_error > 0.1
 
 
 @pytest.mark.slow
@@ -211,13 +211,13 @@ def test_an_unknown_part_makes_the_fit_imperfect_and_contrasts_stay_usable(car, 
         real = car.model_copy(update={"axle": axles})
     before = fit_corners(drive(real, seed=1).recording, car)
     after = fit_corners(drive(real, seed=2, faults=(parse_fault("front_left.spring=-0.2"),)).recording, car)
-    assert before.imperfection > 0.1
+    assert before.model_error > 0.1
     assert any("off by" in note for note in before.notes)
     change = after.log_ratios - before.log_ratios
     assert np.argmax(np.abs(change)) == 0
     assert change[0] == pytest.approx(np.log(0.8), abs=0.1)
     known = fit_corners(drive(real, seed=1).recording, real)
-    assert known.imperfection < before.imperfection / 2
+    assert known.model_error < before.model_error / 2
     assert known.log_ratios_std[0] < before.log_ratios_std[0] / 2
 
 
@@ -228,7 +228,7 @@ def test_a_wheelbase_or_speedometer_off_by_three_per_cent_is_taken_up_by_the_del
     fit = fit_corners(one.recording, car)
     assert np.abs(errors(fit, one.truth)).max() < 0.08
     assert fit.inputs["delay"] == pytest.approx(1.03, abs=0.01)
-    assert fit.imperfection < 0.1
+    assert fit.model_error < 0.1
 
 
 @pytest.mark.slow
@@ -346,12 +346,12 @@ def test_units_far_off_end_in_a_fit_or_in_words(car, factor):
     run = drive(car, duration=120.0, n_stops=0).recording
     samples = run.samples.copy()
     samples[2] *= factor
-    found = imperfection_or_words(replace(run, samples=samples), car)
+    found = model_error_or_words(replace(run, samples=samples), car)
     assert "check signs" in found if isinstance(found, str) else found > 0.3
 
 
-def imperfection_or_words(run, car):
+def model_error_or_words(run, car):
     try:
-        return fit_corners(run, car).imperfection
+        return fit_corners(run, car).model_error
     except DataError as error:
         return str(error)

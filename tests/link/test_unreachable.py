@@ -58,7 +58,7 @@ ERRORS = [
 
 
 @pytest.mark.parametrize(("error", "sentence"), ERRORS, ids=lambda value: type(value).__name__)
-def test_each_cause_is_told_apart(made, monkeypatch, error, sentence):
+def test_each_cause_is_named_apart(made, monkeypatch, error, sentence):
     def fail(*_, **__):
         raise error
 

@@ -49,7 +49,7 @@ def test_a_message_that_never_gets_through_is_given_up(store):
     assert store.due_notifications(10) == []
 
 
-def test_trouble_that_stays_the_same_is_told_once(store):
+def test_trouble_that_stays_the_same_is_named_once(store):
     alarms = Alarms(store, AlertSettings())
     for second in range(5):
         alarms.trouble("car-1", "silent", "car-1 has sent nothing", now=NOW + second)

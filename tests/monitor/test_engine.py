@@ -112,7 +112,7 @@ def test_evidence_is_that_of_the_batch(car, drive, alike):
         for one in (expected, found):
             assert alike(one.diagnosis.detection.evidence.tolist(), batch.detection.evidence.tolist())
     assert through.observations[3].sensor_faults
-    assert batch.detection.first_alarm is not None
+    assert batch.detection.first_alert is not None
 
 
 def test_evidence_of_windows_that_are_forgotten_goes(car, drive):

@@ -354,7 +354,7 @@ def test_room_on_the_boxes_disks_is_a_figure(bench):
     assert one.station.figures()["sprung_messages_refused_total"] == 1
 
 
-def test_a_box_of_another_version_is_told_which_to_speak(bench, run_frames):
+def test_a_box_of_another_version_is_named_which_to_speak(bench, run_frames):
     one = bench(**WATCH)
     document = checked_map(run_frames[0]) | {0: 2}
     for _ in range(3):

@@ -83,7 +83,7 @@ def test_a_tone_in_a_damped_mode_is_found_and_the_mode_is_not():
     assert line.frequency == pytest.approx(10.5, abs=0.02)
 
 
-def test_a_tone_below_what_the_record_can_tell_is_not_claimed():
+def test_a_tone_below_what_the_record_can_show_is_not_claimed():
     t = np.arange(12_000) / 200
     samples = np.random.default_rng(6).standard_normal(t.size) + 3 * np.sin(2 * np.pi * 1.7 * t)
     assert find_harmonics(recorded(samples, 200.0)) == ()

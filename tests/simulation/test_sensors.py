@@ -87,8 +87,8 @@ def test_hum_has_its_frequency_and_amplitude(run):
 
 
 def test_channels_fail_from_their_onset_on(run):
-    for imperfection, value in ((Dead("a", onset=10.0), 0.0), (Stuck("a", onset=10.0), run.samples[0, 1999])):
-        found = applied(run, imperfection).samples
+    for model_error, value in ((Dead("a", onset=10.0), 0.0), (Stuck("a", onset=10.0), run.samples[0, 1999])):
+        found = applied(run, model_error).samples
         assert np.array_equal(found[0, :2000], run.samples[0, :2000])
         assert np.all(found[0, 2000:] == value)
         assert np.array_equal(found[1:], run.samples[1:])

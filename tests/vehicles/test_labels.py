@@ -205,7 +205,7 @@ def test_a_bending_body_has_no_name():
     assert labelled(modes, LAYOUTS["four corners"]).labels == (None,)
 
 
-def test_wheel_hop_is_told_by_frequency_within_a_fifth():
+def test_wheel_hop_is_named_by_frequency_within_a_fifth():
     front = wheel_hop_frequencies(CAR)[0]
     rear = wheel_hop_frequencies(CAR)[1]
     frequencies = np.array([0.79 * rear, 0.81 * rear, 1.19 * front, 1.21 * front])

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
@@ -196,7 +197,7 @@ class Regular:
                 points.popleft()
         return None if np.isnan(samples).all() else Recording(samples, self._sampling_rate, self._channels, begin)
 
-    def _at(self, name: str, begin: int, times: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _at(self, name: str, begin: int, times: NDArray[np.int64]) -> Real:
         """Return a channel at times after `begin` [ns], shape (samples,)."""
         points = self._points[name]
         if not points:

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.box.resampling import BLOCK
 from sprung.errors import FormatError
@@ -109,7 +109,7 @@ class _Collected:
         """Yield the lines that there are as a block, if there are any."""
         if not self._rows or self._next is None:
             return
-        samples: NDArray[np.float64] = np.array(self._rows).T * self._factors
+        samples: Real = np.array(self._rows).T * self._factors
         begin = self._next
         self._next = begin + round(len(self._rows) * 1e9 / self._sampling_rate)
         self._rows = []

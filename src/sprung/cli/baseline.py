@@ -156,7 +156,7 @@ def compared(
     return {
         one.time: compare_residuals(reference, part)
         for one, part in zip(observations, outputs, strict=True)
-        if part is not None and one.can_tell and part.names == reference.channels
+        if part is not None and one.is_conclusive and part.names == reference.channels
     }
 
 

@@ -141,7 +141,7 @@ def document(fit: "CornerFit") -> dict[str, Any]:
             "value": value,
             "std": value * float(fit.log_ratios_std[row]),
             "relative_to_nominal": value / float(fit.nominal[row]),
-            "is_told": bool(fit.is_told[row]),
+            "is_identifiable": bool(fit.is_identifiable[row]),
         }
         if fit.from_modes is not None:
             found[component.owner][component.name]["from_modes"] = float(fit.nominal[row] * np.exp(fit.from_modes[row]))
@@ -166,7 +166,7 @@ def document(fit: "CornerFit") -> dict[str, Any]:
         "payload": fit.payload,
         "sensors": fit.sensors,
         "fit": {
-            "imperfection": fit.imperfection,
+            "model_error": fit.model_error,
             "n_segments": fit.n_segments,
             "n_rejected": fit.n_rejected,
             "band": [float(fit.model.spectra.frequencies[0]), float(fit.model.spectra.frequencies[-1])],
@@ -210,7 +210,7 @@ def _show(fit: "CornerFit", paths: list[Path]) -> None:
     rows = []
     for row, component in enumerate(fit.components):
         change, deviation = float(fit.values[row] / fit.nominal[row] - 1), float(fit.log_ratios_std[row])
-        told = bool(fit.is_told[row])
+        told = bool(fit.is_identifiable[row])
         rows.append(
             (
                 component.owner.replace("_", " "),

@@ -90,7 +90,7 @@ def diagnose(
 
 def _why_not(found: "Diagnosis", normal: "Baseline | None") -> str:
     """Say why no window can tell, or why those that can were set aside."""
-    reasons = [one.reason for one in found.observations if not one.can_tell]
+    reasons = [one.reason for one in found.observations if not one.is_conclusive]
     if reasons:
         return reasons[0]
     if normal is not None and found.observations:

@@ -8,9 +8,10 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sprung._arrays import Real
+
 if TYPE_CHECKING:
     import numpy as np
-    from numpy.typing import NDArray
 
     from sprung.identification import Identification, SubsetModes
     from sprung.modal import Modes
@@ -129,7 +130,7 @@ def _participations(
     ]
 
 
-def _body_mass(vehicle: "AnyVehicle | None") -> "NDArray[np.float64] | None":
+def _body_mass(vehicle: "AnyVehicle | None") -> "Real | None":
     """Return the mass matrix of a vehicle's body in bounce, pitch and roll."""
     from sprung.vehicles import Vehicle, structure
 

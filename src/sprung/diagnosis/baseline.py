@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from sprung._arrays import Real
 from sprung._checks import check_number, frozen_array
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import ResidualReference, residual_reference_from_dict
 from sprung.errors import DataError, ParameterError
-
-Real = NDArray[np.float64]
 
 SCHEMA = "sprung.baseline/1"
 #: Fewest windows that teach.
@@ -72,7 +70,7 @@ class Baseline:
         Counts up with every new learning, and why it was learnt.
     residuals
         Reference of the subspace residual test; None: not learnt.
-    imperfection
+    model_error
         By how much the vehicle file is off on the windows that taught it, in the median, see `CornerFit`.
     taught
         Times of those windows [s].
@@ -93,7 +91,7 @@ class Baseline:
     version: int
     reason: str
     residuals: ResidualReference | None = None
-    imperfection: float = 0.0
+    model_error: float = 0.0
     taught: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -108,10 +106,10 @@ class Baseline:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader should know, one sentence each."""
-        if self.imperfection < _IMPERFECT:
+        if self.model_error < _IMPERFECT:
             return ()
         return (
-            f"the vehicle file is off by {100 * self.imperfection:.0f} % on the windows that taught the baseline, so "
+            f"the vehicle file is off by {100 * self.model_error:.0f} % on the windows that taught the baseline, so "
             "that small changes are found late or not at all: check masses, geometry and places of sensors, and add "
             "what it lacks, such as an engine on mounts",
         )
@@ -135,7 +133,7 @@ class Baseline:
             "reason": self.reason,
             "n_windows": self.n_windows,
             "n_refused": self.n_refused,
-            "imperfection": self.imperfection,
+            "model_error": self.model_error,
             "components": list(self.components),
             "mean": self.mean.tolist(),
             "covariance": self.covariance.tolist(),
@@ -183,7 +181,7 @@ def baseline_from_dict(document: dict[str, Any]) -> Baseline:
             n_refused=int(document["n_refused"]),
             version=int(document["version"]),
             reason=str(document["reason"]),
-            imperfection=float(document.get("imperfection", 0.0)),
+            model_error=float(document.get("model_error", 0.0)),
             residuals=residual_reference_from_dict(document["residuals"]) if document.get("residuals") else None,
         )
     except (KeyError, TypeError, ValueError, IndexError) as error:
@@ -225,7 +223,7 @@ def learn(
     what the windows report (two windows' worth of what they report beside it).
     """
     check_number("n_windows", n_windows, at_least=2)
-    telling = [one for one in observations if one.can_tell and not one.sensor_faults]
+    telling = [one for one in observations if one.is_conclusive and not one.sensor_faults]
     common = [one for one in telling if one.components == telling[0].components]
     while True:
         if len(common) < n_windows:
@@ -357,7 +355,7 @@ def _taught(
         n_refused=n_all - len(observations),
         version=1 if previous is None else previous.version + 1,
         reason=reason,
-        imperfection=float(np.median([one.conditions.get("imperfection", 0.0) for one in observations])),
+        model_error=float(np.median([one.conditions.get("model_error", 0.0) for one in observations])),
         taught=tuple(sorted(one.time for one in observations)),
     )
 
@@ -375,7 +373,7 @@ def _why_not(observations: Sequence[Observation]) -> str:
     reasons = [
         one.reason or f"{one.sensor_faults[0].channel} is {one.sensor_faults[0].kind}"
         for one in observations
-        if not one.can_tell or one.sensor_faults
+        if not one.is_conclusive or one.sensor_faults
     ]
     if not reasons:
         return ""

@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.observation import Observation
-
-Real = NDArray[np.float64]
 
 #: Standard deviation of the size of a fault, ln values, before any window; of something else, per component.
 _SIZE, _ELSE = 0.15, 0.04
@@ -32,7 +30,7 @@ class Hypothesis:
     Parameters
     ----------
     name
-        "front_left.spring", "front.spring" (both of an axle), "all.spring" or "something_else".
+        "front_left.spring", "front.spring" (both of an axle), "all.spring" or "unmodelled".
     kind
         "single", "axle", "all" or "else".
     """
@@ -101,7 +99,7 @@ class Detection:
         ln of the value from which on it alarms.
     candidates
         All hypotheses, the best first.
-    first_alarm
+    first_alert
         Time at which the window begins with which it alarmed first [s]; None: never.
     """
 
@@ -110,10 +108,10 @@ class Detection:
     e_value: float
     threshold: float
     candidates: tuple[Candidate, ...]
-    first_alarm: float | None
+    first_alert: float | None
 
     @property
-    def is_alarm(self) -> bool:
+    def is_alert(self) -> bool:
         """Whether the last window leaves an alarm standing."""
         return bool(self.evidence.size and self.evidence[-1] >= self.threshold)
 
@@ -162,7 +160,7 @@ def detect(
     """
     check_number("false_alarms", false_alarms, above=0)
     check_number("windows_per_day", windows_per_day, above=0)
-    telling = [one for one in observations if one.can_tell and one.components == baseline.components]
+    telling = [one for one in observations if one.is_conclusive and one.components == baseline.components]
     if not telling:
         return None
     hypotheses = _hypotheses(baseline.components)
@@ -176,7 +174,7 @@ def detect(
     threshold = float(np.log(windows_per_day / false_alarms))
     totals = logsumexp(table.logs, axis=0) - np.log(len(telling))
     times = np.array([one.time for one in telling])
-    misfit = float(np.median([one.conditions.get("imperfection", 0.0) for one in telling]))
+    misfit = float(np.median([one.conditions.get("model_error", 0.0) for one in telling]))
     candidates = [_candidate(one, row, table, times, misfit) for row, one in enumerate(hypotheses)]
     above = np.flatnonzero(evidence >= threshold)
     return Detection(
@@ -185,7 +183,7 @@ def detect(
         e_value=float(evidence[-1] - np.log(len(telling))),
         threshold=threshold,
         candidates=tuple(candidates[row] for row in np.argsort(-(totals + shares))),
-        first_alarm=float(times[above[0]]) if above.size else None,
+        first_alert=float(times[above[0]]) if above.size else None,
     )
 
 
@@ -218,7 +216,7 @@ def _hypotheses(components: tuple[str, ...]) -> list[Hypothesis]:
         *(Hypothesis(name, "single") for name in components),
         *(Hypothesis(name, "axle") for name in sorted(axles)),
         *(Hypothesis(f"all.{kind}", "all") for kind in sorted(kinds)),
-        Hypothesis("something_else", "else"),
+        Hypothesis("unmodelled", "else"),
     ]
 
 
@@ -280,9 +278,9 @@ class _Windows:
 def own_covariance(baseline: Baseline, observation: Observation) -> Real:
     """Return the covariance of one window's residual, at least as wide as that of the baseline's windows."""
     if baseline.n_windows == 0:
-        return np.asarray(observation.covariance + baseline.nuisance)
+        return observation.covariance + baseline.nuisance
     own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(baseline.covariance), 1.0))
-    return np.asarray(baseline.covariance * np.outer(own, own) + baseline.nuisance)
+    return baseline.covariance * np.outer(own, own) + baseline.nuisance
 
 
 def _candidate(hypothesis: Hypothesis, row: int, table: _Table, times: Real, misfit: float) -> Candidate:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.findings import Finding
 from sprung.diagnosis.observation import Observation
@@ -41,7 +41,7 @@ class ModeChange:
     damping: tuple[float, float]
     mac: float
     channels: tuple[str, ...]
-    shapes: NDArray[np.float64]
+    shapes: Real
     measured_before: tuple[float, float] | None = None
     measured_since: tuple[float, float] | None = None
 
@@ -92,7 +92,7 @@ def mode_changes(
             name = f"{owner}.{finding.component}"
             after[name] = before.get(name, 1.0) * (1 + finding.change)
     healthy, changed = (nominal.changed(factors).modes() for factors in (before, after))
-    sound = [one for one in observations if one.can_tell and not one.sensor_faults]
+    sound = [one for one in observations if one.is_conclusive and not one.sensor_faults]
     earlier = [one for one in sound if one.time < finding.since]
     later = [one for one in sound if one.time >= finding.since]
     found = []

@@ -61,7 +61,7 @@ class Finding:
     corner
         "front_left", "front" for both sides of an axle, "all" for all corners; "vehicle" for something else.
     component
-        "spring", "damper" or "tyre"; "something_else".
+        "spring", "damper" or "tyre"; "unmodelled".
     change, interval
         Relative, -0.2 is a loss of a fifth; 95 %. None for something else, which has no one size.
     score
@@ -92,7 +92,7 @@ class Finding:
     @property
     def hypothesis(self) -> str:
         """Name of its `Hypothesis`."""
-        return self.component if self.component == "something_else" else f"{self.corner}.{self.component}"
+        return self.component if self.component == "unmodelled" else f"{self.corner}.{self.component}"
 
     @property
     def sentence(self) -> str:
@@ -177,7 +177,7 @@ class Diagnosis:
                 "evidence": self.detection.evidence.tolist(),
                 "e_value": self.detection.e_value,
                 "threshold": self.detection.threshold,
-                "first_alarm": self.detection.first_alarm,
+                "first_alert": self.detection.first_alert,
                 "hypotheses": [
                     {
                         "name": one.hypothesis.name,
@@ -224,7 +224,7 @@ def diagnose(
         Evidence after the first windows that could tell, from an earlier diagnosis: not computed again.
     """
     every = tuple(observations)
-    telling = [one for one in every if one.can_tell]
+    telling = [one for one in every if one.is_conclusive]
     notes = list(_refusals(every))
     faults: dict[tuple[str, str], SensorFault] = {}
     for one in every:
@@ -239,7 +239,7 @@ def diagnose(
         sound = [one for one in telling if not one.sensor_faults]
         notes += _unwatched(telling, sound)
         if baseline is None:
-            trusted = [one for one in sound if one.conditions.get("imperfection", 0.0) <= _TRUSTED]
+            trusted = [one for one in sound if one.conditions.get("model_error", 0.0) <= _TRUSTED]
             if len(trusted) < len(sound):
                 notes.append(
                     f"{len(sound) - len(trusted)} of {len(sound)} windows are explained too badly to be compared with "
@@ -250,7 +250,7 @@ def diagnose(
         detection = detect(normal, sound, false_alarms=false_alarms, windows_per_day=windows_per_day, known=known)
     findings: tuple[Finding, ...] = ()
     if detection is not None and normal is not None:
-        if detection.is_alarm:
+        if detection.is_alert:
             findings = (_finding(detection, sound, normal),)
         notes += _left(detection)
     return Diagnosis(findings, tuple(faults.values()), detection, every, tuple(notes), normal, false_alarms)
@@ -269,10 +269,10 @@ def _unwatched(telling: Sequence[Observation], sound: Sequence[Observation]) -> 
 
 def _left(detection: Detection) -> list[str]:
     """Say what the named part does not explain, and that an alarm is over."""
-    if not detection.is_alarm:
-        if detection.first_alarm is None:
+    if not detection.is_alert:
+        if detection.first_alert is None:
             return []
-        return [f"an alarm stood from the window at {_when(detection.first_alarm)} on, and is over"]
+        return [f"an alarm stood from the window at {_when(detection.first_alert)} on, and is over"]
     first, named = detection.candidates[0], _best_two(detection)[0]
     if first.log_evidence - named.log_evidence < detection.threshold:
         return []
@@ -286,7 +286,7 @@ def _finding(detection: Detection, observations: Sequence[Observation], baseline
     """Return the best hypothesis as a finding."""
     best, second = _best_two(detection)
     if best.interval is None:
-        corner, component, level = "vehicle", "something_else", SEVERITIES[2]
+        corner, component, level = "vehicle", "unmodelled", SEVERITIES[2]
     else:
         corner, component = best.hypothesis.name.split(".")
         sure = min(map(abs, best.interval)) if best.interval[0] * best.interval[1] > 0 else 0.0
@@ -312,7 +312,7 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     """Return the hypothesis to name and the next best.
 
     A part that explains nearly all is named, though something else explains a little more: with much evidence, every
-    imperfection of the vehicle file does.
+    error of the vehicle file does.
     """
     first, *others = detection.candidates
     named = next(one for one in detection.candidates if one.hypothesis.kind != "else")
@@ -374,7 +374,7 @@ def _words(candidate: Candidate) -> str:
 
 def _refusals(observations: Sequence[Observation]) -> list[str]:
     """Say how many windows cannot tell, and why."""
-    reasons = [one.reason for one in observations if not one.can_tell]
+    reasons = [one.reason for one in observations if not one.is_conclusive]
     return [
         f"{reasons.count(reason)} of {len(observations)} windows cannot tell: {reason}"
         for reason in dict.fromkeys(reasons)

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sprung._checks import frozen_array
+from sprung._arrays import Real
+from sprung._checks import freeze
 from sprung.diagnosis.sensors import SensorFault, check_sensors
 from sprung.diagnosis.speed_check import speed_fault
 from sprung.errors import DataError, ParameterError
@@ -17,8 +17,6 @@ from sprung.vehicles import Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.sensor_layout import with_layout
 from sprung.vehicles.usable import speed_channel
-
-Real = NDArray[np.float64]
 
 #: Length of a window [s], shortest one that is used, and fewest segments in it.
 WINDOW, SHORTEST, FEWEST_SEGMENTS = 600.0, 120.0, 40
@@ -49,7 +47,7 @@ class Observation:
     conditions
         As far as known. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of time),
         "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of windows that can tell: "level" of the road
-        [m^3], "payload" [kg], "imperfection", "segments".
+        [m^3], "payload" [kg], "model_error", "segments".
     modes
         Natural frequency [Hz] and damping ratio of bounce, pitch and roll where the fit has them.
     sensor_faults
@@ -68,11 +66,10 @@ class Observation:
     reason: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "log_ratios", frozen_array("log_ratios", self.log_ratios, ndim=1))
-        object.__setattr__(self, "covariance", frozen_array("covariance", self.covariance, ndim=2))
+        freeze(self, log_ratios=1, covariance=2)
 
     @property
-    def can_tell(self) -> bool:
+    def is_conclusive(self) -> bool:
         """Whether the window says something about corners."""
         return not self.reason
 
@@ -168,14 +165,14 @@ def observe(
     if checked.disagreement:
         apart = f"sensors disagree by {100 * checked.disagreement:.0f} % and no single one explains it"
         return _nothing(time, conditions, faults, f"{apart}: check signs, gains, places and delays")
-    if not faults and fit.imperfection > _SUSPECT:
+    if not faults and fit.model_error > _SUSPECT:
         faults = _exchanged(recording, vehicle, settings, fit)
         if faults:
             return _nothing(time, conditions, faults, "sensors are exchanged")
     if fit.n_segments < FEWEST_SEGMENTS:
         return _nothing(time, conditions, faults, f"{fit.n_segments} segments of steady speed are too few")
-    if fit.imperfection > _WORST:
-        off = f"off by {100 * fit.imperfection:.0f} %"
+    if fit.model_error > _WORST:
+        off = f"off by {100 * fit.model_error:.0f} %"
         return _nothing(time, conditions, faults, f"the vehicle file explains the window badly: {off}")
     return _told(time, fit, conditions, faults)
 
@@ -202,7 +199,7 @@ def _conditions(recording: Recording, vehicle: Vehicle) -> dict[str, float]:
 def _told(time: float, fit: CornerFit, conditions: dict[str, float], faults: tuple[SensorFault, ...]) -> Observation:
     """Return the observation that a fit makes."""
     count = len(fit.components)
-    conditions = {**conditions, "imperfection": fit.imperfection, "segments": float(fit.n_segments)}
+    conditions = {**conditions, "model_error": fit.model_error, "segments": float(fit.n_segments)}
     if "level" in fit.inputs:
         conditions["level"] = fit.inputs["level"]
     if "payload_mass" in fit.payload:
@@ -252,9 +249,9 @@ def _exchanged(
             if nominal_misfit(exchanged, vehicle, settings=settings) >= as_read:
                 continue
             turned = fit_corners(exchanged, vehicle, settings=settings)
-            if best is None or turned.imperfection < best[0]:
-                best = turned.imperfection, (first, second)
-    if best is None or best[0] > _CURED * fit.imperfection:
+            if best is None or turned.model_error < best[0]:
+                best = turned.model_error, (first, second)
+    if best is None or best[0] > _CURED * fit.model_error:
         return ()
     words = f"{best[1][0]} with {best[1][1]}, or the other two corners with each other"
     return tuple(SensorFault(name, "swapped", words) for name in names)

@@ -5,20 +5,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.linalg import eigh
 from scipy.special import polygamma
 
-from sprung._checks import check_number, frozen_array
+from sprung._arrays import Real
+from sprung._checks import check_number, freeze
 from sprung.errors import DataError, ParameterError
 from sprung.identification.correlation import correlate_segments
 from sprung.identification.subspace import block_hankel
 from sprung.recording import Recording
 from sprung.signals.conditioning import decimate
 from sprung.vehicles.usable import usable
-
-Real = NDArray[np.float64]
 
 #: Share of the block Hankel matrix' energy that the model order explains.
 _EXPLAINED = 0.999
@@ -62,8 +60,7 @@ class ResidualReference:
     n_windows: int
 
     def __post_init__(self) -> None:
-        for name in ("null_space", "whitening"):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=2))
+        freeze(self, null_space=2, whitening=2)
 
     @property
     def block_rows(self) -> int:
@@ -248,7 +245,7 @@ def _whitening(away: Real, count: int) -> Real:
         size = away.shape[1]
         squares, right = eigh(away.T @ away, subset_by_index=(max(0, size - count), size - 1))
         directions = right.T
-    return np.asarray(directions * np.sqrt((len(away) - 1) / squares)[:, None])
+    return directions * np.sqrt((len(away) - 1) / squares)[:, None]
 
 
 def _scatter(logs: Real, least: float) -> float:
@@ -265,7 +262,7 @@ def _left_out(matrices: Sequence[Real], row: int, n_channels: int) -> float:
 
 def _residuals(matrices: Real, null_space: Real) -> Real:
     """Return vec(S^T H) of each segment."""
-    return np.asarray((null_space.T @ matrices).reshape(len(matrices), -1))
+    return (null_space.T @ matrices).reshape(len(matrices), -1)
 
 
 def _statistic(residuals: Real, whitening: Real) -> float:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Booleans, Complex, Real
 from sprung.errors import DataError
 from sprung.recording import Recording
 from sprung.signals.inspection import inspect
@@ -13,9 +13,6 @@ from sprung.signals.spectrum import spectral_matrix
 from sprung.vehicles import Vehicle, structure
 from sprung.vehicles.sensor_layout import with_layout
 from sprung.vehicles.usable import speed_channel
-
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 #: Kinds of faults, each a word of `SensorFault.kind`.
 KINDS = (
@@ -171,7 +168,7 @@ def check_sensors(recording: Recording, vehicle: Vehicle) -> SensorCheck:
     return SensorCheck(tuple(found.values()), 0.0 if found else disagreement)
 
 
-def _moving(recording: Recording, speed: str | None) -> NDArray[np.bool_]:
+def _moving(recording: Recording, speed: str | None) -> Booleans:
     """Tell which samples were taken on the move."""
     if speed is None:
         return np.ones(recording.n_samples, dtype=np.bool_)

@@ -1,8 +1,8 @@
 """A speed channel that stays where it is while the vehicle drives on."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.diagnosis.sensors import SensorFault
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerSettings, fit_corners
@@ -10,8 +10,6 @@ from sprung.recording import Recording
 from sprung.signals.conditioning import band_pass
 from sprung.vehicles import Vehicle
 from sprung.vehicles.usable import speed_channel, usable
-
-Real = NDArray[np.float64]
 
 #: A speed is doubted that stays the same for so long [s], while the body moves more than this (RMS, [m/s^2]) in this
 #: band [Hz]: on the best of roads it moves more, under an idling engine less.
@@ -72,7 +70,7 @@ def _told(part: Recording, vehicle: Vehicle, settings: CornerSettings | None) ->
         fit = fit_corners(part, vehicle, settings=settings)
     except (DataError, ParameterError):
         return np.zeros(0)
-    if fit.imperfection > _WORST or fit.n_segments < _TOLD * (fit.n_segments + fit.n_rejected):
+    if fit.model_error > _WORST or fit.n_segments < _TOLD * (fit.n_segments + fit.n_rejected):
         return np.zeros(0)
     spectra = fit.model.spectra
     return np.repeat(spectra.speeds, spectra.counts.astype(int))

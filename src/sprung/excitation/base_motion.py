@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Indices, Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.excitation.noise import noise
@@ -67,7 +67,7 @@ class BaseMotion:
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> NDArray[np.float64]:
+    ) -> Real:
         """Return the displacement from time `start` [s] on, shape (1, samples)."""
         first = round(start * sampling_rate)
         time = (first + np.arange(n_samples)) / sampling_rate
@@ -87,7 +87,7 @@ QUARTER_CASES = (
 )
 
 
-def pulse_indices(n_samples: int, pulses_per_sample: float, *, first: int = 0) -> NDArray[np.intp]:
+def pulse_indices(n_samples: int, pulses_per_sample: float, *, first: int = 0) -> Indices:
     """Return which of the samples `first` to `first + n_samples - 1` are nearest to a pulse, counted from `first`."""
     earliest = math.floor((first - 1) * pulses_per_sample)
     latest = math.ceil((first + n_samples) * pulses_per_sample)

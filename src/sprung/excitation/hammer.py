@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 
 
@@ -48,7 +48,7 @@ class HammerBlows:
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> NDArray[np.float64]:
+    ) -> Real:
         """Return the forces from time `start` [s] on, shape (4, samples) [N]."""
         del start  # blows have no phase
         forces = np.zeros((4, n_samples))
@@ -62,7 +62,7 @@ class HammerBlows:
         return forces
 
 
-def corner_weights(forward: float, left: float) -> NDArray[np.float64]:
+def corner_weights(forward: float, left: float) -> Real:
     """Return the shares of the four corners in a force at a place between them, shape (4,).
 
     Parameters

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 
@@ -31,7 +31,7 @@ class Excitation(Protocol):
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> NDArray[np.float64]:
+    ) -> Real:
         """Return `n_samples` of every input from time `start` [s] on, shape (inputs, samples)."""
 
 
@@ -64,7 +64,7 @@ class RandomInputs:
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> NDArray[np.float64]:
+    ) -> Real:
         """Return `n_samples` of every input, shape (inputs, samples)."""
         del start  # noise has no phase
         shape = (self.n_inputs, n_samples)
@@ -77,7 +77,7 @@ def noise(
     band: tuple[float, float] | None,
     sampling_rate: float,
     generator: np.random.Generator,
-) -> NDArray[np.float64]:
+) -> Real:
     """Return stationary Gaussian noise of standard deviation 1, white or in a band.
 
     Parameters
@@ -129,4 +129,4 @@ def noise(
     impulse[0] = 1.0
     gain = np.linalg.norm(sosfilt(sections, impulse))
     white = generator.standard_normal((*shape[:-1], transient + shape[-1]))
-    return np.asarray(sosfilt(sections, white)[..., transient:] / gain)
+    return sosfilt(sections, white)[..., transient:] / gain

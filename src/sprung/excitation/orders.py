@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.excitation.noise import Excitation
@@ -59,7 +59,7 @@ class Lines:
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> NDArray[np.float64]:
+    ) -> Real:
         """Return the lines with random phases from time `start` [s] on, shape (inputs, samples)."""
         time = start + np.arange(n_samples) / sampling_rate
         distance = self.speed.distance(time)
@@ -99,10 +99,10 @@ class Sum:
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> NDArray[np.float64]:
+    ) -> Real:
         """Return the sum of the parts, shape (inputs, samples)."""
         drawn = [
             part.samples(n_samples, sampling_rate=sampling_rate, generator=generator, start=start)
             for part in self.parts
         ]
-        return np.asarray(np.sum(drawn, axis=0))
+        return np.sum(drawn, axis=0)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.excitation.speed import SpeedProfile
@@ -59,7 +59,7 @@ class RollerRig:
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
-    ) -> NDArray[np.float64]:
+    ) -> Real:
         """Return the height of the ground under every wheel from time `start` [s] on, shape (wheels, samples) [m]."""
         time = start + np.arange(n_samples) / sampling_rate
         turns = self.rotation.distance(time)

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from sprung._checks import check_number, frozen_array
+from sprung._arrays import Real
+from sprung._checks import check_number, freeze
 from sprung.errors import ParameterError
 
 #: Accelerations of a drive and of braking to a stop [m/s^2], times of steady speed and of standing still [s].
@@ -29,12 +30,11 @@ class SpeedProfile:
         Where times do not rise or a speed is negative.
     """
 
-    times: NDArray[np.float64]
-    speeds: NDArray[np.float64]
+    times: Real
+    speeds: Real
 
     def __post_init__(self) -> None:
-        for name in ("times", "speeds"):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
+        freeze(self, times=1, speeds=1)
         if self.times.size == 0 or self.times.shape != self.speeds.shape or np.any(np.diff(self.times) <= 0):
             raise ParameterError(
                 f"times of a speed profile must rise, one for each of {self.speeds.size} speeds: correct"
@@ -42,11 +42,11 @@ class SpeedProfile:
         if not np.all(np.isfinite(self.speeds)) or np.any(self.speeds < 0):
             raise ParameterError("speeds must be finite and at least 0: vehicles drive forward here")
 
-    def speed(self, time: ArrayLike) -> NDArray[np.float64]:
+    def speed(self, time: ArrayLike) -> Real:
         """Return the speed at times [s]."""
-        return np.asarray(np.interp(np.asarray(time), self.times, self.speeds))
+        return np.interp(np.asarray(time), self.times, self.speeds)
 
-    def distance(self, time: ArrayLike) -> NDArray[np.float64]:
+    def distance(self, time: ArrayLike) -> Real:
         """Return the distance from time 0, the exact integral of the speed; negative before.
 
         Examples
@@ -56,13 +56,13 @@ class SpeedProfile:
         """
         return self._since_first(time) - self._since_first(0.0)
 
-    def _since_first(self, time: ArrayLike) -> NDArray[np.float64]:
+    def _since_first(self, time: ArrayLike) -> Real:
         """Distance from the first knot."""
         t = np.asarray(time, dtype=np.float64)
         steps = np.diff(self.times) * (self.speeds[1:] + self.speeds[:-1]) / 2
         passed = np.concatenate([[0.0], np.cumsum(steps)])
         knot = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, None)
-        return np.asarray(passed[knot] + (t - self.times[knot]) * (self.speed(t) + self.speeds[knot]) / 2)
+        return passed[knot] + (t - self.times[knot]) * (self.speed(t) + self.speeds[knot]) / 2
 
 
 def constant_speed(speed: float) -> SpeedProfile:

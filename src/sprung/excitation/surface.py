@@ -7,15 +7,14 @@ from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.interpolate import CubicSpline
 
+from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
 from sprung.excitation.speed import SpeedProfile
-
-Real = NDArray[np.float64]
 
 #: Level of the road classes at 0.1 cycles/m, geometric mean [m^3] (ISO 8608:2016, table C.1).
 ROAD_CLASSES: MappingProxyType[str, float] = MappingProxyType({name: 16e-6 * 4**k for k, name in enumerate("ABCDEFGH")})
@@ -30,10 +29,10 @@ _MOST_POINTS = 2e8
 class Surface(Protocol):
     """Unevenness of a left and a right track as a common and a differing part."""
 
-    def common(self, wave_number: Real) -> Real:
+    def common(self, spatial_frequency: Real) -> Real:
         """Return the one-sided spectral density of (left + right) / 2 over cycles/m [m^3]."""
 
-    def differing(self, wave_number: Real) -> Real:
+    def differing(self, spatial_frequency: Real) -> Real:
         """Return the one-sided spectral density of (left - right) / 2 over cycles/m [m^3]."""
 
 
@@ -65,22 +64,22 @@ class Road:
         check_number("exponent", self.exponent, at_least=0, at_most=5)
         check_number("coherence_length", self.coherence_length, at_least=0)
 
-    def density(self, wave_number: Real) -> Real:
+    def density(self, spatial_frequency: Real) -> Real:
         """Return G(n) of one track [m^3]; 0 outside the range."""
-        inside = (wave_number >= LOWEST) & (wave_number <= HIGHEST)
-        return np.where(inside, self.level * (np.maximum(wave_number, LOWEST) / REFERENCE) ** -self.exponent, 0.0)
+        inside = (spatial_frequency >= LOWEST) & (spatial_frequency <= HIGHEST)
+        return np.where(inside, self.level * (np.maximum(spatial_frequency, LOWEST) / REFERENCE) ** -self.exponent, 0.0)
 
-    def coherence(self, wave_number: Real) -> Real:
+    def coherence(self, spatial_frequency: Real) -> Real:
         """Return g(n), the cross over the auto spectrum of the tracks."""
-        return np.asarray(np.exp(-self.coherence_length * wave_number))
+        return np.exp(-self.coherence_length * spatial_frequency)
 
-    def common(self, wave_number: Real) -> Real:
+    def common(self, spatial_frequency: Real) -> Real:
         """Return the density of the half sum."""
-        return self.density(wave_number) * (1 + self.coherence(wave_number)) / 2
+        return self.density(spatial_frequency) * (1 + self.coherence(spatial_frequency)) / 2
 
-    def differing(self, wave_number: Real) -> Real:
+    def differing(self, spatial_frequency: Real) -> Real:
         """Return the density of the half difference."""
-        return self.density(wave_number) * (1 - self.coherence(wave_number)) / 2
+        return self.density(spatial_frequency) * (1 - self.coherence(spatial_frequency)) / 2
 
 
 def road_class(name: str) -> Road:
@@ -119,15 +118,15 @@ class Rail:
     def __post_init__(self) -> None:
         check_number("level", self.level, above=0)
 
-    def common(self, wave_number: Real) -> Real:
+    def common(self, spatial_frequency: Real) -> Real:
         """Return the density of the vertical unevenness."""
-        squared = (2 * np.pi * wave_number) ** 2
-        return np.asarray(2 * np.pi * self.level * 0.8246**2 / ((squared + 0.0206**2) * (squared + 0.8246**2)))
+        squared = (2 * np.pi * spatial_frequency) ** 2
+        return 2 * np.pi * self.level * 0.8246**2 / ((squared + 0.0206**2) * (squared + 0.8246**2))
 
-    def differing(self, wave_number: Real) -> Real:
+    def differing(self, spatial_frequency: Real) -> Real:
         """Return the density of half the cross level as a height."""
-        squared = (2 * np.pi * wave_number) ** 2
-        return np.asarray(self.common(wave_number) * squared / (squared + 0.4380**2))
+        squared = (2 * np.pi * spatial_frequency) ** 2
+        return self.common(spatial_frequency) * squared / (squared + 0.4380**2)
 
 
 def rail_quality(name: str) -> Rail:
@@ -159,7 +158,7 @@ class Profile:
     def height(self, is_left: bool, place: ArrayLike) -> Real:
         """Return the height of a track at places [m], by a cubic spline through its points."""
         side = 0 if is_left else 1
-        return np.asarray(CubicSpline.construct_fast(self._splines.c[..., side], self._splines.x)(np.asarray(place)))
+        return CubicSpline.construct_fast(self._splines.c[..., side], self._splines.x)(np.asarray(place))
 
 
 class Obstacle(Protocol):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sprung._arrays import Booleans, Indices, Real
 from sprung.errors import DataError, FormatError, ParameterError
 from sprung.formats.table import TIME_UNITS, Block, Table, split_heading
 from sprung.formats.timing import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
@@ -31,7 +32,7 @@ _REACH = 1000
 class Survey:
     """What all rows together say: which channels are alive, how time advances, and what to tell about it."""
 
-    alive: NDArray[np.bool_]
+    alive: Booleans
     scale: TimeScale | None
     clock: Clock
     history: tuple[str, ...]
@@ -82,7 +83,7 @@ def _stated_rate(table: Table, sampling_rate: float | None) -> float:
     return np.nan if stated is None else stated
 
 
-def _values_present(table: Table, block: Block) -> NDArray[np.bool_]:
+def _values_present(table: Table, block: Block) -> Booleans:
     """Return which values are present, of shape (channels, rows); refuse infinite and slow ones."""
     excessive = np.abs(block.values) > _LARGEST
     if excessive.any():
@@ -110,7 +111,7 @@ def _time_unit(table: Table) -> float | None:
     return 1.0 if name.lower().endswith("_s") else None
 
 
-def _seconds(table: Table, stamps: NDArray[Any], rows: NDArray[np.intp], scale: TimeScale) -> NDArray[np.float64]:
+def _seconds(table: Table, stamps: NDArray[Any], rows: Indices, scale: TimeScale) -> Real:
     """Return the times of the numbered rows [s]; every row with a value must have one."""
     seconds = scale.seconds(stamps)
     missing = ~np.isfinite(seconds)
@@ -122,7 +123,7 @@ def _seconds(table: Table, stamps: NDArray[Any], rows: NDArray[np.intp], scale: 
     return seconds
 
 
-def _alive(table: Table, counts: NDArray[np.intp], n_rows: int) -> NDArray[np.bool_]:
+def _alive(table: Table, counts: Indices, n_rows: int) -> Booleans:
     """Return which channels have values in at least half of the rows."""
     alive = counts >= max(1.0, _ALIVE_SHARE * n_rows)
     if n_rows == 0 or not alive.any():
@@ -143,9 +144,7 @@ def _check_agreement(table: Table, clock: Clock, stated: float) -> None:
         )
 
 
-def _history(
-    table: Table, clock: Clock, scale: TimeScale | None, counts: NDArray[np.intp], n_rows: int
-) -> Iterator[str]:
+def _history(table: Table, clock: Clock, scale: TimeScale | None, counts: Indices, n_rows: int) -> Iterator[str]:
     """Yield what reading did, line by line."""
     yield f"read {table.path.name}: {len(table.columns)} channels, {n_rows} rows"
     for column in table.columns:
@@ -177,8 +176,8 @@ class _Assembler:
         self._channels = tuple(Channel(column.name, column.quantity) for column in table.columns)
         self._factors = np.array([[column.factor] for column in table.columns])
         self._first_row: int | None = None
-        self._seconds: NDArray[np.float64] = np.empty(0)
-        self._samples: NDArray[np.float64] = np.empty((len(self._channels), 0))
+        self._seconds: Real = np.empty(0)
+        self._samples: Real = np.empty((len(self._channels), 0))
         self._n_done = 0
         self._next_time: float | None = None
         self._n_cut = 0
@@ -212,7 +211,7 @@ class _Assembler:
         self._seconds = np.concatenate([self._seconds, seconds])
         self._samples = np.concatenate([self._samples, block.values[:, whole] * self._factors], axis=1)
 
-    def _unchanged(self, gaps: NDArray[np.intp], end: int) -> Recording:
+    def _unchanged(self, gaps: Indices, end: int) -> Recording:
         """Return the rows up to `end` as they are; straight lines through the stamps give their times."""
         offsets = self._seconds - self._clock.interval * np.arange(self._seconds.size)
         edges = [0, *gaps, offsets.size]
@@ -224,11 +223,11 @@ class _Assembler:
         start = np.median(offsets[: min(edges[1], _REACH)])
         return self._recording(self._samples[:, :end], float(start), [gap for gap in found if gap[0] < end])
 
-    def _resampled(self, gaps: NDArray[np.intp], end: int) -> Recording:
+    def _resampled(self, gaps: Indices, end: int) -> Recording:
         """Return the samples at uniform times, interpolated within each stretch."""
         interval = self._clock.interval
         edges = [0, *gaps, self._seconds.size]
-        parts: list[NDArray[np.float64]] = []
+        parts: list[Real] = []
         found: list[tuple[int, float]] = []
         next_time = self._next_time
         start = None
@@ -249,7 +248,7 @@ class _Assembler:
         self._next_time = next_time
         return self._recording(np.concatenate(parts, axis=1), float(start or 0.0), found)
 
-    def _recording(self, samples: NDArray[np.float64], start: float, gaps: list[tuple[int, float]]) -> Recording:
+    def _recording(self, samples: Real, start: float, gaps: list[tuple[int, float]]) -> Recording:
         """Return the recording that begins `start` seconds after the origin."""
         history = list(self._facts.history)
         if self._n_cut:
@@ -266,7 +265,7 @@ class _Assembler:
             history=tuple(history),
         )
 
-    def _forget(self, gaps: NDArray[np.intp], end: int) -> None:
+    def _forget(self, gaps: Indices, end: int) -> None:
         """Drop the rows before `end`, except those that splines need beyond it."""
         last_gap = max((int(gap) for gap in gaps if gap <= end), default=0)
         first = max(last_gap, end - _MARGIN) if self._clock.is_resampled else end
@@ -275,7 +274,7 @@ class _Assembler:
         self._n_done = end - first
 
 
-def _quiet_end(gaps: NDArray[np.intp], n_rows: int) -> int:
+def _quiet_end(gaps: Indices, n_rows: int) -> int:
     """Return a row before the last ones with no gap at it, and none close to it if that is possible."""
     latest = n_rows - _MARGIN
     end = latest

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.errors import FormatError, ParameterError, SprungError
 from sprung.recording import Recording
 from sprung.units import UNITS, conversion
@@ -44,7 +45,7 @@ class Block:
 
     first_row: int
     stamps: NDArray[Any] | None
-    values: NDArray[np.float64]
+    values: Real
 
     @property
     def n_rows(self) -> int:
@@ -264,8 +265,8 @@ def written_stamps(recording: Recording) -> tuple[str, NDArray[Any]]:
     return "timestamp", nanoseconds.astype("M8[ns]")
 
 
-def written_values(recording: Recording) -> NDArray[np.float64]:
+def written_values(recording: Recording) -> Real:
     """Return the samples in the units that `written_headings` states."""
     factors = [written_unit(channel.quantity)[1] for channel in recording.channels]
-    values: NDArray[np.float64] = recording.samples / np.array(factors)[:, None]
+    values: Real = recording.samples / np.array(factors)[:, None]
     return values

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sprung._arrays import Indices, Real
 from sprung.errors import DataError, FormatError
 
 #: RMS deviation from a straight line, in sample intervals, up to which samples are left as they are.
@@ -58,11 +59,11 @@ class TimeScale:
     factor: float
     start: int | None = None
 
-    def seconds(self, stamps: NDArray[Any]) -> NDArray[np.float64]:
+    def seconds(self, stamps: NDArray[Any]) -> Real:
         """Return stamps as seconds since the origin; NaN where one is missing."""
         numbers = _plain_numbers(stamps)
         with np.errstate(invalid="ignore"):
-            seconds: NDArray[np.float64] = (numbers - numbers.dtype.type(self.origin)) * self.factor
+            seconds: Real = (numbers - numbers.dtype.type(self.origin)) * self.factor
         if stamps.dtype.kind in "mM":
             seconds[np.isnat(stamps)] = np.nan
         return seconds
@@ -150,7 +151,7 @@ class Clock:
         return f"{rate}, {jitter}: samples left as they are"
 
 
-def find_gaps(seconds: NDArray[np.float64], clock: Clock) -> NDArray[np.intp]:
+def find_gaps(seconds: Real, clock: Clock) -> Indices:
     """Return the indices of the samples before which time is missing.
 
     A step of more than 1.5 intervals (2.5 where the clock is unsteady) is a gap where the stamps after it stay late
@@ -169,11 +170,11 @@ def find_gaps(seconds: NDArray[np.float64], clock: Clock) -> NDArray[np.intp]:
         before = np.median(offset[np.maximum(large[:, None] - np.arange(_WINDOW), first)], axis=1)
         after = np.median(offset[np.minimum(large[:, None] + 1 + np.arange(_WINDOW), last)], axis=1)
         is_gap = after - before > _GAP_SHIFT * clock.pitch
-    gaps: NDArray[np.intp] = large[is_gap] + 1
+    gaps: Indices = large[is_gap] + 1
     return gaps
 
 
-def _outlasts_backlog(offset: NDArray[np.float64], index: int, clock: Clock) -> bool:
+def _outlasts_backlog(offset: Real, index: int, clock: Clock) -> bool:
     """Tell whether stamps in bursts stay late after `index`, once what a stalled logger held back has arrived."""
     step = offset[index + 1] - offset[index] + clock.interval
     reach = max(_BURST_WINDOW, int(1.2 * step / clock.interval))
@@ -182,19 +183,17 @@ def _outlasts_backlog(offset: NDArray[np.float64], index: int, clock: Clock) -> 
     return bool(after - before > max(_GAP_SHIFT * clock.pitch, 0.1 * step))
 
 
-def uncrowded(seconds: NDArray[np.float64], interval: float) -> NDArray[np.float64]:
+def uncrowded(seconds: Real, interval: float) -> Real:
     """Return stamps no nearer to each other than half an interval.
 
     A stamp can be late but not early: where two crowd, the first one is moved back.
     """
     ramp = _NEAREST * interval * np.arange(seconds.size)
-    apart: NDArray[np.float64] = np.minimum.accumulate((seconds - ramp)[::-1])[::-1] + ramp
+    apart: Real = np.minimum.accumulate((seconds - ramp)[::-1])[::-1] + ramp
     return apart
 
 
-def interpolate(
-    samples: NDArray[np.float64], seconds: NDArray[np.float64], wanted: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def interpolate(samples: Real, seconds: Real, wanted: Real) -> Real:
     """Return `samples` (channels, samples) at the `wanted` times by not-a-knot cubic splines.
 
     A channel with a missing value is missing everywhere: there is nothing to interpolate.
@@ -230,7 +229,7 @@ class ClockFit:
         self._first_repeated = -1
         self._intervals: tuple[float, float] | None = None
 
-    def update(self, seconds: NDArray[np.float64], rows: NDArray[np.intp], *, rounding: float = 0.0) -> None:
+    def update(self, seconds: Real, rows: Indices, *, rounding: float = 0.0) -> None:
         """Take the next stamps [s], the numbers of their rows, and the rounding of the stamps [s]."""
         self._resolution = resolution(seconds, largest=self._resolution, rounding=rounding)
         for first in range(0, seconds.size, _PIECE):
@@ -238,7 +237,7 @@ class ClockFit:
             self._check_order(seconds[piece], rows[piece])
             self._update(seconds[piece])
 
-    def _check_order(self, seconds: NDArray[np.float64], rows: NDArray[np.intp]) -> None:
+    def _check_order(self, seconds: Real, rows: Indices) -> None:
         """Raise where time runs backwards; count repeated stamps."""
         steps = np.diff(seconds, prepend=self._last)
         if np.any(steps < 0):
@@ -250,7 +249,7 @@ class ClockFit:
         self._n_repeated += repeated.size
         self._last = float(seconds[-1])
 
-    def _update(self, seconds: NDArray[np.float64]) -> None:
+    def _update(self, seconds: Real) -> None:
         if self._pace is None:
             self._pace = _first_pace(seconds, self._resolution)
         gaps = find_gaps(seconds, self._pace)
@@ -259,7 +258,7 @@ class ClockFit:
         for first, last in itertools.pairwise([0, *gaps, seconds.size]):
             self._fit(seconds[first:last])
 
-    def _fit(self, stretch: NDArray[np.float64]) -> None:
+    def _fit(self, stretch: Real) -> None:
         """Add a straight line through the stamps between two gaps."""
         n = stretch.size
         if n < 3:
@@ -330,7 +329,7 @@ class ClockFit:
             )
 
 
-def _nearer(stretch: NDArray[np.float64], interval: float) -> float:
+def _nearer(stretch: Real, interval: float) -> float:
     """Return `interval`, or the median one over long spans where its line is clearly nearer to most of the stamps.
 
     A logger that stalls for seconds and then catches up tilts a line of least squares.
@@ -342,7 +341,7 @@ def _nearer(stretch: NDArray[np.float64], interval: float) -> float:
     return median if spreads[1] < 0.5 * spreads[0] else interval
 
 
-def _deviations(stretch: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+def _deviations(stretch: Real) -> Iterator[Real]:
     """Yield how stamps deviate from straight lines through each thousand of them: over more, clocks drift."""
     n_whole = stretch.size - stretch.size % _LONG_STRETCH
     for lines in (stretch[:n_whole].reshape(-1, _LONG_STRETCH), stretch[None, n_whole:]):
@@ -353,7 +352,7 @@ def _deviations(stretch: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
             yield lines - lines.mean(axis=1, keepdims=True) - slopes[:, None] * ramp
 
 
-def _first_pace(seconds: NDArray[np.float64], coarseness: float) -> Clock:
+def _first_pace(seconds: Real, coarseness: float) -> Clock:
     """Return a first idea of the clock: medians, which a few gaps do not move."""
     if seconds.size == 1:
         return Clock(1.0, 1.0)
@@ -371,7 +370,7 @@ def _first_pace(seconds: NDArray[np.float64], coarseness: float) -> Clock:
     return Clock(1 / interval, float(np.median(steps[steps >= interval])))
 
 
-def resolution(seconds: NDArray[np.float64], *, largest: float = 1e9, rounding: float = 0.0) -> float:
+def resolution(seconds: Real, *, largest: float = 1e9, rounding: float = 0.0) -> float:
     """Return the coarsest power of ten [s], up to `largest`, of which all stamps are multiples.
 
     Where there is none, the `rounding` of the stamps as floating-point numbers.

@@ -1,18 +1,14 @@
 """What modes contribute to the correlations between channels, and their shapes on all of these."""
 
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Complex, Real
 from sprung.identification.correlation import Correlations
 
-Matrix: TypeAlias = NDArray[np.float64]
-Complex: TypeAlias = NDArray[np.complex128]
 
-
-def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Matrix:
+def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Real:
     """Return how far the part of each mode in the correlations between channels stands above chance.
 
     Parameters
@@ -52,12 +48,12 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
         signal += weight * np.abs(lagged[others, reference].ravel() @ solve) ** 2
         spread = changes[:, others, reference].reshape(len(changes), -1) @ solve
         noise += weight * np.sum(np.abs(spread) ** 2, axis=0)
-    return np.asarray(signal / noise)
+    return signal / noise
 
 
 def _responses(shapes: Complex, powers: Complex) -> Complex:
     """Return shape times power of the eigenvalue for each mode, channels and lags in one row."""
-    return np.asarray((shapes[:, :, None] * powers[:, None]).reshape(len(shapes), shapes.shape[1] * powers.shape[1]))
+    return (shapes[:, :, None] * powers[:, None]).reshape(len(shapes), shapes.shape[1] * powers.shape[1])
 
 
 def _participation_operator(responses: Complex) -> Complex:

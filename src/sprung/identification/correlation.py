@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
-from sprung._checks import check_number, frozen_array
+from sprung._arrays import Booleans, Indices, Real
+from sprung._checks import check_number, freeze
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 
@@ -33,15 +33,14 @@ class SegmentCorrelations:
         Names of the outputs and of the references.
     """
 
-    sums: NDArray[np.float64]
-    n_products: NDArray[np.float64]
+    sums: Real
+    n_products: Real
     sampling_rate: float
     channels: tuple[str, ...]
     references: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "sums", frozen_array("sums", self.sums, ndim=4))
-        object.__setattr__(self, "n_products", frozen_array("n_products", self.n_products, ndim=2))
+        freeze(self, sums=4, n_products=2)
 
     @property
     def n_segments(self) -> int:
@@ -53,7 +52,7 @@ class SegmentCorrelations:
         """Number of lags, lag 0 included."""
         return int(self.sums.shape[-1])
 
-    def take(self, segments: NDArray[np.intp] | Sequence[int]) -> "SegmentCorrelations":
+    def take(self, segments: Indices | Sequence[int]) -> "SegmentCorrelations":
         """Return only the given segments."""
         return replace(self, sums=self.sums[segments], n_products=self.n_products[segments])
 
@@ -79,18 +78,16 @@ class Correlations:
         Number of segments averaged.
     """
 
-    values: NDArray[np.float64]
-    blocks: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    values: Real
+    blocks: Real
+    weights: Real
     sampling_rate: float
     channels: tuple[str, ...]
     references: tuple[str, ...]
     n_segments: int = 1
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", frozen_array("values", self.values, ndim=3))
-        object.__setattr__(self, "blocks", frozen_array("blocks", self.blocks, ndim=4))
-        object.__setattr__(self, "weights", frozen_array("weights", self.weights, ndim=1))
+        freeze(self, values=3, blocks=4, weights=1)
 
     @property
     def n_lags(self) -> int:
@@ -98,12 +95,12 @@ class Correlations:
         return int(self.values.shape[-1])
 
     @property
-    def is_cross(self) -> NDArray[np.bool_]:
+    def is_cross(self) -> Booleans:
         """Which (channel, reference) pairs are of two different channels, shape (channels, references)."""
         return np.array([[channel != reference for reference in self.references] for channel in self.channels])
 
     @property
-    def changes(self) -> NDArray[np.float64]:
+    def changes(self) -> Real:
         """Change of `values` with each block, scaled so that squares add up to the variance of the average.
 
         Shape (blocks, channels, references, lags); no blocks where there is only one.
@@ -112,7 +109,7 @@ class Correlations:
         if n_blocks < 2:
             return np.zeros((0, *self.values.shape))
         scale = self.weights * np.sqrt(n_blocks / (n_blocks - 1))
-        return np.asarray(scale[:, None, None, None] * (self.blocks - self.values))
+        return scale[:, None, None, None] * (self.blocks - self.values)
 
     def select(self, channels: Sequence[str], references: Sequence[str]) -> "Correlations":
         """Return only the given outputs and references."""
@@ -130,7 +127,7 @@ class Correlations:
 
 
 def exact_correlations(
-    values: NDArray[np.float64],
+    values: Real,
     *,
     sampling_rate: float,
     channels: Sequence[str] | None = None,
@@ -233,7 +230,7 @@ def _segment_bounds(recording: Recording, segment: float | None, n_lags: int) ->
         yield from ((first, last, stretch.stop) for first, last in itertools.pairwise(edges))
 
 
-def _lagged_sums(samples: NDArray[np.float64], rows: Sequence[int], n_early: int, n_lags: int) -> NDArray[np.float64]:
+def _lagged_sums(samples: Real, rows: Sequence[int], n_early: int, n_lags: int) -> Real:
     """Sum products of the first `n_early` reference samples with later ones; (channels, references, lags)."""
     n_fft = int(fft.next_fast_len(min(max(8 * n_lags, 2048), n_early + n_lags - 1), real=True))
     step = n_fft - n_lags + 1
@@ -242,7 +239,7 @@ def _lagged_sums(samples: NDArray[np.float64], rows: Sequence[int], n_early: int
         late = fft.rfft(samples[:, first : first + n_fft], n_fft)
         early = fft.rfft(samples[rows, first : min(first + step, n_early)], n_fft)
         cross += late[:, None] * early.conj()
-    return np.asarray(fft.irfft(cross, n_fft)[..., :n_lags])
+    return fft.irfft(cross, n_fft)[..., :n_lags]
 
 
 def join_segments(parts: Sequence[SegmentCorrelations]) -> SegmentCorrelations:
@@ -322,8 +319,8 @@ def _segments_per_block(n_segments: int) -> int:
 
 def _averaged(
     like: SegmentCorrelations,
-    sums: NDArray[np.float64],
-    n_products: NDArray[np.float64],
+    sums: Real,
+    n_products: Real,
     n_segments: int,
     is_biased: bool,
 ) -> Correlations:
@@ -381,7 +378,7 @@ class RunningCorrelations:
             self._n_joined *= 2
             self._join_from(np.arange(0, self._blocks.n_segments, 2))
 
-    def _join_from(self, starts: NDArray[np.intp]) -> None:
+    def _join_from(self, starts: Indices) -> None:
         """Add up the blocks from each start to the next."""
         assert self._blocks is not None
         self._blocks = replace(

@@ -6,9 +6,9 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sprung._checks import check_one_of, frozen_array
+from sprung._arrays import Booleans, Indices, Real
+from sprung._checks import check_one_of, freeze
 from sprung.errors import DataError
 from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import (
@@ -63,7 +63,7 @@ class SubsetModes:
     n_segments: int
     modes: Modes
     diagrams: tuple[StabilisationDiagram, ...]
-    alignments: NDArray[np.intp]
+    alignments: Indices
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -101,7 +101,7 @@ class Identification:
     sampling_rate: float
     modes: Modes
     subsets: tuple[SubsetModes, ...]
-    members: NDArray[np.intp]
+    members: Indices
     band: tuple[float, float]
     harmonics: tuple[Harmonic, ...]
     spectra: SpectralMatrix
@@ -110,7 +110,7 @@ class Identification:
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "members", frozen_array("members", self.members, ndim=2, dtype=np.intp))
+        freeze(self, members=2, dtype=np.intp)
 
     def __str__(self) -> str:
         """Return the modes as a table: values with their standard deviations, share of stable rungs, label."""
@@ -305,7 +305,7 @@ def _summary(method: str, plan: Plan, gathered: Sequence[_Gathered]) -> tuple[Co
     return CorrelationSummary(method, plan, gathered[0].channels, tuple(subsets), average(segments), harmonics), notes
 
 
-def _modes(summary: CorrelationSummary, report: Progress) -> tuple[list[SubsetModes], Modes, NDArray[np.intp]]:
+def _modes(summary: CorrelationSummary, report: Progress) -> tuple[list[SubsetModes], Modes, Indices]:
     """Return the subsets with their modes, the merged modes, and which of the subsets' modes each is."""
     plan, found = summary.plan, []
     for k, (level, correlations) in enumerate(summary.subsets):
@@ -398,7 +398,7 @@ def _common_harmonics(found: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, ..
     return tuple(sorted((common[row] for row in kept), key=lambda line: (line.kind, line.frequency)))
 
 
-def _same(lines: Sequence[Harmonic], others: Sequence[Harmonic]) -> NDArray[np.bool_]:
+def _same(lines: Sequence[Harmonic], others: Sequence[Harmonic]) -> Booleans:
     """Tell which lines are the same, shape (lines, others): of one kind, within the coarser resolution."""
     width = np.maximum.outer([line.resolution for line in lines], [other.resolution for other in others])
     apart = np.abs(np.subtract.outer([line.frequency for line in lines], [other.frequency for other in others]))
@@ -441,7 +441,7 @@ def _subset_modes(
     return SubsetModes(level, correlations.n_segments, modes, tuple(diagrams), behind)
 
 
-def _without(subset: SubsetModes, insignificant: NDArray[np.intp], merged: NDArray[np.intp]) -> SubsetModes:
+def _without(subset: SubsetModes, insignificant: Indices, merged: Indices) -> SubsetModes:
     """Say of the poles behind the subset's modes which are insignificant, and which were not merged (-1: no mode)."""
     diagrams = []
     for diagram, alignments in zip(subset.diagrams, subset.alignments.T, strict=True):
@@ -453,7 +453,7 @@ def _without(subset: SubsetModes, insignificant: NDArray[np.intp], merged: NDArr
     return replace(subset, diagrams=tuple(diagrams))
 
 
-def _as_measured(modes: Modes, factors: NDArray[np.float64], lifter: Lifter | None) -> Modes:
+def _as_measured(modes: Modes, factors: Real, lifter: Lifter | None) -> Modes:
     """Return the modes without what scaling the channels and an exponential lifter did to them."""
     poles = modes.poles
     if isinstance(lifter, Exponential):

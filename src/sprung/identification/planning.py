@@ -6,8 +6,8 @@ from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.identification.preparation import Prepared
@@ -197,13 +197,13 @@ def _memory(spectra: SpectralMatrix, band: tuple[float, float]) -> float:
     return float(np.searchsorted(share, _POWER_REMEMBERED * share[-1]) / (2 * frequencies[-1]))
 
 
-def _coherent_power(spectra: SpectralMatrix) -> NDArray[np.float64]:
+def _coherent_power(spectra: SpectralMatrix) -> Real:
     """Return the power that the channels share, channels scaled alike, in the bins where they share any."""
     densities = spectra.densities
     densities = np.maximum(densities, np.finfo(float).tiny)
     scale = densities.sum(axis=1, keepdims=True)
     if len(densities) == 1:
-        return np.asarray(densities[0] / scale[0])
+        return densities[0] / scale[0]
     chance = 1 - _CHANCE_OF_COHERENCE ** (1 / max(spectra.n_segments - 1, 1))
     power = np.zeros(densities.shape[1])
     for i, j in combinations(range(len(densities)), 2):

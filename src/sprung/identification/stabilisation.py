@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.cluster import hierarchy
 
-from sprung._checks import check_number, frozen_array
+from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung._checks import check_number, freeze
 from sprung.identification.contribution import contributions
 from sprung.identification.correlation import Correlations
 from sprung.modal import Modes, Poles, PoleStatus, join_modes, mac, mpc, unit_shapes
@@ -93,12 +94,12 @@ class StabilisationDiagram:
 
     poles: Poles
     status: NDArray[np.int8]
-    alignments: NDArray[np.intp]
+    alignments: Indices
     criteria: StabilityCriteria
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "status", frozen_array("status", self.status, ndim=1, dtype=np.int8))
-        object.__setattr__(self, "alignments", frozen_array("alignments", self.alignments, ndim=1, dtype=np.intp))
+        freeze(self, status=1, dtype=np.int8)
+        freeze(self, alignments=1, dtype=np.intp)
 
 
 def stabilise(
@@ -106,7 +107,7 @@ def stabilise(
     *,
     criteria: StabilityCriteria | None = None,
     band: tuple[float, float] = (0.0, np.inf),
-    is_harmonic: NDArray[np.bool_] | None = None,
+    is_harmonic: Booleans | None = None,
 ) -> StabilisationDiagram:
     """Compare every pole with the rung below, align the stable ones and keep the alignments that are modes.
 
@@ -169,9 +170,7 @@ def _compare_with_rung_below(poles: Poles, criteria: StabilityCriteria, status: 
     status[undecided] = unstable[undecided]
 
 
-def align(
-    poles: NDArray[np.complex128], mode_shapes: NDArray[np.complex128], *, has_free_damping: bool = False
-) -> NDArray[np.intp]:
+def align(poles: Complex, mode_shapes: Complex, *, has_free_damping: bool = False) -> Indices:
     """Group poles of one mode.
 
     Parameters
@@ -204,10 +203,10 @@ def align(
     condensed = np.maximum(distance, distance.T)[np.triu_indices(len(poles), 1)]
     groups = hierarchy.fcluster(hierarchy.linkage(condensed, "average"), 1.0, "distance") - 1
     mean = np.bincount(groups, np.abs(poles)) / np.bincount(groups)
-    return np.asarray(np.argsort(np.argsort(mean))[groups])
+    return np.argsort(np.argsort(mean))[groups]
 
 
-def _verdict(poles: Poles, members: NDArray[np.intp], criteria: StabilityCriteria) -> PoleStatus:
+def _verdict(poles: Poles, members: Indices, criteria: StabilityCriteria) -> PoleStatus:
     """Decide about one alignment of stable poles by itself."""
     rungs = np.unique(poles.rungs[members])
     if len(rungs) < criteria.stable_rate * len(poles.ladder):
@@ -218,7 +217,7 @@ def _verdict(poles: Poles, members: NDArray[np.intp], criteria: StabilityCriteri
     return PoleStatus.SELECTED
 
 
-def _representatives(poles: Poles, alignments: NDArray[np.intp], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+def _representatives(poles: Poles, alignments: Indices, chosen: Indices) -> Indices:
     """Return for each chosen alignment the pole of least variance plus squared distance from the median pole."""
     found = []
     for alignment in chosen:
@@ -232,7 +231,7 @@ def _representatives(poles: Poles, alignments: NDArray[np.intp], chosen: NDArray
     return np.array(found, dtype=np.intp)
 
 
-def select_modes(diagram: StabilisationDiagram) -> tuple[Modes, NDArray[np.intp]]:
+def select_modes(diagram: StabilisationDiagram) -> tuple[Modes, Indices]:
     """Return the modes of the alignments that were kept, each from its most trustworthy pole.
 
     Parameters
@@ -276,7 +275,7 @@ def with_status(diagram: StabilisationDiagram, alignments: Iterable[int], status
     return replace(diagram, status=changed)
 
 
-def significant(modes: Modes, correlations: Correlations, *, least: float) -> NDArray[np.bool_]:
+def significant(modes: Modes, correlations: Correlations, *, least: float) -> Booleans:
     """Tell which modes contribute more than chance to the correlations between channels.
 
     Parameters
@@ -317,7 +316,7 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> ND
     return is_kept
 
 
-def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> tuple[Modes, NDArray[np.intp]]:
+def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> tuple[Modes, Indices]:
     """Merge the modes of several identifications of one system.
 
     Parameters
@@ -359,7 +358,7 @@ def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> tuple[Mo
     return modes.take(order), np.array(members, dtype=np.intp).reshape(-1, len(parts))[order]
 
 
-def _merged(same: Modes, weights: NDArray[np.float64]) -> Modes:
+def _merged(same: Modes, weights: Real) -> Modes:
     """Return one mode from several estimates of it."""
     shares = weights / weights.sum()
     best = same.take(np.array([np.argmax(shares)]))

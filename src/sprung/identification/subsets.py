@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Indices, Real
 from sprung._checks import check_number
 from sprung.identification.correlation import Correlations, SegmentCorrelations, average
 
 
-def segment_levels(segments: SegmentCorrelations) -> NDArray[np.float64]:
+def segment_levels(segments: SegmentCorrelations) -> Real:
     """Return the level of each segment, shape (segments,): the smallest RMS among its correlation functions.
 
     References
@@ -18,7 +18,7 @@ def segment_levels(segments: SegmentCorrelations) -> NDArray[np.float64]:
     """
     values = segments.sums / np.maximum(segments.n_products, np.finfo(float).tiny)[:, None, None]
     rms = np.sqrt(np.mean(values**2, axis=-1))
-    return np.asarray(rms.min(axis=(1, 2)))
+    return rms.min(axis=(1, 2))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,7 +36,7 @@ class CorrelationSubset:
     """
 
     level: tuple[float, float]
-    segments: NDArray[np.intp]
+    segments: Indices
     correlations: Correlations
 
 
@@ -84,8 +84,8 @@ def subsets_of_equal_count(
 
 def _subsets(
     segments: SegmentCorrelations,
-    levels: NDArray[np.float64],
-    edges: NDArray[np.float64],
+    levels: Real,
+    edges: Real,
     min_segments: int,
     is_biased: bool,
 ) -> CorrelationSubsets:
@@ -117,6 +117,6 @@ def _subsets(
     )
 
 
-def _counts(levels: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.intp]:
+def _counts(levels: Real, edges: Real) -> Indices:
     """Return how many levels lie between each pair of edges."""
     return np.bincount(np.digitize(levels, edges[1:-1]), minlength=len(edges) - 1)

@@ -2,24 +2,22 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, linalg
 
+from sprung._arrays import Complex, Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
 from sprung.modal import Poles
 
-Matrix: TypeAlias = NDArray[np.float64]
-Complex: TypeAlias = NDArray[np.complex128]
-
 _WHITENING_FLOOR = 3e-3
 
 
-def block_toeplitz(values: Matrix, block_rows: int) -> Matrix:
+def block_toeplitz(values: Real, block_rows: int) -> Real:
     """Return the block Toeplitz matrix of Lambda_1 ... Lambda_(2 i - 1).
 
     Parameters
@@ -43,7 +41,7 @@ def block_toeplitz(values: Matrix, block_rows: int) -> Matrix:
     return np.ascontiguousarray(rows.reshape(block_rows * len(values), -1))
 
 
-def block_hankel(values: Matrix, block_rows: int, *, first_lag: int, n_columns: int) -> Matrix:
+def block_hankel(values: Real, block_rows: int, *, first_lag: int, n_columns: int) -> Real:
     """Return the block Hankel matrix of correlations taken as data.
 
     Parameters
@@ -71,12 +69,12 @@ def block_hankel(values: Matrix, block_rows: int, *, first_lag: int, n_columns: 
     return np.ascontiguousarray(rows.reshape(block_rows * len(values), -1))
 
 
-def _windows(values: Matrix, n_rows: int, n_columns: int) -> Matrix:
+def _windows(values: Real, n_rows: int, n_columns: int) -> Real:
     """Return a view (rows, channels, columns references) whose block (p, q) is lag p + q: its rows are stored once."""
     n_channels, n_references, _ = values.shape
     rows = np.ascontiguousarray(values.transpose(0, 2, 1)).reshape(n_channels, -1)
     windows = np.lib.stride_tricks.sliding_window_view(rows, n_columns * n_references, axis=1)
-    return np.asarray(windows[:, ::n_references].transpose(1, 0, 2)[:n_rows])
+    return windows[:, ::n_references].transpose(1, 0, 2)[:n_rows]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -101,10 +99,10 @@ class Realisation:
         In Hz.
     """
 
-    observability: Matrix
-    singular_values: Matrix
-    right_factor: Matrix
-    changes: Matrix
+    observability: Real
+    singular_values: Real
+    right_factor: Real
+    changes: Real
     channels: tuple[str, ...]
     sampling_rate: float
 
@@ -191,7 +189,7 @@ def _check_size(correlations: Correlations, block_rows: int, max_order: int, is_
         )
 
 
-def _toeplitz_form(correlations: Correlations, block_rows: int) -> tuple[Matrix, int, Callable[[Matrix], Matrix]]:
+def _toeplitz_form(correlations: Correlations, block_rows: int) -> tuple[Real, int, Callable[[Real], Real]]:
     """Return the block Toeplitz matrix, its first lag and what puts its right factors in the order of rising lags."""
     return (
         block_toeplitz(correlations.values, block_rows),
@@ -200,7 +198,7 @@ def _toeplitz_form(correlations: Correlations, block_rows: int) -> tuple[Matrix,
     )
 
 
-def _hankel_form(correlations: Correlations, block_rows: int) -> tuple[Matrix, int, Callable[[Matrix], Matrix]]:
+def _hankel_form(correlations: Correlations, block_rows: int) -> tuple[Real, int, Callable[[Real], Real]]:
     """Return the projection of the future of correlations as data on their past; otherwise as `_toeplitz_form`.
 
     Yf Q with the orthonormal rows Q of Yp spans the same columns as the thesis' T = Yf Yp^T, without squaring the
@@ -213,7 +211,7 @@ def _hankel_form(correlations: Correlations, block_rows: int) -> tuple[Matrix, i
     return future @ rows, 1 + block_rows, lambda Z: (rows @ Z).reshape(n_columns, -1, Z.shape[1])
 
 
-def _whitening(correlations: Correlations, block_rows: int) -> tuple[Matrix | None, Matrix | None]:
+def _whitening(correlations: Correlations, block_rows: int) -> tuple[Real | None, Real | None]:
     """Return the inverse square roots of the covariances of future outputs and past references, where known."""
     lags = np.arange(block_rows)[:, None] - np.arange(block_rows)
     if not set(correlations.references) <= set(correlations.channels):
@@ -228,12 +226,12 @@ def _whitening(correlations: Correlations, block_rows: int) -> tuple[Matrix | No
     return (root if correlations.references == correlations.channels else None), root
 
 
-def _apply(left: Matrix | None, matrix: Matrix) -> Matrix:
+def _apply(left: Real | None, matrix: Real) -> Real:
     """Return left @ matrix, or the matrix where there is no left factor."""
     return matrix if left is None else np.asarray(left @ matrix)
 
 
-def _svd(matrix: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+def _svd(matrix: Real) -> tuple[Real, Real, Real]:
     """Return the thin singular value decomposition, by the slower method where the fast one does not converge."""
     try:
         U, S, Vt = linalg.svd(matrix, full_matrices=False, check_finite=False)
@@ -280,15 +278,15 @@ def poles_of_orders(realisation: Realisation, orders: Sequence[int]) -> Poles:
     return _stack(rungs, tuple(orders), realisation.channels)
 
 
-def _conjugate_spectra(changes: Matrix) -> Complex:
+def _conjugate_spectra(changes: Real) -> Complex:
     """Return the Fourier transforms over lags that turn convolutions into sums; (blocks, frequencies, l, r)."""
     n_fft = fft.next_fast_len(changes.shape[-1])
     return np.ascontiguousarray(np.moveaxis(fft.fft(changes, n_fft).conj() / n_fft, -1, 1))
 
 
 def _poles_of_order(
-    realisation: Realisation, Q: Matrix, R: Matrix, X: Matrix, spectra: Complex
-) -> tuple[Complex, Complex, Matrix, Matrix]:
+    realisation: Realisation, Q: Real, R: Real, X: Real, spectra: Complex
+) -> tuple[Complex, Complex, Real, Real]:
     """Return poles, shapes and standard deviations of frequency and damping of one order."""
     order = len(R)
     eigenvalues, psi = np.linalg.eig(linalg.solve_triangular(R, X, check_finite=False))
@@ -317,10 +315,10 @@ def _eigenvalue_changes(
     before = fft.fft(before.reshape(-1, n_channels, len(eigenvalues)), n_fft, axis=0)
     after = fft.fft(realisation.right_factor[..., : len(right)] @ right, n_fft, axis=0)
     convolution = before[:, :, None] * after[:, None]
-    return np.asarray(spectra.reshape(n_blocks, -1) @ convolution.reshape(-1, len(eigenvalues)))
+    return spectra.reshape(n_blocks, -1) @ convolution.reshape(-1, len(eigenvalues))
 
 
-def _standard_deviations(poles: Complex, change: Complex) -> tuple[Matrix, Matrix]:
+def _standard_deviations(poles: Complex, change: Complex) -> tuple[Real, Real]:
     """Turn changes of the poles with each block, (blocks, poles), into deviations of frequency and damping."""
     modulus = np.abs(poles)
     d_modulus = np.real(np.conj(poles) * change) / modulus
@@ -329,7 +327,7 @@ def _standard_deviations(poles: Complex, change: Complex) -> tuple[Matrix, Matri
 
 
 def _stack(
-    rungs: Sequence[tuple[Complex, Complex, Matrix, Matrix]],
+    rungs: Sequence[tuple[Complex, Complex, Real, Real]],
     ladder: tuple[int, ...],
     channels: tuple[str, ...],
 ) -> Poles:

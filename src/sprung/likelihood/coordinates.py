@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sprung._checks import frozen_array
+from sprung._arrays import Complex, Indices, Real
+from sprung._checks import freeze
 from sprung.errors import ParameterError
 from sprung.vehicles import Structure
 
@@ -41,24 +41,23 @@ class RigidLayout:
 
     names: tuple[str, ...]
     coordinates: tuple[str, ...]
-    orders: NDArray[np.intp]
-    reduction: NDArray[np.float64]
-    motion: NDArray[np.float64]
-    noise: NDArray[np.float64]
+    orders: Indices
+    reduction: Real
+    motion: Real
+    noise: Real
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "orders", frozen_array("orders", self.orders, ndim=1, dtype=np.intp))
-        for name, ndim in (("reduction", 2), ("motion", 2), ("noise", 3)):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=ndim))
+        freeze(self, orders=1, dtype=np.intp)
+        freeze(self, reduction=2, motion=2, noise=3)
 
     @property
-    def rows(self) -> NDArray[np.float64]:
+    def rows(self) -> Real:
         """The coordinates for one unit of acceleration of each coordinate of the structure, (coordinates, n)."""
         return self.reduction @ self.motion
 
-    def differentiator(self, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def differentiator(self, frequencies: Real) -> Complex:
         """Return factors that make each channel's spectrum that of an acceleration, shape (frequencies, channels)."""
-        return np.asarray((2j * np.pi * frequencies[:, None]) ** (2 - self.orders))
+        return np.asarray((2j * np.pi * frequencies[:, None]) ** (2 - self.orders), dtype=np.complex128)
 
 
 def rigid_layout(structure: Structure) -> RigidLayout:
@@ -104,7 +103,7 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     return RigidLayout(channels, names, orders, reduction, T, noise)
 
 
-def _as_motions(rows: NDArray[np.float64], coordinates: tuple[str, ...]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def _as_motions(rows: Real, coordinates: tuple[str, ...]) -> tuple[Real, tuple[str, ...]]:
     """Return what turns coordinates into the body's motions, and their names; nothing where they see anything else."""
     columns = np.flatnonzero(np.abs(rows).max(axis=0) > 0)
     if len(rows) == len(columns):

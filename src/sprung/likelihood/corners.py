@@ -3,13 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sprung._checks import frozen_array
+from sprung._arrays import Booleans, Complex, Real
+from sprung._checks import freeze
 from sprung.likelihood.whittle import Component, Model
 from sprung.vehicles import ExactModes, Structure
 
-Real = NDArray[np.float64]
 #: A parameter is told by the data if they take its prior standard deviation down to this share.
 TOLD = 0.5
 
@@ -28,7 +27,7 @@ class CornerFit:
         Of the parameters, corrected for a model that is not perfect.
     misfit
         Measured over fitted power less 1, shape (coordinates, frequencies), averaged over the classes.
-    imperfection
+    model_error
         RMS of that beyond what chance gives.
     n_segments, n_rejected
         Segments used, and left out for their speed.
@@ -42,15 +41,14 @@ class CornerFit:
     parameters: Real
     covariance: Real
     misfit: Real
-    imperfection: float
+    model_error: float
     n_segments: int
     n_rejected: int
     notes: tuple[str, ...]
     from_modes: Real | None = None
 
     def __post_init__(self) -> None:
-        for name, ndim in (("parameters", 1), ("covariance", 2), ("misfit", 2)):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=ndim))
+        freeze(self, parameters=1, covariance=2, misfit=2)
 
     @property
     def components(self) -> tuple[Component, ...]:
@@ -79,7 +77,7 @@ class CornerFit:
         return self.nominal * np.exp(self.log_ratios)
 
     @property
-    def is_told(self) -> NDArray[np.bool_]:
+    def is_identifiable(self) -> Booleans:
         """Tell which components this run and these sensors tell; the others stay near what the vehicle file says."""
         return self.log_ratios_std < TOLD * self.model.width
 
@@ -155,6 +153,6 @@ def fitted_structure(model: Model, parameters: Real) -> Structure:
     return replace(changed, mass=changed.mass + added)
 
 
-def _near(poles: NDArray[np.complex128], wanted: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _near(poles: Complex, wanted: Complex) -> Complex:
     """Return the pole nearest to each wanted one."""
-    return np.asarray(poles[np.argmin(np.abs(poles[:, None] - wanted), axis=0)])
+    return poles[np.argmin(np.abs(poles[:, None] - wanted), axis=0)]

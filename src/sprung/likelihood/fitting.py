@@ -4,9 +4,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from sprung._arrays import Real
 from sprung.errors import DataError
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
@@ -36,8 +36,6 @@ from sprung.recording import Recording
 from sprung.vehicles import Vehicle, structure
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.usable import speed_channel, usable
-
-Real = NDArray[np.float64]
 
 #: On a road or track lines are looked for from this many times the highest mode of the body on: what does not fit
 #: below it may be the body's own motion.
@@ -303,7 +301,7 @@ def _searched(model: Model, start: Real, most: int) -> tuple[Real, bool]:
 def preconditioner(model: Model, parameters: Real) -> Real:
     """Return the factor that makes the information about the parameters, prior included, the unit matrix."""
     information = model.information(parameters) + np.diag(1 / model.widths**2)
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(information)).T)
+    return np.linalg.inv(np.linalg.cholesky(information)).T
 
 
 def _result(
@@ -312,9 +310,9 @@ def _result(
     """Return the fit with what is to be said about it."""
     covariance = parameter_covariance(model, parameters, segments)
     misfit, excess = power_misfit(model, parameters)
-    imperfection = float(np.sqrt(max(0.0, excess)))
+    model_error = float(np.sqrt(max(0.0, excess)))
     fit = CornerFit(
-        model, parameters, covariance, misfit, imperfection, model.spectra.n_segments, segments.n_rejected, notes=()
+        model, parameters, covariance, misfit, model_error, model.spectra.n_segments, segments.n_rejected, notes=()
     )
     return replace(fit, notes=_notes(fit, lines))
 
@@ -322,14 +320,14 @@ def _result(
 def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
     """Say what cannot be told and how well the model fits."""
     notes = []
-    untold = [f"{c.owner}.{c.name}" for c, told in zip(fit.components, fit.is_told, strict=True) if not told]
+    untold = [f"{c.owner}.{c.name}" for c, told in zip(fit.components, fit.is_identifiable, strict=True) if not told]
     if untold:
         notes.append(
             f"this run and these sensors cannot tell {', '.join(untold)}: they stay near the vehicle file's values"
         )
-    if fit.imperfection > _IMPERFECT:
+    if fit.model_error > _IMPERFECT:
         notes.append(
-            f"the fitted spectra are off by {100 * fit.imperfection:.0f} % beyond chance: something moves that the "
+            f"the fitted spectra are off by {100 * fit.model_error:.0f} % beyond chance: something moves that the "
             "vehicle file does not have; trust contrasts between corners and against a baseline more than the values"
         )
     if lines:

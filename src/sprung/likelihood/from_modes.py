@@ -1,9 +1,9 @@
 """Springs and dampers of every corner from identified modes: a check of a fit, and where it may start."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from sprung._arrays import Complex, Real
 from sprung.errors import ParameterError
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.whittle import Component
@@ -11,8 +11,6 @@ from sprung.modal import Modes
 from sprung.vehicles import Structure
 from sprung.vehicles.structure import PARTS
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 #: Usual relative error of an identified pole, against which the prior weighs.
 _POLE = 0.02
 
@@ -69,7 +67,7 @@ def corners_from_modes(
             found += [force.real, force.imag]
         return np.concatenate(found)
 
-    return np.asarray(least_squares(errors, np.zeros(len(components)), method="trf").x)
+    return least_squares(errors, np.zeros(len(components)), method="trf").x
 
 
 def _dynamic_stiffness(
@@ -95,7 +93,6 @@ def _reduced(stiffness: Complex, kept: list[int]) -> Complex:
     if not others:
         return stiffness[np.ix_(kept, kept)]
     coupling = stiffness[np.ix_(kept, others)]
-    return np.asarray(
-        stiffness[np.ix_(kept, kept)]
-        - coupling @ np.linalg.solve(stiffness[np.ix_(others, others)], stiffness[np.ix_(others, kept)])
+    return stiffness[np.ix_(kept, kept)] - coupling @ np.linalg.solve(
+        stiffness[np.ix_(others, others)], stiffness[np.ix_(others, kept)]
     )

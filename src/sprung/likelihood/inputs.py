@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung.likelihood.spectra import ClassSpectra
 
 #: Standard deviation of ln of the delays over those of speed and geometry.
@@ -23,28 +23,24 @@ class InputModel(Protocol):
         """Names of the parameters."""
 
     @property
-    def start(self) -> NDArray[np.float64]:
+    def start(self) -> Real:
         """Usual values of the parameters."""
 
     @property
-    def widths(self) -> NDArray[np.float64]:
+    def widths(self) -> Real:
         """Standard deviation of the parameters about their usual values, before any data."""
 
     @property
-    def is_level(self) -> NDArray[np.float64]:
+    def is_level(self) -> Real:
         """1 for parameters whose rise by 1 multiplies all inputs by e, 0 for others."""
 
-    def matrix(self, parameters: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def matrix(self, parameters: Real) -> Complex:
         """Return the one-sided spectral matrix, shape (classes, frequencies, inputs, inputs) [m^2/Hz]."""
 
-    def gradient(
-        self, weight: NDArray[np.complex128], matrix: NDArray[np.complex128], parameters: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def gradient(self, weight: Complex, matrix: Complex, parameters: Real) -> Real:
         """Return sum of tr(weight dmatrix) for each parameter, weight of the shape of the matrix."""
 
-    def derivatives(
-        self, matrix: NDArray[np.complex128], parameters: NDArray[np.float64]
-    ) -> list[NDArray[np.complex128]]:
+    def derivatives(self, matrix: Complex, parameters: Real) -> list[Complex]:
         """Return the derivative of the matrix for each parameter."""
 
 
@@ -73,12 +69,12 @@ class SurfaceInputs(ABC):
     """
 
     spectra: ClassSpectra
-    positions: NDArray[np.float64]
-    sides: NDArray[np.float64]
+    positions: Real
+    sides: Real
     contact_length: float = 0.1
-    _patch: NDArray[np.float64] = field(init=False, repr=False)
-    _lags: NDArray[np.float64] = field(init=False, repr=False)
-    _axles: NDArray[np.intp] = field(init=False, repr=False)
+    _patch: Real = field(init=False, repr=False)
+    _lags: Real = field(init=False, repr=False)
+    _axles: Indices = field(init=False, repr=False)
 
     #: Name, usual value and standard deviation of the level and of each parameter of the form.
     usual: ClassVar[dict[str, tuple[float, float]]]
@@ -88,12 +84,10 @@ class SurfaceInputs(ABC):
         seconds = np.subtract.outer(places, places) / self.spectra.speeds[:, None, None, None]
         object.__setattr__(self, "_axles", axles)
         object.__setattr__(self, "_lags", 2 * np.pi * self.spectra.grid[:, None, None] * seconds)
-        object.__setattr__(self, "_patch", np.sinc(self._wave_numbers() * self.contact_length) ** 2)
+        object.__setattr__(self, "_patch", np.sinc(self._spatial_frequencies() * self.contact_length) ** 2)
 
     @abstractmethod
-    def form(
-        self, n: NDArray[np.float64], parameters: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def form(self, n: Real, parameters: Real) -> tuple[Real, Real, Real, Real]:
         """Return ln c and ln g at wave numbers, and the derivatives of both for each parameter of the form."""
 
     @property
@@ -102,50 +96,46 @@ class SurfaceInputs(ABC):
         return (*self.usual, "delay", *(f"class_{k}" for k in range(self.spectra.speeds.size)))
 
     @property
-    def start(self) -> NDArray[np.float64]:
+    def start(self) -> Real:
         """A usual surface."""
         return np.concatenate([[value for value, _ in self.usual.values()], np.zeros(1 + self.spectra.speeds.size)])
 
     @property
-    def widths(self) -> NDArray[np.float64]:
+    def widths(self) -> Real:
         """Wide, so that the data decide; but for the delays."""
         widths = [width for _, width in self.usual.values()]
         return np.concatenate([widths, [_DELAY], np.full(self.spectra.speeds.size, 0.5)])
 
     @property
-    def is_level(self) -> NDArray[np.float64]:
+    def is_level(self) -> Real:
         """The level of the surface."""
-        return np.asarray(np.eye(len(self.start))[0])
+        return np.eye(len(self.start))[0]
 
-    def matrix(self, parameters: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def matrix(self, parameters: Real) -> Complex:
         """Return the spectral matrix of the surface under the wheels."""
         form, delay, classes = self._split(parameters)
-        density, coherence, _, _ = self.form(self._wave_numbers(), form)
+        density, coherence, _, _ = self.form(self._spatial_frequencies(), form)
         level = self._patch * np.exp(parameters[0] + classes)[:, None] / self.spectra.speeds[:, None]
         lags = self._lags * np.exp(delay)
         later = np.exp(-1j * lags - (lags * self.spectra.spreads[:, None, None, None]) ** 2 / 2)
         later *= (level * np.exp(density))[..., None, None]
         across = np.exp(coherence)[..., None, None]
-        return np.asarray(later[..., self._axles[:, None], self._axles] * np.where(self._is_across(), across, 1.0))
+        return later[..., self._axles[:, None], self._axles] * np.where(self._is_across(), across, 1.0)
 
-    def gradient(
-        self, weight: NDArray[np.complex128], matrix: NDArray[np.complex128], parameters: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def gradient(self, weight: Complex, matrix: Complex, parameters: Real) -> Real:
         """Return the derivatives of sum tr(weight matrix)."""
         products = (weight * matrix.swapaxes(-1, -2)).real
         total = products.sum(axis=(-1, -2))
         across = products[..., self._is_across()].sum(axis=-1)
-        _, _, d_density, d_coherence = self.form(self._wave_numbers(), self._split(parameters)[0])
+        _, _, d_density, d_coherence = self.form(self._spatial_frequencies(), self._split(parameters)[0])
         form = np.einsum("pcf,cf->p", d_density, total) + np.einsum("pcf,cf->p", d_coherence, across)
         delayed = (matrix * self._later(parameters)).swapaxes(-1, -2)
         return np.concatenate([[total.sum()], form, [np.sum((weight * delayed).real)], total.sum(axis=1)])
 
-    def derivatives(
-        self, matrix: NDArray[np.complex128], parameters: NDArray[np.float64]
-    ) -> list[NDArray[np.complex128]]:
+    def derivatives(self, matrix: Complex, parameters: Real) -> list[Complex]:
         """Return the derivative of the spectral matrix for each parameter."""
         classes = np.eye(self.spectra.speeds.size)[:, :, None, None, None]
-        _, _, d_density, d_coherence = self.form(self._wave_numbers(), self._split(parameters)[0])
+        _, _, d_density, d_coherence = self.form(self._spatial_frequencies(), self._split(parameters)[0])
         across = np.where(self._is_across(), matrix, 0.0)
         return [
             matrix,
@@ -157,22 +147,22 @@ class SurfaceInputs(ABC):
             *(matrix * member for member in classes),
         ]
 
-    def _later(self, parameters: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def _later(self, parameters: Real) -> Complex:
         """Return the derivative of ln S for the delay, shape of S."""
         lags = self._lags * np.exp(self._split(parameters)[1])
         found = -1j * lags - (lags * self.spectra.spreads[:, None, None, None]) ** 2
-        return np.asarray(found[..., self._axles[:, None], self._axles])
+        return found[..., self._axles[:, None], self._axles]
 
-    def _split(self, parameters: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]:
+    def _split(self, parameters: Real) -> tuple[Real, float, Real]:
         """Return the parameters of the form, of the delay and of the classes."""
         count = len(self.usual)
         return parameters[1:count], float(parameters[count]), parameters[count + 1 :]
 
-    def _wave_numbers(self) -> NDArray[np.float64]:
+    def _spatial_frequencies(self) -> Real:
         """Spatial frequency of each class and frequency [1/m]."""
         return self.spectra.grid / self.spectra.speeds[:, None]
 
-    def _is_across(self) -> NDArray[np.bool_]:
+    def _is_across(self) -> Booleans:
         """Tell which pairs of wheels are on different sides."""
         return np.not_equal.outer(self.sides, self.sides)
 
@@ -183,9 +173,7 @@ class RoadInputs(SurfaceInputs):
 
     usual = {"level": (np.log(256e-6), 5.0), "exponent": (2.0, 0.3), "coherence_length": (np.log(1.5), 1.0)}  # noqa: RUF012
 
-    def form(
-        self, n: NDArray[np.float64], parameters: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def form(self, n: Real, parameters: Real) -> tuple[Real, Real, Real, Real]:
         """Return the form of a road."""
         steep, length = np.log(n / REFERENCE), np.exp(parameters[1])
         nothing = np.zeros_like(n)
@@ -213,9 +201,7 @@ class RailInputs(SurfaceInputs):
         "cross": (np.log(0.4380 / (2 * np.pi)), 1.0),
     }
 
-    def form(
-        self, n: NDArray[np.float64], parameters: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def form(self, n: Real, parameters: Real) -> tuple[Real, Real, Real, Real]:
         """Return the form of a track."""
         steep, bend, cross = np.log(n / REFERENCE), (n / np.exp(parameters[1])) ** 2, (n / np.exp(parameters[2])) ** 2
         nothing = np.zeros_like(n)
@@ -251,7 +237,7 @@ class RigInputs:
     usual_level: float = 1e-12
 
     @property
-    def parts(self) -> NDArray[np.float64]:
+    def parts(self) -> Real:
         """Wheels of each part, shape (parts, inputs)."""
         each, count = np.eye(len(self.inputs)), len(self.inputs)
         axles = np.kron(np.eye(count // 2), np.ones(2))
@@ -265,23 +251,23 @@ class RigInputs:
         return (*(f"level_{name}" for name in (*self.inputs, *axles, *every)), "exponent")
 
     @property
-    def start(self) -> NDArray[np.float64]:
+    def start(self) -> Real:
         """White inputs, common parts a tenth."""
         levels = np.full(len(self.parts), np.log(self.usual_level))
         levels[len(self.inputs) :] -= np.log(10)
         return np.append(levels, 0.0)
 
     @property
-    def widths(self) -> NDArray[np.float64]:
+    def widths(self) -> Real:
         """Wide: the data decide."""
         return np.append(np.full(len(self.parts), 10.0), 1.0)
 
     @property
-    def is_level(self) -> NDArray[np.float64]:
+    def is_level(self) -> Real:
         """The levels."""
         return np.append(np.ones(len(self.parts)), 0.0)
 
-    def matrix(self, parameters: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def matrix(self, parameters: Real) -> Complex:
         """Return the spectral matrix of the inputs."""
         colour = self._relative() ** -parameters[-1]
         parts = self.parts
@@ -289,9 +275,7 @@ class RigInputs:
         matrix = colour[:, None, None] * together
         return np.broadcast_to(matrix, (self.spectra.counts.size, *matrix.shape)).astype(np.complex128)
 
-    def gradient(
-        self, weight: NDArray[np.complex128], matrix: NDArray[np.complex128], parameters: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def gradient(self, weight: Complex, matrix: Complex, parameters: Real) -> Real:
         """Return the derivatives of sum tr(weight matrix)."""
         colour = self._relative() ** -parameters[-1]
         parts = self.parts
@@ -300,9 +284,7 @@ class RigInputs:
         steep = np.log(self._relative())
         return np.append(levels, -np.einsum("f,cfuv,cfvu->", steep, weight, matrix).real)
 
-    def derivatives(
-        self, matrix: NDArray[np.complex128], parameters: NDArray[np.float64]
-    ) -> list[NDArray[np.complex128]]:
+    def derivatives(self, matrix: Complex, parameters: Real) -> list[Complex]:
         """Return the derivative of the spectral matrix for each parameter."""
         colour = (self._relative() ** -parameters[-1])[:, None, None]
         found = [
@@ -311,6 +293,6 @@ class RigInputs:
         ]
         return [*found, -np.log(self._relative())[:, None, None] * matrix]
 
-    def _relative(self) -> NDArray[np.float64]:
+    def _relative(self) -> Real:
         """Frequencies over 10 Hz."""
         return self.spectra.grid / 10.0

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Booleans, Real
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.whittle import Model
 
@@ -22,7 +22,7 @@ class SpectralLine:
     follows_speed: bool
 
 
-def residual_lines(model: Model, parameters: NDArray[np.float64], *, lowest: float = 0.0) -> tuple[SpectralLine, ...]:
+def residual_lines(model: Model, parameters: Real, *, lowest: float = 0.0) -> tuple[SpectralLine, ...]:
     """Return lines that stand out of a fit.
 
     Parameters
@@ -57,9 +57,7 @@ def residual_lines(model: Model, parameters: NDArray[np.float64], *, lowest: flo
     return tuple(found)
 
 
-def _peaks(
-    places: NDArray[np.float64], ratio: NDArray[np.float64], weights: NDArray[np.float64], step: float
-) -> list[float]:
+def _peaks(places: Real, ratio: Real, weights: Real, step: float) -> list[float]:
     """Return the places at which the weighted mean of the ratio stands out."""
     bins = np.floor(places / step).astype(np.intp).ravel()
     total = np.bincount(bins, weights.ravel())
@@ -76,7 +74,7 @@ def _peaks(
     return [float((k + 0.5) * step) for k in np.flatnonzero(stands_out & highest)]
 
 
-def without_lines(spectra: ClassSpectra, lines: tuple[SpectralLine, ...]) -> NDArray[np.bool_]:
+def without_lines(spectra: ClassSpectra, lines: tuple[SpectralLine, ...]) -> Booleans:
     """Tell which classes and frequencies are free of lines, shape (classes, frequencies)."""
     is_free = np.ones((spectra.speeds.size, spectra.frequencies.size), dtype=np.bool_)
     for line in lines:

@@ -4,14 +4,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from sprung._arrays import Complex, Real
 from sprung.errors import DataError
 from sprung.likelihood.spectra import OVERCOUNT, SLOWEST, SegmentSpectra
 from sprung.likelihood.whittle import Model
-
-Real = NDArray[np.float64]
 
 #: Highest speed looked at [m/s], and ratio of neighbouring speeds.
 FASTEST, STEP = 45.0, 1.02
@@ -78,14 +76,14 @@ def with_estimated_speeds(
     )
 
 
-def _evidence(segments: SegmentSpectra, matrices: NDArray[np.complex128]) -> Real:
+def _evidence(segments: SegmentSpectra, matrices: Complex) -> Real:
     """Return the log likelihood of each segment at each speed, shape (segments, speeds), the level profiled out."""
     factors = np.linalg.cholesky(matrices)
     inverse = np.linalg.inv(factors)
     logdet = 2 * np.log(np.einsum("vfii->vfi", factors).real).sum(axis=(1, 2))
     size = matrices.shape[1] * matrices.shape[2]
     level = np.array([np.mean(np.abs(np.einsum("fij,sfj->sfi", one, segments.values)) ** 2, (1, 2)) for one in inverse])
-    return np.asarray(-logdet - size * np.log(level.T))
+    return -logdet - size * np.log(level.T)
 
 
 def _smoothed(evidence: Real, places: Real) -> Real:
@@ -98,4 +96,4 @@ def _smoothed(evidence: Real, places: Real) -> Real:
     for k in range(len(evidence) - 2, -1, -1):
         backward[k] = logsumexp(step + evidence[k + 1] + backward[k + 1], axis=1)
     total = forward + backward
-    return np.asarray(np.exp(total - logsumexp(total, axis=1, keepdims=True)))
+    return np.exp(total - logsumexp(total, axis=1, keepdims=True))

@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
-from sprung._checks import check_number, frozen_array
+from sprung._arrays import Complex, Indices, Real
+from sprung._checks import check_number, freeze
 from sprung.errors import DataError
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.recording import Recording
@@ -44,17 +44,16 @@ class SegmentSpectra:
         Segments left out: too slow, or of changing speed.
     """
 
-    frequencies: NDArray[np.float64]
-    values: NDArray[np.complex128]
-    speeds: NDArray[np.float64]
-    spreads: NDArray[np.float64]
+    frequencies: Real
+    values: Complex
+    speeds: Real
+    spreads: Real
     segment_length: float
     n_rejected: int
 
     def __post_init__(self) -> None:
-        for name, ndim in (("frequencies", 1), ("speeds", 1), ("spreads", 1)):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=ndim))
-        object.__setattr__(self, "values", frozen_array("values", self.values, ndim=3, dtype=np.complex128))
+        freeze(self, frequencies=1, speeds=1, spreads=1)
+        freeze(self, values=3, dtype=np.complex128)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,22 +77,21 @@ class ClassSpectra:
         the model is not trusted, 0 where a line of wheels or engine sits.
     """
 
-    frequencies: NDArray[np.float64]
-    counts: NDArray[np.float64]
-    speeds: NDArray[np.float64]
-    spreads: NDArray[np.float64]
-    matrices: NDArray[np.complex128]
+    frequencies: Real
+    counts: Real
+    speeds: Real
+    spreads: Real
+    matrices: Complex
     segment_length: float
-    weights: NDArray[np.float64]
+    weights: Real
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "weights", frozen_array("weights", self.weights, ndim=2))
-        for name in ("frequencies", "counts", "speeds", "spreads"):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
-        object.__setattr__(self, "matrices", frozen_array("matrices", self.matrices, ndim=4, dtype=np.complex128))
+        freeze(self, weights=2)
+        freeze(self, frequencies=1, counts=1, speeds=1, spreads=1)
+        freeze(self, matrices=4, dtype=np.complex128)
 
     @property
-    def grid(self) -> NDArray[np.float64]:
+    def grid(self) -> Real:
         """The frequencies with one more at each end, for the window's main lobe (see `through_window`)."""
         step = 1 / self.segment_length
         return np.concatenate([[self.frequencies[0] - step], self.frequencies, [self.frequencies[-1] + step]])
@@ -166,7 +164,7 @@ def segment_spectra(
     )
 
 
-def _bound(spreads: NDArray[np.float64]) -> float:
+def _bound(spreads: Real) -> float:
     """Return up to which spread of its speed a segment is used."""
     enough = float(np.sort(spreads)[min(_ENOUGH, spreads.size) - 1]) if spreads.size else STEADY
     return min(max(STEADY, 1.001 * enough), UNSTEADIEST)
@@ -219,11 +217,11 @@ class RunningClassSpectra:
         Of the speed classes.
     """
 
-    def __init__(self, frequencies: NDArray[np.float64], segment_length: float, *, width: float = CLASS_WIDTH) -> None:
+    def __init__(self, frequencies: Real, segment_length: float, *, width: float = CLASS_WIDTH) -> None:
         self._frequencies, self._segment_length, self._width = frequencies, segment_length, width
-        self._sums: dict[int, tuple[NDArray[np.float64], NDArray[np.complex128]]] = {}
+        self._sums: dict[int, tuple[Real, Complex]] = {}
 
-    def update(self, values: NDArray[np.complex128], speed: float = np.nan, spread: float = 0.0) -> None:
+    def update(self, values: Complex, speed: float = np.nan, spread: float = 0.0) -> None:
         """Add a segment: its spectrum (frequencies, coordinates), mean speed [m/s] and relative spread of that."""
         number = int(_class_numbers(np.array([speed]), self._width)[0])
         moments = np.array([1.0, speed, speed**2, spread**2])
@@ -257,7 +255,7 @@ class RunningClassSpectra:
         )
 
 
-def through_window(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def through_window(matrices: Complex) -> Complex:
     """Return the spectral matrices that Hann-windowed segments show of true ones on a grid, (..., grid, m, m).
 
     Notes
@@ -269,7 +267,7 @@ def through_window(matrices: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return matrices[..., 1:-1, :, :] * (2 / 3) + (matrices[..., 2:, :, :] + matrices[..., :-2, :, :]) / 6
 
 
-def onto_grid(weights: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def onto_grid(weights: Complex) -> Complex:
     """Return the adjoint of `through_window`: weights of the grid from weights of the lines."""
     found = np.zeros((*weights.shape[:-3], weights.shape[-3] + 2, *weights.shape[-2:]), dtype=weights.dtype)
     found[..., 1:-1, :, :] = weights * (2 / 3)
@@ -278,12 +276,12 @@ def onto_grid(weights: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return found
 
 
-def speed_classes(speeds: NDArray[np.float64], *, width: float = CLASS_WIDTH) -> NDArray[np.intp]:
+def speed_classes(speeds: Real, *, width: float = CLASS_WIDTH) -> Indices:
     """Return for each segment the number of its class, 0 upwards by rising speed; unknown speeds are one class."""
     return np.unique(_class_numbers(speeds, width), return_inverse=True)[1]
 
 
-def _class_numbers(speeds: NDArray[np.float64], width: float) -> NDArray[np.intp]:
+def _class_numbers(speeds: Real, width: float) -> Indices:
     """Return the number of each segment's class, whatever other classes there are."""
     found = np.zeros(speeds.size, dtype=np.intp)
     known = np.isfinite(speeds)
@@ -293,7 +291,7 @@ def _class_numbers(speeds: NDArray[np.float64], width: float) -> NDArray[np.intp
 
 def _stretch(
     recording: Recording, stretch: slice, layout: RigidLayout, speed: str | None, segment_length: float
-) -> Iterable[tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64], float, int]]:
+) -> Iterable[tuple[Complex, Real, Real, float, int]]:
     """Yield spectra of the channels (segments, frequencies, channels), speeds, spreads, frequency step and length."""
     rate = recording.sampling_rate
     n_per_segment = round(segment_length * rate)

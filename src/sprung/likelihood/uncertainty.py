@@ -1,12 +1,10 @@
 """How far a fit can be trusted: misfit of the spectra, credibility and weights of segments, covariance."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Complex, Real
 from sprung.likelihood.spectra import OVERCOUNT, SegmentSpectra, speed_classes
 from sprung.likelihood.whittle import Model
-
-Real = NDArray[np.float64]
 
 #: A segment counts at most this many times the median power.
 _MOST_POWER = 3.0
@@ -21,14 +19,14 @@ def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra) ->
     squares = np.mean(np.abs(_whitened_segments(model, parameters, segments)) ** 2, axis=2)
     is_used = model.spectra.weights[speed_classes(segments.speeds)] > 0
     power = np.sum(squares * is_used, axis=1) / np.maximum(is_used.sum(axis=1), 1)
-    return np.asarray(np.minimum(1.0, _MOST_POWER * np.median(power) / power))
+    return np.minimum(1.0, _MOST_POWER * np.median(power) / power)
 
 
-def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra) -> NDArray[np.complex128]:
+def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra) -> Complex:
     """Return L^-1 y of each segment, S = L L^H the model's spectral matrix of its class."""
     factor = np.linalg.inv(np.linalg.cholesky(model.matrix(parameters)))
     numbers = speed_classes(segments.speeds)
-    return np.asarray(np.einsum("sfij,sfj->sfi", factor[numbers], segments.values))
+    return np.einsum("sfij,sfj->sfi", factor[numbers], segments.values)
 
 
 def _scores(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
@@ -62,7 +60,7 @@ def parameter_covariance(model: Model, parameters: Real, segments: SegmentSpectr
     n, p = scores.shape
     share = n / (n + 2.0 * p)
     scale = np.sqrt(np.maximum(1.0, share * np.diag(observed) / np.diag(expected) + (1 - share)))
-    return np.asarray(expected * np.outer(scale, scale))
+    return expected * np.outer(scale, scale)
 
 
 def power_misfit(model: Model, parameters: Real) -> tuple[Real, float]:

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
@@ -15,7 +14,6 @@ from sprung.likelihood.whittle import Component, MassChange, Model, SensorChange
 from sprung.vehicles import Outputs, Structure, Vehicle, corner_names, structure, wheel_hop_frequencies
 from sprung.vehicles.labels import MOTIONS
 
-Real = NDArray[np.float64]
 Kind = Literal["road", "rail", "rig"]
 
 #: Band over the lowest and highest natural frequency of the nominal vehicle, and its upper end over its lower.

@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Complex, Real
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.inputs import InputModel
 from sprung.likelihood.spectra import ClassSpectra, onto_grid, through_window
 from sprung.vehicles import Element, Structure
 from sprung.vehicles.structure import PARTS
 
-Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 #: An element, its dynamic stiffness over frequency, and the derivative of that for each free parameter in it.
 Arm = tuple[Element, Complex, list[tuple[int, Complex]]]
 
@@ -206,7 +204,7 @@ class Model:
             rows = self.layout.rows.astype(np.complex128)
             return np.broadcast_to(rows, (size, *rows.shape))
         motion, delay = self._sensed(free)
-        return np.asarray(self.layout.reduction @ (delay[..., None] * motion))
+        return self.layout.reduction @ (delay[..., None] * motion)
 
     def _sensed(self, free: Real) -> tuple[Real, Complex]:
         """Return the motion of the channels where they are, (channels, n), and what lags do, (grid, channels)."""
@@ -237,7 +235,7 @@ class Model:
     def mass(self, free: Real) -> Real:
         """Return the mass matrix."""
         added = zip(free[len(self.components) :], self.masses, strict=False)
-        return np.asarray(self.structure.mass + sum(p * part.matrix for p, part in added))
+        return self.structure.mass + sum(p * part.matrix for p, part in added)
 
     def _foot(self, element: Element) -> Real:
         """Return which input moves the lower end of an element, shape (inputs,)."""
@@ -247,9 +245,7 @@ class Model:
         """Return the spectral matrix of each channel's noise, shape (channels, grid, coordinates, coordinates)."""
         pulsation = 2 * np.pi * self.spectra.grid
         colours = pulsation[None, :] ** (2 * (2 - self.layout.orders[:, None]))
-        return np.asarray(
-            np.einsum("k,kf,kij->kfij", np.exp(np.minimum(parameters, 100.0)), colours, self.layout.noise)
-        )
+        return np.einsum("k,kf,kij->kfij", np.exp(np.minimum(parameters, 100.0)), colours, self.layout.noise)
 
     def matrix(self, parameters: Real) -> Complex:
         """Return the model's spectral matrix, shape of the data's."""
@@ -355,13 +351,13 @@ class Model:
         """Return the Fisher information of the data about the parameters, without the prior."""
         whitened = self.whitened_derivatives(parameters)
         flat = whitened.reshape(len(whitened), -1)
-        return np.asarray((flat.conj() @ flat.T).real)
+        return (flat.conj() @ flat.T).real
 
     def whitened_derivatives(self, parameters: Real) -> Complex:
         """Return sqrt(n) L^-1 dS L^-H for each parameter, S = L L^H."""
         factor = np.linalg.inv(np.linalg.cholesky(self.matrix(parameters)))
         scaled = np.sqrt(self.spectra.weights)[..., None, None] * factor
-        return np.asarray(scaled @ self.derivatives(parameters) @ factor.conj().swapaxes(-1, -2))
+        return scaled @ self.derivatives(parameters) @ factor.conj().swapaxes(-1, -2)
 
 
 def inverse_and_logdet(matrices: Complex) -> tuple[Complex, Real]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung._checks import check_number, frozen_array, required
 from sprung.errors import FormatError, ParameterError
 
@@ -80,7 +81,7 @@ class Frame:
     start: int
     interval: int
     channels: tuple[str, ...]
-    scale: NDArray[np.float64]
+    scale: Real
     counts: NDArray[np.signedinteger]
     width: int = 2
     flags: NDArray[np.int64] | None = None
@@ -115,7 +116,7 @@ class Frame:
         return int(self.counts.shape[1])
 
     @property
-    def samples(self) -> NDArray[np.float64]:
+    def samples(self) -> Real:
         """Samples in SI units, NaN where missing, shape (channels, samples)."""
         values = self.counts * self.scale[:, None]
         values[self.counts == _lowest(self.width)] = np.nan
@@ -132,8 +133,8 @@ def check_vehicle(vehicle: str) -> str:
 
 
 def quantised(
-    samples: NDArray[np.float64], *, width: int = 2, scale: NDArray[np.float64] | None = None
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+    samples: Real, *, width: int = 2, scale: Real | None = None
+) -> tuple[NDArray[np.int64], Real, NDArray[np.int64]]:
     """Return samples as integers, the scale and the flags.
 
     Parameters

@@ -55,7 +55,7 @@ class Alarms:
         reports = [_of_sensor(vehicle, fault) for fault in _one_each(sensors)]
         if event.diagnosis is not None:
             reports += _of_diagnosis(vehicle, event.diagnosis)
-        is_sound = event.observation.can_tell and not sensors
+        is_sound = event.observation.is_conclusive and not sensors
         transitions = assess(
             self._known(vehicle),
             reports,

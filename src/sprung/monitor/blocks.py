@@ -6,8 +6,8 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.link import Frame
 from sprung.recording import Channel, Gap, Recording
 
@@ -19,7 +19,7 @@ class Block(Protocol):
     """Some samples; a `Recording` is one."""
 
     @property
-    def samples(self) -> NDArray[np.float64]:
+    def samples(self) -> Real:
         """SI, shape (channels, samples)."""
 
     @property
@@ -64,7 +64,7 @@ class FrameBlock:
         return self.frame.start
 
     @property
-    def samples(self) -> NDArray[np.float64]:
+    def samples(self) -> Real:
         """SI, NaN where missing."""
         return self.frame.samples
 

@@ -174,7 +174,7 @@ class VehicleMonitor:
         needed = self._settings.n_learning
         if not self._is_learning:
             return needed, needed
-        sound = sum(one.can_tell and not one.sensor_faults for one in self._observations)
+        sound = sum(one.is_conclusive and not one.sensor_faults for one in self._observations)
         return min(sound, needed), needed
 
     @property
@@ -366,7 +366,7 @@ class VehicleMonitor:
     def _n_telling(self, observations: Sequence[Observation]) -> int:
         """Return how many windows there is evidence of."""
         components = () if self._baseline is None else self._baseline.components
-        return sum(one.can_tell and not one.sensor_faults and one.components == components for one in observations)
+        return sum(one.is_conclusive and not one.sensor_faults and one.components == components for one in observations)
 
 
 def mode_documents(modes: Modes) -> list[dict[str, Any]]:

@@ -5,8 +5,8 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Indices, Real
 from sprung.errors import FormatError, ParameterError
 from sprung.identification import CorrelationSummary, IdentificationSettings, Plan
 from sprung.identification.correlation import Correlations
@@ -114,12 +114,12 @@ def _packed(correlations: Correlations, n_blocks: int) -> dict[str, Any]:
     }
 
 
-def _mean(correlations: Correlations, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+def _mean(correlations: Correlations, rows: Indices) -> Real:
     """Return the mean of blocks."""
     weights = correlations.weights[rows]
     if not weights.sum():
-        return np.asarray(correlations.blocks[rows].mean(axis=0))
-    return np.asarray(np.tensordot(weights / weights.sum(), correlations.blocks[rows], axes=1))
+        return correlations.blocks[rows].mean(axis=0)
+    return np.tensordot(weights / weights.sum(), correlations.blocks[rows], axes=1)
 
 
 def _unpacked(stored: Mapping[str, Any]) -> Correlations:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
+from sprung._arrays import Complex, Real
 from sprung.modal import Modes
 from sprung.plotting.style import FAINT, INK, SMALL, mode_colour
 from sprung.recording import Channel
@@ -45,10 +45,10 @@ class BodyShapes:
         The sensors do not span the plate: its outline is nominal.
     """
 
-    corners: NDArray[np.float64]
-    corner_motions: NDArray[np.complex128]
-    sensor_motions: NDArray[np.complex128]
-    explained: NDArray[np.float64]
+    corners: Real
+    corner_motions: Complex
+    sensor_motions: Complex
+    explained: Real
     is_nominal: bool
 
 
@@ -83,7 +83,7 @@ def body_shapes(modes: Modes, channels: Sequence[Channel]) -> BodyShapes | None:
     return BodyShapes(corners, np.array(corner_motions), np.array(sensor_motions), explained, is_nominal)
 
 
-def _plate(channels: Sequence[Channel]) -> tuple[NDArray[np.float64], bool]:
+def _plate(channels: Sequence[Channel]) -> tuple[Real, bool]:
     """Return the corners of the rectangle around the sensors, and whether it had to be a nominal one."""
     places = np.array([channel.position for channel in channels if channel.position is not None] or [(0.0, 0.0, 0.0)])
     (low_x, low_y, _), (high_x, high_y, _) = places.min(axis=0), places.max(axis=0)
@@ -94,7 +94,7 @@ def _plate(channels: Sequence[Channel]) -> tuple[NDArray[np.float64], bool]:
     return np.array([[high_x, high_y, z], [high_x, low_y, z], [low_x, low_y, z], [low_x, high_y, z]]), is_nominal
 
 
-def projected(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def projected(points: Real) -> Real:
     """Return points, shape (..., 3), as seen from the right and above (parallel projection), shape (..., 2)."""
     azimuth, elevation = np.radians(_AZIMUTH), np.radians(_ELEVATION)
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
@@ -104,9 +104,7 @@ def projected(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([points @ right, points @ up], axis=-1)
 
 
-def draw_body(
-    axes: Axes, shapes: BodyShapes, index: int, channels: Sequence[Channel], values: NDArray[np.complex128]
-) -> None:
+def draw_body(axes: Axes, shapes: BodyShapes, index: int, channels: Sequence[Channel], values: Complex) -> None:
     """Draw one mode at the instant at which its largest channel peaks.
 
     Parameters
@@ -144,7 +142,7 @@ def draw_body(
     axes.set_ylim(low[1] - reach - len(rows) * _TEXT_HEIGHT / 2 * size, high[1] + reach)
 
 
-def _draw_plate(axes: Axes, rest: NDArray[np.float64], motion: NDArray[np.float64], colour: str) -> None:
+def _draw_plate(axes: Axes, rest: Real, motion: Real, colour: str) -> None:
     """Draw the plate at rest in grey and displaced in colour."""
     flat = projected(rest)
     raised = projected(rest + np.column_stack([np.zeros((4, 2)), motion]))
@@ -155,7 +153,7 @@ def _draw_plate(axes: Axes, rest: NDArray[np.float64], motion: NDArray[np.float6
     axes.fill(*raised.T, facecolor="none", edgecolor=colour, linewidth=1.8, gid="moved", zorder=2.1)
 
 
-def _draw_front(axes: Axes, rest: NDArray[np.float64]) -> None:
+def _draw_front(axes: Axes, rest: Real) -> None:
     """Show with an arrow on the body where the front is."""
     front, rear = rest[:2].mean(axis=0), rest[2:].mean(axis=0)
     tail, tip = projected(np.array([0.75 * front + 0.25 * rear, 0.96 * front + 0.04 * rear]))
@@ -173,7 +171,7 @@ def _draw_front(axes: Axes, rest: NDArray[np.float64]) -> None:
     )
 
 
-def _with_room(channels: Sequence[Channel], sensed: NDArray[np.float64]) -> set[int]:
+def _with_room(channels: Sequence[Channel], sensed: Real) -> set[int]:
     """Return the channels whose readings can be written at their places: few, and none at the place of another."""
     placed = [int(k) for k in np.flatnonzero(np.isfinite(sensed))]
     places = {channels[k].position for k in placed}

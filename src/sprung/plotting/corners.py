@@ -62,7 +62,9 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
     what = f"Corners against nominal: {source}" if source else "Corners against nominal"
     where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: this run cannot tell."
     names = [f"{component.owner}.{component.name}" for component in fit.components]
-    return corner_bars(names, fit.log_ratios, fit.log_ratios_std, is_told=fit.is_told, heading=(what, where))
+    return corner_bars(
+        names, fit.log_ratios, fit.log_ratios_std, is_identifiable=fit.is_identifiable, heading=(what, where)
+    )
 
 
 def corner_bars(
@@ -70,7 +72,7 @@ def corner_bars(
     log_ratios: np.ndarray,
     deviations: np.ndarray,
     *,
-    is_told: np.ndarray,
+    is_identifiable: np.ndarray,
     heading: tuple[str, str],
     by_chance: np.ndarray | None = None,
 ) -> Figure:
@@ -82,7 +84,7 @@ def corner_bars(
         "front_left.spring" and so on.
     log_ratios, deviations
         ln of value over reference, and its standard deviation, shape (components,).
-    is_told
+    is_identifiable
         Which are known well enough to be coloured.
     heading
         And what stands below it.
@@ -94,12 +96,12 @@ def corner_bars(
     figure = new_figure(*heading, width=9.5, height=1.4 + 2.1 * n_axles)
     panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
     change, low, high = (100 * np.expm1(log_ratios + sign * 1.96 * deviations) for sign in (0, -1, 1))
-    reach = max(10.0, 1.3 * np.abs(np.concatenate([low[is_told], high[is_told], [5.0]])).max())
+    reach = max(10.0, 1.3 * np.abs(np.concatenate([low[is_identifiable], high[is_identifiable], [5.0]])).max())
     thick = None if by_chance is None else [100 * np.expm1(log_ratios + sign * 1.96 * by_chance) for sign in (-1, 1)]
     for axes, owner in zip(panels.ravel(), owners, strict=True):
         rows = [k for k, name in enumerate(names) if name.split(".")[0] == owner]
         words = [names[row].split(".")[1] for row in rows]
-        _draw_corner(axes, words, is_told[rows], change[rows], low[rows], high[rows])
+        _draw_corner(axes, words, is_identifiable[rows], change[rows], low[rows], high[rows])
         if thick is not None:
             axes.vlines(range(len(rows)), thick[0][rows], thick[1][rows], color=INK, linewidth=4)
         axes.set_title(owner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
@@ -109,11 +111,11 @@ def corner_bars(
     return figure
 
 
-def _draw_corner(axes: Axes, names: list[str], is_told: np.ndarray, *changes: np.ndarray) -> None:
+def _draw_corner(axes: Axes, names: list[str], is_identifiable: np.ndarray, *changes: np.ndarray) -> None:
     """Draw the bars of one corner: components, whether a run can tell them, change and its interval [%]."""
     plain(axes)
     axes.axhline(0, color=INK, linewidth=1)
-    for place, (name, told, change, low, high) in enumerate(zip(names, is_told, *changes, strict=True)):
+    for place, (name, told, change, low, high) in enumerate(zip(names, is_identifiable, *changes, strict=True)):
         colour = MODE_COLOURS[_COMPONENTS.index(name) % 3] if told else "#C8C8C8"
         axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change, color=colour, alpha=0.75, linewidth=0))
         axes.vlines(place, low, high, color=INK, linewidth=1.3)

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Finding, ModeChange, Observation, nominal_baseline
 from sprung.errors import ParameterError
 from sprung.plotting.corners import corner_bars
@@ -95,7 +96,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         normal.components,
         mean,
         np.sqrt(np.diag(spread)),
-        is_told=np.ones(len(mean), dtype=np.bool_),
+        is_identifiable=np.ones(len(mean), dtype=np.bool_),
         heading=(
             f"Corners against {against}: mean of {len(telling)} windows since {since / 60:.0f} min",
             "95 % intervals: thick by chance, thin with what moves corners together, such as payload",
@@ -162,7 +163,7 @@ def _draw_limits(axes: Axes, mean: float, halves: tuple[float, float]) -> None:
     axes.axhline(float(_percent(mean)), color=INK, linewidth=0.8)
 
 
-def _draw_onset(axes: Axes, finding: Finding, minutes: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> None:
     """Draw the onset of a finding with its interval, and its trend through the values [ln] since then."""
     axes.axvspan(*(time / 60 for time in finding.since_interval), color=_ONSET, zorder=0.5)
     axes.axvline(finding.since / 60, color=MODE_COLOURS[1], linewidth=1.2, label="onset, with 95 %")
@@ -187,15 +188,15 @@ def _parts(diagnosis: Diagnosis, finding: Finding, names: tuple[str, ...]) -> tu
     return next((c.hypothesis.parts(names) for c in candidates if c.hypothesis.name == finding.hypothesis), ())
 
 
-def _span(minutes: NDArray[np.float64]) -> tuple[float, float]:
+def _span(minutes: Real) -> tuple[float, float]:
     """Return the ends of an axis of time, also of a single window."""
     room = max(1.0, 0.05 * float(np.ptp(minutes)))
     return float(minutes[0]) - room, float(minutes[-1]) + room
 
 
-def _percent(log_ratio: ArrayLike) -> NDArray[np.float64]:
+def _percent(log_ratio: ArrayLike) -> Real:
     """Return the relative change [%] of ln values."""
-    return np.asarray(100 * np.expm1(log_ratio))
+    return 100 * np.expm1(log_ratio)
 
 
 def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> Figure:

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
+from sprung._arrays import Booleans, Real
 from sprung.identification import Identification
 from sprung.modal import Modes
 from sprung.plotting.style import (
@@ -63,7 +63,7 @@ class FrequencyRange:
     passed: float
     is_logarithmic: bool
 
-    def holds(self, frequencies: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def holds(self, frequencies: Real) -> Booleans:
         """Tell which frequencies lie in the range and below the roll-off of filters against aliasing."""
         return (frequencies > 0) & (frequencies >= self.low) & (frequencies <= min(self.high, self.passed))
 
@@ -138,7 +138,7 @@ def _families(harmonics: Sequence[Harmonic], unit: str) -> str:
     return f" ({', '.join(words)})" if words else ""
 
 
-def curve_limits(values: NDArray[np.float64], *, dynamic_range: float, room: float) -> tuple[float, float]:
+def curve_limits(values: Real, *, dynamic_range: float, room: float) -> tuple[float, float]:
     """Return the limits of a level axis [dB].
 
     Parameters
@@ -201,13 +201,13 @@ def mark_harmonics(
         _label_harmonics(axes, seen, _LABEL_DISTANCE * SMALL / 72 / width)
 
 
-def _fading(places: Sequence[float]) -> NDArray[np.float64]:
+def _fading(places: Sequence[float]) -> Real:
     """Return for each line how strongly it is drawn: fainter where its neighbours on the axis are near."""
     order = np.argsort(places)
     gaps = np.diff(np.asarray(places)[order], prepend=-1.0, append=2.0)
     nearest = np.empty(len(places))
     nearest[order] = np.minimum(gaps[:-1], gaps[1:]) if len(places) else 0.0
-    return np.asarray(np.clip(nearest / _CLEAR, 0.15, 0.9))
+    return np.clip(nearest / _CLEAR, 0.15, 0.9)
 
 
 def _place(harmonic: Harmonic) -> float:

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
-from numpy.typing import NDArray
 
+from sprung._arrays import Indices, Real
 from sprung.identification import Identification
 from sprung.modal import Modes, join_modes, mac
 from sprung.plotting.style import (
@@ -62,7 +62,7 @@ def mac_figure(identification: Identification, *, source: str = "") -> Figure:
     return figure
 
 
-def draw_mac(axes: Axes, values: NDArray[np.float64], names: Sequence[str]) -> AxesImage:
+def draw_mac(axes: Axes, values: Real, names: Sequence[str]) -> AxesImage:
     """Draw a MAC matrix with its values in the cells."""
     image = axes.imshow(values, cmap="Blues", vmin=0, vmax=1, gid="mac")
     n = len(values)
@@ -76,7 +76,7 @@ def draw_mac(axes: Axes, values: NDArray[np.float64], names: Sequence[str]) -> A
     return image
 
 
-def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: NDArray[np.intp]) -> None:
+def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: Indices) -> None:
     """Draw the MAC between the modes of all subsets, with lines between the subsets."""
     together = join_modes(parts)
     names, merged = [], []

@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from sprung._arrays import Complex, Real
 from sprung.plotting.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 
 
 def response_figure(
-    frequencies: NDArray[np.float64],
-    responses: Sequence[tuple[str, NDArray[np.complex128]]],
+    frequencies: Real,
+    responses: Sequence[tuple[str, Complex]],
     *,
     title: str,
     unit: str,
@@ -68,9 +68,9 @@ def response_figure(
 
 
 def cepstrum_figure(
-    quefrencies: NDArray[np.float64],
-    cepstrum: NDArray[np.float64],
-    lifter: NDArray[np.float64],
+    quefrencies: Real,
+    cepstrum: Real,
+    lifter: Real,
     *,
     title: str,
     pulse_period: float | None = None,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.plotting.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, panel_grid, plain
 
 
@@ -31,7 +31,7 @@ class Spread:
 
     name: str
     rows: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Real
     truth: float
     published: tuple[float, ...] = ()
 

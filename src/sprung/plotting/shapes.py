@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.projections.polar import PolarAxes
-from numpy.typing import NDArray
 
+from sprung._arrays import Complex
 from sprung.modal import Modes
 from sprung.plotting.body import BodyShapes, body_shapes, draw_body
 from sprung.plotting.style import (
@@ -100,7 +100,7 @@ def _bars(modes: Modes, what: str) -> Figure:
     return figure
 
 
-def _draw_bars(axes: Axes, shape: NDArray[np.complex128], colour: str) -> None:
+def _draw_bars(axes: Axes, shape: Complex, colour: str) -> None:
     """Draw real parts as bars and imaginary parts as diamonds."""
     places = np.arange(len(shape))
     axes.bar(places, shape.real, width=0.7, color=colour, alpha=0.85)
@@ -148,7 +148,7 @@ def complexity_figure(modes: Modes, *, source: str = "") -> Figure:
     return figure
 
 
-def _draw_compass(axes: PolarAxes, shape: NDArray[np.complex128], colour: str) -> None:
+def _draw_compass(axes: PolarAxes, shape: Complex, colour: str) -> None:
     """Draw an arrow from the centre for each channel."""
     has_markers = len(shape) <= len(_MARKERS)
     for k, value in enumerate(shape):

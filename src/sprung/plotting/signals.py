@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.plotting.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, panel_grid, plain, pretty_unit
 from sprung.recording import Recording
 from sprung.signals.spectrum import spectral_matrix
@@ -156,9 +156,7 @@ def _name_curves(figure: Figure, names: Sequence[str]) -> None:
     figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
 
 
-def _envelope(
-    time: NDArray[np.float64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _envelope(time: Real, values: Real) -> tuple[Real, Real]:
     """Largest and smallest value of each interval, where there are too many samples to draw."""
     per = -(-values.size * 2 // _MOST_POINTS)
     if per <= 2:

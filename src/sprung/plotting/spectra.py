@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.identification import Identification
 from sprung.plotting.frequency import (
     FrequencyRange,
@@ -115,9 +115,9 @@ def _draw_channel(axes: Axes, identification: Identification, row: int, shown: F
     axes.set_ylim(curve_limits(np.concatenate(levels), dynamic_range=_DYNAMIC_RANGE, room=room))
 
 
-def _decibels(spectra: SpectralMatrix, row: int) -> NDArray[np.float64]:
+def _decibels(spectra: SpectralMatrix, row: int) -> Real:
     """Return the density of a channel [dB]."""
-    return np.asarray(10 * np.log10(np.maximum(spectra.matrix[row, row].real, 1e-30)))
+    return 10 * np.log10(np.maximum(spectra.matrix[row, row].real, 1e-30))
 
 
 def _legend(identification: Identification) -> list[Line2D | Patch]:

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from sprung._arrays import Indices, Real
 from sprung.identification import Identification, SubsetModes
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.modal import PoleStatus
@@ -109,7 +109,7 @@ def _rung_label(identification: Identification, index: int) -> str:
     return f"subset {index + 1}, {subset.n_segments} segments\n{level}\n{rung}"
 
 
-def _draw_poles(axes: Axes, subset: SubsetModes, members: NDArray[np.intp]) -> None:
+def _draw_poles(axes: Axes, subset: SubsetModes, members: Indices) -> None:
     """Draw the poles of one subset, those of modes in the modes' colours."""
     for diagram, alignments in zip(subset.diagrams, subset.alignments.T, strict=True):
         rungs = np.array(diagram.poles.ladder, dtype=float)[diagram.poles.rungs]
@@ -125,9 +125,7 @@ def _draw_poles(axes: Axes, subset: SubsetModes, members: NDArray[np.intp]) -> N
             axes.plot(frequency[chosen], rungs[chosen], gid="SELECTED", **marker)
 
 
-def _mode_numbers(
-    diagram: StabilisationDiagram, alignments: NDArray[np.intp], members: NDArray[np.intp]
-) -> NDArray[np.intp]:
+def _mode_numbers(diagram: StabilisationDiagram, alignments: Indices, members: Indices) -> Indices:
     """Return for each pole the index of the merged mode that its alignment belongs to, -1 for none.
 
     `alignments` are those of the subset's modes in this diagram, `members` the subset's modes in the merged ones.
@@ -173,13 +171,13 @@ def _draw_spectra(axes: Axes, identification: Identification, shown: FrequencyRa
     behind.spines["top"].set_visible(False)
 
 
-def first_singular_value(spectra: SpectralMatrix, *, like: SpectralMatrix) -> NDArray[np.float64]:
+def first_singular_value(spectra: SpectralMatrix, *, like: SpectralMatrix) -> Real:
     """Return the first singular value at each frequency [dB re 1/Hz], channels scaled to variance 1 in `like`."""
     variance = like.densities[:, 1:].sum(axis=1) * (like.frequencies[1] - like.frequencies[0])
     scale = 1 / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
     matrix = spectra.matrix * scale[:, None, None] * scale[:, None]
     scaled = SpectralMatrix(spectra.frequencies, matrix, spectra.names, spectra.segment_length, spectra.n_segments)
-    return np.asarray(10 * np.log10(np.maximum(singular_values(scaled)[0], 1e-30)))
+    return 10 * np.log10(np.maximum(singular_values(scaled)[0], 1e-30))
 
 
 def _legend(identification: Identification) -> list[Line2D | Patch]:

@@ -9,9 +9,10 @@ from typing import TypeVar
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import isotonic_regression
 
+from sprung._arrays import Real
 from sprung.identification import Identification
 from sprung.modal import Modes
 
@@ -107,7 +108,7 @@ def plain(axes: Axes) -> None:
     axes.spines["top"].set_visible(False)
 
 
-def spread(wanted: ArrayLike, distance: float) -> NDArray[np.float64]:
+def spread(wanted: ArrayLike, distance: float) -> Real:
     """Return places in 0 to 1 at least `distance` apart, as near as possible to the wanted ones.
 
     Parameters
@@ -132,7 +133,7 @@ def spread(wanted: ArrayLike, distance: float) -> NDArray[np.float64]:
     distance = min(distance, 1 / len(places))
     steps = distance * np.arange(len(places))
     free = isotonic_regression(places - steps).x
-    return np.asarray(np.clip(free, distance / 2, 1 - distance / 2 - steps[-1]) + steps)
+    return np.clip(free, distance / 2, 1 - distance / 2 - steps[-1]) + steps
 
 
 def text_width(text: str, size: float) -> float:

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.identification import Identification
 from sprung.plotting.style import (
     FAINT,
@@ -122,16 +122,16 @@ def _draw_mode(upper: Axes, lower: Axes, identification: Identification, index: 
     )
 
 
-def _levels(identification: Identification) -> NDArray[np.float64]:
+def _levels(identification: Identification) -> Real:
     """Return the ranges of the subsets' levels, shape (subsets, 2)."""
     return np.array([subset.level for subset in identification.subsets], dtype=np.float64).reshape(-1, 2)
 
 
 def _draw_values(
     axes: Axes,
-    levels: NDArray[np.float64],
-    values: NDArray[np.float64],
-    intervals: NDArray[np.float64],
+    levels: Real,
+    values: Real,
+    intervals: Real,
     colour: str,
 ) -> None:
     """Draw values at the middle of their levels, and a cross on the axis where there is none."""

@@ -3,8 +3,8 @@
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.identification import METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import (
@@ -119,7 +119,7 @@ def identified(method: str, runs: list[Recording], *, is_default: bool = False) 
     return METHODS[method](chosen, settings=None if is_default else settings(method))
 
 
-def experiment(seed: int) -> NDArray[np.float64]:
+def experiment(seed: int) -> Real:
     """Return frequency, damping, MAC and number of other modes, (SNR, band, thesis or default, method, 4, modes)."""
     vehicle = structure(read_vehicle("chain3"))
     truth, clean = theoretical(vehicle), records(vehicle, seed=seed)
@@ -184,9 +184,7 @@ def _diagrams(found: dict[tuple[str, float], Identification]) -> tuple[Block, ..
     return tuple(blocks)
 
 
-def _tables(
-    found: dict[tuple[str, float], Identification], runs: NDArray[np.float64], truth: Modes
-) -> tuple[Block, ...]:
+def _tables(found: dict[tuple[str, float], Identification], runs: Real, truth: Modes) -> tuple[Block, ...]:
     """Tables 4-2 to 4-4."""
     blocks: list[Block] = []
     columns = ("", "f published [Hz]", "f ours [Hz]", "ξ published [%]", "ξ ours [%]")
@@ -247,7 +245,7 @@ def _shapes(found: dict[tuple[str, float], Identification], truth: Modes) -> tup
     return tuple(blocks)
 
 
-def _spreads(runs: NDArray[np.float64], truth: Modes) -> tuple[Block, ...]:
+def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     """Spread over the sets, the thesis' settings and sprung's own."""
     blocks: list[Block] = []
     for i, snr in enumerate(RATIOS):
@@ -274,7 +272,7 @@ def _spreads(runs: NDArray[np.float64], truth: Modes) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
-def _verdict(runs: NDArray[np.float64], found: dict[tuple[str, float], Identification]) -> str:
+def _verdict(runs: Real, found: dict[tuple[str, float], Identification]) -> str:
     """Say what reproduces and what does not."""
     white = [[share(runs[:, i, 0, 0, m, 0, k]) for k in range(3)] for i in range(2) for m in range(3)]
     low = {m: [share(runs[:, 1, 1, 0, n, 0, k]) for k in range(3)] for n, m in enumerate(METHODS)}

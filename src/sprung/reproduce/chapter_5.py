@@ -3,8 +3,8 @@
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.excitation import QUARTER_CASES
 from sprung.identification import Identification, coss_ssi
 from sprung.modal import Modes
@@ -109,7 +109,7 @@ def line_rate(identification: Identification, frequency: float) -> float:
     return np.unique(poles.rungs[near]).size / len(poles.ladder)
 
 
-def experiment(seed: int) -> NDArray[np.float64]:
+def experiment(seed: int) -> Real:
     """Return frequency and damping of both modes, number of others and rates of poles on lines, (variants, 4, 2)."""
     truth = _truth()
     results = np.empty((len(VARIANTS), 4, 2))
@@ -212,7 +212,7 @@ def _cepstrum() -> Block:
     return picture(figure, "Figure 5-13: cepstrum, short-pass lifter and edited cepstrum.")
 
 
-def _table(found: list[Identification], runs: NDArray[np.float64], truth: Modes) -> Table:
+def _table(found: list[Identification], runs: Real, truth: Modes) -> Table:
     """Published and found modes of all variants."""
     rows = []
     for index, (case, is_edited, _, diagram) in enumerate(VARIANTS):
@@ -255,7 +255,7 @@ def _table(found: list[Identification], runs: NDArray[np.float64], truth: Modes)
     return Table("Modes in the four cases, raw and edited", columns, tuple(rows), "–: not found.")
 
 
-def _spreads(runs: NDArray[np.float64], truth: Modes) -> tuple[Block, ...]:
+def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     """Spread over the sets."""
     rows = tuple(f"case {case}{', edited' if is_edited else ''}" for case, is_edited, _, _ in VARIANTS)
     spreads = []
@@ -268,7 +268,7 @@ def _spreads(runs: NDArray[np.float64], truth: Modes) -> tuple[Block, ...]:
     return (picture(figure, f"Spread over {len(runs)} sets of records."),)
 
 
-def _verdict(runs: NDArray[np.float64]) -> str:
+def _verdict(runs: Real) -> str:
     """Say what reproduces and what does not."""
     truth = _truth().natural_frequency
     pulses, edited = (worst_error(runs[:, rows, 0], truth) for rows in (slice(1, 2), slice(4, 6)))

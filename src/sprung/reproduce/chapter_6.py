@@ -3,8 +3,8 @@
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.excitation import HammerBlows
 from sprung.identification import Identification, acs_ssi, coss_ssi
 from sprung.modal import Modes
@@ -126,7 +126,7 @@ def identified_car(runs: list[Recording], method: str, *, is_default: bool = Fal
     return function(runs, settings=None if is_default else settings, vehicle=_car())
 
 
-def experiment(seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def experiment(seed: int) -> tuple[Real, Real]:
     """Return what is found of plate (3, modes) and car (condition, thesis ACS, CoSS or default CoSS, 3, modes)."""
     match = matched(identified_plate(plate_records(seed=seed)).modes, _plate_truth())
     plate = np.array([match.natural_frequency, match.damping_ratio, match.mac])
@@ -159,9 +159,7 @@ def _car_truth(condition: str) -> Modes:
     return theoretical(with_faults(structure(_car()), [parse_fault(text)] if text else []), labels=BODY_MOTIONS)
 
 
-def _plate(
-    truth: Modes, runs: list[Recording], found: Identification, spread: NDArray[np.float64]
-) -> tuple[Block, ...]:
+def _plate(truth: Modes, runs: list[Recording], found: Identification, spread: Real) -> tuple[Block, ...]:
     """Figures 6-7, 6-11 to 6-15 and table 6-2."""
     match = matched(found.modes, truth)
     rows, spreads = [], []
@@ -333,7 +331,7 @@ def _car_coss(coss: dict[str, Identification], truth: Modes) -> tuple[Block, ...
     return tuple(blocks)
 
 
-def _car_tables(cars: NDArray[np.float64]) -> tuple[Block, ...]:
+def _car_tables(cars: Real) -> tuple[Block, ...]:
     """How often which mode is found."""
     rows = []
     methods = ("ACS, thesis", "CoSS, thesis", "CoSS, default")
@@ -408,7 +406,7 @@ def _null() -> tuple[Block, ...]:
     )
 
 
-def _verdict(plates: NDArray[np.float64], cars: NDArray[np.float64]) -> str:
+def _verdict(plates: Real, cars: Real) -> str:
     """Say what reproduces and what does not."""
     plate_truth = _plate_truth().natural_frequency
 

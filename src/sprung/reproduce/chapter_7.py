@@ -4,8 +4,8 @@ from functools import partial
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.excitation import RollerRig, random_speed
 from sprung.identification import METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
@@ -117,7 +117,7 @@ def identified(method: str, runs: list[Recording], *, is_fast: bool = False) -> 
     return METHODS[method](chosen, settings=settings(method, is_fast=is_fast), vehicle=read_vehicle("scale-bogie"))
 
 
-def experiment(seed: int) -> NDArray[np.float64]:
+def experiment(seed: int) -> Real:
     """Return frequency, damping and MAC of the body's modes and number of others, (condition, method, 4, modes)."""
     healthy = theoretical(bogie("normal"), labels=BODY_MOTIONS)
     results = np.full((len(CONDITIONS), len(METHODS), 4, len(healthy)), np.nan)
@@ -217,7 +217,7 @@ def _subsets(coss: dict[str, Identification], truths: dict[str, Modes]) -> tuple
     return tuple(blocks)
 
 
-def _tables(runs: NDArray[np.float64], truths: dict[str, Modes]) -> tuple[Block, ...]:
+def _tables(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     """Published and found frequencies."""
     blocks: list[Block] = []
     nothing = (np.nan, np.nan, np.nan)
@@ -272,7 +272,7 @@ def _time(seconds: float) -> Table:
     )
 
 
-def _faults(runs: NDArray[np.float64], truths: dict[str, Modes]) -> tuple[Block, ...]:
+def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     """What the faults move, in theory and as found."""
     rows = []
     healthy = truths["normal"]
@@ -306,7 +306,7 @@ def _faults(runs: NDArray[np.float64], truths: dict[str, Modes]) -> tuple[Block,
     return (Paragraph(text), table, picture(figure, "Found by CoSS-SSI in all sets."))
 
 
-def _verdict(runs: NDArray[np.float64], truths: dict[str, Modes], seconds: float) -> str:
+def _verdict(runs: Real, truths: dict[str, Modes], seconds: float) -> str:
     """Say what reproduces and what does not."""
     shares = {
         m: ", ".join(f"{label} {100 * share(runs[:, 0, n, 0, k]):.0f} %" for k, label in enumerate(BODY_MOTIONS))

@@ -3,8 +3,8 @@
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.excitation import RollerRig, constant_speed
 from sprung.identification import Identification, coss_ssi
 from sprung.modal import Modes
@@ -99,7 +99,7 @@ def identified(runs: list[Recording], *, is_edited: bool) -> Identification:
     return coss_ssi([one.select(FRAME) for one in runs], settings=settings)
 
 
-def experiment(seed: int) -> NDArray[np.float64]:
+def experiment(seed: int) -> Real:
     """Return frequency, damping, MAC and number of others, raw and edited, (2, 4, modes)."""
     truth, runs = _truth(), records(seed=seed)
     results = np.empty((2, 4, len(truth)))
@@ -202,7 +202,7 @@ def _diagrams(raw: Identification, edited: Identification) -> tuple[Block, ...]:
     )
 
 
-def _tables(edited: Identification, runs: NDArray[np.float64], truth: Modes) -> tuple[Block, ...]:
+def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ...]:
     """Published and found modes."""
     match = matched(edited.modes, truth)
     rows, spreads = [], []
@@ -240,7 +240,7 @@ def _tables(edited: Identification, runs: NDArray[np.float64], truth: Modes) -> 
     )
 
 
-def _verdict(runs: NDArray[np.float64], truth: Modes) -> str:
+def _verdict(runs: Real, truth: Modes) -> str:
     """Say what reproduces and what does not."""
     shares = [
         ", ".join(f"{label} {100 * share(runs[:, row, 0, k]):.0f} %" for k, label in enumerate(truth.labels))

@@ -3,8 +3,8 @@
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung.excitation import RandomInputs
 from sprung.identification import METHODS, IdentificationSettings
 from sprung.modal import Modes
@@ -102,7 +102,7 @@ def settings(how: str) -> IdentificationSettings:
     return thesis_settings(rows=(12, 32), stable_rate=0.5, segment=SEGMENT, sampling_rate=RATE)
 
 
-def experiment(seed: int) -> NDArray[np.float64]:
+def experiment(seed: int) -> Real:
     """Return results of each case, setting and method, (case, how, method, 6, modes).
 
     Rows: frequency, damping, MAC, number of other modes, and of CoSS-SSI the frequency in the lowest and the highest subset.
@@ -125,7 +125,7 @@ def experiment(seed: int) -> NDArray[np.float64]:
     return results
 
 
-def _case(runs: NDArray[np.float64], truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
+def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
     """Table and figure of one case."""
     rows = []
     for j, how in enumerate(HOW):
@@ -162,15 +162,13 @@ def _case(runs: NDArray[np.float64], truth: Modes, is_nonlinear: bool) -> tuple[
     )
 
 
-def _bias_and_spread(relative: NDArray[np.float64], *, digits: int = 2) -> str:
+def _bias_and_spread(relative: Real, *, digits: int = 2) -> str:
     """Return mean and standard deviation in percent."""
     found = 100 * relative[np.isfinite(relative)]
     return f"{found.mean():+.{digits}f} ± {found.std():.{digits}f}" if found.size else "–"
 
 
-def gain(
-    runs: NDArray[np.float64], truth: NDArray[np.float64], *, row: int, how: int, quantity: int, mode: int
-) -> tuple[float, float]:
+def gain(runs: Real, truth: Real, *, row: int, how: int, quantity: int, mode: int) -> tuple[float, float]:
     """Return by how much the error of CoSS is smaller than that of ACS in the same set, with its standard error [%]."""
     errors = 100 * np.abs(runs[:, row, how, 1:, quantity, mode] / truth[mode] - 1)
     difference = errors[:, 0] - errors[:, 1]
@@ -180,7 +178,7 @@ def gain(
     return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(difference.size))
 
 
-def _paired(runs: NDArray[np.float64], truth: Modes) -> Table:
+def _paired(runs: Real, truth: Modes) -> Table:
     """Error of ACS less that of CoSS in the same sets."""
     rows = []
     for i, case in enumerate(LINEAR):
@@ -198,7 +196,7 @@ def _paired(runs: NDArray[np.float64], truth: Modes) -> Table:
     return Table("Error of ACS-Cov-SSI less that of CoSS-SSI", columns, tuple(rows), remark)
 
 
-def _levels(runs: NDArray[np.float64]) -> Table:
+def _levels(runs: Real) -> Table:
     """Frequency in the highest over that in the lowest subset of CoSS-SSI."""
     change = 100 * (runs[:, :, :, 2, 5] / runs[:, :, :, 2, 4] - 1)
     rows = tuple(
@@ -211,7 +209,7 @@ def _levels(runs: NDArray[np.float64]) -> Table:
     return Table("Frequency in the subset of the highest level over that of the lowest, less 1", columns, rows, remark)
 
 
-def _verdict(runs: NDArray[np.float64], truth: Modes) -> str:
+def _verdict(runs: Real, truth: Modes) -> str:
     """Say where CoSS-SSI wins."""
     wins: list[str] = []
     losses: list[str] = []

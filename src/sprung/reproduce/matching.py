@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from sprung._arrays import Real
 from sprung.modal import Modes, mac
 from sprung.vehicles import Structure
 
@@ -25,9 +25,9 @@ class Match:
         Found modes that are none of the true ones.
     """
 
-    natural_frequency: NDArray[np.float64]
-    damping_ratio: NDArray[np.float64]
-    mac: NDArray[np.float64]
+    natural_frequency: Real
+    damping_ratio: Real
+    mac: Real
     n_others: int
 
 

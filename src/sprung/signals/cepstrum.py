@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import fft, interpolate
 
+from sprung._arrays import Complex, Real
 from sprung._checks import check_complete, check_number
 from sprung.errors import ParameterError
 from sprung.recording import Recording
@@ -19,7 +20,7 @@ AMPLITUDE_FLOOR = 1e-9
 class Lifter(Protocol):
     """Weights over quefrency; its `repr` is what the history of an edited recording says."""
 
-    def weights(self, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+    def weights(self, quefrency: Real) -> Real:
         """Return the weight at each quefrency [s], which is never negative."""
 
 
@@ -40,7 +41,7 @@ class ShortPass:
     def __post_init__(self) -> None:
         check_number("length of the short-pass lifter", self.length, above=0)
 
-    def weights(self, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+    def weights(self, quefrency: Real) -> Real:
         """Return 1 below `length`, 0 from there on."""
         return (quefrency < self.length).astype(np.float64)
 
@@ -62,7 +63,7 @@ class Exponential:
         """How far every pole moves to the left [rad/s]."""
         return 1 / self.time_constant
 
-    def weights(self, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+    def weights(self, quefrency: Real) -> Real:
         """Return the exponential."""
         return np.exp(-quefrency / self.time_constant)
 
@@ -84,7 +85,7 @@ class Comb:
         check_number("period", self.period, above=0)
         check_number("width", self.width, at_least=0, at_most=self.period, advice="a notch cannot exceed a period")
 
-    def weights(self, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+    def weights(self, quefrency: Real) -> Real:
         """Return 0 near the period's multiples from the first on, 1 elsewhere."""
         multiple = np.round(quefrency / self.period)
         spacing = quefrency[1] - quefrency[0] if quefrency.size > 1 else 0.0
@@ -92,7 +93,7 @@ class Comb:
         return np.where(is_near & (multiple >= 1), 0.0, 1.0)
 
 
-def real_cepstrum(samples: ArrayLike) -> NDArray[np.float64]:
+def real_cepstrum(samples: ArrayLike) -> Real:
     """Return the real cepstrum c = IFFT(ln |FFT(x)|) along the last axis, for the mean removed.
 
     Parameters
@@ -107,7 +108,7 @@ def real_cepstrum(samples: ArrayLike) -> NDArray[np.float64]:
     """
     x = np.asarray(samples, dtype=np.float64)
     spectrum = fft.rfft(x - x.mean(axis=-1, keepdims=True), axis=-1)
-    return np.asarray(fft.irfft(_log_amplitude(spectrum), x.shape[-1], axis=-1))
+    return fft.irfft(_log_amplitude(spectrum), x.shape[-1], axis=-1)
 
 
 def edit(recording: Recording, lifter: Lifter) -> Recording:
@@ -206,7 +207,7 @@ def edit_over_distance(recording: Recording, lifter: Lifter, *, speed: str, mini
     return recording.changed(f"cepstrum edited over the distance of {speed!r} with {lifter}", samples=samples)
 
 
-def subtract_lifter_damping(poles: ArrayLike, time_constant: float) -> NDArray[np.complex128]:
+def subtract_lifter_damping(poles: ArrayLike, time_constant: float) -> Complex:
     """Take off the damping that an exponential lifter added to the poles identified after it.
 
     Parameters
@@ -236,7 +237,7 @@ def subtract_lifter_damping(poles: ArrayLike, time_constant: float) -> NDArray[n
     return np.asarray(poles, dtype=np.complex128) + 1 / time_constant
 
 
-def _edited(samples: NDArray[np.float64], sampling_rate: float, lifter: Lifter) -> NDArray[np.float64]:
+def _edited(samples: Real, sampling_rate: float, lifter: Lifter) -> Real:
     """Edit one stretch, shape (channels, samples)."""
     n_samples = samples.shape[1]
     length = fft.next_fast_len(n_samples, real=True)
@@ -251,7 +252,7 @@ def _edited(samples: NDArray[np.float64], sampling_rate: float, lifter: Lifter) 
     return np.where(centred.any(axis=1, keepdims=True), edited, samples)
 
 
-def _log_amplitude(spectrum: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _log_amplitude(spectrum: Complex) -> Real:
     """Return ln |X|, floored, with the empty bin at zero frequency taken from its neighbour."""
     amplitude = np.abs(spectrum)
     amplitude[..., 0] = amplitude[..., min(1, amplitude.shape[-1] - 1)]
@@ -260,7 +261,7 @@ def _log_amplitude(spectrum: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.log(np.maximum(amplitude, floor))
 
 
-def _checked_weights(lifter: Lifter, quefrency: NDArray[np.float64]) -> NDArray[np.float64]:
+def _checked_weights(lifter: Lifter, quefrency: Real) -> Real:
     """Return the lifter's weights if they are finite and fit the quefrencies."""
     weights = np.asarray(lifter.weights(quefrency), dtype=np.float64)
     if weights.shape != quefrency.shape or not np.isfinite(weights).all():
@@ -271,7 +272,7 @@ def _checked_weights(lifter: Lifter, quefrency: NDArray[np.float64]) -> NDArray[
     return weights
 
 
-def _stretch_means(recording: Recording) -> NDArray[np.float64]:
+def _stretch_means(recording: Recording) -> Real:
     """Return the mean of each channel over its stretch, at each sample."""
     means = np.empty_like(recording.samples)
     for stretch in recording.stretches():

@@ -8,14 +8,12 @@ from fractions import Fraction
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import interpolate, signal
 
+from sprung._arrays import Booleans, Real
 from sprung._checks import check_complete, check_number
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Gap, Recording
-
-Samples = NDArray[np.float64]
 
 #: Part of the new band that decimation passes unchanged (ripple below 0.01 %).
 PASS_BAND = Fraction(4, 5)
@@ -229,7 +227,7 @@ def without_missing(recording: Recording) -> Recording:
     return _joined(recording, pieces, step=step, advice="no sample has a value in every channel")
 
 
-def distance_travelled(recording: Recording, speed: str) -> Samples:
+def distance_travelled(recording: Recording, speed: str) -> Real:
     """Return the distance since the first sample at each sample [m], from the channel named `speed` [m/s].
 
     The trapezoidal rule; across a gap the mean of the speeds on its two sides is taken to have held.
@@ -333,7 +331,7 @@ def _stretches_with_onset(recording: Recording) -> list[tuple[float, slice]]:
 
 
 def _joined(
-    recording: Recording, pieces: list[tuple[float, Samples]], *, step: str, advice: str, **fields: Any
+    recording: Recording, pieces: list[tuple[float, Real]], *, step: str, advice: str, **fields: Any
 ) -> Recording:
     """Return a recording of `pieces`, each with its onset after the old first sample, and gaps between them."""
     if not pieces:
@@ -349,13 +347,13 @@ def _joined(
     return recording.changed(step, **{"samples": samples, "gaps": gaps, **fields})
 
 
-def _runs(is_wanted: NDArray[np.bool_]) -> list[slice]:
+def _runs(is_wanted: Booleans) -> list[slice]:
     """Return the ranges in which `is_wanted` holds throughout."""
     edges = np.flatnonzero(np.diff(is_wanted, prepend=False, append=False))
     return [slice(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
-def _stages(ratio: Fraction) -> list[tuple[Fraction, Samples]]:
+def _stages(ratio: Fraction) -> list[tuple[Fraction, Real]]:
     """Split a resampling ratio into stages, each with its filter: a coarse one first where it saves work."""
     if ratio == 1:
         return []
@@ -371,16 +369,16 @@ def _stages(ratio: Fraction) -> list[tuple[Fraction, Samples]]:
     ]
 
 
-def _low_pass(pass_edge: Fraction, stop_edge: Fraction, ratio: Fraction) -> Samples:
+def _low_pass(pass_edge: Fraction, stop_edge: Fraction, ratio: Fraction) -> Real:
     """Design the filter of one stage; edges in cycles per input sample, taps at `ratio.numerator` times its rate."""
     width = float(stop_edge - pass_edge) / ratio.numerator
     n_taps = int(np.ceil((STOP_BAND - 7.95) / (2.285 * 2 * np.pi * width))) | 1
     window = ("kaiser", signal.kaiser_beta(STOP_BAND))
     taps = signal.firwin(n_taps, float(pass_edge + stop_edge) / ratio.numerator, window=window)
-    return np.asarray(taps * ratio.numerator)
+    return taps * ratio.numerator
 
 
-def _resampled(samples: Samples, ratio: Fraction, taps: Samples) -> Samples:
+def _resampled(samples: Real, ratio: Fraction, taps: Real) -> Real:
     """Filter and resample one stretch, so that the first new sample is at the first old one."""
     up, down = ratio.numerator, ratio.denominator
     half = taps.size // 2
@@ -390,5 +388,5 @@ def _resampled(samples: Samples, ratio: Fraction, taps: Samples) -> Samples:
     shifted = np.concatenate([np.zeros(-delay % down), taps])
     first = (delay + (-delay % down)) // down
     n_new = -(-samples.shape[1] * up // down)
-    resampled: Samples = signal.upfirdn(shifted, extended, up, down, axis=-1)
+    resampled: Real = signal.upfirdn(shifted, extended, up, down, axis=-1)
     return resampled[:, first : first + n_new]

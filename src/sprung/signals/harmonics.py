@@ -6,16 +6,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
 
+from sprung._arrays import Booleans
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 from sprung.signals.conditioning import moving_parts, over_distance, while_moving
 from sprung.signals.narrow_lines import Line, largest_family, merged, multiples, narrow_lines, octaves
-
-Numbers = NDArray[np.float64]
 
 #: Least distance of consecutive segments in time constants of the least damped mode (their powers are independent
 #: then, but for a few per cent).
@@ -168,7 +167,7 @@ def near_harmonic(
     harmonics: Sequence[Harmonic],
     *,
     resolution: float,
-) -> NDArray[np.bool_]:
+) -> Booleans:
     """Tell which poles are harmonics rather than modes.
 
     Parameters

@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Indices, Real
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 
@@ -184,7 +184,7 @@ class _Tally:
     n_stuck: int = 0
 
 
-def _tally(samples: NDArray[np.float64], block: Recording) -> _Tally:
+def _tally(samples: Real, block: Recording) -> _Tally:
     """Return the sums over one channel of a block."""
     values = samples[~np.isnan(samples)]
     if values.size == 0:
@@ -206,7 +206,7 @@ def _tally(samples: NDArray[np.float64], block: Recording) -> _Tally:
     )
 
 
-def _runs(samples: NDArray[np.float64], block: Recording) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _runs(samples: Real, block: Recording) -> tuple[Indices, Indices]:
     """Return start and length of every run of equal samples; a gap ends a run."""
     is_start = np.ones(samples.size, dtype=bool)
     is_start[1:] = np.diff(samples) != 0

@@ -5,13 +5,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft, special, stats
 
+from sprung._arrays import Indices, Real
 from sprung.recording import Recording
 from sprung.signals.spectrum import short_time_spectra
-
-Numbers = NDArray[np.float64]
 
 #: Bins of the Hann window's main lobe on each side, and of the neighbourhood beyond it that a line must exceed.
 MAIN_LOBE, NEIGHBOURHOOD = 2, 12
@@ -110,7 +108,7 @@ def narrow_lines(
     return lines
 
 
-def chance_of_regularity(powers: Numbers) -> float:
+def chance_of_regularity(powers: Real) -> float:
     """Return the probability that the powers of random vibration differ as little from segment to segment.
 
     Parameters
@@ -236,12 +234,12 @@ def _random_height(n_segments: int, rate: float, is_geometric: bool) -> float:
     return 10 * math.log10(stats.chi2.isf(rate, 2 * n_segments) / (2 * n_segments))
 
 
-def _geometric_mean(powers: Numbers) -> Numbers:
+def _geometric_mean(powers: Real) -> Real:
     """Average the logarithms over the segments."""
-    return np.asarray(np.exp(np.mean(np.log(np.maximum(powers, np.finfo(np.float64).tiny)), axis=1)))
+    return np.exp(np.mean(np.log(np.maximum(powers, np.finfo(np.float64).tiny)), axis=1))
 
 
-def _peaks(density: Numbers) -> tuple[NDArray[np.intp], Numbers]:
+def _peaks(density: Real) -> tuple[Indices, Real]:
     """Return the highest bins of main lobes and their height over the median of the higher neighbourhood [dB]."""
     margin = 2 * MAIN_LOBE + 1
     lobes = np.lib.stride_tricks.sliding_window_view(density, 2 * MAIN_LOBE + 1).max(axis=-1)
@@ -257,7 +255,7 @@ def _peaks(density: Numbers) -> tuple[NDArray[np.intp], Numbers]:
     return bins, 10 * np.log10(density[bins] / floor)
 
 
-def _offset(three: Numbers) -> float:
+def _offset(three: Real) -> float:
     """Return where the parabola through the logarithms of a peak and its neighbours is highest [bins]."""
     below, at, above = np.log(np.maximum(three, np.finfo(np.float64).tiny))
     return float((below - above) / (2 * (below - 2 * at + above))) if at > max(below, above) else 0.0

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
-from sprung._checks import check_complete, check_number, frozen_array
+from sprung._arrays import Complex, Real
+from sprung._checks import check_complete, check_number, freeze
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 
@@ -34,24 +34,24 @@ class SpectralMatrix:
         How many were averaged.
     """
 
-    frequencies: NDArray[np.float64]
-    matrix: NDArray[np.complex128]
+    frequencies: Real
+    matrix: Complex
     names: tuple[str, ...]
     segment_length: float
     n_segments: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "frequencies", frozen_array("frequencies", self.frequencies, ndim=1))
-        object.__setattr__(self, "matrix", frozen_array("matrix", self.matrix, ndim=3, dtype=np.complex128))
+        freeze(self, frequencies=1)
+        freeze(self, matrix=3, dtype=np.complex128)
         shape = (len(self.names), len(self.names), self.frequencies.size)
         if self.matrix.shape != shape:
             raise ParameterError(f"matrix has shape {self.matrix.shape}, but must have {shape}")
         check_number("n_segments", self.n_segments, at_least=1)
 
     @property
-    def densities(self) -> NDArray[np.float64]:
+    def densities(self) -> Real:
         """Power spectral density of each channel, shape (channels, frequencies)."""
-        return np.asarray(np.einsum("ppf->pf", self.matrix).real)
+        return np.einsum("ppf->pf", self.matrix).real
 
     def __add__(self, other: "SpectralMatrix") -> "SpectralMatrix":
         """Average with `other`, of the same channels and settings, as if all segments were one recording's."""
@@ -122,9 +122,7 @@ def spectral_matrix(recording: Recording, *, segment_length: float, overlap: flo
     return SpectralMatrix(frequencies, matrix, recording.names, segment_length, n_segments)
 
 
-def short_time_spectra(
-    recording: Recording, *, segment_length: float, overlap: float = 0.5
-) -> Iterator[NDArray[np.complex128]]:
+def short_time_spectra(recording: Recording, *, segment_length: float, overlap: float = 0.5) -> Iterator[Complex]:
     """Yield the spectra of consecutive segments, scaled as in `spectral_matrix`, in blocks of bounded size.
 
     Parameters
@@ -163,7 +161,7 @@ def short_time_spectra(
             yield np.fft.rfft(block, axis=-1) * np.sqrt(factors)
 
 
-def singular_values(spectra: SpectralMatrix) -> NDArray[np.float64]:
+def singular_values(spectra: SpectralMatrix) -> Real:
     """Return the singular values of the spectral matrix at each frequency.
 
     Parameters
@@ -182,7 +180,7 @@ def singular_values(spectra: SpectralMatrix) -> NDArray[np.float64]:
     The matrix is Hermitian and positive semidefinite, so they are its eigenvalues, none below 0.
     """
     eigenvalues = np.linalg.eigvalsh(spectra.matrix.transpose(2, 0, 1))
-    return np.asarray(np.maximum(eigenvalues.T[::-1], 0.0))
+    return np.maximum(eigenvalues.T[::-1], 0.0)
 
 
 def _n_per_segment(recording: Recording, segment_length: float) -> int:

@@ -3,10 +3,10 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, matrix_balance, schur
 from scipy.signal import lfilter
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.excitation import Excitation, RandomInputs
@@ -19,7 +19,7 @@ from sprung.vehicles import StateSpace, Structure
 SMOOTH_RATE = 1000.0
 
 
-def response(discrete: StateSpace, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+def response(discrete: StateSpace, inputs: Real) -> Real:
     """Return the outputs of a sampled state space that starts at rest.
 
     Parameters
@@ -51,7 +51,7 @@ def response(discrete: StateSpace, inputs: NDArray[np.float64]) -> NDArray[np.fl
     for row in reversed(range(len(T))):
         drive[row] += T[row, row + 1 :] @ states[row + 1 :]
         states[row, 1:] = lfilter([1.0], [1.0, -T[row, row]], drive[row, :-1])
-    return np.asarray(((discrete.output_matrix * scale @ Q) @ states).real + discrete.feedthrough @ inputs)
+    return ((discrete.output_matrix * scale @ Q) @ states).real + discrete.feedthrough @ inputs
 
 
 def with_linear_inputs(continuous: StateSpace, *, sampling_rate: float) -> StateSpace:
@@ -87,7 +87,7 @@ def with_linear_inputs(continuous: StateSpace, *, sampling_rate: float) -> State
     )
 
 
-def with_rises(inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_rises(inputs: Real) -> Real:
     """Return inputs (inputs, samples) with their rises to the next sample below them, the last one 0."""
     return np.vstack([inputs, np.diff(inputs, axis=1, append=inputs[:, -1:])])
 

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of, required
 from sprung.errors import ParameterError
 from sprung.excitation import Excitation
@@ -18,7 +19,6 @@ from sprung.simulation.sensors import with_noise
 from sprung.vehicles import Structure
 from sprung.vehicles.structure import PARTS
 
-Real = NDArray[np.float64]
 #: Times [s] and the factors of a component at them; straight between, constant outside.
 Course = tuple[ArrayLike, ArrayLike]
 

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.excitation import noise
 from sprung.recording import Gap, Recording
-
-Samples = NDArray[np.float64]
 
 
 class Imperfection(Protocol):
@@ -342,12 +340,12 @@ def _rows(recording: Recording, channel: str | None, quantity: str) -> list[int]
     return [row for row, one in enumerate(recording.channels) if one.quantity == quantity]
 
 
-def _row(recording: Recording, channel: str) -> Samples:
+def _row(recording: Recording, channel: str) -> Real:
     """Samples of a channel."""
-    return np.asarray(recording.samples[recording.index(channel)])
+    return recording.samples[recording.index(channel)]
 
 
-def _changed(recording: Recording, channel: str, samples: Samples, what: str) -> Recording:
+def _changed(recording: Recording, channel: str, samples: Real, what: str) -> Recording:
     """Return the recording with other samples of one channel."""
     every = recording.samples.copy()
     every[recording.index(channel)] = samples
@@ -360,6 +358,6 @@ def _onset(recording: Recording, time: float) -> int:
     return min(round(time * recording.sampling_rate), recording.n_samples)
 
 
-def _rms(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rms(samples: Real) -> Real:
     """RMS of each channel over the samples that are there."""
-    return np.asarray(np.sqrt(np.nanmean(samples**2, axis=1)))
+    return np.sqrt(np.nanmean(samples**2, axis=1))

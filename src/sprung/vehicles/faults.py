@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.vehicles.structure import Structure
@@ -51,7 +52,7 @@ class Fault:
         """Times at which the course of the fault bends [s]; two equal ones are a step."""
         return (self.onset, self.onset + self.growth)
 
-    def factor(self, time: ArrayLike) -> NDArray[np.float64]:
+    def factor(self, time: ArrayLike) -> Real:
         """Return value over healthy value of the component at times [s]."""
         t = np.asarray(time, dtype=np.float64)
         if self.growth == 0:

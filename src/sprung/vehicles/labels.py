@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sprung._arrays import Complex, Real
 from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.vehicles import (
@@ -30,8 +30,8 @@ _NEARBY = 0.2
 
 
 def rigid_body_participation(
-    modes: Modes, channels: Sequence[Channel], *, mass: NDArray[np.float64] | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    modes: Modes, channels: Sequence[Channel], *, mass: Real | None = None
+) -> tuple[Real, Real]:
     """Return the share of bounce, pitch and roll in each mode, and how much of its shape they explain.
 
     Parameters
@@ -88,7 +88,7 @@ def _is_placed(channel: Channel) -> bool:
     return is_motion and channel.direction is not None and has_place
 
 
-def _sensed(outputs: Outputs, pole: complex) -> NDArray[np.complex128]:
+def _sensed(outputs: Outputs, pole: complex) -> Complex:
     """Return what the sensors read of unit motions at a pole."""
     return np.asarray(outputs.acceleration * pole**2 + outputs.velocity * pole + outputs.displacement, dtype=complex)
 

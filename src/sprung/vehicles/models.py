@@ -5,8 +5,9 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.vehicles.description import Axle, Chain, Description, MountedMass, Quarter, Vehicle, corner_names
@@ -158,7 +159,7 @@ def _vehicle(description: Vehicle) -> Structure:
     )
 
 
-def wheel_hop_frequencies(description: Vehicle) -> NDArray[np.float64]:
+def wheel_hop_frequencies(description: Vehicle) -> Real:
     """Return the wheel hop frequency of each axle with the body held still [Hz], shape (axles,); NaN without wheels.
 
     Notes
@@ -169,7 +170,7 @@ def wheel_hop_frequencies(description: Vehicle) -> NDArray[np.float64]:
     halves = np.array([(axle.wheelset_mass or 0.0) / 2 for axle in description.axle])
     unsprung = _unsprung_masses(description) + halves
     stiffness = [axle.spring_stiffness + (axle.tyre_stiffness or np.nan) for axle in description.axle]
-    return np.asarray(np.sqrt(np.array(stiffness) / unsprung) / (2 * np.pi))
+    return np.sqrt(np.array(stiffness) / unsprung) / (2 * np.pi)
 
 
 def _corners(description: Vehicle) -> list[_Corner]:
@@ -203,13 +204,13 @@ def _masses(description: Vehicle) -> list[float]:
     return [body.mass, pitch_inertia, roll_inertia, *plane, *wheels, *(part.mass for part in description.mounted_mass)]
 
 
-def _unsprung_masses(description: Vehicle) -> NDArray[np.float64]:
+def _unsprung_masses(description: Vehicle) -> Real:
     """Mass of one wheel of each axle, or of what is fixed to one end of a wheelset."""
     usual = UNSPRUNG_SHARE * description.body.mass / (2 * len(description.axle))
     return np.array([axle.unsprung_mass or (usual if axle.wheelset_mass is None else 0.0) for axle in description.axle])
 
 
-def _wheel_row(coordinates: Sequence[str], corner: _Corner, y: float) -> NDArray[np.float64]:
+def _wheel_row(coordinates: Sequence[str], corner: _Corner, y: float) -> Real:
     """Upward displacement of a corner's wheel, or of its wheelset at y [m], for one unit of each coordinate."""
     row = np.zeros(len(coordinates))
     wheelset = f"wheelset_{corner.name.rsplit('_', 1)[0]}"
@@ -220,7 +221,7 @@ def _wheel_row(coordinates: Sequence[str], corner: _Corner, y: float) -> NDArray
     return row
 
 
-def _deflection(coordinates: Sequence[str], corner: _Corner) -> NDArray[np.float64]:
+def _deflection(coordinates: Sequence[str], corner: _Corner) -> Real:
     """Elongation of a corner's suspension for one unit of each coordinate."""
     return body_row(coordinates, x=corner.axle.x, y=corner.y) - _wheel_row(coordinates, corner, corner.y)
 

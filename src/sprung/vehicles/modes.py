@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sprung._checks import frozen_array
+from sprung._arrays import Complex, Real
+from sprung._checks import freeze, frozen_array
 from sprung.modal import damping_ratio, natural_frequency, unit_shapes
 from sprung.vehicles.system import MechanicalSystem, Outputs
 
@@ -34,23 +34,23 @@ class ExactModes:
         For each mode "bounce", "pitch", "roll", "sway", "yaw", "wheel_hop" or None.
     """
 
-    poles: NDArray[np.complex128]
-    mode_shapes: NDArray[np.complex128]
+    poles: Complex
+    mode_shapes: Complex
     channels: tuple[str, ...]
     labels: tuple[str | None, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "poles", frozen_array("poles", self.poles, ndim=1, dtype=np.complex128))
+        freeze(self, poles=1, dtype=np.complex128)
         shapes = frozen_array("mode_shapes", self.mode_shapes, ndim=2, dtype=np.complex128)
         object.__setattr__(self, "mode_shapes", shapes)
 
     @property
-    def natural_frequency(self) -> NDArray[np.float64]:
+    def natural_frequency(self) -> Real:
         """Undamped natural frequencies abs(pole) / 2 pi [Hz]."""
         return natural_frequency(self.poles)
 
     @property
-    def damping_ratio(self) -> NDArray[np.float64]:
+    def damping_ratio(self) -> Real:
         """Damping ratios -Re(pole) / abs(pole)."""
         return damping_ratio(self.poles)
 
@@ -80,14 +80,14 @@ def modes(system: MechanicalSystem, outputs: Outputs) -> ExactModes:
     )
 
 
-def _reach(outputs: Outputs, pulsation: NDArray[np.float64]) -> NDArray[np.float64]:
+def _reach(outputs: Outputs, pulsation: Real) -> Real:
     """Largest reading of any sensor for motions of size 1 at each pulsation [rad/s]."""
     matrices = (outputs.displacement, outputs.velocity, outputs.acceleration)
     sizes = [np.abs(matrix).max(initial=0.0) * pulsation**order for order, matrix in enumerate(matrices)]
-    return np.asarray(np.sum(sizes, axis=0))
+    return np.sum(sizes, axis=0)
 
 
-def _seen_shapes(shapes: NDArray[np.complex128], reach: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _seen_shapes(shapes: Complex, reach: Real) -> Complex:
     """Scale shapes to 1 at their largest channel; zeros where no sensor sees the mode but for rounding."""
     if shapes.size == 0:
         return shapes
@@ -95,7 +95,7 @@ def _seen_shapes(shapes: NDArray[np.complex128], reach: NDArray[np.float64]) -> 
     return unit_shapes(shapes * is_seen[:, None])
 
 
-def participation(mass: NDArray[np.float64], shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
+def participation(mass: Real, shapes: Complex) -> Real:
     """Return the share of each coordinate in the kinetic energy of each shape (modes, n); rows sum to 1.
 
     Notes
@@ -103,10 +103,10 @@ def participation(mass: NDArray[np.float64], shapes: NDArray[np.complex128]) -> 
     The share of coordinate i is Re(conj(q_i) (M q)_i) / (q^H M q).
     """
     energy = (shapes.conj() * (shapes @ mass)).real
-    return np.asarray(energy / energy.sum(axis=1, keepdims=True))
+    return energy / energy.sum(axis=1, keepdims=True)
 
 
-def _labels(system: MechanicalSystem, shapes: NDArray[np.complex128]) -> tuple[str | None, ...]:
+def _labels(system: MechanicalSystem, shapes: Complex) -> tuple[str | None, ...]:
     """Label a mode by the motion of largest energy; each body motion labels one mode, its strongest."""
     shares = participation(system.mass, shapes)
     labels: list[str | None] = [None] * len(shapes)

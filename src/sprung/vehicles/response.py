@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from sprung._checks import frozen_array
+from sprung._arrays import Complex, Real
+from sprung._checks import freeze, frozen_array
 from sprung.errors import ParameterError
 from sprung.vehicles.structure import PARTS, Element, Structure
-
-Complex = NDArray[np.complex128]
 
 
 def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
@@ -49,7 +48,7 @@ def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
     space = structure.state_space()
     resolvent = 2j * np.pi * f[:, None, None] * np.eye(len(space.state_matrix)) - space.state_matrix
     states = np.linalg.solve(resolvent, np.broadcast_to(space.input_matrix, (f.size, *space.input_matrix.shape)))
-    return np.asarray(space.output_matrix @ states + space.feedthrough)
+    return np.asarray(space.output_matrix @ states + space.feedthrough, dtype=np.complex128)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,12 +66,11 @@ class Sensitivities:
     """
 
     components: tuple[str, ...]
-    natural_frequency: NDArray[np.float64]
-    damping_ratio: NDArray[np.float64]
+    natural_frequency: Real
+    damping_ratio: Real
 
     def __post_init__(self) -> None:
-        for name in ("natural_frequency", "damping_ratio"):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=2))
+        freeze(self, natural_frequency=2, damping_ratio=2)
 
 
 def sensitivities(structure: Structure) -> Sensitivities:
@@ -110,7 +108,7 @@ def _coordinate_shapes(structure: Structure, poles: Complex) -> Complex:
     """Shapes of the poles in the coordinates, shape (modes, n)."""
     eigenvalues, vectors = np.linalg.eig(structure.system.state_matrix())
     order = np.argmin(np.abs(eigenvalues[:, None] - poles), axis=0)
-    return np.asarray(vectors[: len(structure.coordinates), order].T)
+    return vectors[: len(structure.coordinates), order].T
 
 
 def _arm_slope(element: Element, s: Complex) -> Complex:
@@ -126,4 +124,4 @@ def _arm_change(element: Element, s: Complex) -> Complex:
     if element.series_stiffness is None or element.damping == 0:
         return s * element.damping
     stiffness = 1 / (1 / (s * element.damping) + 1 / element.series_stiffness)
-    return np.asarray(stiffness**2 / (s * element.damping))
+    return stiffness**2 / (s * element.damping)

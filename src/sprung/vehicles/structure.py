@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sprung._checks import check_number, check_one_of, frozen_array
+from sprung._arrays import Real
+from sprung._checks import check_number, check_one_of, freeze
 from sprung.errors import ParameterError
 from sprung.recording import Channel
 from sprung.vehicles.modes import ExactModes, modes
@@ -67,14 +67,14 @@ class Element:
 
     owner: str
     part: str
-    elongation: NDArray[np.float64]
+    elongation: Real
     stiffness: float
     damping: float = 0.0
     foot: str | None = None
     series_stiffness: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "elongation", frozen_array("elongation", self.elongation, ndim=1))
+        freeze(self, elongation=1)
         check_one_of("part", self.part, PARTS)
         check_number(f"stiffness of {self.owner} {self.part}", self.stiffness, at_least=0)
         check_number(f"damping of {self.owner} {self.part}", self.damping, at_least=0)
@@ -108,15 +108,14 @@ class Structure:
     """
 
     coordinates: tuple[str, ...]
-    mass: NDArray[np.float64]
+    mass: Real
     elements: tuple[Element, ...]
     inputs: tuple[str, ...]
-    forces: NDArray[np.float64]
+    forces: Real
     outputs: Outputs
 
     def __post_init__(self) -> None:
-        for name in ("mass", "forces"):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=2))
+        freeze(self, mass=2, forces=2)
         n = len(self.coordinates)
         for element in self.elements:
             if len(element.elongation) != n:
@@ -132,12 +131,12 @@ class Structure:
             )
 
     @property
-    def elongations(self) -> NDArray[np.float64]:
+    def elongations(self) -> Real:
         """Elongation of each element for one unit of each coordinate, shape (elements, n)."""
         return np.stack([element.elongation for element in self.elements])
 
     @property
-    def feet(self) -> NDArray[np.float64]:
+    def feet(self) -> Real:
         """1 where the base displacement of an input moves the foot of an element, shape (elements, inputs)."""
         return np.array([[float(element.foot == name) for name in self.inputs] for element in self.elements])
 
@@ -271,7 +270,7 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
     return Outputs(channels=tuple(sensors), acceleration=rows[2], velocity=rows[1], displacement=rows[0])
 
 
-def body_row(coordinates: Sequence[str], *, x: float, y: float) -> NDArray[np.float64]:
+def body_row(coordinates: Sequence[str], *, x: float, y: float) -> Real:
     """Return the upward displacement of the body at (x, y) [m] for one unit of each coordinate, shape (n,).
 
     Notes
@@ -286,10 +285,10 @@ def body_row(coordinates: Sequence[str], *, x: float, y: float) -> NDArray[np.fl
     return row
 
 
-def _weighted_gram(rows: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _weighted_gram(rows: Real, weights: Real) -> Real:
     """Sum of weight times row^T row, symmetric to the last digit."""
     gram = (rows.T * weights) @ rows
-    return np.asarray((gram + gram.T) / 2)
+    return (gram + gram.T) / 2
 
 
 def _motion(sensor: Channel, carrier: str, *, is_rotation: bool) -> dict[str, float]:

@@ -4,10 +4,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
-from sprung._checks import check_number, frozen_array
+from sprung._arrays import Real
+from sprung._checks import check_number, freeze
 from sprung.errors import ParameterError
 from sprung.recording import Channel
 
@@ -45,23 +46,22 @@ class MechanicalSystem:
     bushings: c z' = k (A q - z).
     """
 
-    mass: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    stiffness: NDArray[np.float64]
-    input_matrix: NDArray[np.float64]
+    mass: Real
+    damping: Real
+    stiffness: Real
+    input_matrix: Real
     coordinates: tuple[str, ...]
     inputs: tuple[str, ...]
-    arm_elongations: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    arm_stiffness: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    arm_damping: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    arm_elongations: Real = field(default_factory=lambda: np.zeros((0, 0)))
+    arm_stiffness: Real = field(default_factory=lambda: np.zeros(0))
+    arm_damping: Real = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         n = len(self.coordinates)
         if self.arm_elongations.size == 0:
             object.__setattr__(self, "arm_elongations", np.zeros((0, n)))
-        _freeze(self, "mass", "damping", "stiffness", "input_matrix", "arm_elongations")
-        for name in ("arm_stiffness", "arm_damping"):
-            object.__setattr__(self, name, frozen_array(name, getattr(self, name), ndim=1))
+        freeze(self, mass=2, damping=2, stiffness=2, input_matrix=2, arm_elongations=2)
+        freeze(self, arm_stiffness=1, arm_damping=1)
         shapes = {"mass": (n, n), "damping": (n, n), "stiffness": (n, n), "input_matrix": (n, len(self.inputs))}
         _check_shapes(self, shapes, reason=f"{n} coordinates and {len(self.inputs)} inputs are named")
         if not np.allclose(self.mass, self.mass.T) or np.linalg.eigvalsh(self.mass)[0] <= 0:
@@ -74,13 +74,13 @@ class MechanicalSystem:
         """Number of degrees of freedom."""
         return len(self.coordinates)
 
-    def accelerations(self) -> NDArray[np.float64]:
+    def accelerations(self) -> Real:
         """Return q'' for one unit of each state of [q, q', z], shape (n, 2 n + arms)."""
         held = (self.arm_elongations.T * self.arm_stiffness) @ self.arm_elongations
         released = -self.arm_elongations.T * self.arm_stiffness
         return np.asarray(-np.linalg.solve(self.mass, np.hstack([self.stiffness + held, self.damping, released])))
 
-    def state_matrix(self) -> NDArray[np.float64]:
+    def state_matrix(self) -> Real:
         """Return A of x' = A x + B u with the state [q, q', z], shape (2 n + arms, 2 n + arms)."""
         n, n_arms = self.n_coordinates, self.arm_damping.size
         rates = self.arm_stiffness / self.arm_damping
@@ -101,12 +101,12 @@ class Outputs:
     """
 
     channels: tuple[Channel, ...]
-    acceleration: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    displacement: NDArray[np.float64]
+    acceleration: Real
+    velocity: Real
+    displacement: Real
 
     def __post_init__(self) -> None:
-        _freeze(self, "acceleration", "velocity", "displacement")
+        freeze(self, acceleration=2, velocity=2, displacement=2)
         shape = (len(self.channels), self.acceleration.shape[1])
         shapes = {"acceleration": shape, "velocity": shape, "displacement": shape}
         _check_shapes(self, shapes, reason=f"{len(self.channels)} channels are described")
@@ -129,14 +129,14 @@ class StateSpace:
         In Hz for x[k+1] = A x[k] + B u[k]; None for x' = A x + B u. In both y = C x + D u.
     """
 
-    state_matrix: NDArray[np.float64]
-    input_matrix: NDArray[np.float64]
-    output_matrix: NDArray[np.float64]
-    feedthrough: NDArray[np.float64]
+    state_matrix: Real
+    input_matrix: Real
+    output_matrix: Real
+    feedthrough: Real
     sampling_rate: float | None = None
 
     def __post_init__(self) -> None:
-        _freeze(self, "state_matrix", "input_matrix", "output_matrix", "feedthrough")
+        freeze(self, state_matrix=2, input_matrix=2, output_matrix=2, feedthrough=2)
         states, inputs = self.input_matrix.shape
         channels = self.output_matrix.shape[0]
         shapes = {
@@ -197,7 +197,7 @@ def exact_correlations(
     n_lags: int,
     references: ArrayLike | None = None,
     input_covariance: ArrayLike | None = None,
-) -> NDArray[np.float64]:
+) -> Real:
     """Return the output correlations of a stable discrete system driven by white noise.
 
     Parameters
@@ -243,9 +243,7 @@ def exact_correlations(
     return correlations
 
 
-def stationary_covariance(
-    state_matrix: NDArray[np.float64], noise_covariance: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def stationary_covariance(state_matrix: Real, noise_covariance: Real) -> Real:
     """Return P of P = A P A^T + W, the covariance of the state under white noise of covariance W.
 
     Parameters
@@ -281,13 +279,7 @@ def stationary_covariance(
         covariance = covariance + power @ covariance @ power.T
         power = power @ power
         power[np.abs(power) < np.finfo(float).tiny] = 0.0
-    return np.asarray((covariance + covariance.T) / 2)
-
-
-def _freeze(value: Any, *names: str) -> None:
-    """Make the named matrices of a frozen value read-only."""
-    for name in names:
-        object.__setattr__(value, name, frozen_array(name, getattr(value, name), ndim=2))
+    return (covariance + covariance.T) / 2
 
 
 def _check_shapes(value: Any, shapes: dict[str, tuple[int, int]], *, reason: str) -> None:
