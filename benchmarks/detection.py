@@ -210,7 +210,7 @@ def vehicle_life(n_healthy, folder, seed):
 def windows(n_healthy, folder, life):
     """Return what the windows that teach, healthy and faulty ones say, and their modes where the thesis' way runs."""
     from sprung.diagnosis import observation_from_dict
-    from sprung.vehicles import Fault
+    from sprung.vehicles import Component, Fault
 
     seed = life["seed"]
     kept = folder / f"{seed}.json.gz" if folder else None
@@ -218,7 +218,7 @@ def windows(n_healthy, folder, life):
         document = json.loads(gzip.decompress(kept.read_bytes()))
         return [*([observation_from_dict(one) for one in part] for part in document), None]
     file, real = described(seed)
-    fault = (Fault(life["name"], -life["size"]),)
+    fault = (Fault(Component.parse(life["name"]), -life["size"]),)
     numbers = (range(LEARNING), range(LEARNING, LEARNING + n_healthy), range(1000, 1000 + MINUTES[-1] // 10))
     parts = [
         [window(file, real, seed, k, faults) for k in some]

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.likelihood import ClassSpectra, Component, Model, RoadInputs, SensorChange, rigid_layout
+from sprung.likelihood import ClassSpectra, Model, RoadInputs, SensorChange, rigid_layout
 from sprung.vehicles import read_vehicle, structure
 
 SEGMENT = 5.12
@@ -27,12 +27,7 @@ def _road_model(vehicle, *, spectra=None, masses=(), model=None, sensors=False, 
     model = structure(vehicle) if model is None else model
     layout = rigid_layout(model)
     spectra = _classes(len(layout.rows)) if spectra is None else spectra
-    free = tuple(
-        Component(owner, name)
-        for owner, owned in model.components().items()
-        if owner.endswith(("left", "right"))
-        for name in owned
-    )
+    free = tuple(component for component in model.components() if component.side)
     inputs = RoadInputs(spectra, np.repeat([axle.x for axle in vehicle.axle], 2), np.array([1.0, -1.0, 1.0, -1.0]))
     changes = ()
     if sensors:

@@ -346,11 +346,11 @@ def test_units_far_off_end_in_a_fit_or_in_words(car, factor):
     run = drive(car, duration=120.0, n_stops=0).recording
     samples = run.samples.copy()
     samples[2] *= factor
-    found = model_error_or_words(replace(run, samples=samples), car)
+    found = error_or_words(replace(run, samples=samples), car)
     assert "check signs" in found if isinstance(found, str) else found > 0.3
 
 
-def model_error_or_words(run, car):
+def error_or_words(run, car):
     try:
         return fit_corners(run, car).model_error
     except DataError as error:

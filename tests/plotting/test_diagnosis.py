@@ -6,19 +6,19 @@ import pytest
 from sprung.diagnosis import Observation, SensorFault, diagnose, learn, mode_changes
 from sprung.errors import ParameterError
 from sprung.plotting import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
-from sprung.vehicles import read_vehicle
+from sprung.vehicles import Component, read_vehicle
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
-NAMES = tuple(f"{corner}.{kind}" for corner in CORNERS for kind in ("spring", "damper", "tyre"))
+COMPONENTS = tuple(Component(corner, kind) for corner in CORNERS for kind in ("spring", "damper", "tyre"))
 COVARIANCE = 0.012**2 * (np.eye(12) + 0.3)
-SPRING = NAMES.index("front_left.spring")
+SPRING = COMPONENTS.index(Component("front_left", "spring"))
 SLOPE = -0.03
 
 
 def window(generator, time, change=0.0):
     values = generator.multivariate_normal(np.zeros(12), COVARIANCE)
     values[SPRING] += change
-    return Observation(time, NAMES, values, COVARIANCE, {}, {"roll": (2.0 + change, 0.2)}, ())
+    return Observation(time, COMPONENTS, values, COVARIANCE, {}, {"roll": (2.0 + change, 0.2)}, ())
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_payload_does_not_look_like_a_change(baseline):
     """All springs 8 % stiffer together are within the thin lines, though not within chance."""
     generator = np.random.default_rng(2)
     every = [window(generator, 600.0 * k) for k in range(8)]
-    springs = 0.08 * np.array([name.endswith("spring") for name in NAMES])
+    springs = 0.08 * np.array([component.kind == "spring" for component in COMPONENTS])
     loaded = [replace(one, log_ratios=one.log_ratios + springs) for one in every]
     found = diagnose(loaded, baseline)
     assert found.findings == ()

@@ -11,7 +11,7 @@ from sprung.errors import ParameterError
 from sprung.excitation import Potholes, SurfaceMotion, constant_speed, random_speed, road_class
 from sprung.simulation import REALISTIC_LAWS, Law, integrate, simulate, simulate_nonlinear
 from sprung.simulation.linear import response, with_linear_inputs, with_rises
-from sprung.vehicles import chain, read_vehicle, structure
+from sprung.vehicles import Component, chain, read_vehicle, structure
 
 RATE = 2000.0
 
@@ -171,7 +171,7 @@ def test_a_course_changes_a_component_in_time():
         np.zeros((1, steps)),
         rate=RATE,
         coordinates=[0.01],
-        courses={"mass_1.spring": ([1.0, 1.0 + 1e-9], [1.0, 0.25])},
+        courses={Component("mass_1", "spring"): ([1.0, 1.0 + 1e-9], [1.0, 0.25])},
     )
     crossings = np.flatnonzero(np.diff(np.signbit(motion.coordinates[0]))) / RATE
     before, after = crossings[crossings < 1.0], crossings[crossings > 1.2]
@@ -193,6 +193,7 @@ def test_what_does_not_fit_is_refused(car):
     with pytest.raises(ParameterError, match="law of 'springs' is not one of"):
         integrate(car, np.zeros((4, 10)), rate=100.0, laws={"springs": Law()})
     with pytest.raises(ParameterError, match=r"component 'front_left.sprung' is not one of"):
-        integrate(car, np.zeros((4, 10)), rate=100.0, courses={"front_left.sprung": ([0.0], [1.0])})
-    with pytest.raises(ParameterError, match="must have rising times"):
-        integrate(car, np.zeros((4, 10)), rate=100.0, courses={"front_left.spring": ([0.0, 1.0], [1.0, -1.0])})
+        integrate(car, np.zeros((4, 10)), rate=100.0, courses={Component("front_left", "sprung"): ([0.0], [1.0])})
+    course = {Component("front_left", "spring"): ([0.0, 1.0], [1.0, -1.0])}
+    with pytest.raises(ParameterError, match="needs rising times"):
+        integrate(car, np.zeros((4, 10)), rate=100.0, courses=course)

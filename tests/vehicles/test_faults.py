@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.vehicles import Fault, parse_fault, read_vehicle, structure, with_faults
+from sprung.vehicles import Component, Fault, parse_fault, read_vehicle, structure, with_faults
 
 
 @pytest.fixture
@@ -12,33 +12,36 @@ def car():
 
 def test_fault_changes_its_component_only(car):
     before, after = car.components(), with_faults(car, [parse_fault("front_right.tyre=-0.3")]).components()
-    assert after["front_right"]["tyre"] == pytest.approx(0.7 * before["front_right"]["tyre"])
-    after["front_right"]["tyre"] = before["front_right"]["tyre"]
+    tyre = Component("front_right", "tyre")
+    assert after[tyre] == pytest.approx(0.7 * before[tyre])
+    after[tyre] = before[tyre]
     assert after == before
 
 
-@pytest.mark.parametrize("component", ["spring", "damper", "tyre"])
-def test_every_component_can_fail(car, component):
+@pytest.mark.parametrize("kind", ["spring", "damper", "tyre"])
+def test_every_component_can_fail(car, kind):
     for corner in ("front_left", "front_right", "rear_left", "rear_right"):
-        changed = with_faults(car, [Fault(f"{corner}.{component}", -0.5)])
-        assert changed.components()[corner][component] == pytest.approx(car.components()[corner][component] / 2)
+        component = Component(corner, kind)
+        changed = with_faults(car, [Fault(component, -0.5)])
+        assert changed.components()[component] == pytest.approx(car.components()[component] / 2)
 
 
 def test_growing_fault(car):
     fault = parse_fault("rear_left.spring=-0.4@60+120")
     assert fault.factor([0, 60, 120, 180, 500]) == pytest.approx([1, 1, 0.8, 0.6, 0.6])
-    half = with_faults(car, [fault], time=120.0).components()["rear_left"]["spring"]
-    assert half == pytest.approx(0.8 * car.components()["rear_left"]["spring"])
+    half = with_faults(car, [fault], time=120.0).components()[Component("rear_left", "spring")]
+    assert half == pytest.approx(0.8 * car.components()[Component("rear_left", "spring")])
 
 
 def test_sudden_fault_steps():
-    fault = Fault("front_left.damper", -0.5, onset=10.0)
+    fault = Fault(Component("front_left", "damper"), -0.5, onset=10.0)
     assert fault.factor([9.999, 10.0]).tolist() == [1.0, 0.5]
     assert not fault.is_constant
 
 
 def test_two_faults_of_one_component_multiply(car):
-    faults = [Fault("front_left.spring", -0.5), Fault("front_left.spring", 1.0)]
+    spring = Component("front_left", "spring")
+    faults = [Fault(spring, -0.5), Fault(spring, 1.0)]
     assert with_faults(car, faults).components() == car.components()
 
 

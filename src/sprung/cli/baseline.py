@@ -164,9 +164,10 @@ def _show(found: "Baseline", observations: "list[Observation]", out: Path) -> No
     """Print what is normal."""
     import numpy as np
 
+    deviations = np.sqrt(np.diag(found.covariance))
     rows = [
-        (name.replace("_", " ").replace(".", " "), f"{100 * np.expm1(mean):+.1f}", f"{100 * deviation:.1f}")
-        for name, mean, deviation in zip(found.components, found.mean, np.sqrt(np.diag(found.covariance)), strict=True)
+        (str(component).replace("_", " ").replace(".", " "), f"{100 * np.expm1(mean):+.1f}", f"{100 * deviation:.1f}")
+        for component, mean, deviation in zip(found.components, found.mean, deviations, strict=True)
     ]
     screen = console()
     screen.print(table("Baseline", ("component", "over nominal [%]", "std of a window [%]"), rows, n_words=1))

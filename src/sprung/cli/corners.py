@@ -137,14 +137,15 @@ def document(fit: "CornerFit") -> dict[str, Any]:
     found: dict[str, dict[str, Any]] = {}
     for row, component in enumerate(fit.components):
         value = float(fit.values[row])
-        found.setdefault(component.owner, {})[component.name] = {
+        found.setdefault(component.corner, {})[component.kind] = {
             "value": value,
             "std": value * float(fit.log_ratios_std[row]),
             "relative_to_nominal": value / float(fit.nominal[row]),
             "is_identifiable": bool(fit.is_identifiable[row]),
         }
         if fit.from_modes is not None:
-            found[component.owner][component.name]["from_modes"] = float(fit.nominal[row] * np.exp(fit.from_modes[row]))
+            by_modes = float(fit.nominal[row] * np.exp(fit.from_modes[row]))
+            found[component.corner][component.kind]["from_modes"] = by_modes
     modes, (frequency_std, damping_std) = fit.modes(), fit.modes_std()
     inputs = {name: float(value) for name, value in fit.inputs.items()}
     return {
@@ -213,8 +214,8 @@ def _show(fit: "CornerFit", paths: list[Path]) -> None:
         told = bool(fit.is_identifiable[row])
         rows.append(
             (
-                component.owner.replace("_", " "),
-                f"{component.name} [{_UNITS.get(component.name, '-')}]",
+                component.corner.replace("_", " "),
+                f"{component.kind} [{_UNITS.get(component.kind, '-')}]",
                 f"{fit.values[row]:.4g}" if told else "–",
                 f"{fit.values[row] * deviation:.2g}" if told else "–",
                 f"{100 * change:+.1f}" if told else "–",

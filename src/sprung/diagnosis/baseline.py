@@ -12,6 +12,7 @@ from sprung._checks import check_number, frozen_array
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import ResidualReference, residual_reference_from_dict
 from sprung.errors import DataError, ParameterError
+from sprung.vehicles import Component
 
 SCHEMA = "sprung.baseline/1"
 #: Fewest windows that teach.
@@ -45,7 +46,7 @@ class Baseline:
     vehicle
         Name in its file.
     components
-        "front_left.spring" and so on.
+        The springs, dampers and tyres of its windows.
     mean
         Of ln(value / nominal value), shape (components,), in the middle of the conditions.
     covariance
@@ -77,7 +78,7 @@ class Baseline:
     """
 
     vehicle: str
-    components: tuple[str, ...]
+    components: tuple[Component, ...]
     mean: Real
     covariance: Real
     slopes: Real
@@ -134,7 +135,7 @@ class Baseline:
             "n_windows": self.n_windows,
             "n_refused": self.n_refused,
             "model_error": self.model_error,
-            "components": list(self.components),
+            "components": list(map(str, self.components)),
             "mean": self.mean.tolist(),
             "covariance": self.covariance.tolist(),
             "nuisance": self.nuisance.tolist(),
@@ -167,7 +168,7 @@ def baseline_from_dict(document: dict[str, Any]) -> Baseline:
         conditions = document["conditions"]
         return Baseline(
             vehicle=str(document["vehicle"]),
-            components=tuple(document["components"]),
+            components=tuple(map(Component.parse, document["components"])),
             mean=np.array(document["mean"], dtype=np.float64),
             covariance=np.array(document["covariance"], dtype=np.float64),
             slopes=np.array([conditions[name]["slopes"] for name in CONDITIONS], dtype=np.float64).T,
@@ -241,7 +242,7 @@ def learn(
             return found
 
 
-def nominal_baseline(components: tuple[str, ...], *, vehicle: str) -> Baseline:
+def nominal_baseline(components: tuple[Component, ...], *, vehicle: str) -> Baseline:
     """Return the baseline of a vehicle that taught nothing: like its file, left like right, with wide limits."""
     pairs, ends, _ = _directions(components)
     covariance = _UNLIKE**2 * pairs.T @ pairs / 2 + _UNLIKE_ENDS**2 * ends.T @ ends
@@ -264,10 +265,10 @@ def nominal_baseline(components: tuple[str, ...], *, vehicle: str) -> Baseline:
     )
 
 
-def usual_nuisance(components: tuple[str, ...], ends: dict[str, float]) -> Real:
+def usual_nuisance(components: tuple[Component, ...], ends: dict[str, float]) -> Real:
     """Return the covariance of what moves components together from window to window."""
     _, between, together = _directions(components)
-    kinds = sorted({name.split(".")[1] for name in components})
+    kinds = sorted({component.kind for component in components})
     of_ends = np.array(
         [ends.get(kind, max(ends.values())) for kind in kinds for _ in range(len(between) // len(kinds))]
     )
@@ -275,24 +276,19 @@ def usual_nuisance(components: tuple[str, ...], ends: dict[str, float]) -> Real:
     return np.asarray((between.T * of_ends**2) @ between + (together.T * of_all**2) @ together, dtype=np.float64)
 
 
-def _directions(components: tuple[str, ...]) -> tuple[Real, Real, Real]:
+def _directions(components: tuple[Component, ...]) -> tuple[Real, Real, Real]:
     """Return rows: left up and right down for each axle and kind; axles against each other; all of a kind."""
-    kinds = sorted({name.split(".")[1] for name in components})
+    kinds = sorted({component.kind for component in components})
     pairs, ends, together = [], [], []
     for kind in kinds:
-        axles = sorted({_axle(name) for name in components if name.endswith("." + kind)})
-        of_axle = [np.array([float(_axle(n) == axle and n.endswith("." + kind)) for n in components]) for axle in axles]
-        left = np.array([1.0 if n.split(".")[0].endswith("left") else -1.0 for n in components])
+        axles = sorted({component.axle for component in components if component.kind == kind})
+        of_axle = [np.array([float((c.axle, c.kind) == (axle, kind)) for c in components]) for axle in axles]
+        left = np.array([1.0 if component.side == "left" else -1.0 for component in components])
         pairs += [row * left for row in of_axle]
         ends += [of_axle[k] / 2 - of_axle[k + 1] / 2 for k in range(len(axles) - 1)]
         together.append(np.sum(of_axle, axis=0))
     size = len(components)
     return tuple(np.array(rows).reshape(-1, size) for rows in (pairs, ends, together))  # type: ignore[return-value]
-
-
-def _axle(name: str) -> str:
-    """Return the axle of a component: "front" of "front_left.spring"."""
-    return name.split(".", maxsplit=1)[0].rsplit("_", 1)[0]
 
 
 def _units(observation: Observation, middle: dict[str, float]) -> Real:
@@ -328,7 +324,7 @@ def _taught(
     variances = np.diag(pairs @ reported @ pairs.T)
     own = float(np.sum((scatter @ pairs.T) ** 2 / variances)) / len(pairs)
     inflation = max(1.0, (own + _PRIOR_SCATTER) / (free + _PRIOR_SCATTER))
-    kinds = sorted({name.split(".")[1] for name in components})
+    kinds = sorted({component.kind for component in components})
     per_kind = len(ends) // max(len(kinds), 1)
     usual = {}
     for k, kind in enumerate(kinds):

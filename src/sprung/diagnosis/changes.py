@@ -10,6 +10,7 @@ from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.observation import Observation
+from sprung.vehicles import Component
 
 #: Standard deviation of the size of a fault, ln values, before any window; of something else, per component.
 _SIZE, _ELSE = 0.15, 0.04
@@ -29,25 +30,27 @@ class Hypothesis:
 
     Parameters
     ----------
-    name
-        "front_left.spring", "front.spring" (both of an axle), "all.spring" or "unmodelled".
-    kind
-        "single", "axle", "all" or "else".
+    scope
+        "single", "axle" (both sides of it), "all" (corners) or "else".
+    corner
+        "front_left", "front" for an axle, "all", or "vehicle" for an unmodelled change.
+    component
+        "spring", "damper" or "tyre"; "unmodelled".
     """
 
-    name: str
-    kind: str
+    scope: str
+    corner: str
+    component: str
 
-    def parts(self, components: tuple[str, ...]) -> tuple[str, ...]:
-        """Return which of the components it moves together; none for something else."""
-        if self.kind == "else":
-            return ()
-        owner, component = self.name.split(".")
-        owners = {"single": {owner}, "axle": {f"{owner}_left", f"{owner}_right"}}.get(self.kind)
+    @property
+    def name(self) -> str:
+        """Such as "front_left.spring", "front.spring" (both of an axle), "all.spring", or "unmodelled"."""
+        return self.component if self.scope == "else" else f"{self.corner}.{self.component}"
+
+    def parts(self, components: tuple[Component, ...]) -> tuple[Component, ...]:
+        """Return which of the components it moves together; none for an unmodelled change."""
         return tuple(
-            name
-            for name in components
-            if name.split(".")[1] == component and (owners is None or name.split(".")[0] in owners)
+            one for one in components if one.kind == self.component and self.corner in {one.corner, one.axle, "all"}
         )
 
 
@@ -164,7 +167,7 @@ def detect(
     if not telling:
         return None
     hypotheses = _hypotheses(baseline.components)
-    shares = np.log([_SHARES[one.kind] / sum(o.kind == one.kind for o in hypotheses) for one in hypotheses])
+    shares = np.log([_SHARES[one.scope] / sum(o.scope == one.scope for o in hypotheses) for one in hypotheses])
     windows = _Windows(baseline, telling)
     evidence = np.empty(len(telling))
     evidence[: len(known)] = known[: len(telling)]
@@ -208,19 +211,19 @@ def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[
     return sorted(int(k) for k in order[: passing[-1] + 1]) if passing.size else []
 
 
-def _hypotheses(components: tuple[str, ...]) -> list[Hypothesis]:
-    """Return single components, both of an axle, all of a kind, and something else."""
-    axles = {f"{name.split('.')[0].rsplit('_', 1)[0]}.{name.split('.')[1]}" for name in components}
-    kinds = {name.split(".")[1] for name in components}
+def _hypotheses(components: tuple[Component, ...]) -> list[Hypothesis]:
+    """Return single components, both of an axle, all of a kind, and an unmodelled change."""
+    axles = sorted({(one.axle, one.kind) for one in components})
+    kinds = sorted({one.kind for one in components})
     return [
-        *(Hypothesis(name, "single") for name in components),
-        *(Hypothesis(name, "axle") for name in sorted(axles)),
-        *(Hypothesis(f"all.{kind}", "all") for kind in sorted(kinds)),
-        Hypothesis("unmodelled", "else"),
+        *(Hypothesis("single", one.corner, one.kind) for one in components),
+        *(Hypothesis("axle", axle, kind) for axle, kind in axles),
+        *(Hypothesis("all", "all", kind) for kind in kinds),
+        Hypothesis("else", "vehicle", "unmodelled"),
     ]
 
 
-def _direction(hypothesis: Hypothesis, components: tuple[str, ...]) -> Real:
+def _direction(hypothesis: Hypothesis, components: tuple[Component, ...]) -> Real:
     """Return which components a hypothesis moves."""
     parts = hypothesis.parts(components)
     return np.array([float(name in parts) for name in components])
@@ -262,7 +265,7 @@ class _Windows:
         later, score, moved = (np.cumsum(part[::-1], axis=0)[::-1] for part in (W, weighted, between))
         information = later - moved.swapaxes(-1, -2) @ errors_of @ moved
         score = score - errors @ moved
-        directions = np.array([_direction(one, self._components) for one in hypotheses if one.kind != "else"])
+        directions = np.array([_direction(one, self._components) for one in hypotheses if one.scope != "else"])
         known = np.einsum("hi,wij,hj->wh", directions, information, directions)
         pulls = score @ directions.T
         each = information + np.eye(p) / _ELSE**2
@@ -289,10 +292,10 @@ def _candidate(hypothesis: Hypothesis, row: int, table: _Table, times: Real, mis
     best = int(np.argmax(table.logs[:, row]))
     onset = float(times[best]), _interval(table.logs[:, row], times)
     explained = float(table.explained[best, row])
-    if hypothesis.kind == "else":
+    if hypothesis.scope == "else":
         return Candidate(hypothesis, log, explained, None, None, None, *onset)
     size, deviation = float(table.sizes[best, row]), float(table.deviations[best, row])
-    scale = np.hypot(_SCALE.get(hypothesis.name.rsplit(".", maxsplit=1)[-1], 0.05), _OF_MISFIT * misfit)
+    scale = np.hypot(_SCALE.get(hypothesis.component, 0.05), _OF_MISFIT * misfit)
     away = _Z * np.hypot(deviation, scale * size)
     interval = float(np.expm1(size - away)), float(np.expm1(size + away))
     return Candidate(hypothesis, log, explained, float(np.expm1(size)), interval, abs(size) / deviation, *onset)

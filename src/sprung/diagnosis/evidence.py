@@ -84,13 +84,11 @@ def mode_changes(
         return ()
     known = {} if baseline is None else dict(zip(baseline.components, np.exp(baseline.mean), strict=True))
     nominal = structure(vehicle)
-    before = {name: float(factor) for name, factor in known.items()}
-    owners = (finding.corner, f"{finding.corner}_left", f"{finding.corner}_right")
+    before = {component: float(factor) for component, factor in known.items()}
     after = dict(before)
-    for owner, owned in nominal.components().items():
-        if (owner in owners or finding.corner == "all") and finding.component in owned:
-            name = f"{owner}.{finding.component}"
-            after[name] = before.get(name, 1.0) * (1 + finding.change)
+    for component in nominal.components():
+        if component.kind == finding.component and finding.corner in {component.corner, component.axle, "all"}:
+            after[component] = before.get(component, 1.0) * (1 + finding.change)
     healthy, changed = (nominal.changed(factors).modes() for factors in (before, after))
     sound = [one for one in observations if one.is_conclusive and not one.sensor_faults]
     earlier = [one for one in sound if one.time < finding.since]

@@ -181,7 +181,7 @@ class Diagnosis:
                 "hypotheses": [
                     {
                         "name": one.hypothesis.name,
-                        "kind": one.hypothesis.kind,
+                        "kind": one.hypothesis.scope,
                         "log_evidence": one.log_evidence,
                         "explained": one.explained,
                         "change": one.change,
@@ -286,15 +286,14 @@ def _finding(detection: Detection, observations: Sequence[Observation], baseline
     """Return the best hypothesis as a finding."""
     best, second = _best_two(detection)
     if best.interval is None:
-        corner, component, level = "vehicle", "unmodelled", SEVERITIES[2]
+        level = SEVERITIES[2]
     else:
-        corner, component = best.hypothesis.name.split(".")
         sure = min(map(abs, best.interval)) if best.interval[0] * best.interval[1] > 0 else 0.0
         level = next(level for level in SEVERITIES if sure >= level[0])
-    close = best.log_evidence - second.log_evidence < _CLOSE and second.hypothesis.kind != "else"
+    close = best.log_evidence - second.log_evidence < _CLOSE and second.hypothesis.scope != "else"
     return Finding(
-        corner=corner,
-        component=component,
+        corner=best.hypothesis.corner,
+        component=best.hypothesis.component,
         change=best.change,
         interval=best.interval,
         score=best.score,
@@ -315,11 +314,11 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     error of the vehicle file does.
     """
     first, *others = detection.candidates
-    named = next(one for one in detection.candidates if one.hypothesis.kind != "else")
+    named = next(one for one in detection.candidates if one.hypothesis.scope != "else")
     is_enough = named.explained >= _MOSTLY * first.explained and named.log_evidence >= detection.threshold
-    if first.hypothesis.kind != "else" or not is_enough:
+    if first.hypothesis.scope != "else" or not is_enough:
         return first, others[0]
-    return named, next(one for one in others if one.hypothesis.kind != "else" and one is not named)
+    return named, next(one for one in others if one.hypothesis.scope != "else" and one is not named)
 
 
 def trend(
@@ -368,8 +367,8 @@ def _when(time: float) -> str:
 
 def _words(candidate: Candidate) -> str:
     """Return a hypothesis in words."""
-    corner, component = candidate.hypothesis.name.split(".")
-    return f"{corner.replace('_', '-')} {component} by {100 * (candidate.change or 0.0):+.0f} %"
+    hypothesis = candidate.hypothesis
+    return f"{hypothesis.corner.replace('_', '-')} {hypothesis.component} by {100 * (candidate.change or 0.0):+.0f} %"
 
 
 def _refusals(observations: Sequence[Observation]) -> list[str]:

@@ -13,7 +13,7 @@ from sprung.diagnosis.speed_check import speed_fault
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners, nominal_misfit
 from sprung.recording import Recording
-from sprung.vehicles import Vehicle
+from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.sensor_layout import with_layout
 from sprung.vehicles.usable import speed_channel
@@ -39,7 +39,7 @@ class Observation:
     time
         Of its begin, s since the first window.
     components
-        "front_left.spring" and so on, shape (components,).
+        The fitted springs, dampers and tyres.
     log_ratios
         ln(value / nominal value) of each component; empty where the window cannot tell.
     covariance
@@ -57,7 +57,7 @@ class Observation:
     """
 
     time: float
-    components: tuple[str, ...]
+    components: tuple[Component, ...]
     log_ratios: Real
     covariance: Real
     conditions: dict[str, float]
@@ -77,7 +77,7 @@ class Observation:
         """Return the observation as plain values for JSON."""
         return {
             "time": self.time,
-            "components": list(self.components),
+            "components": list(map(str, self.components)),
             "log_ratios": self.log_ratios.tolist(),
             "covariance": self.covariance.tolist(),
             "conditions": self.conditions,
@@ -94,7 +94,7 @@ def observation_from_dict(document: dict[str, Any]) -> Observation:
     size = len(document["log_ratios"])
     return Observation(
         time=float(document["time"]),
-        components=tuple(document["components"]),
+        components=tuple(map(Component.parse, document["components"])),
         log_ratios=np.array(document["log_ratios"], dtype=np.float64),
         covariance=np.array(document["covariance"], dtype=np.float64).reshape(size, size),
         conditions=dict(document["conditions"]),
@@ -212,7 +212,7 @@ def _told(time: float, fit: CornerFit, conditions: dict[str, float], faults: tup
     }
     return Observation(
         time=time,
-        components=tuple(f"{component.owner}.{component.name}" for component in fit.components),
+        components=fit.components,
         log_ratios=fit.log_ratios,
         covariance=fit.covariance[:count, :count],
         conditions=conditions,

@@ -8,11 +8,10 @@ from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInpu
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines
 from sprung.likelihood.spectra import ClassSpectra, RunningClassSpectra, SegmentSpectra, class_spectra, segment_spectra
 from sprung.likelihood.vehicle import CornerSettings, vehicle_model
-from sprung.likelihood.whittle import Component, MassChange, Model, SensorChange
+from sprung.likelihood.whittle import MassChange, Model, SensorChange
 
 __all__ = [
     "ClassSpectra",
-    "Component",
     "CornerFit",
     "CornerSettings",
     "InputModel",

@@ -6,8 +6,8 @@ import numpy as np
 
 from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import freeze
-from sprung.likelihood.whittle import Component, Model
-from sprung.vehicles import ExactModes, Structure
+from sprung.likelihood.whittle import Model
+from sprung.vehicles import Component, ExactModes, Structure
 
 #: A parameter is told by the data if they take its prior standard deviation down to this share.
 TOLD = 0.5
@@ -69,7 +69,7 @@ class CornerFit:
     def nominal(self) -> Real:
         """Nominal values [N/m, N s/m]."""
         known = self.model.structure.components()
-        return np.array([known[component.owner][component.name] for component in self.components])
+        return np.array([known[component] for component in self.components])
 
     @property
     def values(self) -> Real:
@@ -141,10 +141,7 @@ class CornerFit:
 
 def fitted_structure(model: Model, parameters: Real) -> Structure:
     """Return the structure of a model with the components and masses of the parameters."""
-    factors = {
-        f"{component.owner}.{component.name}": float(np.exp(value))
-        for component, value in zip(model.components, parameters, strict=False)
-    }
+    factors = {component: float(np.exp(value)) for component, value in zip(model.components, parameters, strict=False)}
     added = sum(
         (p * part.matrix for p, part in zip(parameters[len(model.components) :], model.masses, strict=False)),
         np.zeros_like(model.structure.mass),

@@ -251,7 +251,7 @@ def fit_segments(
 
 def _broken_springs(model: Model) -> list[Real]:
     """Return components, ln(value / nominal value), with one spring each far softer: where else a search may start."""
-    springs = [row for row, component in enumerate(model.components) if component.name == "spring"]
+    springs = [row for row, component in enumerate(model.components) if component.kind == "spring"]
     return [_BROKEN * np.eye(len(model.components))[row] for row in springs]
 
 
@@ -320,7 +320,7 @@ def _result(
 def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
     """Say what cannot be told and how well the model fits."""
     notes = []
-    untold = [f"{c.owner}.{c.name}" for c, told in zip(fit.components, fit.is_identifiable, strict=True) if not told]
+    untold = [str(component) for component, told in zip(fit.components, fit.is_identifiable, strict=True) if not told]
     if untold:
         notes.append(
             f"this run and these sensors cannot tell {', '.join(untold)}: they stay near the vehicle file's values"

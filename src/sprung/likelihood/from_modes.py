@@ -6,10 +6,8 @@ from scipy.optimize import least_squares
 from sprung._arrays import Complex, Real
 from sprung.errors import ParameterError
 from sprung.likelihood.coordinates import RigidLayout
-from sprung.likelihood.whittle import Component
 from sprung.modal import Modes
-from sprung.vehicles import Structure
-from sprung.vehicles.structure import PARTS
+from sprung.vehicles import Component, Structure
 
 #: Usual relative error of an identified pole, against which the prior weighs.
 _POLE = 0.02
@@ -74,12 +72,12 @@ def _dynamic_stiffness(
     structure: Structure, components: tuple[Component, ...], logarithms: Real, pole: complex
 ) -> Complex:
     """Return M s^2 + C s + K at a pole."""
-    factors = {(c.owner, c.name): float(np.exp(value)) for c, value in zip(components, logarithms, strict=True)}
+    factors = dict(zip(components, np.exp(logarithms).tolist(), strict=True))
     total = structure.mass * pole**2
     for element in structure.elements:
-        spring, damper = PARTS[element.part]
-        stiffness = element.stiffness * factors.get((element.owner, spring), 1.0)
-        damping = element.damping * factors.get((element.owner, damper or ""), 1.0)
+        spring, damper = element.components
+        stiffness = element.stiffness * factors.get(spring, 1.0)
+        damping = element.damping * (1.0 if damper is None else factors.get(damper, 1.0))
         arm = pole * damping
         if element.series_stiffness is not None and damping > 0:
             arm = 1 / (1 / arm + 1 / element.series_stiffness)

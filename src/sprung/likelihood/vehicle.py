@@ -10,8 +10,8 @@ from sprung.errors import ParameterError
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs
 from sprung.likelihood.spectra import ClassSpectra
-from sprung.likelihood.whittle import Component, MassChange, Model, SensorChange
-from sprung.vehicles import Outputs, Structure, Vehicle, corner_names, structure, wheel_hop_frequencies
+from sprung.likelihood.whittle import MassChange, Model, SensorChange
+from sprung.vehicles import Component, Outputs, Structure, Vehicle, corner_names, structure, wheel_hop_frequencies
 from sprung.vehicles.labels import MOTIONS
 
 Kind = Literal["road", "rail", "rig"]
@@ -103,19 +103,15 @@ def free_components(nominal: Structure, vehicle: Vehicle, names: tuple[str, ...]
     """Return the free components of the corners."""
     corners = corner_names(len(vehicle.axle))
     every = tuple(
-        Component(owner, name)
-        for owner, owned in nominal.components().items()
-        if owner in corners
-        for name in owned
-        if owned[name] > 0
+        component for component, value in nominal.components().items() if component.corner in corners and value > 0
     )
     if names is None:
         return every
     for name in names:
-        if not any(name in {one.name, f"{one.owner}.{one.name}"} for one in every):
-            known = ", ".join(f"{one.owner}.{one.name}" for one in every)
+        if not any(name in {one.kind, str(one)} for one in every):
+            known = ", ".join(map(str, every))
             raise ParameterError(f"free component {name!r} is none of spring, damper, tyre, {known}")
-    return tuple(one for one in every if {one.name, f"{one.owner}.{one.name}"} & set(names))
+    return tuple(one for one in every if {one.kind, str(one)} & set(names))
 
 
 def _payload(nominal: Structure) -> tuple[MassChange, ...]:

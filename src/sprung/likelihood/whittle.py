@@ -9,8 +9,7 @@ from sprung._arrays import Complex, Real
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.inputs import InputModel
 from sprung.likelihood.spectra import ClassSpectra, onto_grid, through_window
-from sprung.vehicles import Element, Structure
-from sprung.vehicles.structure import PARTS
+from sprung.vehicles import Component, Element, Structure
 
 #: An element, its dynamic stiffness over frequency, and the derivative of that for each free parameter in it.
 Arm = tuple[Element, Complex, list[tuple[int, Complex]]]
@@ -18,14 +17,6 @@ Arm = tuple[Element, Complex, list[tuple[int, Complex]]]
 
 #: Value of the likelihood where a step of the search went beyond all numbers.
 TOO_FAR = 1e100
-
-
-@dataclass(frozen=True, slots=True)
-class Component:
-    """A free spring, damper or tyre: owner and name as in `Structure.components`."""
-
-    owner: str
-    name: str
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,7 +104,7 @@ class Model:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters."""
-        free = [f"{component.owner}.{component.name}" for component in self.components]
+        free = [str(component) for component in self.components]
         others = [*(part.name for part in self.masses), *(part.name for part in self.sensors)]
         return (*free, *others, *self.inputs.names, *(f"noise_{name}" for name in self.layout.names))
 
@@ -159,11 +150,10 @@ class Model:
     def arms(self, parameters: Real) -> list[Arm]:
         """Return each element's dynamic stiffness over frequency, and its derivative for each free parameter in it."""
         pulsation = np.asarray(2j * np.pi * self.spectra.grid, dtype=np.complex128)
-        free = {(c.owner, c.name): number for number, c in enumerate(self.components)}
+        free = {component: number for number, component in enumerate(self.components)}
         found = []
         for element in self.structure.elements:
-            spring, damper = PARTS[element.part]
-            numbers = free.get((element.owner, spring)), free.get((element.owner, damper or ""))
+            numbers = [None if part is None else free.get(part) for part in element.components]
             stiffness = element.stiffness * (1.0 if numbers[0] is None else np.exp(parameters[numbers[0]]))
             damping = element.damping * (1.0 if numbers[1] is None else np.exp(parameters[numbers[1]]))
             arm = pulsation * damping

@@ -9,6 +9,7 @@ from matplotlib.patches import Rectangle
 
 from sprung.likelihood import CornerFit
 from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.vehicles import Component
 
 _UNITS = {"bounce": "(m/s²)²/Hz", "pitch": "(rad/s²)²/Hz", "roll": "(rad/s²)²/Hz"}
 _COMPONENTS = ("spring", "damper", "tyre")
@@ -61,14 +62,13 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
     """
     what = f"Corners against nominal: {source}" if source else "Corners against nominal"
     where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: this run cannot tell."
-    names = [f"{component.owner}.{component.name}" for component in fit.components]
     return corner_bars(
-        names, fit.log_ratios, fit.log_ratios_std, is_identifiable=fit.is_identifiable, heading=(what, where)
+        fit.components, fit.log_ratios, fit.log_ratios_std, is_identifiable=fit.is_identifiable, heading=(what, where)
     )
 
 
 def corner_bars(
-    names: Sequence[str],
+    components: Sequence[Component],
     log_ratios: np.ndarray,
     deviations: np.ndarray,
     *,
@@ -80,8 +80,8 @@ def corner_bars(
 
     Parameters
     ----------
-    names
-        "front_left.spring" and so on.
+    components
+        Springs, dampers and tyres of the corners.
     log_ratios, deviations
         ln of value over reference, and its standard deviation, shape (components,).
     is_identifiable
@@ -91,20 +91,20 @@ def corner_bars(
     by_chance
         The part of the deviations that every component has for itself, drawn as a thicker line; None: not drawn.
     """
-    owners = list(dict.fromkeys(name.split(".")[0] for name in names))
-    n_axles = len(owners) // 2
+    corners = list(dict.fromkeys(component.corner for component in components))
+    n_axles = len(corners) // 2
     figure = new_figure(*heading, width=9.5, height=1.4 + 2.1 * n_axles)
     panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
     change, low, high = (100 * np.expm1(log_ratios + sign * 1.96 * deviations) for sign in (0, -1, 1))
     reach = max(10.0, 1.3 * np.abs(np.concatenate([low[is_identifiable], high[is_identifiable], [5.0]])).max())
     thick = None if by_chance is None else [100 * np.expm1(log_ratios + sign * 1.96 * by_chance) for sign in (-1, 1)]
-    for axes, owner in zip(panels.ravel(), owners, strict=True):
-        rows = [k for k, name in enumerate(names) if name.split(".")[0] == owner]
-        words = [names[row].split(".")[1] for row in rows]
+    for axes, corner in zip(panels.ravel(), corners, strict=True):
+        rows = [row for row, component in enumerate(components) if component.corner == corner]
+        words = [components[row].kind for row in rows]
         _draw_corner(axes, words, is_identifiable[rows], change[rows], low[rows], high[rows])
         if thick is not None:
             axes.vlines(range(len(rows)), thick[0][rows], thick[1][rows], color=INK, linewidth=4)
-        axes.set_title(owner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
+        axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
         axes.set_ylim(-reach, reach)
     for axes in panels[:, 0]:
         axes.set_ylabel("change [%]", fontsize=SMALL)
@@ -139,7 +139,7 @@ def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:
     count = len(fit.components)
     deviations = np.sqrt(np.diag(fit.covariance))[:count]
     values = fit.covariance[:count, :count] / np.outer(deviations, deviations)
-    names = [f"{component.owner.replace('_', ' ')} {component.name}" for component in fit.components]
+    names = [f"{component.corner.replace('_', ' ')} {component.kind}" for component in fit.components]
     what = f"Correlation of the estimates: {source}" if source else "Correlation of the estimates"
     size = 2.6 + 0.42 * count
     figure = new_figure(what, "", width=max(size + 1, 7.5), height=size)

@@ -12,6 +12,7 @@ from sprung.diagnosis import Baseline, Diagnosis, Finding, ModeChange, Observati
 from sprung.errors import ParameterError
 from sprung.plotting.corners import corner_bars
 from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.vehicles import Component
 
 _MOST = 8
 _KINDS = ("spring", "damper", "tyre")
@@ -124,32 +125,32 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
         raise ParameterError("no window can tell: there are no trends to draw")
     telling = _witnesses(diagnosis)
     normal = baseline or nominal_baseline(telling[0].components, vehicle="")
-    names = normal.components
-    owners = list(dict.fromkeys(name.split(".")[0] for name in names))
+    components = normal.components
+    corners = list(dict.fromkeys(component.corner for component in components))
     against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
     what = "Components over time against the vehicle file, with 95 % intervals"
     where = f"Grey: 95 % of usual windows by {against}; darker: without what moves corners together"
-    figure = new_figure(what, where, width=max(9.5, 2.4 * len(owners)), height=7)
-    panels = figure.subplots(len(_KINDS), len(owners), sharex=True, sharey="row", squeeze=False)
+    figure = new_figure(what, where, width=max(9.5, 2.4 * len(corners)), height=7)
+    panels = figure.subplots(len(_KINDS), len(corners), sharex=True, sharey="row", squeeze=False)
     minutes = np.array([one.time for one in telling]) / 60
     values = np.array([normal.mean + normal.residual(one) for one in telling])
     bars = _Z * np.sqrt([np.diag(one.covariance) for one in telling])
     own, usual = (_Z * np.sqrt(np.diag(c)) for c in (normal.covariance, normal.covariance + normal.nuisance))
     for line, kind in zip(panels, _KINDS, strict=True):
         line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
-        for axes, owner in zip(line, owners, strict=True):
+        for axes, corner in zip(line, corners, strict=True):
             plain(axes)
-            if f"{owner}.{kind}" not in names:
+            if Component(corner, kind) not in components:
                 continue
-            row = names.index(f"{owner}.{kind}")
+            row = components.index(Component(corner, kind))
             _draw_limits(axes, float(normal.mean[row]), (usual[row], own[row]))
             middle, low, high = (_percent(values[:, row] + sign * bars[:, row]) for sign in (0, -1, 1))
             axes.errorbar(minutes, middle, (middle - low, high - middle), fmt="o", color=MODE_COLOURS[0], markersize=3)
             for finding in diagnosis.findings:
-                if names[row] in _parts(diagnosis, finding, names):
+                if components[row] in _parts(diagnosis, finding, components):
                     _draw_onset(axes, finding, minutes, values[:, row])
-    for axes, owner in zip(panels[0], owners, strict=True):
-        axes.set_title(owner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
+    for axes, corner in zip(panels[0], corners, strict=True):
+        axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
     panels[0, 0].set_xlim(*_span(minutes))
     for axes in panels[-1]:
         axes.set_xlabel("begin of the window [min]", fontsize=NORMAL)
@@ -182,10 +183,10 @@ def _witnesses(diagnosis: Diagnosis) -> list[Observation]:
     return [one for one in diagnosis.observations if one.time in seen]
 
 
-def _parts(diagnosis: Diagnosis, finding: Finding, names: tuple[str, ...]) -> tuple[str, ...]:
+def _parts(diagnosis: Diagnosis, finding: Finding, components: tuple[Component, ...]) -> tuple[Component, ...]:
     """Return the components that a finding is about."""
     candidates = () if diagnosis.detection is None else diagnosis.detection.candidates
-    return next((c.hypothesis.parts(names) for c in candidates if c.hypothesis.name == finding.hypothesis), ())
+    return next((c.hypothesis.parts(components) for c in candidates if c.hypothesis.name == finding.hypothesis), ())
 
 
 def _span(minutes: Real) -> tuple[float, float]:

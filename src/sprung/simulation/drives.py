@@ -25,7 +25,7 @@ from sprung.simulation.linear import settling_time, simulate
 from sprung.simulation.nonlinear import Course, simulate_nonlinear
 from sprung.simulation.sensors import with_noise
 from sprung.simulation.truth import truth
-from sprung.vehicles import Fault, Structure, Vehicle, structure, with_faults
+from sprung.vehicles import Component, Fault, Structure, Vehicle, structure, with_faults
 
 Kind = Literal["road", "rail", "rig"]
 #: Steady speeds [m/s] and sampling rate [Hz] of each kind where none are given.
@@ -178,8 +178,8 @@ def _prepared(vehicle: Vehicle, settings: DriveSettings) -> Structure:
     """Return the healthy vehicle with its payload and its dampers at their temperature."""
     loaded = structure(vehicle).with_payload(settings.payload, x=settings.payload_x)
     factor = damping_factor(settings.temperature)
-    dampers = [owner for owner, owned in loaded.components().items() if "damper" in owned and "tyre" in owned]
-    return loaded.changed({f"{owner}.damper": factor for owner in dampers})
+    dampers = [component for component in loaded.components() if component.kind == "damper" and component.side]
+    return loaded.changed(dict.fromkeys(dampers, factor))
 
 
 def _excitation(vehicle: Vehicle, settings: DriveSettings, speed: SpeedProfile) -> Excitation:
@@ -195,14 +195,14 @@ def _excitation(vehicle: Vehicle, settings: DriveSettings, speed: SpeedProfile) 
     return SurfaceMotion(road_class(settings.road), positions, speed, obstacles=obstacles)
 
 
-def _courses(faults: list[Fault], vehicle: Structure) -> dict[str, Course]:
+def _courses(faults: list[Fault], vehicle: Structure) -> dict[Component, Course]:
     """Return faults as courses of their components; a step lasts a millisecond."""
     with_faults(vehicle, faults)  # refuses unknown components
-    courses: dict[str, Course] = {}
-    for name in {fault.component for fault in faults}:
-        same = [fault for fault in faults if fault.component == name]
+    courses: dict[Component, Course] = {}
+    for component in {fault.component for fault in faults}:
+        same = [fault for fault in faults if fault.component == component]
         times = np.unique([time for fault in same for time in (0.0, fault.onset - 1e-3, *fault.knots)])
-        courses[name] = (times, np.prod([fault.factor(times) for fault in same], axis=0))
+        courses[component] = (times, np.prod([fault.factor(times) for fault in same], axis=0))
     return courses
 
 

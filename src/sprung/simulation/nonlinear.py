@@ -16,8 +16,7 @@ from sprung.signals.conditioning import decimate
 from sprung.simulation.laws import Law
 from sprung.simulation.linear import SMOOTH_RATE, check_fits, settling_time
 from sprung.simulation.sensors import with_noise
-from sprung.vehicles import Structure
-from sprung.vehicles.structure import PARTS
+from sprung.vehicles import Component, Structure
 
 #: Times [s] and the factors of a component at them; straight between, constant outside.
 Course = tuple[ArrayLike, ArrayLike]
@@ -41,7 +40,7 @@ def simulate_nonlinear(
     duration: float,
     sampling_rate: float,
     laws: Mapping[str, Law] | None = None,
-    courses: Mapping[str, Course] | None = None,
+    courses: Mapping[Component, Course] | None = None,
     snr: float | None = None,
     lead_in: float | None = None,
     seed: int | np.random.Generator = 0,
@@ -109,10 +108,10 @@ def steps_needed(vehicle: Structure, laws: Mapping[str, Law]) -> float:
         if law is not None:
             fastest = max(fastest, law.fastest)
             stiffness, damping = law.steepest
-            spring, damper = PARTS[element.part]
-            factors = {f"{element.owner}.{spring}": 1 + stiffness / max(element.stiffness, 1e-300)}
+            spring, damper = element.components
+            factors = {spring: 1 + stiffness / max(element.stiffness, 1e-300)}
             if damper is not None and element.damping > 0:
-                factors[f"{element.owner}.{damper}"] = 1 + law.asymmetry + damping / element.damping
+                factors[damper] = 1 + law.asymmetry + damping / element.damping
             stiffest = stiffest.changed(factors)
     return max(float(np.max(np.abs(np.linalg.eigvals(stiffest.system.state_matrix())))), fastest) / _STEP
 
@@ -123,7 +122,7 @@ def integrate(
     *,
     rate: float,
     laws: Mapping[str, Law] | None = None,
-    courses: Mapping[str, Course] | None = None,
+    courses: Mapping[Component, Course] | None = None,
     start: float = 0.0,
     coordinates: ArrayLike | None = None,
     velocities: ArrayLike | None = None,
@@ -196,18 +195,18 @@ def _law(laws: Mapping[str, Law], owner: str, part: str) -> Law | None:
     return laws.get(f"{owner}.{part}", laws.get(part))
 
 
-def _factors(vehicle: Structure, courses: Mapping[str, Course]) -> tuple[Real, Real]:
+def _factors(vehicle: Structure, courses: Mapping[Component, Course]) -> tuple[Real, Real]:
     """Common knots of all courses (knots,), and the factors of stiffness and damping there (elements, 2, knots)."""
-    known = {f"{owner}.{name}" for owner, owned in vehicle.components().items() for name in owned}
-    for name, (times, values) in courses.items():
-        check_one_of("component", name, known)
+    known = {str(component) for component in vehicle.components()}
+    for component, (times, values) in courses.items():
+        check_one_of("component", str(component), known)
         if np.shape(times) != np.shape(values) or np.any(np.diff(np.asarray(times)) < 0) or np.min(values) < 0:
-            raise ParameterError(f"the course of {name} must have rising times and a factor of at least 0 for each")
+            raise ParameterError(f"the course of {component} needs rising times and factors of at least 0")
     knots = np.unique(np.concatenate([[0.0], *(np.asarray(times, dtype=np.float64) for times, _ in courses.values())]))
     factors = np.ones((len(vehicle.elements), 2, knots.size))
     for number, element in enumerate(vehicle.elements):
-        for row, component in enumerate(PARTS[element.part]):
-            course = courses.get(f"{element.owner}.{component}")
+        for row, part in enumerate(element.components):
+            course = None if part is None else courses.get(part)
             if course is not None:
                 factors[number, row] = np.interp(knots, np.asarray(course[0]), np.asarray(course[1]))
     return knots, factors

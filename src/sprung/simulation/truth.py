@@ -48,17 +48,14 @@ def truth(
         "schema": "sprung.truth/1",
         "channels": list(modes.channels),
         "modes": list(_modes(modes)),
-        "components": {
-            owner: {name: {"value": value} for name, value in owned.items()}
-            for owner, owned in changed.components().items()
-        },
+        "components": _components(changed),
         "speed": None if speed is None else _speed(speed, duration),
-        "faults": {fault.component: fault.change for fault in faults},
+        "faults": {str(fault.component): fault.change for fault in faults},
         "seed": seed,
     }
     if not all(fault.is_constant for fault in faults):
         document["fault_courses"] = {
-            fault.component: {"onset": fault.onset, "growth": fault.growth} for fault in faults
+            str(fault.component): {"onset": fault.onset, "growth": fault.growth} for fault in faults
         }
         document["modes_over_time"] = [
             {
@@ -71,6 +68,14 @@ def truth(
             for time in np.linspace(0, duration, _INSTANTS)
         ]
     return document
+
+
+def _components(vehicle: Structure) -> dict[str, dict[str, dict[str, float]]]:
+    """Return the values of all components by corner and kind."""
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for component, value in vehicle.components().items():
+        found.setdefault(component.corner, {})[component.kind] = {"value": value}
+    return found
 
 
 def _modes(modes: ExactModes) -> Iterable[dict[str, Any]]:

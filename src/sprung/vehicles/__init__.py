@@ -1,11 +1,11 @@
 """Vehicles: description in a file, structure of masses and springs, matrices, exact modes and correlations."""
 
+from sprung.vehicles.components import Component
 from sprung.vehicles.description import (
     Axle,
     Body,
     Chain,
     ChainMass,
-    Corner,
     Description,
     MountedMass,
     Quarter,
@@ -44,7 +44,7 @@ __all__ = [
     "Body",
     "Chain",
     "ChainMass",
-    "Corner",
+    "Component",
     "Description",
     "Element",
     "ExactModes",

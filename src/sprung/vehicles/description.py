@@ -1,7 +1,6 @@
 """What a vehicle file says: body, axles, sensors, with the checks of every field."""
 
 import math
-from enum import StrEnum
 from types import MappingProxyType
 from typing import Annotated, Literal
 
@@ -25,15 +24,6 @@ BODY_MOTIONS = ("bounce", "pitch", "roll", "sway", "yaw")
 _GYRATION, _FARTHEST_SENSOR = (0.05, 4.0), 5.0
 #: Plausible natural frequency of the body on its springs alone [Hz].
 _BOUNCE = (0.05, 500.0)
-
-
-class Corner(StrEnum):
-    """Corners of a vehicle with two axles."""
-
-    FRONT_LEFT = "front_left"
-    FRONT_RIGHT = "front_right"
-    REAR_LEFT = "rear_left"
-    REAR_RIGHT = "rear_right"
 
 
 def corner_names(n_axles: int) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
+from sprung.vehicles.components import Component
 from sprung.vehicles.structure import Structure
 
 _FORM = re.compile(r"(?P<owner>\w+)\.(?P<component>\w+)=(?P<change>[^@]+)(@(?P<onset>[^+]+)(\+(?P<growth>.+))?)?")
@@ -23,7 +24,7 @@ class Fault:
     Parameters
     ----------
     component
-        Owner and name, such as "front_left.spring".
+        The spring, damper or tyre that changes.
     change
         Relative, above -1: -0.2 is 20 % softer.
     onset
@@ -32,7 +33,7 @@ class Fault:
         Time over which it grows linearly to its full size [s]; 0: sudden.
     """
 
-    component: str
+    component: Component
     change: float
     onset: float = 0.0
     growth: float = 0.0
@@ -66,7 +67,7 @@ def parse_fault(text: str) -> Fault:
     Examples
     --------
     >>> parse_fault("front_left.spring=-0.2")
-    Fault(component='front_left.spring', change=-0.2, onset=0.0, growth=0.0)
+    Fault(component=Component(corner='front_left', kind='spring'), change=-0.2, onset=0.0, growth=0.0)
     >>> parse_fault("rear_right.damper=-0.3@120+60").factor([0, 150, 180]).tolist()
     [1.0, 0.85, 0.7]
     """
@@ -83,7 +84,7 @@ def parse_fault(text: str) -> Fault:
             f"fault {text!r} is not of the form CORNER.COMPONENT=CHANGE, such as front_left.spring=-0.2, with "
             "@ONSET+GROWTH in seconds for one that begins later or grows: correct it"
         ) from None
-    return Fault(f"{match['owner']}.{match['component']}", change, onset, growth)
+    return Fault(Component(match["owner"], match["component"]), change, onset, growth)
 
 
 def with_faults(structure: Structure, faults: Iterable[Fault], *, time: float = math.inf) -> Structure:
@@ -94,7 +95,7 @@ def with_faults(structure: Structure, faults: Iterable[Fault], *, time: float = 
     ParameterError
         Where the structure has no such component.
     """
-    factors: dict[str, float] = {}
+    factors: dict[Component, float] = {}
     for fault in faults:
         factors[fault.component] = factors.get(fault.component, 1.0) * float(fault.factor(time))
     return structure.changed(factors)

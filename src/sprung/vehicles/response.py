@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 from sprung._arrays import Complex, Real
 from sprung._checks import freeze, frozen_array
 from sprung.errors import ParameterError
-from sprung.vehicles.structure import PARTS, Element, Structure
+from sprung.vehicles.components import Component
+from sprung.vehicles.structure import Element, Structure
 
 
 def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
@@ -58,14 +59,14 @@ class Sensitivities:
     Parameters
     ----------
     components
-        Owner and name, such as "front_left.spring".
+        The vehicle's springs, dampers and tyres.
     natural_frequency
         d f / d ln(value) [Hz], shape (modes, components): 0.01 times it is the change for 1 % of the component.
     damping_ratio
         d xi / d ln(value), shape (modes, components).
     """
 
-    components: tuple[str, ...]
+    components: tuple[Component, ...]
     natural_frequency: Real
     damping_ratio: Real
 
@@ -91,12 +92,12 @@ def sensitivities(structure: Structure) -> Sensitivities:
     slope = 2 * poles * np.einsum("mi,ij,mj->m", shapes, structure.mass, shapes)
     for number, element in enumerate(structure.elements):
         slope = slope + _arm_slope(element, poles) * elongations[:, number]
-    found: dict[str, Complex] = {}
+    found: dict[Component, Complex] = {}
     for number, element in enumerate(structure.elements):
-        spring, damper = PARTS[element.part]
-        found[f"{element.owner}.{spring}"] = -element.stiffness * elongations[:, number] / slope
+        spring, damper = element.components
+        found[spring] = -element.stiffness * elongations[:, number] / slope
         if damper is not None:
-            found[f"{element.owner}.{damper}"] = -_arm_change(element, poles) * elongations[:, number] / slope
+            found[damper] = -_arm_change(element, poles) * elongations[:, number] / slope
     change = np.array(list(found.values())).T.reshape(poles.size, len(found))
     size = np.abs(poles)[:, None]
     growth = (poles.conj()[:, None] * change).real / size

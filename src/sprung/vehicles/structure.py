@@ -10,6 +10,7 @@ from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of, freeze
 from sprung.errors import ParameterError
 from sprung.recording import Channel
+from sprung.vehicles.components import Component
 from sprung.vehicles.modes import ExactModes, modes
 from sprung.vehicles.system import (
     MechanicalSystem,
@@ -84,6 +85,12 @@ class Element:
             raise ParameterError(
                 f"damping={self.damping:g} of {self.owner} {self.part} must be 0: it stands on the moving base"
             )
+
+    @property
+    def components(self) -> tuple[Component, Component | None]:
+        """The components that its stiffness and its damping are; None where it has no damping of its own."""
+        spring, damper = PARTS[self.part]
+        return Component(self.owner, spring), None if damper is None else Component(self.owner, damper)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -165,29 +172,29 @@ class Structure:
             arm_damping=np.array([arm.damping for arm in arms], dtype=np.float64),
         )
 
-    def changed(self, factors: Mapping[str, float]) -> "Structure":
+    def changed(self, factors: Mapping[Component, float]) -> "Structure":
         """Return the structure with some components multiplied by a factor.
 
         Parameters
         ----------
         factors
-            By owner and component, such as {"front_left.spring": 0.8}; at least 0.
+            By component, such as {Component("front_left", "spring"): 0.8}; at least 0.
 
         Raises
         ------
         ParameterError
             Where there is no such component.
         """
-        known = {f"{owner}.{name}" for owner, owned in self.components().items() for name in owned}
-        for name, factor in factors.items():
-            check_one_of("component", name, known)
-            check_number(f"factor of {name}", factor, at_least=0)
+        known = {str(component) for component in self.components()}
+        for component, factor in factors.items():
+            check_one_of("component", str(component), known)
+            check_number(f"factor of {component}", factor, at_least=0)
         elements = []
         for element in self.elements:
-            spring, damper = (f"{element.owner}.{name}" for name in PARTS[element.part])
-            stiffness = element.stiffness * factors.get(spring, 1.0)
-            damping = element.damping * factors.get(damper, 1.0)
-            elements.append(replace(element, stiffness=stiffness, damping=damping))
+            of_stiffness, of_damping = (1.0 if one is None else factors.get(one, 1.0) for one in element.components)
+            elements.append(
+                replace(element, stiffness=of_stiffness * element.stiffness, damping=of_damping * element.damping)
+            )
         return replace(self, elements=tuple(elements))
 
     def with_payload(self, mass: float, *, x: float = 0.0, y: float = 0.0) -> "Structure":
@@ -217,16 +224,15 @@ class Structure:
         """Return the state space sampled at `sampling_rate` [Hz], inputs held between samples."""
         return discretised(self.state_space(), sampling_rate=sampling_rate)
 
-    def components(self) -> dict[str, dict[str, float]]:
-        """Return stiffness and damping by owner and component, such as ["front_left"]["spring"]."""
-        found: dict[str, dict[str, float]] = {}
+    def components(self) -> dict[Component, float]:
+        """Return the stiffness [N/m] or damping [N s/m] of every component, in the order of the elements."""
+        values: dict[Component, float] = {}
         for element in self.elements:
-            spring, damper = PARTS[element.part]
-            owned = found.setdefault(element.owner, {})
-            owned[spring] = element.stiffness
+            spring, damper = element.components
+            values[spring] = element.stiffness
             if damper is not None:
-                owned[damper] = element.damping
-        return found
+                values[damper] = element.damping
+        return values
 
 
 def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], carriers: Sequence[str]) -> Outputs:

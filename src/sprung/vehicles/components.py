@@ -1,0 +1,57 @@
+"""A spring, damper or tyre by its corner and kind."""
+
+from dataclasses import dataclass
+
+from sprung.errors import ParameterError
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Component:
+    """A spring, damper or tyre of a vehicle.
+
+    Parameters
+    ----------
+    corner
+        "front_left", "axle2_right" ..., or another owner of elements, such as "mass_1" or "front_axle".
+    kind
+        "spring", "damper", "tyre", or another component of `sprung.vehicles.structure.PARTS`.
+
+    Examples
+    --------
+    >>> soft = Component.parse("front_left.spring")
+    >>> soft.axle, soft.side, soft.kind
+    ('front', 'left', 'spring')
+    >>> print(soft)
+    front_left.spring
+    """
+
+    corner: str
+    kind: str
+
+    @classmethod
+    def parse(cls, text: str) -> "Component":
+        """Return the component written as CORNER.KIND.
+
+        Raises
+        ------
+        ParameterError
+            Where the text is not of that form.
+        """
+        corner, dot, kind = text.partition(".")
+        if not (corner and dot and kind) or "." in kind:
+            raise ParameterError(f"component {text!r} is not of the form CORNER.KIND: write front_left.spring")
+        return cls(corner, kind)
+
+    def __str__(self) -> str:
+        return f"{self.corner}.{self.kind}"
+
+    @property
+    def side(self) -> str | None:
+        """Side of the vehicle, "left" or "right"; None where the owner is no corner."""
+        side = self.corner.rpartition("_")[2]
+        return side if side in {"left", "right"} else None
+
+    @property
+    def axle(self) -> str:
+        """Axle of the corner, such as "front" or "axle2"; the owner itself where it is no corner."""
+        return self.corner if self.side is None else self.corner.rpartition("_")[0]
