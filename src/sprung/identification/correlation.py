@@ -302,11 +302,21 @@ def average(segments: SegmentCorrelations, *, is_biased: bool = False) -> Correl
     ----------
     F. Liu (2020), eq. 4-1 and section 4.2.
     """
-    n_joined = _segments_per_block(segments.n_segments)
-    starts = np.arange(0, segments.n_segments, n_joined)
+    starts = np.arange(0, segments.n_segments, _segments_per_block(segments.n_segments))
     sums = np.add.reduceat(segments.sums, starts)
     n_products = np.add.reduceat(segments.n_products, starts)
-    return _averaged(segments, sums, n_products, segments.n_segments, is_biased)
+    divisors = np.broadcast_to(n_products[:, :1], n_products.shape) if is_biased else n_products
+    if not np.all(divisors.sum(axis=0) > 0):
+        raise DataError("the segments are shorter than the lags: use longer segments or fewer lags")
+    return Correlations(
+        values=sums.sum(axis=0) / divisors.sum(axis=0),
+        blocks=sums / np.maximum(divisors, np.finfo(float).tiny)[:, None, None],
+        weights=n_products[:, 0] / n_products[:, 0].sum(),
+        sampling_rate=segments.sampling_rate,
+        channels=segments.channels,
+        references=segments.references,
+        n_segments=segments.n_segments,
+    )
 
 
 def _segments_per_block(n_segments: int) -> int:
@@ -315,86 +325,3 @@ def _segments_per_block(n_segments: int) -> int:
     while n_segments > n_joined * MAX_BLOCKS:
         n_joined *= 2
     return n_joined
-
-
-def _averaged(
-    like: SegmentCorrelations,
-    sums: Real,
-    n_products: Real,
-    n_segments: int,
-    is_biased: bool,
-) -> Correlations:
-    """Divide the blocks' sums by their numbers of products."""
-    divisors = np.broadcast_to(n_products[:, :1], n_products.shape) if is_biased else n_products
-    if not np.all(divisors.sum(axis=0) > 0):
-        raise DataError("the segments are shorter than the lags asked for: use longer segments or fewer lags")
-    return Correlations(
-        values=sums.sum(axis=0) / divisors.sum(axis=0),
-        blocks=sums / np.maximum(divisors, np.finfo(float).tiny)[:, None, None],
-        weights=n_products[:, 0] / n_products[:, 0].sum(),
-        sampling_rate=like.sampling_rate,
-        channels=like.channels,
-        references=like.references,
-        n_segments=n_segments,
-    )
-
-
-class RunningCorrelations:
-    """Correlations that take one segment at a time and equal the batch average of the same segments.
-
-    Parameters
-    ----------
-    n_lags
-        Number of lags, lag 0 included.
-    references
-        Names of the reference channels; None: all.
-    is_biased
-        As in `average`.
-
-    Notes
-    -----
-    Memory does not grow: when more than `MAX_BLOCKS` blocks would be kept, neighbours are joined.
-    """
-
-    def __init__(self, *, n_lags: int, references: Sequence[str] | None = None, is_biased: bool = False) -> None:
-        self._n_lags = n_lags
-        self._references = references
-        self._is_biased = is_biased
-        self._blocks: SegmentCorrelations | None = None
-        self._n_segments = 0
-        self._n_joined = 1
-
-    def update(self, segment: Recording) -> None:
-        """Add one segment, a recording without gaps."""
-        if segment.gaps:
-            raise ParameterError(f"a segment has no gaps, but this recording has {len(segment.gaps)}: cut it there")
-        new = correlate_segments(segment, n_lags=self._n_lags, references=self._references)
-        starts_block = self._n_segments % self._n_joined == 0
-        self._blocks = new if self._blocks is None else join_segments([self._blocks, new])
-        if not starts_block:
-            self._join_from(np.arange(self._blocks.n_segments - 1))
-        self._n_segments += 1
-        if self._blocks.n_segments > MAX_BLOCKS:
-            self._n_joined *= 2
-            self._join_from(np.arange(0, self._blocks.n_segments, 2))
-
-    def _join_from(self, starts: Indices) -> None:
-        """Add up the blocks from each start to the next."""
-        assert self._blocks is not None
-        self._blocks = replace(
-            self._blocks,
-            sums=np.add.reduceat(self._blocks.sums, starts),
-            n_products=np.add.reduceat(self._blocks.n_products, starts),
-        )
-
-    @property
-    def n_segments(self) -> int:
-        """Number of segments taken."""
-        return self._n_segments
-
-    @property
-    def correlations(self) -> Correlations:
-        """The average so far."""
-        if self._blocks is None:
-            raise DataError("no segment has been taken yet: call update first")
-        return _averaged(self._blocks, self._blocks.sums, self._blocks.n_products, self._n_segments, self._is_biased)
