@@ -1,6 +1,6 @@
-"""From the poles of a ladder to modes: criteria, alignments, selection, merging."""
+"""From the poles of a ladder to modes: criteria, alignments, selection."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.cluster import hierarchy
 
-from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung._arrays import Booleans, Complex, Indices
 from sprung._checks import check_number, freeze
 from sprung.identification.contribution import contributions
 from sprung.identification.correlation import Correlations
-from sprung.modal import Modes, Poles, PoleStatus, join_modes, mac, mpc, unit_shapes
+from sprung.modal import Modes, Poles, PoleStatus, mac, mpc, unit_shapes
 
 #: Two poles of one shape are one mode if they lie within this share of their half-power half-bandwidth (between
 #: rungs, and between modes where damping may differ: there, if their half-power bands overlap) ...
@@ -231,20 +231,36 @@ def _representatives(poles: Poles, alignments: Indices, chosen: Indices) -> Indi
     return np.array(found, dtype=np.intp)
 
 
-def select_modes(diagram: StabilisationDiagram) -> tuple[Modes, Indices]:
-    """Return the modes of the alignments that were kept, each from its most trustworthy pole.
+@dataclass(frozen=True, eq=False, slots=True)
+class SelectedModes:
+    """Modes selected from a stabilisation diagram.
+
+    Parameters
+    ----------
+    modes
+        Modes by rising frequency.
+    alignments
+        Number of the alignment behind each mode, shape (modes,).
+    """
+
+    modes: Modes
+    alignments: Indices
+
+    def __post_init__(self) -> None:
+        freeze(self, alignments=1, dtype=np.intp)
+
+
+def select_modes(diagram: StabilisationDiagram) -> SelectedModes:
+    """Return the modes of the selected alignments, each from its most reliable pole.
 
     Parameters
     ----------
     diagram
-        From `stabilise`.
+        Stabilisation diagram from `stabilise`.
 
     Returns
     -------
-    modes
-        By rising frequency.
-    alignments
-        The alignment behind each mode, shape (modes,).
+    SelectedModes
 
     Notes
     -----
@@ -266,7 +282,7 @@ def select_modes(diagram: StabilisationDiagram) -> tuple[Modes, Indices]:
         labels=(None,) * len(chosen),
     )
     order = np.argsort(modes.natural_frequency)
-    return modes.take(order), kept[order]
+    return SelectedModes(modes.take(order), kept[order])
 
 
 def with_status(diagram: StabilisationDiagram, alignments: Iterable[int], status: PoleStatus) -> StabilisationDiagram:
@@ -314,58 +330,3 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
             break
         is_kept[kept[weakest]] = False
     return is_kept
-
-
-def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> tuple[Modes, Indices]:
-    """Merge the modes of several identifications of one system.
-
-    Parameters
-    ----------
-    parts
-        Of the same channels: from subsets of segments, or from splits of outputs and references.
-    weights
-        Of the parts, above 0; the number of segments for subsets.
-
-    Returns
-    -------
-    modes
-        Found in at least half of the parts; poles are weighted means, the shape is that of the part of largest weight.
-        Of several modes of one part that merge, the one of largest stable rate stands for the part.
-    members
-        For each mode and part the index of the part's mode, -1 where it has none; shape (modes, parts).
-
-    References
-    ----------
-    F. Liu (2020), section 4.2, step 8.
-    """
-    owners = np.concatenate([np.full(len(part), k) for k, part in enumerate(parts)])
-    places = np.concatenate([np.arange(len(part)) for part in parts])
-    together = join_modes(parts)
-    groups = align(together.poles, together.mode_shapes, has_free_damping=True)
-    merged, members = [], []
-    for group in range(groups.max(initial=-1) + 1):
-        chosen = np.flatnonzero(groups == group)
-        chosen = chosen[np.argsort(-together.stable_rate[chosen], kind="stable")]
-        chosen = chosen[np.unique(owners[chosen], return_index=True)[1]]
-        if 2 * len(chosen) < len(parts):
-            continue
-        row = np.full(len(parts), -1)
-        row[owners[chosen]] = places[chosen]
-        members.append(row)
-        merged.append(_merged(together.take(chosen), np.asarray(weights, dtype=float)[owners[chosen]]))
-    modes = join_modes(merged) if merged else together.take(np.zeros(0, dtype=np.intp))
-    order = np.argsort(modes.natural_frequency)
-    return modes.take(order), np.array(members, dtype=np.intp).reshape(-1, len(parts))[order]
-
-
-def _merged(same: Modes, weights: Real) -> Modes:
-    """Return one mode from several estimates of it."""
-    shares = weights / weights.sum()
-    best = same.take(np.array([np.argmax(shares)]))
-    return replace(
-        best,
-        poles=np.array([np.sum(shares * same.poles)]),
-        natural_frequency_std=np.sqrt([np.sum((shares * same.natural_frequency_std) ** 2)]),
-        damping_ratio_std=np.sqrt([np.sum((shares * same.damping_ratio_std) ** 2)]),
-        stable_rate=np.array([np.mean(same.stable_rate)]),
-    )
