@@ -4,7 +4,9 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Protocol
+
+import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of, freeze
@@ -25,6 +27,9 @@ QUANTITIES = MappingProxyType(
         "unknown": "",
     }
 )
+
+#: Largest relative difference of the sampling rates of pieces of one measurement: clocks of loggers drift.
+_SAME_RATE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,3 +163,80 @@ class Recording:
     def changed(self, step: str, **fields: Any) -> "Recording":
         """Return a copy with other `fields` and `step` added to the history."""
         return replace(self, history=(*self.history, step), **fields)
+
+
+class Piece(Protocol):
+    """Consecutive samples of several channels; a `Recording` is one."""
+
+    @property
+    def samples(self) -> Real:
+        """Samples in SI units, shape (channels, samples)."""
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Channel of each row."""
+
+    @property
+    def sampling_rate(self) -> float:
+        """Sampling rate [Hz]."""
+
+    @property
+    def start(self) -> int | None:
+        """Time of the first sample, UTC in nanoseconds since 1970; None where unknown."""
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """Gaps within the samples."""
+
+
+def join(pieces: Sequence[Piece], *, waits: Sequence[float | None] | None = None) -> Recording:
+    """Put pieces of one measurement one after another.
+
+    Parameters
+    ----------
+    pieces
+        One or more pieces with the same channels and, but for the clock, the same sampling rate.
+    waits
+        Time that was not recorded before each piece but the first [s], one less than there are pieces; None where the
+        samples go on without a gap. Default: no gap between any two.
+
+    Returns
+    -------
+    Recording
+        Recording with the start and the rate of the first piece, the gaps of all pieces and those between them, without
+        history.
+
+    Raises
+    ------
+    ParameterError
+        If there is no piece, the pieces differ in channels or sampling rate, or the number of waits is wrong.
+
+    Examples
+    --------
+    >>> half = Recording(np.zeros((1, 50)), 100.0, (Channel("a"),))
+    >>> join([half, half], waits=[2.0]).gaps
+    (Gap(index=50, duration=2.0),)
+    """
+    if not pieces:
+        raise ParameterError("there is nothing to join: give at least one piece")
+    first = pieces[0]
+    if waits is None:
+        waits = [None] * (len(pieces) - 1)
+    if len(waits) != len(pieces) - 1:
+        raise ParameterError(f"{len(pieces)} pieces need {len(pieces) - 1} waits, but there are {len(waits)}")
+    samples = [piece.samples for piece in pieces]
+    starts = itertools.accumulate((part.shape[1] for part in samples), initial=0)
+    gaps: list[Gap] = []
+    for piece, wait, start in zip(pieces, [None, *waits], starts, strict=False):
+        if piece.channels != first.channels or abs(piece.sampling_rate / first.sampling_rate - 1) > _SAME_RATE:
+            raise ParameterError("pieces of one recording must have the same channels and sampling rate")
+        if wait is not None:
+            gaps.append(Gap(start, wait))
+        gaps += [replace(gap, index=gap.index + start) for gap in piece.gaps]
+    return Recording(
+        samples=np.concatenate(samples, axis=1),
+        sampling_rate=first.sampling_rate,
+        channels=first.channels,
+        start=first.start,
+        gaps=tuple(gaps),
+    )

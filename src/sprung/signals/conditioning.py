@@ -4,6 +4,7 @@ Everything works stretch by stretch: nothing is filtered, fitted or interpolated
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ from scipy import interpolate, signal
 from sprung._arrays import Booleans, Real
 from sprung._checks import check_complete, check_number
 from sprung.errors import DataError, ParameterError
-from sprung.recording import Gap, Recording
+from sprung.recording import Recording, join
 
 #: Part of the new band that decimation passes unchanged (ripple below 0.01 %).
 PASS_BAND = Fraction(4, 5)
@@ -340,11 +341,11 @@ def _joined(
     onsets = np.array([onset for onset, _ in pieces])
     lengths = np.array([samples.shape[1] for _, samples in pieces])
     waits = np.maximum(0.0, onsets[1:] - onsets[:-1] - lengths[:-1] / rate)
-    gaps = tuple(Gap(int(i), float(wait)) for i, wait in zip(np.cumsum(lengths), waits, strict=False))
+    parts = [replace(recording, samples=samples, sampling_rate=rate, gaps=()) for _, samples in pieces]
+    whole = join(parts, waits=waits.tolist())
     if recording.start is not None:
         fields.setdefault("start", recording.start + round(onsets[0] * 1e9))
-    samples = np.concatenate([samples for _, samples in pieces], axis=1)
-    return recording.changed(step, **{"samples": samples, "gaps": gaps, **fields})
+    return recording.changed(step, **{"samples": whole.samples, "gaps": whole.gaps, **fields})
 
 
 def _runs(is_wanted: Booleans) -> list[slice]:
