@@ -5,13 +5,12 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import fft, interpolate
+from scipy import fft
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_complete, check_number
 from sprung.errors import ParameterError
 from sprung.recording import Recording
-from sprung.signals.conditioning import moving_parts, over_distance
 
 #: Spectral amplitudes below this part of the spectrum's RMS count as this part: ln 0 must not happen.
 AMPLITUDE_FLOOR = 1e-9
@@ -58,11 +57,6 @@ class Exponential:
     def __post_init__(self) -> None:
         check_number("time_constant", self.time_constant, above=0)
 
-    @property
-    def added_damping(self) -> float:
-        """How far every pole moves to the left [rad/s]."""
-        return 1 / self.time_constant
-
     def weights(self, quefrency: Real) -> Real:
         """Return the exponential."""
         return np.exp(-quefrency / self.time_constant)
@@ -91,24 +85,6 @@ class Comb:
         spacing = quefrency[1] - quefrency[0] if quefrency.size > 1 else 0.0
         is_near = np.abs(quefrency - multiple * self.period) <= max(self.width / 2, spacing * (1 + 1e-9))
         return np.where(is_near & (multiple >= 1), 0.0, 1.0)
-
-
-def real_cepstrum(samples: ArrayLike) -> Real:
-    """Return the real cepstrum c = IFFT(ln |FFT(x)|) along the last axis, for the mean removed.
-
-    Parameters
-    ----------
-    samples
-        Shape (..., samples), real.
-
-    Returns
-    -------
-    ndarray
-        Shape (..., samples), symmetric: entry k and entry (samples - k) both belong to the quefrency k / rate.
-    """
-    x = np.asarray(samples, dtype=np.float64)
-    spectrum = fft.rfft(x - x.mean(axis=-1, keepdims=True), axis=-1)
-    return fft.irfft(_log_amplitude(spectrum), x.shape[-1], axis=-1)
 
 
 def edit(recording: Recording, lifter: Lifter) -> Recording:
@@ -160,51 +136,6 @@ def edit(recording: Recording, lifter: Lifter) -> Recording:
     for stretch in recording.stretches():
         samples[:, stretch] = _edited(recording.samples[:, stretch], recording.sampling_rate, lifter)
     return recording.changed(f"cepstrum edited with {lifter}", samples=samples)
-
-
-def edit_over_distance(recording: Recording, lifter: Lifter, *, speed: str, minimum_speed: float = 3.0) -> Recording:
-    """Edit the cepstrum over distance, where lines that move with speed stand still.
-
-    Parameters
-    ----------
-    recording
-        Without missing values.
-    lifter
-        Its quefrencies are in metres: `Comb(2.0)` for what repeats every 2 m, a wheel's circumference say.
-    speed
-        Name of the channel with the speed [m/s], which is not edited.
-    minimum_speed
-        Slower parts stay as they are [m/s].
-
-    Returns
-    -------
-    Recording
-        At the old sampling rate.
-
-    Raises
-    ------
-    DataError, ParameterError
-        As `over_distance`.
-
-    Notes
-    -----
-    Only the difference that the editing makes over distance is brought back to time and added, so that resampling
-    costs the rest of the signal nothing.
-    """
-    row = recording.index(speed)
-    interval = minimum_speed / recording.sampling_rate
-    along = over_distance(recording, speed, interval=interval, minimum_speed=minimum_speed)
-    change = edit(along, lifter).samples - (along.samples - _stretch_means(along))
-    samples = recording.samples.copy()
-    parts = moving_parts(recording, speed, minimum_speed=minimum_speed)
-    for part, stretch in zip(parts, along.stretches(), strict=True):
-        v = recording.samples[row, part]
-        metres = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)]) / recording.sampling_rate
-        grid = np.arange(stretch.stop - stretch.start) * interval
-        spline = interpolate.make_interp_spline(grid, change[:, stretch], k=5, axis=1)
-        samples[:, part] += spline(np.minimum(metres, grid[-1]))
-    samples[row] = recording.samples[row]
-    return recording.changed(f"cepstrum edited over the distance of {speed!r} with {lifter}", samples=samples)
 
 
 def subtract_lifter_damping(poles: ArrayLike, time_constant: float) -> Complex:
@@ -270,11 +201,3 @@ def _checked_weights(lifter: Lifter, quefrency: Real) -> Real:
             f"{quefrency.size} quefrencies"
         )
     return weights
-
-
-def _stretch_means(recording: Recording) -> Real:
-    """Return the mean of each channel over its stretch, at each sample."""
-    means = np.empty_like(recording.samples)
-    for stretch in recording.stretches():
-        means[:, stretch] = recording.samples[:, stretch].mean(axis=1, keepdims=True)
-    return means
