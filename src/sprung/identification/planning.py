@@ -285,12 +285,22 @@ Name = TypeVar("Name")
 
 
 def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], tuple[Name, ...]], ...]:
-    """Return pairs of disjoint outputs and references such that every two channels are apart in some pair.
+    """Return pairs of disjoint outputs and references such that every two channels are separated in some pair.
 
     Parameters
     ----------
     channels
-        Two or more.
+        Two or more channels.
+
+    Returns
+    -------
+    tuple
+        Pairs (outputs, references).
+
+    Raises
+    ------
+    ParameterError
+        If there are fewer than two channels.
 
     Examples
     --------

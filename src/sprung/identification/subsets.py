@@ -10,7 +10,17 @@ from sprung.identification.correlation import SegmentCorrelations
 
 
 def segment_levels(segments: SegmentCorrelations) -> Real:
-    """Return the level of each segment, shape (segments,): the smallest RMS among its correlation functions.
+    """Return the level of each segment, the smallest RMS among its correlation functions.
+
+    Parameters
+    ----------
+    segments
+        Correlations of the segments.
+
+    Returns
+    -------
+    numpy.ndarray
+        Levels, shape (segments,).
 
     References
     ----------
