@@ -1,4 +1,4 @@
-"""Recordings: what was measured, where, in which unit, and what has been done to it since."""
+"""Recordings: samples with channels, units, positions, gaps, and the history of their processing."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -12,7 +12,7 @@ from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of, freeze
 from sprung.errors import ParameterError
 
-#: Quantities a channel may measure, with their SI unit. An unknown quantity has no unit.
+#: Quantities that a channel may measure, with their SI units. An unknown quantity has no unit.
 QUANTITIES = MappingProxyType(
     {
         "acceleration": "m/s^2",
@@ -39,14 +39,19 @@ class Channel:
     Parameters
     ----------
     name
-        As in the file and in every result.
+        Name in the file and in all results.
     quantity
-        A key of `QUANTITIES`; "unknown" where the source does not say. Samples of a known quantity are in its
-        SI unit.
+        Key of `QUANTITIES`; "unknown" where the source does not state it. Samples of a known quantity are in its SI
+        unit.
     position
-        x forward, y left, z up from the body's centre of gravity [m] (ISO 8855); None where unknown.
+        Position x forward, y left, z up from the body's centre of gravity [m] (ISO 8855); None where unknown.
     direction
         Unit vector of the measured axis; None where unknown.
+
+    Raises
+    ------
+    ParameterError
+        If the name is empty, or the quantity is not a key of `QUANTITIES`.
     """
 
     name: str
@@ -67,7 +72,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A hole in time before sample `index`, in which `duration` seconds were not recorded."""
+    """Interruption before sample `index`, during which `duration` seconds were not recorded."""
 
     index: int
     duration: float
@@ -80,22 +85,22 @@ class Recording:
     Parameters
     ----------
     samples
-        Shape (channels, samples), in SI units where the quantity is known. A missing value is NaN.
+        Samples, in SI units where the quantity is known, shape (channels, samples); NaN where a value is missing.
     sampling_rate
-        In Hz, above 0.
+        Sampling rate [Hz], above 0.
     channels
-        One for each row of `samples`; names differ.
+        Channel of each row of `samples`, with distinct names.
     start
         Time of the first sample, UTC in nanoseconds since 1970; None where unknown.
     gaps
-        Holes in time, by rising index. Nothing in sprung filters, interpolates or correlates across a gap.
+        Interruptions by rising index. Nothing in sprung filters, interpolates or correlates across a gap.
     history
-        One line for each step since reading, oldest first.
+        Processing steps since reading, one line each, oldest first.
 
     Raises
     ------
     ParameterError
-        Where shapes, names, gaps or rate contradict each other.
+        If shapes, names, gaps or rate are inconsistent.
     """
 
     samples: Real

@@ -1,4 +1,4 @@
-"""Cepstrum editing: taking harmonics out of a recording before its modes are identified."""
+"""Cepstrum editing: removal of harmonics from a recording before its modes are identified."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -12,27 +12,32 @@ from sprung._checks import check_complete, check_number
 from sprung.errors import ParameterError
 from sprung.recording import Recording
 
-#: Spectral amplitudes below this part of the spectrum's RMS count as this part: ln 0 must not happen.
+#: Spectral amplitudes below this share of the spectrum's RMS are raised to it, to avoid ln 0.
 AMPLITUDE_FLOOR = 1e-9
 
 
 class Lifter(Protocol):
-    """Weights over quefrency; its `repr` is what the history of an edited recording says."""
+    """Weights over quefrency; the history of an edited recording states its `repr`."""
 
     def weights(self, quefrency: Real) -> Real:
-        """Return the weight at each quefrency [s], which is never negative."""
+        """Return the weights at quefrencies from 0 [s], shape (quefrencies,)."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShortPass:
-    """Keep the cepstrum up to the quefrency `length` [s] and nothing beyond it.
+    """Lifter that keeps the cepstrum below a quefrency and nothing beyond it.
 
-    Quasi-periodic excitation lives at long quefrencies, the modes at short ones: the log spectrum is smoothed over
-    about 1/(2 length) Hz, so any line narrower than that disappears, whatever its frequency.
+    Quasi-periodic excitation appears at long quefrencies, the modes at short ones: the log spectrum is smoothed over
+    about 1/(2 length) Hz, so that any narrower line disappears, whatever its frequency.
+
+    Parameters
+    ----------
+    length
+        Quefrency up to which the cepstrum is kept [s], above 0.
 
     References
     ----------
-    Liu (2020), eq. 5-4, with `length` = 0.25 s in chapter 5.
+    F. Liu (2020), eq. 5-4, with `length` = 0.25 s in chapter 5.
     """
 
     length: float
@@ -47,9 +52,19 @@ class ShortPass:
 
 @dataclass(frozen=True, slots=True)
 class Exponential:
-    """Multiply the cepstrum by exp(-quefrency / time_constant), which adds a known damping to every mode.
+    """Lifter exp(-quefrency / time_constant), which adds a known damping to every mode.
 
-    See `subtract_lifter_damping`, which takes that damping off again.
+    `subtract_lifter_damping` removes that damping from the poles.
+
+    Parameters
+    ----------
+    time_constant
+        Time constant tau [s], above 0; every pole moves to the left by 1/tau.
+
+    References
+    ----------
+    R. B. Randall (2017), A history of cepstrum analysis and its application to mechanical problems, Mechanical Systems
+    and Signal Processing 97, 3-19.
     """
 
     time_constant: float
@@ -64,12 +79,18 @@ class Exponential:
 
 @dataclass(frozen=True, slots=True)
 class Comb:
-    """Take out the rahmonics of one `period` [s]: the quefrencies within `width` / 2 of its multiples.
+    """Lifter that removes the rahmonics of one period.
 
-    It removes pulse trains and other families of many multiples of 1 / period, and leaves the rest of the spectrum
-    nearly untouched. A single sine has no rahmonics: only a short-pass or exponential lifter removes it.
-    A notch takes in the samples on both sides of its multiple at least; a wider one follows a period that is not
-    quite constant.
+    It removes pulse trains and other families of many multiples of 1 / period, and hardly changes the rest of the
+    spectrum. A single sine has no rahmonics: only a short-pass or exponential lifter removes it.
+
+    Parameters
+    ----------
+    period
+        Period [s], above 0.
+    width
+        Width of the notch around each multiple of the period [s], 0 to `period`. A notch covers at least the samples on
+        both sides of its multiple; a wider one follows a period that is not quite constant.
     """
 
     period: float
@@ -88,24 +109,26 @@ class Comb:
 
 
 def edit(recording: Recording, lifter: Lifter) -> Recording:
-    """Multiply the real cepstrum of each channel by a lifter and go back to samples with the original phase.
+    """Multiply the real cepstrum of each channel by a lifter and return to samples with the original phase.
 
     Parameters
     ----------
     recording
-        Without missing values. One that was resampled over distance has quefrencies in metres.
+        Recording without missing values. After resampling over distance, quefrencies are in metres.
     lifter
-        `ShortPass`, `Exponential`, `Comb` or anything else with `weights(quefrency)`.
+        `ShortPass`, `Exponential`, `Comb` or another value with `weights(quefrency)`.
 
     Returns
     -------
     Recording
-        With each stretch edited by itself, its mean removed. A channel of digital silence stays as it is.
+        Recording with each stretch edited by itself, its mean removed. A constant channel does not change.
 
     Raises
     ------
     DataError
-        A channel has missing values.
+        If a channel has missing values.
+    ParameterError
+        If the weights of the lifter are not one finite number for each quefrency.
 
     Notes
     -----
@@ -120,7 +143,16 @@ def edit(recording: Recording, lifter: Lifter) -> Recording:
 
     References
     ----------
-    Liu (2020), section 5.2; Randall, Coats and Smith (2016), Mechanical Systems and Signal Processing 72-73, 399-416.
+    F. Liu (2020), section 5.2.
+
+    B. P. Bogert, M. J. R. Healy and J. W. Tukey (1963), The quefrency alanysis of time series for echoes, Proceedings
+    of the Symposium on Time Series Analysis, 209-243.
+
+    D. G. Childers, D. P. Skinner and R. C. Kemerait (1977), The cepstrum: a guide to processing, Proceedings of the
+    IEEE 65, 1428-1443.
+
+    R. B. Randall (2017), A history of cepstrum analysis and its application to mechanical problems, Mechanical Systems
+    and Signal Processing 97, 3-19.
 
     Examples
     --------
@@ -139,30 +171,30 @@ def edit(recording: Recording, lifter: Lifter) -> Recording:
 
 
 def subtract_lifter_damping(poles: ArrayLike, time_constant: float) -> Complex:
-    """Take off the damping that an exponential lifter added to the poles identified after it.
+    """Remove the damping that an exponential lifter added from the poles identified after it.
 
     Parameters
     ----------
     poles
         Continuous poles [rad/s], any shape.
     time_constant
-        Of the lifter [s].
+        Time constant of the lifter [s], above 0.
 
     Returns
     -------
     ndarray
-        poles + 1 / time_constant.
+        Continuous poles + 1 / time_constant [rad/s], same shape.
 
     Raises
     ------
     ParameterError
-        `time_constant` is not above 0.
+        If `time_constant` is not above 0.
 
     Notes
     -----
-    The cepstrum of a minimum-phase pole is a damped cosine over its quefrency, so that the lifter adds 1 /
-    time_constant to the decay and nothing to the damped frequency: xi_true = xi - 1 / (tau omega), to first order in
-    the damping ratios; on poles it is exact.
+    The cepstrum of a minimum-phase pole is a damped cosine over its quefrency, so that the lifter adds 1 / tau to the
+    decay and nothing to the damped frequency: xi_true = xi - 1 / (tau omega), to first order in the damping ratios.
+    For poles the correction is exact.
     """
     check_number("time_constant", time_constant, above=0)
     return np.asarray(poles, dtype=np.complex128) + 1 / time_constant
@@ -184,7 +216,7 @@ def _edited(samples: Real, sampling_rate: float, lifter: Lifter) -> Real:
 
 
 def _log_amplitude(spectrum: Complex) -> Real:
-    """Return ln |X|, floored, with the empty bin at zero frequency taken from its neighbour."""
+    """Return ln |X| with a floor, the empty bin at zero frequency taken from its neighbour."""
     amplitude = np.abs(spectrum)
     amplitude[..., 0] = amplitude[..., min(1, amplitude.shape[-1] - 1)]
     level = np.sqrt(np.mean(amplitude**2, axis=-1, keepdims=True))
