@@ -14,7 +14,7 @@ from sprung._checks import check_number
 from sprung.errors import DataError, FormatError, ParameterError
 from sprung.formats import csv, mat, npz, parquet
 from sprung.formats.assembly import assemble, survey
-from sprung.formats.table import Table, join, rebatched, reported
+from sprung.formats.table import Table, join, rebatch, reported
 from sprung.recording import Recording
 
 #: Module that reads each file name ending.
@@ -53,8 +53,8 @@ def read(
     ParameterError
         If the sampling rate is missing or contradicts the file, or a channel is not in the file.
     """
-    table = _opened(path, sampling_rate, channels)
-    blocks = [join(list(table.blocks()) or _none(table))]
+    table = _open_table(path, sampling_rate, channels)
+    blocks = [join(list(table.blocks()) or _no_samples(table))]
     return next(assemble(table, blocks, survey(table, blocks, sampling_rate=sampling_rate)))
 
 
@@ -90,9 +90,9 @@ def read_blocks(
     The file is read twice: first for the living channels and the advance of time, then for the samples.
     """
     check_number("block_samples", block_samples, at_least=1000)
-    table = _opened(path, sampling_rate, channels)
+    table = _open_table(path, sampling_rate, channels)
     facts = survey(table, table.blocks(), sampling_rate=sampling_rate)
-    yield from assemble(table, rebatched(table.blocks(), block_samples), facts)
+    yield from assemble(table, rebatch(table.blocks(), block_samples), facts)
 
 
 def write(recording: Recording, path: str | PathLike[str]) -> None:
@@ -120,7 +120,7 @@ def write(recording: Recording, path: str | PathLike[str]) -> None:
     WRITERS[ending].write(recording, path)
 
 
-def _opened(path: str | PathLike[str], sampling_rate: float | None, channels: Sequence[str] | None) -> Table:
+def _open_table(path: str | PathLike[str], sampling_rate: float | None, channels: Sequence[str] | None) -> Table:
     """Return the table in an existing file of a known format."""
     path = Path(path)
     if sampling_rate is not None:
@@ -139,6 +139,6 @@ def _opened(path: str | PathLike[str], sampling_rate: float | None, channels: Se
     return table
 
 
-def _none(table: Table) -> NoReturn:
+def _no_samples(table: Table) -> NoReturn:
     """Raise the error for a table without rows."""
     raise DataError(f"{table.path} holds no samples: it ends after the column names")

@@ -204,7 +204,7 @@ class _Assembler:
         end = n_rows if is_last else max(self._n_done, _quiet_end(gaps, n_rows))
         if end <= self._n_done:
             return None
-        make = self._resampled if self._clock.is_resampled else self._unchanged
+        make = self._resample if self._clock.is_resampled else self._take_rows
         recording = make(gaps, end)
         self._forget(gaps, end)
         return recording
@@ -224,7 +224,7 @@ class _Assembler:
         self._seconds = np.concatenate([self._seconds, seconds])
         self._samples = np.concatenate([self._samples, block.values[:, whole] * self._factors], axis=1)
 
-    def _unchanged(self, gaps: Indices, end: int) -> Recording:
+    def _take_rows(self, gaps: Indices, end: int) -> Recording:
         """Return the rows up to `end` as they are; straight lines through the stamps give their times."""
         offsets = self._seconds - self._clock.interval * np.arange(self._seconds.size)
         edges = [0, *gaps, offsets.size]
@@ -236,7 +236,7 @@ class _Assembler:
         start = np.median(offsets[: min(edges[1], _REACH)])
         return self._recording(self._samples[:, :end], float(start), [gap for gap in durations if gap[0] < end])
 
-    def _resampled(self, gaps: Indices, end: int) -> Recording:
+    def _resample(self, gaps: Indices, end: int) -> Recording:
         """Return the samples at uniform times, interpolated within each stretch."""
         interval = self._clock.interval
         edges = [0, *gaps, self._seconds.size]

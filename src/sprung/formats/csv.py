@@ -72,7 +72,7 @@ def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[IO[bytes]]:
+def _open(path: Path) -> Iterator[IO[bytes]]:
     """Open a file, or the only member of an archive, for reading."""
     if path.suffix.lower() == ".zip":
         with zipfile.ZipFile(path) as archive:
@@ -113,7 +113,7 @@ def _layout(path: Path) -> Layout:
 
 def _first_lines(path: Path) -> list[bytes]:
     """Return the complete first lines of a file, with their ends."""
-    with reported(path, "text"), _opened(path) as file:
+    with reported(path, "text"), _open(path) as file:
         head = file.read(_HEAD_BYTES)
     if not head:
         raise FormatError(f"{path} is empty")
@@ -128,7 +128,7 @@ def _first_lines(path: Path) -> list[bytes]:
     return complete
 
 
-def _decoded(line: bytes) -> str:
+def _decode(line: bytes) -> str:
     """Return a line of text; bytes that are not UTF-8 are Latin-1."""
     try:
         return line.decode("utf-8-sig").rstrip("\r\n")
@@ -144,7 +144,7 @@ def _delimiter(lines: list[bytes]) -> str:
 
 def _fields(line: bytes, delimiter: str, *, strip: bool = True) -> list[str]:
     """Return the fields of a line; `strip` removes the blanks around them."""
-    text = _decoded(line)
+    text = _decode(line)
     try:
         fields = next(csv.reader([text], delimiter=delimiter), [])
     except csv.Error:
@@ -188,13 +188,13 @@ def _blocks(path: Path, layout: Layout, indices: list[int], time_index: int | No
     types = {index: pa.float64() for index in indices}
     if time_index is not None:
         types[time_index] = _time_type(path, layout, time_index)
-    with reported(path, "text"), _opened(path) as file:
+    with reported(path, "text"), _open(path) as file:
         file.read(layout.offset)
         for line, text in _texts(path, file, layout.first_line):
             try:
-                table = _parsed(text, layout, types)
+                table = _parse(text, layout, types)
             except pa.ArrowInvalid as error:
-                raise _located(path, layout, types, line, text) or _unlocated(path, line, error) from None
+                raise _located_error(path, layout, types, line, text) or _unlocated_error(path, line, error) from None
             values = np.empty((len(indices), table.num_rows))
             for row, index in enumerate(indices):
                 values[row] = table.column(str(index)).to_numpy()
@@ -222,7 +222,7 @@ def _texts(path: Path, file: IO[bytes], line: int) -> Iterator[tuple[int, bytes]
         yield line, rest
 
 
-def _parsed(text: bytes, layout: Layout, types: dict[int, Any]) -> Any:
+def _parse(text: bytes, layout: Layout, types: dict[int, Any]) -> Any:
     """Return some columns of lines of text, named by their numbers."""
     import pyarrow as pa
     from pyarrow import csv as arrow
@@ -257,7 +257,7 @@ def _time_type(path: Path, layout: Layout, index: int) -> Any:
     )
 
 
-def _located(path: Path, layout: Layout, types: dict[int, Any], first: int, text: bytes) -> FormatError | None:
+def _located_error(path: Path, layout: Layout, types: dict[int, Any], first: int, text: bytes) -> FormatError | None:
     """Return the error that names the first line in `text` that cannot be read; None if all lines look right."""
     import pyarrow as pa
 
@@ -284,7 +284,7 @@ def _located(path: Path, layout: Layout, types: dict[int, Any], first: int, text
     return None
 
 
-def _unlocated(path: Path, line: int, error: Exception) -> FormatError:
+def _unlocated_error(path: Path, line: int, error: Exception) -> FormatError:
     """Return the error for lines that look right but cannot be parsed."""
     detail = " ".join(str(error).split())[:120]
     return FormatError(f"{path}, after line {line}: the text is not a table ({detail}): export it again as CSV")

@@ -178,7 +178,7 @@ def cut(block: Block, rows: slice) -> Block:
     return Block(block.first_row + rows.indices(block.n_rows)[0], stamps, block.values[:, rows])
 
 
-def rebatched(blocks: Iterable[Block], n_rows: int) -> Iterator[Block]:
+def rebatch(blocks: Iterable[Block], n_rows: int) -> Iterator[Block]:
     """Yield the same rows in blocks of `n_rows`; only the last block may be shorter."""
     waiting: list[Block] = []
     for block in blocks:

@@ -168,7 +168,7 @@ def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None 
     Modes
         Modes by rising frequency, merged over the subsets.
     """
-    merged = _merged(summary, _modes_of_subsets(summary, _no_report))[1]
+    merged = _merge(summary, _modes_of_subsets(summary, _no_report))[1]
     return labelled(merged.modes, summary.channels, vehicle=vehicle)
 
 
@@ -187,7 +187,7 @@ def _identify(
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
     summary, notes_on_subsets = _summary(method, settings, records)
-    subsets, merged = _merged(summary, _modes_of_subsets(summary, report))
+    subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
     report("done", 1.0)
     return Identification(
         method=method,
@@ -300,7 +300,7 @@ def _diagram(correlations: Correlations, summary: CorrelationSummary) -> Stabili
     return stabilise(poles, criteria=summary.settings.criteria, band=plan.mode_band, is_harmonic=is_harmonic)
 
 
-def _merged(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple[list[SubsetModes], MergedModes]:
+def _merge(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple[list[SubsetModes], MergedModes]:
     """Merge the modes of the subsets and drop the insignificant ones; return the subsets and the merged modes."""
     merged = merge_modes([s.modes for s in subsets], weights=[s.n_segments for s in subsets])
     members = merged.members

@@ -145,7 +145,7 @@ def make_plan(
     DataError
         If the record is too short for the block rows.
     ParameterError
-        If disjoint references are wanted of fewer than two channels.
+        If references are to be disjoint with fewer than two channels.
 
     Notes
     -----

@@ -58,11 +58,11 @@ def prepare(recording: Recording, plan: PreparationPlan, *, lifter: Lifter | Non
         If a channel of the plan is missing.
     """
     outputs = _at_common_rate(recording, plan).select(plan.channels)
-    decimated = _decimated(outputs, plan.decimate_to)
+    decimated = _decimate_to(outputs, plan.decimate_to)
     spectra = spectral_matrix(decimated, segment_length=plan.spectrum_segment)
     motion, edited_spectra = detrend(decimated), None
     if lifter is not None:
-        motion = _decimated(edit(detrend(outputs), lifter), plan.decimate_to)
+        motion = _decimate_to(edit(detrend(outputs), lifter), plan.decimate_to)
         edited_spectra = spectral_matrix(motion, segment_length=plan.spectrum_segment)
     if plan.high_pass > 0:
         motion = band_pass(motion, plan.high_pass, None)
@@ -90,7 +90,7 @@ def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str 
     DataError
         If a channel has missing values, or there is no channel to search.
     """
-    searched = _decimated(_at_common_rate(recording, plan), max(plan.decimate_to, _RATE_FOR_LINES))
+    searched = _decimate_to(_at_common_rate(recording, plan), max(plan.decimate_to, _RATE_FOR_LINES))
     return find_harmonics(searched, speed=speed, false_alarm_rate=_FALSE_LINES)
 
 
@@ -101,6 +101,6 @@ def _at_common_rate(recording: Recording, plan: PreparationPlan) -> Recording:
     return replace(recording, sampling_rate=plan.sampling_rate)
 
 
-def _decimated(recording: Recording, rate: float) -> Recording:
+def _decimate_to(recording: Recording, rate: float) -> Recording:
     """Return the recording at `rate`, or as it is where its own rate is not higher."""
     return recording if rate >= recording.sampling_rate else decimate(recording, rate)

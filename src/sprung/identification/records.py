@@ -97,7 +97,7 @@ def correlate_records(
     Raises
     ------
     DataError
-        If there is no record, or none is usable: the first reason.
+        If there is no record, or no record is usable, with the reason of the first.
     ParameterError
         If a setting does not suit the records, or records differ in channels or sampling rate.
     """
@@ -152,7 +152,7 @@ def _first_record(
     total_duration: float | None,
     left_out: dict[int, DataError],
 ) -> tuple[Plan, _Correlated]:
-    """Return the plan made from the first record that carries one, and that record correlated."""
+    """Return the plan from the first record that is good enough for one, and that record correlated."""
     for number, recording in moving:
         try:
             preparation = plan_preparation(recording, settings=settings, vehicle=vehicle)
@@ -214,6 +214,6 @@ def _common_harmonics(records: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, 
 def _same(lines: Sequence[Harmonic], others: Sequence[Harmonic]) -> Booleans:
     """Return which lines are of one kind and within the coarser resolution of each other, shape (lines, others)."""
     width = np.maximum.outer([line.resolution for line in lines], [other.resolution for other in others])
-    apart = np.abs(np.subtract.outer([line.frequency for line in lines], [other.frequency for other in others]))
+    distance = np.abs(np.subtract.outer([line.frequency for line in lines], [other.frequency for other in others]))
     is_one_kind = np.equal.outer([line.kind == "speed" for line in lines], [other.kind == "speed" for other in others])
-    return np.asarray(is_one_kind & (apart <= width), dtype=np.bool_)
+    return np.asarray(is_one_kind & (distance <= width), dtype=np.bool_)

@@ -166,7 +166,7 @@ def edit(recording: Recording, lifter: Lifter) -> Recording:
     check_complete(recording.names, recording.samples)
     samples = np.empty_like(recording.samples)
     for stretch in recording.stretches():
-        samples[:, stretch] = _edited(recording.samples[:, stretch], recording.sampling_rate, lifter)
+        samples[:, stretch] = _edit_stretch(recording.samples[:, stretch], recording.sampling_rate, lifter)
     return recording.changed(f"cepstrum edited with {lifter}", samples=samples)
 
 
@@ -200,7 +200,7 @@ def subtract_lifter_damping(poles: ArrayLike, time_constant: float) -> Complex:
     return np.asarray(poles, dtype=np.complex128) + 1 / time_constant
 
 
-def _edited(samples: Real, sampling_rate: float, lifter: Lifter) -> Real:
+def _edit_stretch(samples: Real, sampling_rate: float, lifter: Lifter) -> Real:
     """Edit one stretch, shape (channels, samples)."""
     n_samples = samples.shape[1]
     length = fft.next_fast_len(n_samples, real=True)

@@ -139,7 +139,7 @@ def band_pass(recording: Recording, low: float | None, high: float | None, *, or
     step = f"zero-phase Butterworth {kind} of order {order}, {' to '.join(f'{edge:g}' for edge in edges)} Hz"
     if dropped:
         step += f"; {dropped} stretches of up to {padding} samples left out"
-    return _joined(recording, pieces, step=step, advice=f"stretches must exceed {padding} samples")
+    return _join_pieces(recording, pieces, step=step, advice=f"stretches must exceed {padding} samples")
 
 
 def decimate(recording: Recording, sampling_rate: float) -> Recording:
@@ -192,9 +192,9 @@ def decimate(recording: Recording, sampling_rate: float) -> Recording:
         n_new = int((stretch.stop - stretch.start) * ratio)
         samples = recording.samples[:, stretch]
         for stage_ratio, taps in stages:
-            samples = _resampled(samples, stage_ratio, taps)
+            samples = _resample(samples, stage_ratio, taps)
         pieces.append((onset, samples[:, :n_new]))
-    return _joined(
+    return _join_pieces(
         recording,
         [(onset, samples) for onset, samples in pieces if samples.shape[1]],
         step=f"decimated from {old_rate:g} to {new_rate:g} Hz",
@@ -230,7 +230,7 @@ def without_missing(recording: Recording) -> Recording:
         for part in _runs(is_complete[stretch])
     ]
     step = f"{np.count_nonzero(~is_complete)} samples with missing values made gaps"
-    return _joined(recording, pieces, step=step, advice="no sample has a value in every channel")
+    return _join_pieces(recording, pieces, step=step, advice="no sample has a value in every channel")
 
 
 def distance_travelled(recording: Recording, speed: str) -> Real:
@@ -266,7 +266,7 @@ def while_moving(recording: Recording, speed: str, *, minimum_speed: float = 3.0
     for part in moving_parts(recording, speed, minimum_speed=minimum_speed):
         first = max(start for start in onsets if start <= part.start)
         pieces.append((onsets[first] + (part.start - first) / rate, recording.samples[:, part]))
-    return _joined(
+    return _join_pieces(
         recording,
         pieces,
         step=f"parts below {minimum_speed:g} m/s left out",
@@ -316,7 +316,7 @@ def over_distance(recording: Recording, speed: str, *, interval: float, minimum_
         grid = np.arange(metres[0], metres[-1], interval / max(1, oversampling))
         spline = interpolate.make_interp_spline(np.arange(metres.size), recording.samples[:, part], k=5, axis=1)
         pieces.append((float(metres[0]), spline(np.interp(grid, metres, np.arange(metres.size)))))
-    fine = _joined(
+    fine = _join_pieces(
         recording,
         pieces,
         step=f"resampled every {interval:g} m of distance; parts below {minimum_speed:g} m/s left out",
@@ -336,7 +336,7 @@ def _stretches_with_onset(recording: Recording) -> list[tuple[float, slice]]:
     ]
 
 
-def _joined(
+def _join_pieces(
     recording: Recording, pieces: list[tuple[float, Real]], *, step: str, advice: str, **fields: Any
 ) -> Recording:
     """Return a recording of `pieces`, each with its onset after the old first sample, and gaps between them."""
@@ -384,7 +384,7 @@ def _low_pass(pass_edge: Fraction, stop_edge: Fraction, ratio: Fraction) -> Real
     return taps * ratio.numerator
 
 
-def _resampled(samples: Real, ratio: Fraction, taps: Real) -> Real:
+def _resample(samples: Real, ratio: Fraction, taps: Real) -> Real:
     """Filter and resample one stretch, so that the first new sample is at the first old one."""
     up, down = ratio.numerator, ratio.denominator
     half = taps.size // 2

@@ -14,7 +14,7 @@ from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 from sprung.signals.conditioning import moving_parts, over_distance, while_moving
-from sprung.signals.narrow_lines import Line, largest_family, merged, multiples, narrow_lines, octaves
+from sprung.signals.narrow_lines import Line, largest_family, merge_peaks, multiples, narrow_lines, octaves
 
 #: Smallest distance of consecutive segments in time constants of the least damped mode: their powers are then
 #: independent to within a few per cent.
@@ -152,17 +152,17 @@ def find_harmonics(
     if not names:
         raise DataError("the recording has no channel besides the speed: there is nothing to search")
     lines = _constant_lines(recording.select(names), prominence, false_alarm_rate, least_damping)
-    found = _as_harmonics(lines, names, "constant", (1.0, 1.0))
+    constant = _as_harmonics(lines, names, "constant", (1.0, 1.0))
     if speed is None or not moving_parts(recording, speed, minimum_speed=minimum_speed):
-        return found
+        return constant
     moving = while_moving(recording, speed, minimum_speed=minimum_speed)
     v = moving.samples[moving.index(speed)]
     slow, low, middle, high, fast = (float(q) for q in np.quantile(v, (0.05, 0.25, 0.5, 0.75, 0.95)))
     if high - low < LEAST_SPREAD * middle:
-        return found
+        return constant
     along = over_distance(moving, speed, interval=middle / recording.sampling_rate, minimum_speed=minimum_speed)
     lines = _speed_lines(along.select(names), moving.select(names), (low, middle, high), prominence, false_alarm_rate)
-    return found + _as_harmonics(lines, names, "speed", (slow, fast))
+    return constant + _as_harmonics(lines, names, "speed", (slow, fast))
 
 
 def near_harmonic(
@@ -216,24 +216,24 @@ def _constant_lines(
     peaks: list[Line] = []
     for segment_length in octaves(min(recording.duration / 3.5, longest, LONGEST_SEGMENT), recording):
         lowest = INDEPENDENCE / (math.pi * least_damping * segment_length)
-        found = narrow_lines(
+        narrow = narrow_lines(
             recording,
             segment_length=segment_length,
             prominence=prominence,
             false_alarm_rate=false_alarm_rate,
         )
-        peaks += [peak for peak in found if peak.frequency >= lowest]
+        peaks += [peak for peak in narrow if peak.frequency >= lowest]
     if not peaks:
         return []
     is_regular = stats.false_discovery_control([peak.chance for peak in peaks]) <= false_alarm_rate
-    regular = merged(peak for peak, holds in zip(peaks, is_regular, strict=True) if holds)
-    doubtful = merged((peak for peak, holds in zip(peaks, is_regular, strict=True) if not holds), known=regular)
+    regular = merge_peaks(peak for peak, holds in zip(peaks, is_regular, strict=True) if holds)
+    doubtful = merge_peaks((peak for peak, holds in zip(peaks, is_regular, strict=True) if not holds), known=regular)
     return _with_multiples(regular, doubtful, false_alarm_rate)
 
 
 def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate: float) -> list[Line]:
     """Add doubtful lines at multiples of regular ones where there are more than chance explains."""
-    found, left = list(regular), list(doubtful)
+    lines, left = list(regular), list(doubtful)
     for base in regular:
         family = multiples(base.frequency, base.tolerance, left)
         if family.members:
@@ -241,9 +241,9 @@ def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate:
             coincidence = stats.binom.sf(len(family.members) - 1, len(left), min(1.0, width / base.frequency))
             if coincidence < false_alarm_rate:
                 taken = {i for i, _ in family.members}
-                found += [left[i] for i in taken]
+                lines += [left[i] for i in taken]
                 left = [line for i, line in enumerate(left) if i not in taken]
-    return sorted(found, key=lambda line: line.frequency)
+    return sorted(lines, key=lambda line: line.frequency)
 
 
 def _speed_lines(
@@ -257,17 +257,17 @@ def _speed_lines(
     peaks: list[Line] = []
     longest = max(stretch.stop - stretch.start for stretch in along.stretches()) / along.sampling_rate
     for metres in octaves(min(along.duration / 3.5, longest), along):
-        found = narrow_lines(
+        narrow = narrow_lines(
             along,
             segment_length=metres,
             prominence=min(prominence, FAINTEST_MULTIPLE),
             false_alarm_rate=false_alarm_rate,
             is_geometric=True,
         )
-        found = [peak for peak in found if CYCLES <= peak.frequency * metres < 2 * CYCLES]
-        peaks += _unexplained(found, moving, metres / speeds[1], speeds) if found else []
-    lines = merged(peak for peak in peaks if peak.prominence >= prominence)
-    faint = merged((peak for peak in peaks if peak.prominence < prominence), known=lines)
+        in_range = [peak for peak in narrow if CYCLES <= peak.frequency * metres < 2 * CYCLES]
+        peaks += _unexplained(in_range, moving, metres / speeds[1], speeds) if in_range else []
+    lines = merge_peaks(peak for peak in peaks if peak.prominence >= prominence)
+    faint = merge_peaks((peak for peak in peaks if peak.prominence < prominence), known=lines)
     families = [multiples(line.frequency, line.tolerance, faint) for line in lines]
     added = {i for family in families for i, order in family.members if order > 1}
     return sorted([*lines, *(faint[i] for i in added)], key=lambda line: line.frequency)

@@ -157,7 +157,7 @@ def chance_of_regularity(powers: Real) -> float:
     return float(min(1.0, n_blocks * np.min(stats.binom.sf(np.arange(n_blocks), n_blocks, chances))))
 
 
-def merged(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Line]:
+def merge_peaks(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Line]:
     """Merge peaks of all channels and resolutions that are one line, the finest first; omit those of `known` lines."""
     lines: list[Line] = []
     for peak in sorted(peaks, key=lambda peak: (peak.resolution, peak.chance, -peak.prominence)):
