@@ -209,9 +209,3 @@ def test_settings_that_cannot_be_used_are_refused(settings, sentence):
     with pytest.raises(ParameterError) as refusal:
         IdentificationSettings(**settings)
     assert str(refusal.value) == sentence
-
-
-@pytest.mark.parametrize(("first", "last"), [(45, 12), (1, 12)])
-def test_a_ladder_over_block_rows_rises_from_two(first, last):
-    with pytest.raises(ParameterError, match=rf"^block rows {first} to {last} must rise from 2 or more$"):
-        BlockRowLadder(first, last)
