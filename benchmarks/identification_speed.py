@@ -93,14 +93,9 @@ def _recording(samples: Any) -> Any:
 
 def _sprung_coss_parts(options: Sequence[str], records: Any, watch: Stopwatch) -> None:
     """The eight steps of CoSS-SSI alone."""
-    from sprung.identification.correlation import correlate_segments, join_segments
-    from sprung.identification.stabilisation import (
-        THESIS_CRITERIA,
-        StabilityCriteria,
-        merge_modes,
-        select_modes,
-        stabilise,
-    )
+    from sprung.identification.correlation import average, correlate_segments, join_segments
+    from sprung.identification.merging import merge_modes
+    from sprung.identification.stabilisation import THESIS_CRITERIA, StabilityCriteria, select_modes, stabilise
     from sprung.identification.subsets import subsets_of_equal_width
     from sprung.identification.subspace import block_row_ladder, poles_of_orders, realise
     from sprung.signals.conditioning import decimate
@@ -117,26 +112,26 @@ def _sprung_coss_parts(options: Sequence[str], records: Any, watch: Stopwatch) -
     assert segments.n_segments == 140
     with watch("subsets"):
         subsets = subsets_of_equal_width(segments, N_SUBSETS).subsets
+        averages = [average(segments.take(subset.segments)) for subset in subsets]
     parts = []
-    for subset in subsets:
+    for correlations in averages:
         if has_row_ladder:
             with watch("realisations and poles"):
-                poles = block_row_ladder(subset.correlations, range(THESIS_ROWS[0], THESIS_ROWS[1] + 1))
+                poles = block_row_ladder(correlations, range(THESIS_ROWS[0], THESIS_ROWS[1] + 1))
         else:
             with watch("realisations and poles"):
-                realisation = realise(subset.correlations, block_rows=rows, max_order=order)
+                realisation = realise(correlations, block_rows=rows, max_order=order)
                 poles = poles_of_orders(realisation, range(2, order + 1, 2))
         with watch("labels and modes"):
             criteria = THESIS_CRITERIA if has_row_ladder else StabilityCriteria()
-            parts.append(select_modes(stabilise(poles, criteria=criteria))[0])
+            parts.append(select_modes(stabilise(poles, criteria=criteria)).modes)
     with watch("labels and modes"):
-        merge_modes(parts, weights=[len(subset.segments) for subset in subsets])
+        merge_modes(parts, weights=[correlations.n_segments for correlations in averages])
 
 
 def _sprung_coss(options: Sequence[str], records: Any, watch: Stopwatch) -> None:
     """`coss_ssi` with everything it adds: choice of band, search for harmonics, spectra, significance."""
-    from sprung.identification import IdentificationSettings, coss_ssi
-    from sprung.identification.stabilisation import THESIS_CRITERIA
+    from sprung.identification import IdentificationSettings, as_in_thesis, coss_ssi
 
     recordings = [_recording(samples) for samples in records]
     rate = LOW_RATE if "decimated" in options else SAMPLING_RATE
@@ -145,14 +140,8 @@ def _sprung_coss(options: Sequence[str], records: Any, watch: Stopwatch) -> None
         decimate_to=rate, segment=SEGMENT, n_subsets=N_SUBSETS, block_rows=rows, max_order=order
     )
     if "rows" in options:
-        settings = IdentificationSettings(
-            decimate_to=rate,
-            segment=SEGMENT,
-            n_subsets=N_SUBSETS,
-            row_ladder=THESIS_ROWS,
-            is_weighted=False,
-            criteria=THESIS_CRITERIA,
-        )
+        wishes = IdentificationSettings(decimate_to=rate, segment=SEGMENT, n_subsets=N_SUBSETS)
+        settings = as_in_thesis(wishes, rows=THESIS_ROWS)
     with watch("coss_ssi"):
         coss_ssi(recordings, settings=settings)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.recording import QUANTITIES, Channel, Gap, Recording
+from sprung.recording import QUANTITIES, Channel, Gap, Recording, join
 
 SAMPLES = np.arange(30.0).reshape(3, 10)
 CHANNELS = (Channel("a", "acceleration"), Channel("b"), Channel("speed", "speed"))
@@ -108,3 +108,47 @@ def test_a_channel_needs_a_name_and_a_known_quantity():
 def test_an_unknown_channel_is_refused_with_the_known_ones():
     with pytest.raises(ParameterError, match=r"^there is no channel 'c': the recording has a, b, speed$"):
         recorded().select(["a", "c"])
+
+
+# Joining
+
+
+def test_pieces_join_with_their_gaps_and_those_between_them():
+    """The second piece follows at once, the third after 2 s."""
+    pieces = [recorded(start=5), recorded(gaps=(Gap(4, 0.3),)), recorded(gaps=(Gap(1, 7.0),))]
+    whole = join(pieces, waits=[None, 2.0])
+    np.testing.assert_array_equal(whole.samples, np.tile(SAMPLES, 3))
+    assert whole.gaps == (Gap(14, 0.3), Gap(20, 2.0), Gap(21, 7.0))
+    assert (whole.channels, whole.sampling_rate, whole.start, whole.history) == (CHANNELS, 5.0, 5, ())
+
+
+def test_parts_of_a_recording_join_to_the_recording():
+    whole = recorded(start=5, gaps=(Gap(3, 1.5), Gap(6, 0.5)))
+    parts = [whole.part(first, last) for first, last in ((0, 2), (2, 6), (6, 10))]
+    again = join(parts, waits=[None, 0.5])
+    np.testing.assert_array_equal(again.samples, whole.samples)
+    assert (again.gaps, again.start) == (whole.gaps, whole.start)
+    assert join([whole]).gaps == whole.gaps
+
+
+@pytest.mark.parametrize(
+    ("pieces", "waits", "sentence"),
+    [
+        ([], None, "there is nothing to join: give at least one piece"),
+        ([recorded(), recorded()], [], "2 pieces need 1 waits, but there are 0"),
+        (
+            [recorded(), recorded(sampling_rate=6.0)],
+            None,
+            "pieces of one recording must have the same channels and sampling rate",
+        ),
+        (
+            [recorded(), recorded().select(["a"])],
+            None,
+            "pieces of one recording must have the same channels and sampling rate",
+        ),
+    ],
+)
+def test_pieces_that_do_not_belong_together_are_refused(pieces, waits, sentence):
+    with pytest.raises(ParameterError) as refusal:
+        join(pieces, waits=waits)
+    assert str(refusal.value) == sentence

@@ -1,4 +1,4 @@
-"""Argument checks; the only place where their messages are worded."""
+"""Argument checks, the only place where their messages are worded."""
 
 from collections.abc import Collection, Sequence
 from importlib import import_module
@@ -61,7 +61,7 @@ def check_one_of(name: str, value: str, allowed: Collection[str], *, advice: str
 
 
 def required(package: str, *, purpose: str, extra: str) -> Any:
-    """Return an optional package, or say what it is for and how to install it."""
+    """Return an optional package, or raise an error that states its purpose and how to install it."""
     try:
         return import_module(package)
     except ImportError as error:
@@ -73,7 +73,7 @@ def required(package: str, *, purpose: str, extra: str) -> Any:
 
 
 def check_complete(names: Sequence[str], samples: Real) -> None:
-    """Refuse samples, shape (channels, samples), of which any is missing (NaN) or infinite."""
+    """Raise if any of the samples, shape (channels, samples), is missing (NaN) or infinite."""
     n_missing = np.count_nonzero(~np.isfinite(samples), axis=1)
     if n_missing.any():
         row = int(np.argmax(n_missing))

@@ -1,8 +1,8 @@
-"""The errors that sprung raises for its users, each with one sentence: what, where, what to do."""
+"""Errors that sprung raises for its users, each with one sentence: what, where, what to do."""
 
 
 class SprungError(Exception):
-    """Base of all errors that sprung raises on purpose."""
+    """Base class of all errors that sprung raises on purpose."""
 
 
 class ParameterError(SprungError, ValueError):
@@ -10,15 +10,15 @@ class ParameterError(SprungError, ValueError):
 
 
 class FormatError(SprungError, ValueError):
-    """A file that cannot be read as what it claims to be; the message names file and position."""
+    """A file that does not have the format it claims; the message names file and position."""
 
 
 class DataError(SprungError):
-    """Data that is well formed but not good enough: too short, dead, full of gaps."""
+    """Data that are well formed but insufficient: too short, dead, full of gaps."""
 
 
 class IdentificationError(SprungError):
-    """An identification that gave no answer on good data."""
+    """An identification that found no mode in good data."""
 
 
 class MissingPackageError(SprungError, ImportError):

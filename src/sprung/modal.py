@@ -1,4 +1,4 @@
-"""Poles and modes: values, and the measures that compare their shapes."""
+"""Poles and modes, and measures of their shapes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,22 +24,27 @@ def damping_ratio(poles: Complex) -> Real:
 
 
 def mac(shapes: Complex, others: Complex) -> Real:
-    """Return the modal assurance criterion of every shape with every other one.
+    """Return the modal assurance criterion (MAC) of every shape with every shape of another set.
 
     Parameters
     ----------
     shapes, others
-        Shapes (modes, channels) and (other modes, channels).
+        Mode shapes, shapes (modes, channels) and (other modes, channels).
 
     Returns
     -------
     numpy.ndarray
-        Shape (modes, other modes), 0 to 1.
+        MAC, 0 to 1, shape (modes, other modes).
 
     Notes
     -----
     abs(a^H b)^2 / ((a^H a)(b^H b)): with the Hermitian transpose, as shapes are complex (F. Liu 2020, eq. 3-55,
     prints the plain one).
+
+    References
+    ----------
+    R. J. Allemang and D. L. Brown (1982), A correlation coefficient for modal vector analysis, Proceedings of the 1st
+    International Modal Analysis Conference, 110-116.
 
     Examples
     --------
@@ -53,17 +58,17 @@ def mac(shapes: Complex, others: Complex) -> Real:
 
 
 def mpc(shapes: Complex) -> Real:
-    """Return the modal phase collinearity of each shape, 1 where all channels move in phase or against it.
+    """Return the modal phase collinearity (MPC) of each shape, 1 where all channels move in phase or antiphase.
 
     Parameters
     ----------
     shapes
-        Shape (modes, channels).
+        Mode shapes, shape (modes, channels).
 
     Returns
     -------
     numpy.ndarray
-        Shape (modes,), 0 to 1.
+        MPC, 0 to 1, shape (modes,).
 
     Notes
     -----
@@ -72,7 +77,11 @@ def mpc(shapes: Complex) -> Real:
 
     References
     ----------
-    J.-N. Juang and R. S. Pappa (1985), An eigensystem realization algorithm for modal parameter identification.
+    J.-N. Juang and R. S. Pappa (1985), An eigensystem realization algorithm for modal parameter identification and
+    model reduction, Journal of Guidance, Control, and Dynamics 8, 620-627.
+
+    R. S. Pappa, K. B. Elliott and A. Schenk (1993), Consistent-mode indicator for the eigensystem realization
+    algorithm, Journal of Guidance, Control, and Dynamics 16, 852-858.
     """
     power = np.sum(np.abs(shapes) ** 2, axis=1)
     return (np.abs(np.sum(shapes**2, axis=1)) / np.maximum(power, np.finfo(float).tiny)) ** 2
@@ -84,13 +93,13 @@ def unit_shapes(shapes: Complex) -> Complex:
     Parameters
     ----------
     shapes
-        Shape (modes, channels).
+        Mode shapes, shape (modes, channels).
 
     Returns
     -------
     numpy.ndarray
-        The component of largest modulus is 1 + 0j, all others are relative to it. This is the normalisation of
-        every mode shape that sprung returns.
+        Mode shapes whose component of largest modulus is 1 + 0j, shape (modes, channels): the normalisation of all mode
+        shapes in sprung.
     """
     largest = np.argmax(np.abs(shapes), axis=1)
     scale = shapes[np.arange(len(shapes)), largest]
@@ -99,14 +108,14 @@ def unit_shapes(shapes: Complex) -> Complex:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Poles:
-    """The oscillating poles of realisations on every rung of a ladder.
+    """Oscillating poles of the realisations on all rungs of a ladder.
 
     Parameters
     ----------
     poles
-        Continuous, rad/s, one of each conjugate pair (positive imaginary part), shape (poles,).
+        Continuous poles [rad/s], one of each conjugate pair (positive imaginary part), shape (poles,).
     mode_shapes
-        Shape (poles, channels), complex, scale free.
+        Complex mode shapes of any scale, shape (poles, channels).
     rungs
         Index into `ladder` of each pole, shape (poles,).
     ladder
@@ -114,7 +123,7 @@ class Poles:
     channels
         Names of the channels.
     natural_frequency_std, damping_ratio_std
-        Standard deviations from the blocks' spread, shape (poles,); NaN where the correlations have no blocks.
+        Standard deviations from the spread of the blocks, shape (poles,); NaN where the correlations have one block.
     """
 
     poles: Complex
@@ -150,7 +159,7 @@ class Poles:
 
 
 class PoleStatus(IntEnum):
-    """What became of a pole in the stabilisation diagram; everything but SELECTED says why it was dropped."""
+    """Status of a pole in the stabilisation diagram; all but SELECTED state why it was rejected."""
 
     SELECTED = 0
     INSIGNIFICANT = 1
@@ -167,21 +176,21 @@ class PoleStatus(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """The status in words."""
+        """Status in words."""
         return _SENTENCES[self]
 
 
 _SENTENCES = {
     PoleStatus.SELECTED: "part of a mode",
     PoleStatus.RARE: "stable on too few rungs of the ladder",
-    PoleStatus.INSIGNIFICANT: "its part in the correlations between channels is no larger than chance",
+    PoleStatus.INSIGNIFICANT: "its contribution to the correlations between channels is no larger than chance",
     PoleStatus.UNCONFIRMED: "found in too few subsets, or the same mode as a more stable alignment",
-    PoleStatus.UNCERTAIN: "its frequency is as uncertain as its own bandwidth",
+    PoleStatus.UNCERTAIN: "the uncertainty of its frequency is comparable with its bandwidth",
     PoleStatus.HARMONIC: "a harmonic of the excitation, not a mode",
     PoleStatus.SHAPE_CHANGED: "shape differs from the rung below",
     PoleStatus.DAMPING_CHANGED: "damping differs from the rung below",
     PoleStatus.FREQUENCY_CHANGED: "no pole of this frequency on the rung below",
-    PoleStatus.INCOHERENT_SHAPE: "the channels of its shape move at arbitrary phases",
+    PoleStatus.INCOHERENT_SHAPE: "the channels of its shape move with arbitrary phases",
     PoleStatus.OUT_OF_BAND: "frequency outside the band",
     PoleStatus.UNPHYSICAL_DAMPING: "damping not above zero, or above the bound",
 }
@@ -194,15 +203,15 @@ class Modes:
     Parameters
     ----------
     poles
-        Continuous, rad/s, shape (modes,).
+        Continuous poles [rad/s], shape (modes,).
     mode_shapes
-        Shape (modes, channels), complex, 1 at the largest channel (`unit_shapes`).
+        Complex mode shapes, 1 at the largest channel (`unit_shapes`), shape (modes, channels).
     channels
         Names of the channels.
     natural_frequency_std, damping_ratio_std
         Standard deviations, shape (modes,); NaN where unknown.
     stable_rate
-        Share of the ladder's rungs with a stable pole of this mode, shape (modes,), 0 to 1.
+        Share of the rungs of the ladder with a stable pole of the mode, 0 to 1, shape (modes,).
     labels
         "bounce", "pitch", "roll", "wheel_hop" or None for each mode.
     """
@@ -240,7 +249,7 @@ class Modes:
 
     @property
     def mpc(self) -> Real:
-        """Modal phase collinearity of each shape."""
+        """Modal phase collinearity of each mode shape."""
         return mpc(self.mode_shapes)
 
     def take(self, chosen: Indices) -> "Modes":
@@ -257,7 +266,7 @@ class Modes:
 
 
 def join_modes(parts: Sequence[Modes]) -> Modes:
-    """Put the modes of several parts, of the same channels, one after another."""
+    """Return the modes of several parts, which have the same channels, one after another."""
 
     def joined(name: str) -> NDArray[Any]:
         return np.concatenate([getattr(part, name) for part in parts])

@@ -1,16 +1,18 @@
-"""Recordings: what was measured, where, in which unit, and what has been done to it since."""
+"""Recordings: samples with channels, units, positions, gaps, and the history of their processing."""
 
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Protocol
+
+import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_number, check_one_of, freeze
 from sprung.errors import ParameterError
 
-#: Quantities a channel may measure, with their SI unit. An unknown quantity has no unit.
+#: Quantities that a channel may measure, with their SI units. An unknown quantity has no unit.
 QUANTITIES = MappingProxyType(
     {
         "acceleration": "m/s^2",
@@ -26,6 +28,9 @@ QUANTITIES = MappingProxyType(
     }
 )
 
+#: Largest relative difference of the sampling rates of pieces of one measurement: clocks of loggers drift.
+_SAME_RATE = 1e-3
+
 
 @dataclass(frozen=True, slots=True)
 class Channel:
@@ -34,14 +39,19 @@ class Channel:
     Parameters
     ----------
     name
-        As in the file and in every result.
+        Name in the file and in all results.
     quantity
-        A key of `QUANTITIES`; "unknown" where the source does not say. Samples of a known quantity are in its
-        SI unit.
+        Key of `QUANTITIES`; "unknown" where the source does not state it. Samples of a known quantity are in its SI
+        unit.
     position
-        x forward, y left, z up from the body's centre of gravity [m] (ISO 8855); None where unknown.
+        Position x forward, y left, z up from the body's centre of gravity [m] (ISO 8855); None where unknown.
     direction
         Unit vector of the measured axis; None where unknown.
+
+    Raises
+    ------
+    ParameterError
+        If the name is empty, or the quantity is not a key of `QUANTITIES`.
     """
 
     name: str
@@ -62,7 +72,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A hole in time before sample `index`, in which `duration` seconds were not recorded."""
+    """Interruption before sample `index`, during which `duration` seconds were not recorded."""
 
     index: int
     duration: float
@@ -75,22 +85,22 @@ class Recording:
     Parameters
     ----------
     samples
-        Shape (channels, samples), in SI units where the quantity is known. A missing value is NaN.
+        Samples, in SI units where the quantity is known, shape (channels, samples); NaN where a value is missing.
     sampling_rate
-        In Hz, above 0.
+        Sampling rate [Hz], above 0.
     channels
-        One for each row of `samples`; names differ.
+        Channel of each row of `samples`, with distinct names.
     start
         Time of the first sample, UTC in nanoseconds since 1970; None where unknown.
     gaps
-        Holes in time, by rising index. Nothing in sprung filters, interpolates or correlates across a gap.
+        Interruptions by rising index. Nothing in sprung filters, interpolates or correlates across a gap.
     history
-        One line for each step since reading, oldest first.
+        Processing steps since reading, one line each, oldest first.
 
     Raises
     ------
     ParameterError
-        Where shapes, names, gaps or rate contradict each other.
+        If shapes, names, gaps or rate are inconsistent.
     """
 
     samples: Real
@@ -158,3 +168,80 @@ class Recording:
     def changed(self, step: str, **fields: Any) -> "Recording":
         """Return a copy with other `fields` and `step` added to the history."""
         return replace(self, history=(*self.history, step), **fields)
+
+
+class Piece(Protocol):
+    """Consecutive samples of several channels; a `Recording` is one."""
+
+    @property
+    def samples(self) -> Real:
+        """Samples in SI units, shape (channels, samples)."""
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Channel of each row."""
+
+    @property
+    def sampling_rate(self) -> float:
+        """Sampling rate [Hz]."""
+
+    @property
+    def start(self) -> int | None:
+        """Time of the first sample, UTC in nanoseconds since 1970; None where unknown."""
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """Gaps within the samples."""
+
+
+def join(pieces: Sequence[Piece], *, waits: Sequence[float | None] | None = None) -> Recording:
+    """Put pieces of one measurement one after another.
+
+    Parameters
+    ----------
+    pieces
+        One or more pieces with the same channels and, but for the clock, the same sampling rate.
+    waits
+        Time that was not recorded before each piece but the first [s], one less than there are pieces; None where the
+        samples go on without a gap. Default: no gap between any two.
+
+    Returns
+    -------
+    Recording
+        Recording with the start and the rate of the first piece, the gaps of all pieces and those between them, without
+        history.
+
+    Raises
+    ------
+    ParameterError
+        If there is no piece, the pieces differ in channels or sampling rate, or the number of waits is wrong.
+
+    Examples
+    --------
+    >>> half = Recording(np.zeros((1, 50)), 100.0, (Channel("a"),))
+    >>> join([half, half], waits=[2.0]).gaps
+    (Gap(index=50, duration=2.0),)
+    """
+    if not pieces:
+        raise ParameterError("there is nothing to join: give at least one piece")
+    first = pieces[0]
+    if waits is None:
+        waits = [None] * (len(pieces) - 1)
+    if len(waits) != len(pieces) - 1:
+        raise ParameterError(f"{len(pieces)} pieces need {len(pieces) - 1} waits, but there are {len(waits)}")
+    samples = [piece.samples for piece in pieces]
+    starts = itertools.accumulate((part.shape[1] for part in samples), initial=0)
+    gaps: list[Gap] = []
+    for piece, wait, start in zip(pieces, [None, *waits], starts, strict=False):
+        if piece.channels != first.channels or abs(piece.sampling_rate / first.sampling_rate - 1) > _SAME_RATE:
+            raise ParameterError("pieces of one recording must have the same channels and sampling rate")
+        if wait is not None:
+            gaps.append(Gap(start, wait))
+        gaps += [replace(gap, index=gap.index + start) for gap in piece.gaps]
+    return Recording(
+        samples=np.concatenate(samples, axis=1),
+        sampling_rate=first.sampling_rate,
+        channels=first.channels,
+        start=first.start,
+        gaps=tuple(gaps),
+    )

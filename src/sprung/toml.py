@@ -1,4 +1,4 @@
-"""TOML files that people write, and models that say what may stand in them: every mistake becomes one sentence."""
+"""TOML files written by people, checked against models: every mistake becomes one sentence."""
 
 import difflib
 import tomllib
@@ -11,7 +11,7 @@ from sprung.errors import FormatError, ParameterError
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
-# What a value must be, by the type of problem that pydantic reports.
+# Requirement on a value, by the type of problem that pydantic reports.
 _RULES = {
     "greater_than": "above {:g}: correct it",
     "greater_than_equal": "at least {:g}: correct it",
@@ -30,7 +30,7 @@ _RULES = {
     "model_type": "a table of fields: write [name] above them",
     "literal_error": "{}: correct it",
 }
-# Their values are in no message, nor is what may hold them.
+# Fields whose values, and the values of tables that may contain them, never appear in a message.
 _SECRETS = {"url", "headers", "password"}
 
 
@@ -40,22 +40,22 @@ def toml_fields(content: bytes, *, source: str) -> dict[str, Any]:
     Raises
     ------
     FormatError
-        Where it is none.
+        If the content is not valid TOML.
     """
     try:
         return tomllib.loads(content.decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else error
-        raise FormatError(f"{source} is no TOML file: {reason}: correct it or give another file") from None
+        raise FormatError(f"{source} is not a TOML file: {reason}: correct it or give another file") from None
 
 
 def checked(model: type[_Model], fields: Mapping[str, Any]) -> _Model:
-    """Return the model of fields.
+    """Return the model with the given fields.
 
     Raises
     ------
     ParameterError
-        Where a field is missing, unknown or outside its range; the message names field, rule and remedy, and counts
+        If a field is missing, unknown or outside its range; the message names field, rule and remedy, and counts
         further problems.
     """
     try:
@@ -67,7 +67,7 @@ def checked(model: type[_Model], fields: Mapping[str, Any]) -> _Model:
 
 
 def _without_consequences(problems: Sequence[Any]) -> list[Mapping[str, Any]]:
-    """Leave out that a list is too short where that is so because of another problem inside it."""
+    """Omit the problem of a list that is too short where it follows from another problem inside the list."""
     places = [problem["loc"] for problem in problems]
 
     def is_consequence(problem: Mapping[str, Any]) -> bool:
@@ -80,7 +80,7 @@ def _without_consequences(problems: Sequence[Any]) -> list[Mapping[str, Any]]:
 
 
 def _sentence(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
-    """Word one problem found by the checks: field and value, rule, remedy."""
+    """Return one problem as a sentence: field and value, rule, remedy."""
     location, kind, context = problem["loc"], problem["type"], problem.get("ctx", {})
     where = _path(location)
     if kind == "value_error":
@@ -101,7 +101,7 @@ def _sentence(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
 
 
 def _path(location: Sequence[str | int]) -> str:
-    """Write the place of a field as a reader of the file counts: [[axle]] 2, damping."""
+    """Return the location of a field as a reader of the file counts: [[axle]] 2, damping."""
     words: list[str] = []
     for place, step in enumerate(location):
         if isinstance(step, str):
@@ -114,7 +114,7 @@ def _path(location: Sequence[str | int]) -> str:
 
 
 def _remedy(key: str, model: type[BaseModel]) -> str:
-    """Name the field that an unknown key may have meant."""
+    """Return the advice for an unknown key: the field that may have been meant."""
     definitions = model.model_json_schema(by_alias=True)
     tables = [definitions, *definitions.get("$defs", {}).values()]
     known = sorted({name for table in tables for name in table.get("properties", {})})

@@ -1,4 +1,4 @@
-"""Units that sprung reads, the quantity each one measures, and its factor to the SI unit of that quantity."""
+"""Units that sprung reads, with the quantity that each measures and the factor to its SI unit."""
 
 import math
 from types import MappingProxyType
@@ -85,22 +85,23 @@ def conversion(unit: str) -> tuple[str, float]:
     Parameters
     ----------
     unit
-        A key of `UNITS` or another usual spelling of one, such as "m/s²", "°/s", "[g]" or "µm/m".
+        Key of `UNITS` or another common spelling of one, such as "m/s²", "°/s", "[g]" or "µm/m".
 
     Returns
     -------
     tuple of str and float
-        A key of `sprung.recording.QUANTITIES`, and SI value = factor times value.
+        Key of `sprung.recording.QUANTITIES`, and factor of SI value = factor times value.
 
     Raises
     ------
     ParameterError
-        Where the unit is unknown; the message lists the known ones.
+        If the unit is unknown; the message lists the known ones.
 
     Notes
     -----
     Upper and lower case are different units (mg, Mg), so "G" is not taken for "g". "g" is the standard
-    acceleration of free fall, never the gram. Speed (of the vehicle) and velocity (of a vibration) have the
+    acceleration of free fall, never the gram. A unit has a factor but no offset, so kelvin and degrees Fahrenheit are
+    unknown. Speed (of the vehicle) and velocity (of a vibration) have the
     same SI unit: m/s, km/h and mph are reported as speed, mm/s as velocity.
 
     Examples

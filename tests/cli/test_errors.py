@@ -44,7 +44,7 @@ def hostile(tmp_path, monkeypatch):
         ("double.csv", 2, "'a'"),
         ("heading.csv", 2, "no samples"),
         ("one.csv", 3, "one sample"),
-        (".", 2, "no file"),
+        (".", 2, "not a file"),
     ],
 )
 def test_files_that_cannot_be_read(sprung, hostile, name, code, part):

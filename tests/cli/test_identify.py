@@ -120,10 +120,8 @@ def test_vehicle_file_gives_labels_and_participation(sprung, bogie):
         (["--references", "acc_3,acc_1"], "references", ["acc_3", "acc_1"]),
         (["--references", "disjoint"], "has_disjoint_references", True),
         (["--cepstrum", "2"], "lifter", {"kind": "ShortPass", "length": 2.0}),
-        (["--thesis"], "row_ladder", [12, 45]),
-        (["--thesis", "--block-rows", "30"], "row_ladder", [12, 30]),
-        (["--thesis"], "is_hankel", True),
-        (["--thesis"], "is_weighted", False),
+        (["--thesis"], "ladder", {"first": 12, "last": 45}),
+        (["--thesis", "--block-rows", "30"], "ladder", {"first": 12, "last": 30}),
     ],
 )
 def test_options_reach_the_settings(sprung, chain, words, name, value):

@@ -148,5 +148,5 @@ def test_one_sample(tmp_path):
 def test_old_mat_files_are_named(tmp_path):
     path = tmp_path / "old.mat"
     savemat(path, {"a": SIGNAL}, format="4")
-    with pytest.raises(FormatError, match="no MAT file of version 5 or later"):
+    with pytest.raises(FormatError, match="not a MAT file of version 5 or later"):
         read(path)

@@ -7,7 +7,7 @@ import pytest
 
 from sprung.formats import read, read_blocks
 from sprung.formats.assembly import assemble, survey
-from sprung.formats.table import Block, Column, Table, rebatched
+from sprung.formats.table import Block, Column, Table, rebatch
 
 
 def table(seconds, values, *, n_rows=1 << 16, stamps=True):
@@ -24,7 +24,7 @@ def table(seconds, values, *, n_rows=1 << 16, stamps=True):
 
 def recordings(source, *, sampling_rate=None, n_rows=None):
     facts = survey(source, source.blocks(), sampling_rate=sampling_rate)
-    blocks = source.blocks() if n_rows is None else rebatched(source.blocks(), n_rows)
+    blocks = source.blocks() if n_rows is None else rebatch(source.blocks(), n_rows)
     return list(assemble(source, blocks, facts))
 
 

@@ -161,7 +161,7 @@ def test_ragged_rows_name_the_line(text_file, row, n_fields):
 
 @pytest.mark.parametrize("value", ["inf", "-inf", "1e400", "1e101"])
 def test_numbers_beyond_measure_name_line_and_column(text_file, value):
-    with pytest.raises(FormatError, match=r"line 3, column 'b': .* is no measured value"):
+    with pytest.raises(FormatError, match=r"line 3, column 'b': .* is not a measured value"):
         read(text_file(f"time,a,b\n0,1,2\n1,1,{value}\n2,1,2\n"))
 
 

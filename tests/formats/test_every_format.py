@@ -154,7 +154,7 @@ def test_truncated_files_give_a_sentence(tmp_path, ending, share):
 def test_empty_missing_and_folder(tmp_path, ending):
     (tmp_path / f"empty{ending}").touch()
     (tmp_path / f"folder{ending}").mkdir()
-    for name, message in (("empty", "is empty"), ("missing", "there is no such file"), ("folder", "is no file")):
+    for name, message in (("empty", "is empty"), ("missing", "there is no such file"), ("folder", "is not a file")):
         with pytest.raises(FormatError, match=f"{name}{ending}.* {message}"):
             read(tmp_path / f"{name}{ending}")
 

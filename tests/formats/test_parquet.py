@@ -54,5 +54,5 @@ def test_text_column_is_refused_by_name_and_can_be_left_out(tmp_path):
 
 def test_infinite_value_names_row_and_column(tmp_path):
     fields = [pa.field("t", pa.float64()), pa.field("a", pa.float64())]
-    with pytest.raises(FormatError, match="row 2, column 'a': inf is no measured value"):
+    with pytest.raises(FormatError, match="row 2, column 'a': inf is not a measured value"):
         read(parquet(tmp_path, fields, [[0.0, 1.0], [1.0, np.inf]]))

@@ -1,4 +1,4 @@
-"""Averages of segments and their blocks, in batch and running; loud segments; what is refused."""
+"""Averages of segments and their blocks, loud segments; what is refused."""
 
 from dataclasses import replace
 
@@ -9,7 +9,6 @@ from sprung.errors import DataError, ParameterError
 from sprung.identification.correlation import (
     MAX_BLOCKS,
     Correlations,
-    RunningCorrelations,
     SegmentCorrelations,
     average,
     correlate_segments,
@@ -60,33 +59,6 @@ def test_values_of_segments_of_unequal_length_are_the_sums_over_the_products():
     np.testing.assert_allclose(values, segments.sums.sum(axis=0)[0, 0] / segments.n_products.sum(axis=0))
     biased = average(segments, is_biased=True).values[0, 0]
     np.testing.assert_allclose(biased, segments.sums.sum(axis=0)[0, 0] / 250)
-
-
-@pytest.mark.parametrize("is_biased", [False, True])
-def test_running_equals_batch_for_1_to_300_segments(is_biased):
-    samples = noise(2, 300 * 16, seed=3)
-    pieces = samples.reshape(2, 300, 16).transpose(1, 0, 2)
-    batch = join_segments([correlate_segments(recorded(piece), n_lags=5, references=["b"]) for piece in pieces])
-    running = RunningCorrelations(n_lags=5, references=["b"], is_biased=is_biased)
-    for n, piece in enumerate(pieces, start=1):
-        running.update(recorded(piece))
-        found, wanted = running.correlations, average(batch.take(range(n)), is_biased=is_biased)
-        assert running.n_segments == found.n_segments == wanted.n_segments == n
-        assert len(found.blocks) <= MAX_BLOCKS
-        assert_same(found.values, wanted.values)
-        assert_same(found.blocks, wanted.blocks)
-        assert_same(found.weights, wanted.weights)
-    assert (found.channels, found.references, found.sampling_rate) == (("a", "b"), ("b",), RATE)
-
-
-def test_running_takes_segments_of_any_length():
-    pieces = [noise(2, n, n) for n in (30, 17, 55, 8)]
-    running = RunningCorrelations(n_lags=8)
-    for piece in pieces:
-        running.update(recorded(piece))
-    batch = average(join_segments([correlate_segments(recorded(piece), n_lags=8) for piece in pieces]))
-    assert_same(running.correlations.values, batch.values)
-    assert_same(running.correlations.weights, batch.weights)
 
 
 def test_spread_of_the_blocks_is_the_uncertainty_of_the_average():
@@ -213,14 +185,9 @@ def test_records_of_different_channels_lags_or_rates_do_not_join():
     )
 
 
-def test_running_needs_a_segment_first():
-    with pytest.raises(DataError, match=r"^no segment has been taken yet: call update first$"):
-        _ = RunningCorrelations(n_lags=5).correlations
-
-
 def test_lags_without_any_product_are_refused():
     empty = SegmentCorrelations(np.zeros((1, 1, 1, 3)), np.array([[2.0, 1.0, 0.0]]), RATE, ("a",), ("a",))
-    with pytest.raises(DataError, match="the segments are shorter than the lags asked for"):
+    with pytest.raises(DataError, match="the segments are shorter than the lags: use longer segments"):
         average(empty)
 
 

@@ -9,11 +9,8 @@ from hypothesis import strategies as st
 
 from sprung.identification.contribution import contributions
 from sprung.identification.correlation import average, correlate_segments
-from sprung.identification.stabilisation import (
-    align,
-    merge_modes,
-    significant,
-)
+from sprung.identification.merging import merge_modes
+from sprung.identification.stabilisation import align, significant
 from sprung.modal import Modes, mac
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
@@ -101,7 +98,7 @@ def measured():
     return modes_of(*rows, channels=exact.channels, std=1e-3), correlations
 
 
-def test_modes_that_contribute_no_more_than_chance_are_told(measured):
+def test_modes_that_contribute_no_more_than_chance_are_not_significant(measured):
     modes, correlations = measured
     assert significant(modes, correlations, least=4.0).tolist() == [True] * 3 + [False] * 3
     assert significant(modes, correlations, least=0.0).all()
@@ -144,49 +141,49 @@ def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own():
         modes_of((9.1, 0.04, (1, -1)), std=0.02),
         modes_of((3.01, 0.011, (1, 0.51)), (9.05, 0.045, (1, -1.1)), (20.0, 0.01, (1, 1))),
     ]
-    merged, members = merge_modes(parts, weights=[1.0, 2.0, 5.0])
-    assert members.tolist() == [[0, -1, 0], [1, 0, 1]]
+    merged = merge_modes(parts, weights=[1.0, 2.0, 5.0])
+    assert merged.members.tolist() == [[0, -1, 0], [1, 0, 1]]
     poles = [(parts[0].poles[0] + 5 * parts[2].poles[0]) / 6]
     poles.append((parts[0].poles[1] + 2 * parts[1].poles[0] + 5 * parts[2].poles[1]) / 8)
-    np.testing.assert_allclose(merged.poles, poles)
-    np.testing.assert_allclose(merged.mode_shapes, parts[2].mode_shapes[:2])
+    np.testing.assert_allclose(merged.modes.poles, poles)
+    np.testing.assert_allclose(merged.modes.mode_shapes, parts[2].mode_shapes[:2])
     deviations = [np.hypot(0.01, 0.05) / 6, np.sqrt(0.01**2 + 0.04**2 + 0.05**2) / 8]
-    np.testing.assert_allclose(merged.natural_frequency_std, deviations)
-    assert merged.stable_rate.tolist() == [0.5, 0.5]
+    np.testing.assert_allclose(merged.modes.natural_frequency_std, deviations)
+    assert merged.modes.stable_rate.tolist() == [0.5, 0.5]
 
 
 def test_a_mode_of_less_than_half_of_the_parts_is_left_out():
     one, none = modes_of((3.0, 0.02, (1, 1))), modes_of((3.0, 0.02, (1, 1))).take(np.zeros(0, dtype=int))
-    assert len(merge_modes([one, none], weights=[1, 1])[0]) == 1
-    assert len(merge_modes([one, none, none], weights=[1, 1, 1])[0]) == 0
-    assert merge_modes([one, none, none], weights=[1, 1, 1])[1].shape == (0, 3)
-    assert merge_modes([none], weights=[1])[1].shape == (0, 1)
+    assert len(merge_modes([one, none], weights=[1, 1]).modes) == 1
+    assert len(merge_modes([one, none, none], weights=[1, 1, 1]).modes) == 0
+    assert merge_modes([one, none, none], weights=[1, 1, 1]).members.shape == (0, 3)
+    assert merge_modes([none], weights=[1]).members.shape == (0, 1)
 
 
 def test_merged_modes_come_by_rising_frequency():
     part = modes_of((9.0, 0.02, (1, 1)), (3.0, 0.02, (1, -1)), (5.0, 0.02, (1, 0)))
-    merged, members = merge_modes([part, part.take(np.array([2, 0, 1]))], weights=[1, 1])
-    np.testing.assert_allclose(merged.natural_frequency, [3.0, 5.0, 9.0])
-    assert members.tolist() == [[1, 2], [2, 0], [0, 1]]
+    merged = merge_modes([part, part.take(np.array([2, 0, 1]))], weights=[1, 1])
+    np.testing.assert_allclose(merged.modes.natural_frequency, [3.0, 5.0, 9.0])
+    assert merged.members.tolist() == [[1, 2], [2, 0], [0, 1]]
 
 
 def test_close_modes_of_different_shape_do_not_merge():
     parts = [modes_of((3.0, 0.02, (1, 1)), (3.02, 0.02, (1, -1)))] * 2
-    merged, members = merge_modes(parts, weights=[1, 1])
-    assert members.tolist() == [[0, 0], [1, 1]]
-    np.testing.assert_allclose(np.diag(mac(merged.mode_shapes, parts[0].mode_shapes)), 1)
+    merged = merge_modes(parts, weights=[1, 1])
+    assert merged.members.tolist() == [[0, 0], [1, 1]]
+    np.testing.assert_allclose(np.diag(mac(merged.modes.mode_shapes, parts[0].mode_shapes)), 1)
 
 
 def test_of_two_modes_of_one_part_that_merge_the_more_stable_one_stands_for_it():
     twins = replace(modes_of((3.0, 0.02, (1, 1)), (3.01, 0.03, (1, 1))), stable_rate=np.array([0.3, 0.8]))
-    merged, members = merge_modes([twins], weights=[1])
-    assert members.tolist() == [[1]]
-    np.testing.assert_allclose(merged.poles, twins.poles[1:])
+    merged = merge_modes([twins], weights=[1])
+    assert merged.members.tolist() == [[1]]
+    np.testing.assert_allclose(merged.modes.poles, twins.poles[1:])
 
 
 def test_one_part_merges_to_itself():
     part = modes_of((3.0, 0.02, (1, 1)), (9.0, 0.05, (1, -1)))
-    merged, members = merge_modes([part], weights=[7])
-    np.testing.assert_allclose(merged.poles, part.poles)
-    np.testing.assert_allclose(merged.natural_frequency_std, part.natural_frequency_std)
-    assert members.tolist() == [[0], [1]]
+    merged = merge_modes([part], weights=[7])
+    np.testing.assert_allclose(merged.modes.poles, part.poles)
+    np.testing.assert_allclose(merged.modes.natural_frequency_std, part.natural_frequency_std)
+    assert merged.members.tolist() == [[0], [1]]

@@ -1,4 +1,4 @@
-"""What identification chooses from the data, against what is known of the data."""
+"""Choices from the data, against what is known of the data."""
 
 import itertools
 
@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sprung.errors import DataError, ParameterError
-from sprung.identification import IdentificationSettings
-from sprung.identification.planning import disjoint_splits, make_plan, sized
-from sprung.identification.preparation import prepare
+from sprung.identification import BlockRowLadder, IdentificationSettings
+from sprung.identification.planning import disjoint_splits, make_plan, plan_preparation
+from sprung.identification.preparation import prepare, search_harmonics
 from sprung.recording import Channel, Recording
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain, read_vehicle, structure
@@ -25,32 +25,43 @@ def run():
 
 
 def planned(recording, *, method="cov", total=None, **settings):
-    plan = make_plan(recording, settings=IdentificationSettings(**settings))
-    return sized(plan, prepare(recording, plan), method=method, total_duration=total or recording.duration)
+    wishes = IdentificationSettings(**settings)
+    preparation = plan_preparation(recording, settings=wishes)
+    return make_plan(
+        preparation,
+        prepare(recording, preparation),
+        search_harmonics(recording, preparation, speed=None),
+        settings=wishes,
+        method=method,
+        total_duration=total or recording.duration,
+    )
 
 
 def test_the_band_holds_all_modes_and_the_rate_carries_it(run):
     plan = planned(run)
-    assert plan.band[0] < FREQUENCIES[0]
-    assert FREQUENCIES[-1] < plan.band[1] < 60.0
-    assert plan.settings.decimate_to >= 3 * plan.band[1]
-    assert 500.0 / plan.settings.decimate_to == pytest.approx(round(500.0 / plan.settings.decimate_to))
+    assert plan.preparation.band[0] < FREQUENCIES[0]
+    assert FREQUENCIES[-1] < plan.preparation.band[1] < 60.0
+    assert plan.preparation.decimate_to >= 3 * plan.preparation.band[1]
+    assert 500.0 / plan.preparation.decimate_to == pytest.approx(round(500.0 / plan.preparation.decimate_to))
     assert plan.mode_band[0] < FREQUENCIES[0]
     assert plan.mode_band[1] > FREQUENCIES[-1]
-    assert plan.notes[0].endswith("Hz (where the channels move together), sampled at 125 Hz")
+    assert plan.preparation.notes[0].endswith("Hz (where the channels move together), sampled at 125 Hz")
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
 def test_choices_do_not_depend_on_units(run, factor):
     scaled = run.changed("scaled", samples=run.samples * np.array([[1.0], [factor], [1.0]]))
-    assert planned(scaled).settings == planned(run).settings
-    assert planned(scaled).band == pytest.approx(planned(run).band)
-    assert planned(scaled).factors["acc_2"] == pytest.approx(planned(run).factors["acc_2"] / factor)
+    expected, found = planned(run), planned(scaled)
+    assert (found.ladder, found.segment) == (expected.ladder, expected.segment)
+    assert found.preparation.decimate_to == expected.preparation.decimate_to
+    assert found.preparation.band == pytest.approx(expected.preparation.band)
+    factors = found.preparation.factors, expected.preparation.factors
+    assert factors[0]["acc_2"] == pytest.approx(factors[1]["acc_2"] / factor)
 
 
 def test_choices_do_not_depend_on_the_order_of_channels(run):
     turned = run.select(["acc_3", "acc_1", "acc_2"])
-    assert planned(turned).settings == planned(run).settings
+    assert (planned(turned).ladder, planned(turned).segment) == (planned(run).ladder, planned(run).segment)
 
 
 def test_the_band_is_where_channels_move_together_not_where_they_are_loud(run):
@@ -61,40 +72,42 @@ def test_the_band_is_where_channels_move_together_not_where_they_are_loud(run):
     own = np.fft.irfft(spectrum, run.n_samples)
     own *= run.samples.std(axis=1, keepdims=True) / own.std(axis=1, keepdims=True)
     loud = run.changed("noisy", samples=run.samples + own)
-    assert planned(loud).band[1] < 60.0
+    assert planned(loud).preparation.band[1] < 60.0
 
 
 def test_the_band_of_a_vehicle_is_around_its_modes():
     car = read_vehicle("zafira")
     recording = Recording(np.random.default_rng(0).normal(size=(1, 5000)), 200.0, (Channel("a", "acceleration"),))
-    plan = make_plan(recording, settings=IdentificationSettings(), vehicle=car)
+    plan = plan_preparation(recording, settings=IdentificationSettings(), vehicle=car)
     modes = structure(car).modes().natural_frequency
     assert plan.band == pytest.approx((0.3 * modes.min(), 1.5 * modes.max()))
-    assert "around the vehicle's own modes" in plan.notes[0]
+    assert "around the modes of the vehicle file" in plan.notes[0]
 
 
 def test_given_settings_are_kept(run):
     given = {"band": (5.0, 35.0), "decimate_to": 250.0, "segment": 7.0, "block_rows": 33, "max_order": 22}
     plan = planned(run, **given)
-    for name, value in given.items():
-        assert getattr(plan.settings, name) == value
+    assert plan.preparation.band == given["band"]
+    assert plan.preparation.high_pass == 2.5
+    assert plan.preparation.decimate_to == 250.0
+    assert plan.segment == 7.0
+    assert (plan.ladder.block_rows, plan.ladder.max_order) == (33, 22)
     assert plan.mode_band == (5.0, 35.0)
-    assert plan.n_lags == 66
-    assert planned(run, is_hankel=True, block_rows=33).n_lags == 99
-    assert planned(run, row_ladder=(12, 45)).n_lags == 90
-    assert "(given)" in plan.notes[0]
+    assert plan.ladder.n_lags == 66
+    assert planned(run, ladder=BlockRowLadder(12, 45)).ladder.n_lags == 135
+    assert "(given)" in plan.preparation.notes[0]
 
 
 def test_segments_are_many_and_long_against_the_lags(run):
     cov, acs, coss = (planned(run, method=method, total=1200.0) for method in ("cov", "acs", "coss"))
-    assert cov.settings.segment == pytest.approx(1200.0 / 48)
-    assert acs.settings.segment == pytest.approx(60.0)
-    assert coss.settings.segment == pytest.approx(1200.0 / 36)
+    assert cov.segment == pytest.approx(1200.0 / 48)
+    assert acs.segment == pytest.approx(60.0)
+    assert coss.segment == pytest.approx(1200.0 / 36)
     for plan in (cov, acs, coss):
-        assert plan.settings.segment >= 3 * plan.n_lags / plan.settings.decimate_to
+        assert plan.segment >= 3 * plan.ladder.n_lags / plan.preparation.decimate_to
     short = planned(run, method="coss")
-    assert short.settings.segment == pytest.approx(3 * short.n_lags / short.settings.decimate_to)
-    assert short.settings.segment > 60.0 / 36
+    assert short.segment == pytest.approx(3 * short.ladder.n_lags / short.preparation.decimate_to)
+    assert short.segment > 60.0 / 36
 
 
 def test_orders_are_even_and_fit_the_matrix(run):
@@ -104,7 +117,7 @@ def test_orders_are_even_and_fit_the_matrix(run):
         ({"references": ("acc_1",)}, 1),
         ({"has_disjoint_references": True}, 1),
     ):
-        found = planned(run, **given_settings).settings
+        found = planned(run, **given_settings).ladder
         assert found.max_order % 2 == 0
         assert found.max_order <= (found.block_rows - 1) * n_channels
 
@@ -135,7 +148,7 @@ def test_orders_are_even_and_fit_the_matrix(run):
         ),
         (
             30_000,
-            {"row_ladder": (12, 3000), "is_hankel": True, "decimate_to": 125.0},
+            {"ladder": BlockRowLadder(12, 3000), "decimate_to": 125.0},
             DataError,
             "block_rows=3000 needs 9000 lags, but the longest stretch without a gap has 7500 samples at 125 Hz:"
             " record longer or use block_rows <= 2500",

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sprung.errors import DataError, ParameterError
-from sprung.identification import IdentificationSettings
-from sprung.identification.planning import make_plan
-from sprung.identification.preparation import prepare
+from sprung.identification import BlockRowLadder, IdentificationSettings
+from sprung.identification.planning import plan_preparation
+from sprung.identification.preparation import prepare, search_harmonics
 from sprung.recording import Channel, Gap, Recording
 from sprung.signals.cepstrum import ShortPass
 from sprung.simulation import simulate, usual_excitation
@@ -121,9 +121,9 @@ def test_a_large_offset_is_no_dead_channel():
 def test_motion_is_decimated_without_trend_and_of_unit_rms(band):
     recording = run_of_the_chain()
     recording = recording.changed("offset", samples=recording.samples * 1e3 + 7.0)
-    plan = make_plan(recording, settings=IdentificationSettings(band=band))
+    plan = plan_preparation(recording, settings=IdentificationSettings(band=band))
     prepared = prepare(recording, plan)
-    assert prepared.motion.sampling_rate == pytest.approx(plan.settings.decimate_to)
+    assert prepared.motion.sampling_rate == pytest.approx(plan.decimate_to)
     assert prepared.motion.sampling_rate == pytest.approx(125.0 if band is None else 250.0)
     assert prepared.motion.names == recording.names
     rms = prepared.motion.samples.std(axis=1)
@@ -140,7 +140,7 @@ def test_motion_below_the_wanted_band_is_filtered_off():
     recording = run_of_the_chain()
     sway = 100 * recording.samples.std() * np.sin(2 * np.pi * 0.2 * np.arange(recording.n_samples) / 500.0)
     swaying = recording.changed("swaying", samples=recording.samples + sway)
-    plan = make_plan(swaying, settings=IdentificationSettings(band=(6.0, 40.0)))
+    plan = plan_preparation(swaying, settings=IdentificationSettings(band=(6.0, 40.0)))
     found = prepare(swaying, plan).motion.samples
     alone = prepare(recording, plan).motion.samples
     middle = slice(500, -500)
@@ -153,17 +153,28 @@ def test_the_high_pass_halves_at_half_the_lower_edge(frequency):
     tone = np.sin(2 * np.pi * frequency * np.arange(30_000) / 500.0)
     recording = Recording(np.vstack([tone, 2 * tone]), 500.0, (Channel("a"), Channel("b")))
     settings = IdentificationSettings(band=(6.0, 40.0), decimate_to=500.0)
-    found = prepare(recording, make_plan(recording, settings=settings)).motion.samples[:, 5_000:-5_000]
+    found = prepare(recording, plan_preparation(recording, settings=settings)).motion.samples[:, 5_000:-5_000]
     assert found.std(axis=1) == pytest.approx(1 / (1 + (3.0 / frequency) ** 8), rel=1e-3)
 
 
 def test_editing_keeps_the_spectra_before_and_after():
     recording = run_of_the_chain()
-    plan = make_plan(recording, settings=IdentificationSettings(lifter=ShortPass(0.25)))
-    prepared = prepare(recording, plan)
+    plan = plan_preparation(recording, settings=IdentificationSettings())
+    prepared = prepare(recording, plan, lifter=ShortPass(0.25))
     assert prepared.edited_spectra is not None
     assert prepared.edited_spectra.frequencies.shape == prepared.spectra.frequencies.shape
     assert not np.allclose(prepared.edited_spectra.matrix, prepared.spectra.matrix)
+
+
+def test_harmonics_are_searched_above_the_band_of_the_identification():
+    """A line of 60 Hz, in a record that is decimated to 20 Hz for its modes."""
+    recording = run_of_the_chain()
+    line = recording.samples.std() * np.sin(2 * np.pi * 60.0 * np.arange(recording.n_samples) / 500.0)
+    humming = recording.changed("hum", samples=recording.samples + line)
+    plan = plan_preparation(humming, settings=IdentificationSettings(decimate_to=20.0))
+    assert prepare(humming, plan).motion.sampling_rate == pytest.approx(20.0)
+    (found,) = search_harmonics(humming, plan, speed=None)
+    assert found.frequency == pytest.approx(60.0, abs=0.02)
 
 
 # Settings
@@ -179,12 +190,18 @@ def test_editing_keeps_the_spectra_before_and_after():
         ({"n_subsets": 0}, "n_subsets=0 must be at least 1 and at most 50"),
         ({"block_rows": 0}, "block_rows=0 must be at least 2"),
         ({"max_order": 1}, "max_order=1 must be at least 2"),
-        ({"row_ladder": (45, 12)}, "row_ladder 45 to 12 must rise from 2 or more"),
-        ({"row_ladder": (1, 12)}, "row_ladder 1 to 12 must rise from 2 or more"),
-        ({"references": ()}, "references are empty: name at least one channel, or leave them out to use all"),
+        (
+            {"ladder": BlockRowLadder(12, 45), "block_rows": 40},
+            "block_rows=40 excludes a ladder over block rows, which sets them: leave one of them out",
+        ),
+        (
+            {"ladder": BlockRowLadder(12, 45), "max_order": 40},
+            "max_order=40 excludes a ladder over block rows, which sets them: leave one of them out",
+        ),
+        ({"references": ()}, "references is empty: name at least one channel, or leave it out to use all channels"),
         (
             {"references": ("a",), "has_disjoint_references": True},
-            "references are chosen by the splits when they are disjoint: leave out one of both",
+            "references excludes has_disjoint_references, which chooses the references: leave one of them out",
         ),
     ],
 )

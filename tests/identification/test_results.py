@@ -5,7 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.identification import METHODS, IdentificationSettings, acs_ssi, coss_ssi, cov_ssi
+from sprung.identification import (
+    METHODS,
+    BlockRowLadder,
+    IdentificationSettings,
+    OrderLadder,
+    acs_ssi,
+    as_in_thesis,
+    coss_ssi,
+    cov_ssi,
+    summarise,
+)
 from sprung.identification.stabilisation import StabilityCriteria
 from sprung.modal import PoleStatus, mac
 from sprung.recording import Channel, Gap, Recording
@@ -155,16 +165,9 @@ def test_subsets_hold_all_segments_and_rise_in_level():
     levels = [subset.level for subset in found.subsets]
     assert all(low < high for low, high in levels)
     assert [high for _, high in levels[:-1]] == [low for low, _ in levels[1:]]
-    expected = 6 * int(60.0 // found.settings.segment)
+    expected = 6 * int(60.0 // found.plan.segment)
     assert sum(subset.n_segments for subset in found.subsets) == expected
     assert cov_ssi(run()).subsets[0].level is None
-
-
-def test_subsets_can_hold_equally_many_segments():
-    found = coss_ssi([run(seed) for seed in range(6)], settings=IdentificationSettings(has_equal_counts=True))
-    sizes = [subset.n_segments for subset in found.subsets]
-    assert len(sizes) == 3
-    assert max(sizes) - min(sizes) <= 1
 
 
 def test_one_subset_is_the_average_of_all_segments():
@@ -184,8 +187,27 @@ def test_choices_are_noted_and_filled_in():
     found = cov_ssi(run())
     assert found.notes[0].startswith("band ")
     assert found.notes[0].endswith("Hz (where the channels move together), sampled at 125 Hz")
-    for name in ("decimate_to", "segment", "block_rows", "max_order"):
-        assert getattr(found.settings, name) is not None
+    effective, plan = found.effective_settings, found.plan
+    assert (effective.decimate_to, effective.segment) == (plan.preparation.decimate_to, plan.segment)
+    assert OrderLadder(effective.block_rows, effective.max_order) == plan.ladder
+    assert found.settings == IdentificationSettings()
+
+
+def test_the_ladder_of_the_thesis_stays_in_the_settings():
+    found = cov_ssi(run(), settings=as_in_thesis(rows=(12, 14)))
+    assert found.effective_settings.ladder == found.plan.ladder == BlockRowLadder(12, 14)
+    assert found.effective_settings.block_rows is None
+    assert found.subsets[0].diagrams[0].poles.ladder == (12, 13, 14)
+
+
+def test_the_ladder_of_the_thesis_averages_with_bias():
+    """The average of one segment of N samples is (N - m) / N times the one without bias at lag m."""
+    settings = as_in_thesis(IdentificationSettings(segment=60.0), rows=(12, 14))
+    summary = summarise("acs", run(), settings=settings)
+    biased, unbiased = summary.subsets[0][1].values, summary.average.values
+    n_samples = 60.0 * summary.average.sampling_rate
+    expected = unbiased * (1 - np.arange(summary.plan.ladder.n_lags) / n_samples)
+    np.testing.assert_allclose(biased, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -89,7 +89,7 @@ def test_known_harmonics_are_named_and_not_aligned():
     diagram = stabilise(poles, is_harmonic=np.array([False, True] * 3))
     assert set(diagram.status[1::2]) == {PoleStatus.HARMONIC}
     assert diagram.status[0::2].tolist()[1:] == [PoleStatus.SELECTED] * 2
-    modes, _ = select_modes(diagram)
+    modes = select_modes(diagram).modes
     assert modes.natural_frequency == pytest.approx([5.0])
 
 
@@ -124,9 +124,9 @@ def test_a_diagram_without_poles_has_no_modes():
     empty = Poles(
         np.zeros(0), np.zeros((0, 2)), np.zeros(0, dtype=int), (2, 4, 6), ("a", "b"), np.zeros(0), np.zeros(0)
     )
-    modes, alignments = select_modes(stabilise(empty))
-    assert len(modes) == 0
-    assert alignments.shape == (0,)
+    selected = select_modes(stabilise(empty))
+    assert len(selected.modes) == 0
+    assert selected.alignments.shape == (0,)
 
 
 def test_an_empty_rung_breaks_a_ladder_and_nothing_else():
@@ -239,18 +239,19 @@ def test_the_vectorised_comparison_equals_a_plain_loop(seed, counts, criteria):
 def test_the_stable_rate_is_the_share_of_rungs_with_a_stable_pole():
     """Eq. 3-57: stable on 3 of 5 rungs; two stable poles on one rung count once."""
     mode, twin = (5.0, 0.02, (1, 2)), (5.001, 0.02, (1, 2))
-    modes, alignments = select_modes(stabilise(ladder([mode], [mode], [mode, twin], [mode], [])))
-    assert modes.stable_rate == pytest.approx([0.6])
-    assert alignments.tolist() == [0]
+    selected = select_modes(stabilise(ladder([mode], [mode], [mode, twin], [mode], [])))
+    assert selected.modes.stable_rate == pytest.approx([0.6])
+    assert selected.alignments.tolist() == [0]
 
 
 def test_modes_come_by_rising_frequency_with_unit_shapes():
     rungs = [[(9.0, 0.05, (4, 2j)), (3.0, 0.02, (1, -2))]] * 5
-    modes, alignments = select_modes(stabilise(ladder(*rungs)))
+    selected = select_modes(stabilise(ladder(*rungs)))
+    modes = selected.modes
     np.testing.assert_allclose(modes.natural_frequency, [3.0, 9.0])
     np.testing.assert_allclose(modes.damping_ratio, [0.02, 0.05])
     np.testing.assert_allclose(modes.mode_shapes, [[-0.5, 1], [1, 0.5j]])
-    assert alignments.tolist() == [0, 1]
+    assert selected.alignments.tolist() == [0, 1]
     assert modes.labels == (None, None)
 
 
@@ -259,10 +260,10 @@ def test_the_pole_of_least_variance_near_the_median_stands_for_the_mode():
     poles = ladder(*[[(f, 0.02, (1, 2))] for f in frequencies])
     deviations = np.array([0.0, 0.05, 0.05, 0.002, 0.05, 0.05])
     known = replace(poles, natural_frequency_std=deviations, damping_ratio_std=deviations / 100)
-    modes, _ = select_modes(stabilise(known))
+    modes = select_modes(stabilise(known)).modes
     assert modes.natural_frequency == pytest.approx([5.0])
     assert modes.natural_frequency_std == pytest.approx([0.002])
-    unknown, _ = select_modes(stabilise(poles))
+    unknown = select_modes(stabilise(poles)).modes
     assert unknown.natural_frequency == pytest.approx([5.0])
     assert np.isnan(unknown.natural_frequency_std).all()
 
@@ -273,5 +274,5 @@ def test_another_status_is_given_to_whole_alignments():
     expected = [PoleStatus.FREQUENCY_CHANGED] * 2 + [PoleStatus.SELECTED, PoleStatus.INSIGNIFICANT] * 2
     assert changed.status.tolist() == expected
     assert (diagram.status != PoleStatus.INSIGNIFICANT).all()
-    assert select_modes(changed)[0].natural_frequency == pytest.approx([3.0])
+    assert select_modes(changed).modes.natural_frequency == pytest.approx([3.0])
     assert with_status(diagram, [], PoleStatus.RARE).status.tolist() == diagram.status.tolist()

@@ -1,4 +1,4 @@
-"""Subsets of segments of similar level: who goes where, what is merged, and that nothing is lost."""
+"""Subsets of segments of similar level: membership, merging of poor ones, and that no segment is lost."""
 
 import numpy as np
 import pytest
@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 
 from sprung.errors import ParameterError
 from sprung.identification.correlation import SegmentCorrelations, average, correlate_segments, with_limited_power
-from sprung.identification.subsets import segment_levels, subsets_of_equal_count, subsets_of_equal_width
+from sprung.identification.subsets import segment_levels, subsets_of_equal_width
 from sprung.recording import Channel, Recording
 
-RULES = (subsets_of_equal_width, subsets_of_equal_count)
 N_LAGS = 4
 
 
@@ -20,6 +19,10 @@ def segments_of_level(levels, n_products=100):
     values = np.multiply.outer(np.asarray(levels, dtype=float), factors)[..., None] * np.ones(N_LAGS)
     counts = np.full((len(levels), N_LAGS), float(n_products))
     return SegmentCorrelations(values * n_products, counts, 10.0, ("a", "b"), ("a", "b"))
+
+
+def averages(segments, found, *, is_biased=False):
+    return [average(segments.take(subset.segments), is_biased=is_biased) for subset in found.subsets]
 
 
 def sizes(found):
@@ -52,24 +55,12 @@ def test_limiting_loud_segments_does_not_change_any_level():
 
 def test_equal_width_cuts_the_range_of_levels():
     """Levels 1 to 10 in three ranges of width 3: 1, 2, 3.5 | 4, 6 | 7, 8, 10 (an edge belongs to the upper range)."""
-    found = subsets_of_equal_width(segments_of_level([10, 1, 4, 8, 2, 6, 7, 3.5]), 3)
+    segments = segments_of_level([10, 1, 4, 8, 2, 6, 7, 3.5])
+    found = subsets_of_equal_width(segments, 3)
     assert [subset.level for subset in found.subsets] == [(1, 4), (4, 7), (7, 10)]
     assert [subset.segments.tolist() for subset in found.subsets] == [[1, 4, 7], [2, 5], [0, 3, 6]]
     assert found.notes == ()
-    assert found.subsets[0].correlations.values[0, 0, 0] == pytest.approx((1 + 2 + 3.5) / 3)
-
-
-def test_equal_count_holds_equally_many():
-    levels = np.random.default_rng(1).lognormal(sigma=2.0, size=30)
-    found = subsets_of_equal_count(segments_of_level(levels), 3)
-    assert sizes(found) == [10, 10, 10]
-    order = np.argsort(levels)
-    assert [sorted(subset.segments) for subset in found.subsets] == [
-        sorted(order[:10]),
-        sorted(order[10:20]),
-        sorted(order[20:]),
-    ]
-    assert found.notes == ()
+    assert averages(segments, found)[0].values[0, 0, 0] == pytest.approx((1 + 2 + 3.5) / 3)
 
 
 def test_a_poor_subset_is_merged_with_its_poorer_neighbour_and_that_is_noted():
@@ -92,32 +83,29 @@ def test_the_lowest_and_the_highest_range_merge_inwards():
     assert highest.notes == ("level range 20 to 30 held 1 segment(s): merged with 10 to 20",)
 
 
-@pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("levels", [[3.0], [2.0, 2.0, 2.0, 2.0]])
-def test_one_segment_or_one_level_gives_one_subset(rule, levels):
-    found = rule(segments_of_level(levels), 3)
+def test_one_segment_or_one_level_gives_one_subset(levels):
+    found = subsets_of_equal_width(segments_of_level(levels), 3)
     assert sizes(found) == [len(levels)]
     assert len(found.notes) == 2
 
 
-@pytest.mark.parametrize("rule", RULES)
-def test_one_subset_is_the_overall_average(rule):
+def test_one_subset_is_the_overall_average():
     segments = segments_of_level([5, 1, 2, 9])
-    found = rule(segments, 1)
+    found = subsets_of_equal_width(segments, 1)
     assert sizes(found) == [4]
-    np.testing.assert_allclose(found.subsets[0].correlations.values, average(segments).values, rtol=1e-14)
+    np.testing.assert_allclose(averages(segments, found)[0].values, average(segments).values, rtol=1e-14)
 
 
 @settings(max_examples=60, deadline=None)
 @given(
-    rule=st.sampled_from(RULES),
     levels=st.lists(st.floats(0.01, 100), min_size=1, max_size=60),
     n_subsets=st.integers(1, 6),
     min_segments=st.integers(1, 5),
 )
-def test_every_segment_is_in_exactly_one_subset_and_nothing_is_lost(rule, levels, n_subsets, min_segments):
+def test_every_segment_is_in_exactly_one_subset_and_nothing_is_lost(levels, n_subsets, min_segments):
     segments = segments_of_level(levels)
-    found = rule(segments, n_subsets, min_segments=min_segments)
+    found = subsets_of_equal_width(segments, n_subsets, min_segments=min_segments)
     everywhere = np.concatenate([subset.segments for subset in found.subsets])
     assert sorted(everywhere) == list(range(len(levels)))
     assert len(found.notes) == n_subsets - len(found.subsets)
@@ -126,9 +114,10 @@ def test_every_segment_is_in_exactly_one_subset_and_nothing_is_lost(rule, levels
     for lower, upper in zip(found.subsets, found.subsets[1:], strict=False):
         assert lower.level[1] == upper.level[0]
         assert measured[lower.segments].max() <= measured[upper.segments].min()
-    weighted = sum(len(subset.segments) * subset.correlations.values for subset in found.subsets) / len(levels)
+    parts = averages(segments, found)
+    weighted = sum(part.n_segments * part.values for part in parts) / len(levels)
     np.testing.assert_allclose(weighted, average(segments).values, rtol=1e-12)
-    assert sum(subset.correlations.n_segments for subset in found.subsets) == len(levels)
+    assert sum(part.n_segments for part in parts) == len(levels)
 
 
 @pytest.mark.parametrize("is_biased", [False, True])
@@ -137,27 +126,27 @@ def test_the_mean_of_the_subsets_weighted_with_their_products_is_the_overall_ave
     samples = np.random.default_rng(4).normal(size=(2, 2011)) * np.linspace(0.5, 2.0, 2011)
     recording = Recording(samples, 50.0, (Channel("a"), Channel("b")))
     segments = correlate_segments(recording, n_lags=6, segment=1.0)
-    found = subsets_of_equal_width(segments, 3, is_biased=is_biased)
+    found = subsets_of_equal_width(segments, 3)
     assert len(found.subsets) > 1
     divisors = [
         segments.n_products[subset.segments][:, [0] * 6 if is_biased else range(6)].sum(axis=0)
         for subset in found.subsets
     ]
-    total = sum(n * subset.correlations.values for n, subset in zip(divisors, found.subsets, strict=True))
+    parts = averages(segments, found, is_biased=is_biased)
+    total = sum(n * part.values for n, part in zip(divisors, parts, strict=True))
     np.testing.assert_allclose(total / sum(divisors), average(segments, is_biased=is_biased).values, rtol=1e-12)
 
 
-@pytest.mark.parametrize("rule", RULES)
-def test_the_order_of_segments_does_not_change_the_subsets(rule):
+def test_the_order_of_segments_does_not_change_the_subsets():
     levels = np.random.default_rng(5).uniform(1, 9, size=24)
     order = np.random.default_rng(6).permutation(24)
-    straight, shuffled = rule(segments_of_level(levels), 3), rule(segments_of_level(levels[order]), 3)
-    for one, other in zip(straight.subsets, shuffled.subsets, strict=True):
-        assert sorted(one.segments) == sorted(order[other.segments])
-        np.testing.assert_allclose(one.correlations.values, other.correlations.values, rtol=1e-12)
+    straight = subsets_of_equal_width(segments_of_level(levels), 3)
+    shuffled = subsets_of_equal_width(segments_of_level(levels[order]), 3)
+    for before, after in zip(straight.subsets, shuffled.subsets, strict=True):
+        assert before.level == pytest.approx(after.level)
+        assert sorted(before.segments) == sorted(order[after.segments])
 
 
-@pytest.mark.parametrize("rule", RULES)
-def test_no_subset_at_all_is_refused(rule):
+def test_no_subset_at_all_is_refused():
     with pytest.raises(ParameterError, match=r"^n_subsets=0 must be at least 1$"):
-        rule(segments_of_level([1, 2, 3]), 0)
+        subsets_of_equal_width(segments_of_level([1, 2, 3]), 0)

@@ -10,11 +10,7 @@ from sprung.excitation import Lines, Sum, SurfaceMotion, random_speed, road_clas
 from sprung.identification import cov_ssi
 from sprung.likelihood import (
     CornerSettings,
-    RunningClassSpectra,
-    class_spectra,
     fit_corners,
-    rigid_layout,
-    segment_spectra,
 )
 from sprung.recording import Channel
 from sprung.simulation import Dead, DriveSettings, simulate, simulate_drive, with_imperfections
@@ -300,22 +296,6 @@ def test_a_dead_sensor_is_refused_by_name(car):
 def test_impossible_settings_are_refused(settings, message):
     with pytest.raises(ParameterError, match=message):
         CornerSettings(**settings)
-
-
-def test_running_class_spectra_are_those_of_all_segments(car):
-    run = drive(car, duration=60.0).recording
-    layout = rigid_layout(structure(car))
-    segments = segment_spectra([run], layout, speed="speed", band=(0.6, 20.0))
-    running = RunningClassSpectra(segments.frequencies, segments.segment_length)
-    with pytest.raises(DataError, match="no segment yet"):
-        _ = running.spectra
-    order = np.random.default_rng(1).permutation(len(segments.speeds))
-    for k in order:
-        running.update(segments.values[k], float(segments.speeds[k]), float(segments.spreads[k]))
-    batch = class_spectra(segments)
-    for name in ("counts", "speeds", "matrices", "weights"):
-        assert getattr(running.spectra, name) == pytest.approx(getattr(batch, name), rel=1e-9)
-    assert running.spectra.spreads == pytest.approx(batch.spreads, rel=1e-6)
 
 
 @pytest.mark.slow

@@ -94,9 +94,9 @@ def test_refusals_name_the_field_the_rule_and_the_remedy(path, value, message):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"broker = \n", r"site\.toml is no TOML file: Invalid value \(at line 1, column 10\): correct it"),
-        (b"\xff\xfe", r"site\.toml is no TOML file: 'utf-8' codec can't decode"),
-        (b"x = " + b"[" * 100_000, r"site\.toml is no TOML file: nested too deeply"),
+        (b"broker = \n", r"site\.toml is not a TOML file: Invalid value \(at line 1, column 10\): correct it"),
+        (b"\xff\xfe", r"site\.toml is not a TOML file: 'utf-8' codec can't decode"),
+        (b"x = " + b"[" * 100_000, r"site\.toml is not a TOML file: nested too deeply"),
         (b"[keep]\nraw_days = -1\nmore = 2", r"site\.toml: keep, raw_days=-1 must be .* \(and 1 more\) \(see docs/mon"),
     ],
 )

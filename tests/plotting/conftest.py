@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from sprung.identification import IdentificationSettings, acs_ssi, coss_ssi, cov_ssi
+from sprung.identification import BlockRowLadder, IdentificationSettings, acs_ssi, coss_ssi, cov_ssi
 from sprung.signals.cepstrum import ShortPass
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate, usual_excitation
@@ -41,7 +41,7 @@ def edited():
 
 @pytest.fixture(scope="session")
 def row_ladder():
-    return acs_ssi(records(), settings=IdentificationSettings(row_ladder=(12, 30)))
+    return acs_ssi(records(), settings=IdentificationSettings(ladder=BlockRowLadder(12, 30)))
 
 
 @pytest.fixture(scope="session")

@@ -200,9 +200,9 @@ def test_neither_file_nor_name():
     ("content", "message"),
     [
         (b"", r"v\.toml: schema=None must be \"sprung.vehicle/1\": add it as the first line"),
-        (b"a = \n", r"v\.toml is no TOML file: Invalid value \(at line 1, column 5\)"),
-        (b"\xff\xfe", r"v\.toml is no TOML file: 'utf-8' codec can't decode"),
-        (b"x = " + b"[" * 100_000, r"v\.toml is no TOML file: nested too deeply"),
+        (b"a = \n", r"v\.toml is not a TOML file: Invalid value \(at line 1, column 5\)"),
+        (b"\xff\xfe", r"v\.toml is not a TOML file: 'utf-8' codec can't decode"),
+        (b"x = " + b"[" * 100_000, r"v\.toml is not a TOML file: nested too deeply"),
         (b"#" * 1_000_001, r"v\.toml has 1000001 bytes, more than any vehicle file"),
         (EXAMPLE.replace("damping = 1781", "damping = -1").encode(), r"v\.toml: \[\[axle\]\] 1, damping=-1 must be at"),
     ],

@@ -86,12 +86,6 @@ class Regular:
         self._origin = 0
         self._n_done = 0
         self._latest: int | None = None
-        self._n_left_out = 0
-
-    @property
-    def n_left_out(self) -> int:
-        """Messages and values that were left out because their time was of no use."""
-        return self._n_left_out
 
     def add(self, when: int, values: Mapping[str, float]) -> list[Recording]:
         """Take in values at a time (UTC ns), and return the blocks that are complete with them.
@@ -102,7 +96,6 @@ class Regular:
         if not known:
             return []
         if not 0 <= when < 1 << 62:
-            self._n_left_out += 1
             return []
         if self._agrees(when):
             self._doubt()
@@ -131,7 +124,6 @@ class Regular:
 
     def _doubt(self) -> None:
         """Leave out what came with times that nothing has borne out."""
-        self._n_left_out += len(self._waiting)
         self._waiting = []
 
     def _begin_anew(self) -> list[Recording]:
@@ -157,9 +149,7 @@ class Regular:
         self._latest = max(self._latest, when)
         for name, value in values.items():
             points = self._points[name]
-            if (points and when <= points[-1][0]) or len(points) >= _MOST_VALUES:
-                self._n_left_out += 1
-            else:
+            if not (points and when <= points[-1][0]) and len(points) < _MOST_VALUES:
                 points.append((when, value if abs(value) <= _LARGEST else np.nan))
 
     def _complete(self) -> list[Recording]:

@@ -53,7 +53,7 @@ def identification_document(identification: "Identification", *, vehicle: "AnyVe
     vehicle
         That of the identification: gives the participation its mass matrix.
     """
-    settings = identification.settings
+    settings = identification.effective_settings
     lifter = settings.lifter
     return {
         "schema": "sprung.identification/1",

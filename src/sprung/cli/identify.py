@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from sprung.vehicles.usable import AnyVehicle
 
 _PREPARATION, _SIZES = "Preparation (default: chosen from the data)", "Identification (default: chosen from the data)"
-#: First and last number of block rows of the thesis' ladder for the 3-DOF chain.
-_THESIS_ROWS = (12, 45)
 
 
 def identify(
@@ -145,9 +143,10 @@ def _given(given: dict[str, Any]) -> "IdentificationSettings":
 
 def _preset(given: dict[str, Any]) -> "IdentificationSettings":
     """Return the settings of the thesis with what is given."""
-    from sprung.identification.stabilisation import THESIS_CRITERIA
+    from sprung.identification import as_in_thesis
+    from sprung.identification.settings import THESIS_ROWS
 
-    first, last = _THESIS_ROWS[0], given["block_rows"] or _THESIS_ROWS[1]
+    first, last = THESIS_ROWS[0], given["block_rows"] or THESIS_ROWS[1]
     if given["max_order"] is not None:
         raise ParameterError(
             f"--max-order {given['max_order']} has no meaning with --thesis, whose ladder is over block rows: leave it"
@@ -155,7 +154,7 @@ def _preset(given: dict[str, Any]) -> "IdentificationSettings":
         )
     if last <= first:
         raise ParameterError(f"--block-rows {last} must be above {first} with --thesis, whose ladder starts there")
-    return replace(_given(given), row_ladder=(first, last), is_hankel=True, is_weighted=False, criteria=THESIS_CRITERIA)
+    return as_in_thesis(_given({**given, "block_rows": None}), rows=(first, last))
 
 
 def _with_words(

@@ -1,7 +1,7 @@
 """Reading and writing recordings in the formats of the field, each in a module of its own.
 
-A format is a module with `ENDINGS`, `open_table` and `write`. It hands over the rows of a table as they are in the
-file; what they mean in time and in SI units is decided in one place for all formats.
+A format is a module with `ENDINGS`, `open_table` and `write`. It yields the rows of a table as they are in the file;
+their meaning in time and in SI units is decided in one place for all formats.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,13 +14,13 @@ from sprung._checks import check_number
 from sprung.errors import DataError, FormatError, ParameterError
 from sprung.formats import csv, mat, npz, parquet
 from sprung.formats.assembly import assemble, survey
-from sprung.formats.table import Table, join, rebatched, reported
+from sprung.formats.table import Table, join, rebatch, reported
 from sprung.recording import Recording
 
-#: The module that reads each ending.
+#: Module that reads each file name ending.
 FORMATS: dict[str, ModuleType] = {ending: module for module in (csv, parquet, npz, mat) for ending in module.ENDINGS}
 
-#: The module that writes each ending.
+#: Module that writes each file name ending.
 WRITERS: dict[str, ModuleType] = {".csv": csv, ".parquet": parquet, ".npz": npz, ".mat": mat}
 
 
@@ -32,29 +32,29 @@ def read(
     Parameters
     ----------
     path
-        A file with one of the endings in `FORMATS`.
+        Path of a file with one of the endings in `FORMATS`.
     sampling_rate
-        In Hz, above 0; needed where the file holds no time. It must agree with time stamps within 1 %.
+        Sampling rate [Hz], above 0; needed where the file holds no time. It must agree with time stamps within 1 %.
     channels
-        Names of the channels to read, in this order; all of them by default.
+        Names of the channels to read, in this order; default: all channels.
 
     Returns
     -------
     Recording
-        A dead channel (values in less than half of the rows) is kept, missing values as NaN. Where another channel
-        has no value, the row is cut and a gap is left.
+        Recording in SI units. A dead channel (values in less than half of the rows) is kept, with NaN for missing
+        values. A row in which any other channel has no value is cut, which leaves a gap.
 
     Raises
     ------
     FormatError
-        Where the file cannot be read; with its name and the row.
+        If the file cannot be read; the message names file and row.
     DataError
-        Where it holds no samples, one sample, or channels of several rates.
+        If the file holds no samples, one sample, or channels of several rates.
     ParameterError
-        Where the sampling rate is missing or contradicts the file, or a channel is not in it.
+        If the sampling rate is missing or contradicts the file, or a channel is not in the file.
     """
-    table = _opened(path, sampling_rate, channels)
-    blocks = [join(list(table.blocks()) or _none(table))]
+    table = _open_table(path, sampling_rate, channels)
+    blocks = [join(list(table.blocks()) or _no_samples(table))]
     return next(assemble(table, blocks, survey(table, blocks, sampling_rate=sampling_rate)))
 
 
@@ -72,13 +72,13 @@ def read_blocks(
     path, sampling_rate, channels
         As for `read`.
     block_samples
-        Samples in a block, about; at least 1,000.
+        Approximate number of samples in a block, at least 1,000.
 
     Yields
     ------
     Recording
-        Each begins one sample interval after the end of the one before: a gap in time always lies inside a block.
-        Put one after the other they are what `read` returns.
+        Blocks, each of which begins one sample interval after the end of the one before: gaps lie inside blocks.
+        Joined, they are the recording that `read` returns.
 
     Raises
     ------
@@ -87,24 +87,31 @@ def read_blocks(
 
     Notes
     -----
-    The file is read twice: first to learn which channels are alive and how time advances, then for the samples.
+    The file is read twice: first for the living channels and the advance of time, then for the samples.
     """
     check_number("block_samples", block_samples, at_least=1000)
-    table = _opened(path, sampling_rate, channels)
+    table = _open_table(path, sampling_rate, channels)
     facts = survey(table, table.blocks(), sampling_rate=sampling_rate)
-    yield from assemble(table, rebatched(table.blocks(), block_samples), facts)
+    yield from assemble(table, rebatch(table.blocks(), block_samples), facts)
 
 
 def write(recording: Recording, path: str | PathLike[str]) -> None:
-    """Write a recording as CSV, Parquet, NPZ or MAT, told by the ending, with a time column and units.
+    """Write a recording as CSV, Parquet, NPZ or MAT, as its ending says, with a time column and units.
 
-    Reading it gives the same channels, samples, rate, gaps and start; positions, directions and the history are not
-    kept in these formats.
+    Reading the file gives the same channels, samples, rate, gaps and start; positions, directions and the history are
+    not kept in these formats.
+
+    Parameters
+    ----------
+    recording
+        Any recording.
+    path
+        Path of the file, with one of the endings in `WRITERS`.
 
     Raises
     ------
     ParameterError
-        Where the ending is none of `WRITERS`, or a channel's name would not be read back.
+        If the ending is not in `WRITERS`, or the name of a channel would not be read back.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -113,7 +120,7 @@ def write(recording: Recording, path: str | PathLike[str]) -> None:
     WRITERS[ending].write(recording, path)
 
 
-def _opened(path: str | PathLike[str], sampling_rate: float | None, channels: Sequence[str] | None) -> Table:
+def _open_table(path: str | PathLike[str], sampling_rate: float | None, channels: Sequence[str] | None) -> Table:
     """Return the table in an existing file of a known format."""
     path = Path(path)
     if sampling_rate is not None:
@@ -122,7 +129,7 @@ def _opened(path: str | PathLike[str], sampling_rate: float | None, channels: Se
     if not path.exists():
         raise FormatError(f"{path}: there is no such file")
     if not path.is_file():
-        raise FormatError(f"{path} is no file: name a file with one of the endings {', '.join(FORMATS)}")
+        raise FormatError(f"{path} is not a file: name a file with one of the endings {', '.join(FORMATS)}")
     if ending is None:
         raise FormatError(f"{path} has an unknown ending: files in {', '.join(FORMATS)} are read")
     with reported(path, "file"):
@@ -132,6 +139,6 @@ def _opened(path: str | PathLike[str], sampling_rate: float | None, channels: Se
     return table
 
 
-def _none(table: Table) -> NoReturn:
-    """Raise for a table without rows."""
-    raise DataError(f"{table.path} holds no samples: it ends after the names of the columns")
+def _no_samples(table: Table) -> NoReturn:
+    """Raise the error for a table without rows."""
+    raise DataError(f"{table.path} holds no samples: it ends after the column names")

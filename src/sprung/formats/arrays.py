@@ -1,4 +1,4 @@
-"""Rules for files of named arrays (NPZ, MAT): which arrays are channels, which one is time, what they are called."""
+"""Rules for files of named arrays (NPZ, MAT): which arrays are channels, which is time, and their names."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -28,10 +28,10 @@ _UNITS = ("units", "unit")
 
 
 def array_table(path: Path, arrays: Mapping[str, Any], *, channels: Sequence[str] | None) -> Table:
-    """Return the table that named arrays form.
+    """Return the table of named arrays.
 
-    Channels are the rows of `samples` or `data` (the longer axis is time), else every array with as many numbers
-    as the time stamps; without time stamps as the longest array. `channels` and `units` name them; `sampling_rate` or
+    Channels are the rows of `samples` or `data` (the longer axis is time), otherwise all arrays as long as the time
+    stamps, or as the longest array if there are no time stamps. `channels` and `units` name them; `sampling_rate` or
     `fs` is the rate; `time`, `t`, `t_s`, `time_s` or `timestamp` holds time stamps.
     """
     numeric = {name: np.squeeze(value) for name, value in arrays.items() if _is_numeric(value)}
@@ -55,12 +55,12 @@ def array_table(path: Path, arrays: Mapping[str, Any], *, channels: Sequence[str
 
 
 def _is_numeric(value: Any) -> bool:
-    """Tell whether a value is an array of real numbers or times."""
+    """Return whether a value is an array of real numbers or times."""
     return isinstance(value, np.ndarray | np.number | int | float) and np.asarray(value).dtype.kind in "biufmM"
 
 
 def _texts(arrays: Mapping[str, Any], keys: Sequence[str]) -> list[str]:
-    """Return the texts under the first of the keys that is there."""
+    """Return the texts of the first array whose name is one of `keys`; none without such an array."""
     for name, value in arrays.items():
         if name.lower() in keys:
             return [str(item).strip() if np.size(item) else "" for item in np.ravel(np.asarray(value, dtype=object))]
@@ -77,10 +77,10 @@ def _rate(numeric: Mapping[str, NDArray[Any]]) -> float | None:
 
 def _main_matrix(path: Path, signals: Mapping[str, NDArray[Any]], arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """Return the named rows of the array called `samples` or `data`; nothing where there is none."""
-    found = [value for name, value in signals.items() if name.lower() in _MATRICES]
-    if not found:
+    matrices = [value for name, value in signals.items() if name.lower() in _MATRICES]
+    if not matrices:
         return {}
-    rows = as_rows(path, found[0])
+    rows = as_rows(path, matrices[0])
     names = _texts(arrays, _NAMES) or [f"channel_{number}" for number in range(1, len(rows) + 1)]
     if len(names) != len(rows):
         raise FormatError(f"{path} holds {len(names)} channel names for {len(rows)} channels: give one for each")
@@ -104,7 +104,7 @@ def _all_of_one_length(
 ) -> dict[str, NDArray[Any]]:
     """Return every array as long as the time stamps or the longest array, its rows numbered.
 
-    Short arrays are parameters. One of a similar but other length is a channel of another rate, which is refused.
+    Short arrays are parameters. An array of a similar but different length is a channel of another rate, an error.
     """
     arrays = {name: as_rows(path, value) for name, value in signals.items() if value.ndim in {1, 2} and value.size > 1}
     rows: dict[str, NDArray[Any]] = {}
@@ -124,8 +124,8 @@ def _all_of_one_length(
 
 
 def written_arrays(recording: Recording) -> dict[str, NDArray[Any]]:
-    """Return the arrays that read back as the recording."""
-    written_headings(recording, has_units=False)  # refuses names that would not read back
+    """Return named arrays from which the recording can be read."""
+    written_headings(recording, has_units=False)  # raises on names that would not be read back
     name, stamps = written_stamps(recording)
     return {
         name: stamps,

@@ -1,7 +1,7 @@
 """From the rows of a table to recordings: missing values cut, gaps found, samples brought onto a uniform grid.
 
-A table is read twice. The survey learns what concerns all rows: which channels are alive and how time advances. The
-second pass turns blocks of rows into recordings. Both need memory for one block only.
+A table is read twice. The survey establishes the facts that concern all rows: which channels are alive and how time
+advances. The second pass turns blocks of rows into recordings. Both need memory for one block only.
 """
 
 import itertools
@@ -18,11 +18,11 @@ from sprung.formats.table import TIME_UNITS, Block, Table, split_heading
 from sprung.formats.timing import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
 from sprung.recording import Channel, Gap, Recording
 
-# No sensor gives numbers beyond this; their squares would overflow.
+# Largest number that counts as measured; the squares of larger ones might overflow.
 _LARGEST = 1e100
 # A channel with fewer values than this share of the rows is dead.
 _ALIVE_SHARE = 0.5
-# Rows around the end of a block that are looked at again with the next one: splines and medians reach so far.
+# Rows around the end of a block that are used again with the next one, the reach of splines and medians.
 _MARGIN = 64
 # Samples on either side of a gap that give its duration.
 _REACH = 1000
@@ -30,7 +30,7 @@ _REACH = 1000
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Survey:
-    """What all rows together say: which channels are alive, how time advances, and what to tell about it."""
+    """Facts about all rows: living channels, scale and advance of time, and the first lines of the history."""
 
     alive: Booleans
     scale: TimeScale | None
@@ -39,16 +39,29 @@ class Survey:
 
 
 def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None) -> Survey:
-    """Return what all rows of `table` say.
+    """Return the facts about all rows of a table.
+
+    Parameters
+    ----------
+    table
+        Opened file.
+    blocks
+        Rows of the table.
+    sampling_rate
+        Sampling rate as stated by the caller [Hz]; None: that of the file.
+
+    Returns
+    -------
+    Survey
 
     Raises
     ------
     FormatError
-        Where a value is infinite, or time is missing, repeated or runs backwards; with the row.
+        If a value is infinite, or time is missing, repeated or runs backwards; the message names the row.
     DataError
-        Where no channel holds values, there is only one sample, or rates are mixed.
+        If no channel holds values, there is only one sample, or rates are mixed.
     ParameterError
-        Where the sampling rate is missing, or contradicts the time column by more than 1 %.
+        If the sampling rate is missing, or contradicts the time column by more than 1 %.
     """
     stated = _stated_rate(table, sampling_rate)
     n_rows = 0
@@ -73,7 +86,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
 
 
 def _stated_rate(table: Table, sampling_rate: float | None) -> float:
-    """Return the sampling rate from the caller or the file [Hz]; NaN where only time stamps tell it."""
+    """Return the sampling rate from the caller or the file [Hz]; NaN where only the time stamps give it."""
     stated = table.sampling_rate if sampling_rate is None else sampling_rate
     if stated is None and table.time_heading is None:
         raise ParameterError(
@@ -84,13 +97,13 @@ def _stated_rate(table: Table, sampling_rate: float | None) -> float:
 
 
 def _values_present(table: Table, block: Block) -> Booleans:
-    """Return which values are present, of shape (channels, rows); refuse infinite and slow ones."""
+    """Return which values are present, shape (channels, rows); raise on infinite values and on other rates."""
     excessive = np.abs(block.values) > _LARGEST
     if excessive.any():
         channel, row = np.argwhere(excessive)[0]
         raise FormatError(
             f"{table.path}, {table.row_word} {block.first_row + row}, column {table.columns[channel].heading!r}: "
-            f"{block.values[channel, row]:g} is no measured value: correct it or leave it empty"
+            f"{block.values[channel, row]:g} is not a measured value: correct it or leave it empty"
         )
     present = ~np.isnan(block.values)
     for column, has_value in zip(table.columns, present, strict=True):
@@ -104,7 +117,7 @@ def _values_present(table: Table, block: Block) -> Booleans:
 
 
 def _time_unit(table: Table) -> float | None:
-    """Return the seconds that one unit of the time column stands for; None where it does not say."""
+    """Return the seconds in one unit of the time column; None where the column does not state a unit."""
     name, unit, _ = split_heading(table.time_heading or "")
     if unit in TIME_UNITS:
         return TIME_UNITS[unit]
@@ -136,7 +149,7 @@ def _alive(table: Table, counts: Indices, n_rows: int) -> Booleans:
 
 
 def _check_agreement(table: Table, clock: Clock, stated: float) -> None:
-    """Raise where the stated rate is more than 1 % off the one of the time column; NaN is none."""
+    """Raise if the stated rate differs by more than 1 % from that of the time column; NaN: no rate is stated."""
     if abs(stated / clock.sampling_rate - 1) > 0.01:
         raise ParameterError(
             f"{table.path}: sampling_rate={stated:g} contradicts the time column {table.time_heading!r}, which "
@@ -145,7 +158,7 @@ def _check_agreement(table: Table, clock: Clock, stated: float) -> None:
 
 
 def _history(table: Table, clock: Clock, scale: TimeScale | None, counts: Indices, n_rows: int) -> Iterator[str]:
-    """Yield what reading did, line by line."""
+    """Yield the history of reading, line by line."""
     yield f"read {table.path.name}: {len(table.columns)} channels, {n_rows} rows"
     for column in table.columns:
         if column.quantity != "unknown" and column.factor != 1:
@@ -157,7 +170,7 @@ def _history(table: Table, clock: Clock, scale: TimeScale | None, counts: Indice
 
 
 def assemble(table: Table, blocks: Iterable[Block], facts: Survey) -> Iterator[Recording]:
-    """Yield the recordings of consecutive blocks: each begins where the one before ends, a gap lies inside one."""
+    """Yield recordings of consecutive blocks: each begins where the one before ends; gaps lie inside recordings."""
     assembler = _Assembler(table, facts)
     for block, following in itertools.pairwise(itertools.chain(blocks, [None])):
         if block is not None:
@@ -167,7 +180,7 @@ def assemble(table: Table, blocks: Iterable[Block], facts: Survey) -> Iterator[R
 
 
 class _Assembler:
-    """Turns blocks of rows into recordings; holds back the last rows of each until the next one has come."""
+    """Turns blocks of rows into recordings; holds back the last rows of each block until the next one."""
 
     def __init__(self, table: Table, facts: Survey) -> None:
         self._table = table
@@ -183,7 +196,7 @@ class _Assembler:
         self._n_cut = 0
 
     def update(self, block: Block, *, is_last: bool) -> Recording | None:
-        """Take the next rows; return what is complete with them."""
+        """Take the next rows; return the recording that they complete, None if there is none."""
         self._append(block)
         n_rows = self._seconds.size
         gaps = find_gaps(self._seconds, self._clock)
@@ -191,7 +204,7 @@ class _Assembler:
         end = n_rows if is_last else max(self._n_done, _quiet_end(gaps, n_rows))
         if end <= self._n_done:
             return None
-        make = self._resampled if self._clock.is_resampled else self._unchanged
+        make = self._resample if self._clock.is_resampled else self._take_rows
         recording = make(gaps, end)
         self._forget(gaps, end)
         return recording
@@ -211,24 +224,24 @@ class _Assembler:
         self._seconds = np.concatenate([self._seconds, seconds])
         self._samples = np.concatenate([self._samples, block.values[:, whole] * self._factors], axis=1)
 
-    def _unchanged(self, gaps: Indices, end: int) -> Recording:
+    def _take_rows(self, gaps: Indices, end: int) -> Recording:
         """Return the rows up to `end` as they are; straight lines through the stamps give their times."""
         offsets = self._seconds - self._clock.interval * np.arange(self._seconds.size)
         edges = [0, *gaps, offsets.size]
-        found = []
+        durations = []
         for first, here, last in zip(edges, edges[1:], edges[2:], strict=False):
             before = np.median(offsets[max(first, here - _REACH) : here])
             after = np.median(offsets[here : min(last, here + _REACH)])
-            found.append((here, after - before))
+            durations.append((here, after - before))
         start = np.median(offsets[: min(edges[1], _REACH)])
-        return self._recording(self._samples[:, :end], float(start), [gap for gap in found if gap[0] < end])
+        return self._recording(self._samples[:, :end], float(start), [gap for gap in durations if gap[0] < end])
 
-    def _resampled(self, gaps: Indices, end: int) -> Recording:
+    def _resample(self, gaps: Indices, end: int) -> Recording:
         """Return the samples at uniform times, interpolated within each stretch."""
         interval = self._clock.interval
         edges = [0, *gaps, self._seconds.size]
         parts: list[Real] = []
-        found: list[tuple[int, float]] = []
+        durations: list[tuple[int, float]] = []
         next_time = self._next_time
         start = None
         for first, last in itertools.pairwise(edges):
@@ -236,17 +249,17 @@ class _Assembler:
                 break
             times = uncrowded(self._seconds[first:last], interval)
             origin = times[0] if first or next_time is None else next_time
-            # An open stretch is left off where the next block takes it up; a closed one is used to its last sample.
+            # An open stretch ends where the next block continues it; a closed one is used to its last sample.
             until = times[-1] + 1e-6 * interval if last <= end else times[end - first]
             wanted = origin + interval * np.arange(np.ceil((until - origin) / interval))
             index = sum(part.shape[1] for part in parts)
             if index and next_time is not None:
-                found.append((index, float(origin - next_time)))
+                durations.append((index, float(origin - next_time)))
             start = origin if start is None else start
             parts.append(interpolate(self._samples[:, first:last], times, wanted))
             next_time = float(origin + interval * wanted.size)
         self._next_time = next_time
-        return self._recording(np.concatenate(parts, axis=1), float(start or 0.0), found)
+        return self._recording(np.concatenate(parts, axis=1), float(start or 0.0), durations)
 
     def _recording(self, samples: Real, start: float, gaps: list[tuple[int, float]]) -> Recording:
         """Return the recording that begins `start` seconds after the origin."""
@@ -266,7 +279,7 @@ class _Assembler:
         )
 
     def _forget(self, gaps: Indices, end: int) -> None:
-        """Drop the rows before `end`, except those that splines need beyond it."""
+        """Drop the rows before `end`, except those that splines beyond it need."""
         last_gap = max((int(gap) for gap in gaps if gap <= end), default=0)
         first = max(last_gap, end - _MARGIN) if self._clock.is_resampled else end
         self._seconds = self._seconds[first:]
@@ -275,7 +288,7 @@ class _Assembler:
 
 
 def _quiet_end(gaps: Indices, n_rows: int) -> int:
-    """Return a row before the last ones with no gap at it, and none close to it if that is possible."""
+    """Return a row before the last ones without a gap at it and, if possible, without one near it."""
     latest = n_rows - _MARGIN
     end = latest
     for gap in gaps[::-1]:

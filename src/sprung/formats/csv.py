@@ -41,7 +41,7 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """How a text file holds its table."""
+    """Layout of the table in a text file."""
 
     delimiter: str
     decimal: str
@@ -54,8 +54,8 @@ class Layout:
 def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
     """Return the table in a text file.
 
-    The header is the last line without a number before the first line of numbers; lines above it are a preamble. A
-    line of units under the header is read as such.
+    The header is the last line without a number before the first line of numbers; the lines above it are a preamble. A
+    line below the header that holds only units is read as the units.
     """
     layout = _layout(path)
     named = [heading for heading in layout.headings if heading]
@@ -72,7 +72,7 @@ def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[IO[bytes]]:
+def _open(path: Path) -> Iterator[IO[bytes]]:
     """Open a file, or the only member of an archive, for reading."""
     if path.suffix.lower() == ".zip":
         with zipfile.ZipFile(path) as archive:
@@ -113,7 +113,7 @@ def _layout(path: Path) -> Layout:
 
 def _first_lines(path: Path) -> list[bytes]:
     """Return the complete first lines of a file, with their ends."""
-    with reported(path, "text"), _opened(path) as file:
+    with reported(path, "text"), _open(path) as file:
         head = file.read(_HEAD_BYTES)
     if not head:
         raise FormatError(f"{path} is empty")
@@ -124,11 +124,11 @@ def _first_lines(path: Path) -> list[bytes]:
     if len(head) < _HEAD_BYTES and len(lines) <= _HEAD_LINES and lines[-1]:
         complete.append(lines[-1])
     if not complete:
-        raise FormatError(f"{path}, line 1 is longer than {_HEAD_BYTES} bytes: this is no table")
+        raise FormatError(f"{path}, line 1 is longer than {_HEAD_BYTES} bytes: this is not a table")
     return complete
 
 
-def _decoded(line: bytes) -> str:
+def _decode(line: bytes) -> str:
     """Return a line of text; bytes that are not UTF-8 are Latin-1."""
     try:
         return line.decode("utf-8-sig").rstrip("\r\n")
@@ -137,14 +137,14 @@ def _decoded(line: bytes) -> str:
 
 
 def _delimiter(lines: list[bytes]) -> str:
-    """Return the delimiter: that of the last line looked at, which is no preamble."""
+    """Return the delimiter of the last of the lines, which is not part of a preamble."""
     last = next((line for line in reversed(lines) if line.strip()), b"")
     return next((character for character in ";\t" if character.encode() in last), ",")
 
 
 def _fields(line: bytes, delimiter: str, *, strip: bool = True) -> list[str]:
-    """Return the fields of a line, without blanks around them unless told so."""
-    text = _decoded(line)
+    """Return the fields of a line; `strip` removes the blanks around them."""
+    text = _decode(line)
     try:
         fields = next(csv.reader([text], delimiter=delimiter), [])
     except csv.Error:
@@ -153,19 +153,19 @@ def _fields(line: bytes, delimiter: str, *, strip: bool = True) -> list[str]:
 
 
 def _is_value(field: str, decimal: str) -> bool:
-    """Tell whether a field is a number or a date-time."""
+    """Return whether a field is a number or a date-time."""
     return is_number(field.replace(decimal, ".")) or _DATE.fullmatch(field) is not None
 
 
 def _is_data(row: list[str], decimal: str) -> bool:
-    """Tell whether a row holds numbers in more than half of its fields, and text in less."""
+    """Return whether more than half of the fields of a row are numbers or missing values."""
     n_values = sum(_is_value(field, decimal) and field not in MISSING for field in row)
     n_missing = sum(field in MISSING for field in row)
     return n_values > 0 and n_values + n_missing > len(row) / 2
 
 
 def _header(rows: list[list[str]], decimal: str) -> int | None:
-    """Return the index of the last row that holds texts and no number."""
+    """Return the index of the last row with text and without numbers."""
     for index in reversed(range(len(rows))):
         if any(rows[index]) and not any(_is_value(field, decimal) for field in rows[index]):
             return index
@@ -188,13 +188,13 @@ def _blocks(path: Path, layout: Layout, indices: list[int], time_index: int | No
     types = {index: pa.float64() for index in indices}
     if time_index is not None:
         types[time_index] = _time_type(path, layout, time_index)
-    with reported(path, "text"), _opened(path) as file:
+    with reported(path, "text"), _open(path) as file:
         file.read(layout.offset)
         for line, text in _texts(path, file, layout.first_line):
             try:
-                table = _parsed(text, layout, types)
+                table = _parse(text, layout, types)
             except pa.ArrowInvalid as error:
-                raise _located(path, layout, types, line, text) or _unlocated(path, line, error) from None
+                raise _located_error(path, layout, types, line, text) or _unlocated_error(path, line, error) from None
             values = np.empty((len(indices), table.num_rows))
             for row, index in enumerate(indices):
                 values[row] = table.column(str(index)).to_numpy()
@@ -204,7 +204,7 @@ def _blocks(path: Path, layout: Layout, indices: list[int], time_index: int | No
 def _texts(path: Path, file: IO[bytes], line: int) -> Iterator[tuple[int, bytes]]:
     """Yield pieces of whole lines, each with the number of its first one.
 
-    The pieces are parsed one by one, not as a stream: a reader that is left half-way has no threads to stop.
+    The pieces are parsed separately, not as a stream, so that an abandoned reader leaves no running threads.
     """
     rest = b""
     while piece := file.read(_PIECE_BYTES):
@@ -212,7 +212,7 @@ def _texts(path: Path, file: IO[bytes], line: int) -> Iterator[tuple[int, bytes]
         end = text.rfind(b"\n") + 1
         if end == 0:
             raise FormatError(
-                f"{path}, line {line} is longer than {_PIECE_BYTES} bytes: the text is no table from there"
+                f"{path}, line {line} is longer than {_PIECE_BYTES} bytes: the text is not a table from there on"
             )
         lines, rest = text[:end], text[end:]
         if not lines.isspace():
@@ -222,8 +222,8 @@ def _texts(path: Path, file: IO[bytes], line: int) -> Iterator[tuple[int, bytes]
         yield line, rest
 
 
-def _parsed(text: bytes, layout: Layout, types: dict[int, Any]) -> Any:
-    """Return some columns of lines of text, called by their numbers."""
+def _parse(text: bytes, layout: Layout, types: dict[int, Any]) -> Any:
+    """Return some columns of lines of text, named by their numbers."""
     import pyarrow as pa
     from pyarrow import csv as arrow
 
@@ -257,8 +257,8 @@ def _time_type(path: Path, layout: Layout, index: int) -> Any:
     )
 
 
-def _located(path: Path, layout: Layout, types: dict[int, Any], first: int, text: bytes) -> FormatError | None:
-    """Return the error that names the first line in `text` which cannot be read; None where all lines look right."""
+def _located_error(path: Path, layout: Layout, types: dict[int, Any], first: int, text: bytes) -> FormatError | None:
+    """Return the error that names the first line in `text` that cannot be read; None if all lines look right."""
     import pyarrow as pa
 
     for line, raw in enumerate(text.split(b"\n"), first):
@@ -284,10 +284,10 @@ def _located(path: Path, layout: Layout, types: dict[int, Any], first: int, text
     return None
 
 
-def _unlocated(path: Path, line: int, error: Exception) -> FormatError:
-    """Return the error for lines that look right but are refused."""
+def _unlocated_error(path: Path, line: int, error: Exception) -> FormatError:
+    """Return the error for lines that look right but cannot be parsed."""
     detail = " ".join(str(error).split())[:120]
-    return FormatError(f"{path}, after line {line}: the text is no table ({detail}): export it again as CSV")
+    return FormatError(f"{path}, after line {line}: the text is not a table ({detail}): export it again as CSV")
 
 
 def write(recording: Recording, path: Path) -> None:

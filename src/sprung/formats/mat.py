@@ -27,7 +27,7 @@ def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
         elif head.startswith(b"MATLAB 5.0"):
             variables = _version_5(path)
         else:
-            raise FormatError(f"{path} is no MAT file of version 5 or later: save it with save(..., '-v7')")
+            raise FormatError(f"{path} is not a MAT file of version 5 or later: save it with save(..., '-v7')")
         return array_table(path, _flat(variables), channels=channels)
 
 
@@ -40,7 +40,7 @@ def _version_5(path: Path) -> dict[str, Any]:
 
 
 def _version_7_3(path: Path) -> dict[str, Any]:
-    """Return the variables of a file of version 7.3; h5py gives MATLAB's matrices transposed."""
+    """Return the variables of a file of version 7.3; h5py transposes the matrices of MATLAB."""
     import h5py
 
     with h5py.File(path, "r") as file:
@@ -67,7 +67,7 @@ def _text(item: Any) -> str:
 
 
 def _flat(variables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return variables and, one level down, the fields of structures; a name met twice gets its structure's name."""
+    """Return variables and the fields of structures; a repeated name is prefixed with that of its structure."""
     flat = {name: value for name, value in variables.items() if not isinstance(value, Mapping)}
     for structure, fields in variables.items():
         if isinstance(fields, Mapping):

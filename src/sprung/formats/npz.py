@@ -1,4 +1,4 @@
-"""NumPy's own files: named arrays in NPZ, one array in NPY."""
+"""NumPy files: named arrays in NPZ, one array in NPY."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,7 +24,7 @@ def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
 
 
 def _array(path: Path, name: str, content: "np.lib.npyio.NpzFile") -> np.ndarray:
-    """Return one array; pickled objects are refused, for they may run any code."""
+    """Return one array; pickled objects are an error, as loading them may run any code."""
     try:
         array: np.ndarray = content[name]
     except ValueError as error:

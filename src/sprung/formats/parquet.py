@@ -25,7 +25,7 @@ from sprung.recording import Recording
 
 ENDINGS = (".parquet", ".pq")
 
-# pandas keeps an index without a name under this one; it is the time if it holds date-times.
+# Name that pandas gives to an index without a name; it is the time if it holds date-times.
 _INDEX = "__index_level_0__"
 _BATCH_ROWS = 1 << 16
 _BUFFER_BYTES = 1 << 20
@@ -71,7 +71,7 @@ def _index(types: dict[str, Any]) -> str | None:
 
 
 def _check_type(path: Path, column: Column, kind: Any) -> None:
-    """Raise where a column cannot hold numbers."""
+    """Raise if a column does not hold numbers."""
     import pyarrow as pa
 
     numbers = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_decimal, pa.types.is_null)
@@ -118,7 +118,7 @@ def write(recording: Recording, path: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    written_headings(recording, has_units=False)  # refuses names that would not read back
+    written_headings(recording, has_units=False)  # raises on names that would not be read back
     name, stamps = written_stamps(recording)
     if stamps.dtype.kind == "M":
         arrays = [pa.array(stamps.view(np.int64)).cast(pa.timestamp("ns", "UTC"))]

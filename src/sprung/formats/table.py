@@ -1,4 +1,4 @@
-"""What every format hands over: columns with their units, and rows in blocks of any size."""
+"""Tables, as every format provides them: columns with their units, and rows in blocks of any size."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf|infinity|
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One channel in a file: its heading there, its name, and what turns its numbers into SI."""
+    """Channel of a file: its heading, its name, its quantity, and the factor to SI units."""
 
     heading: str
     name: str
@@ -41,7 +41,7 @@ class Column:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Block:
-    """Consecutive rows: time stamps as in the file (None without a time column), values (channels, rows)."""
+    """Consecutive rows: time stamps as in the file (None without a time column), values of shape (channels, rows)."""
 
     first_row: int
     stamps: NDArray[Any] | None
@@ -55,9 +55,9 @@ class Block:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Table:
-    """An opened file: its channels, its time column, and a function that reads its rows from the beginning.
+    """Opened file: its channels, its time column, and a function that reads its rows from the beginning.
 
-    `row_word` is what a row is called in messages ("line" in text); `sampling_rate` the one stored in the file.
+    `row_word` is the word for a row in messages ("line" in text); `sampling_rate` is the one stored in the file.
     """
 
     path: Path
@@ -69,7 +69,7 @@ class Table:
 
 
 def split_heading(heading: str) -> tuple[str, str | None, bool]:
-    """Return name, unit (None without one) and whether the unit stands in square brackets."""
+    """Return name, unit (None without one) and whether the unit is in square brackets."""
     match = _BRACKETS.fullmatch(heading.strip())
     if match is None:
         return heading.strip(), None, False
@@ -77,25 +77,25 @@ def split_heading(heading: str) -> tuple[str, str | None, bool]:
 
 
 def is_time(heading: str) -> bool:
-    """Tell whether `heading` names a time column."""
+    """Return whether `heading` names a time column."""
     return split_heading(heading)[0].lower() in TIME_NAMES
 
 
 def is_number(text: str) -> bool:
-    """Tell whether `text` is one number, with a decimal point."""
+    """Return whether `text` is one number with a decimal point."""
     return _NUMBER.fullmatch(text.strip()) is not None
 
 
 def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
     """Return the channel that `heading` describes; `unit` where the file states it elsewhere.
 
-    Square brackets always hold a unit; round ones only where it is a known one, else they belong to the name.
+    Square brackets always hold a unit; round ones only if the unit is known, otherwise they belong to the name.
     """
     name, bracketed, is_square = split_heading(heading)
     if not is_square and not _is_known(bracketed):
         name, bracketed = heading.strip(), None
     if not name:
-        raise FormatError(f"{path}: column {heading!r} has no name: give every column one")
+        raise FormatError(f"{path}: column {heading!r} has no name: give every column a name")
     stated = bracketed if unit is None else unit
     if stated is None or stated in _NO_UNIT:
         return Column(heading, name)
@@ -106,7 +106,7 @@ def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
 
 
 def _is_known(unit: str | None) -> bool:
-    """Tell whether `unit` can be converted."""
+    """Return whether `unit` can be converted."""
     try:
         return unit is not None and bool(conversion(unit))
     except ParameterError:
@@ -114,17 +114,17 @@ def _is_known(unit: str | None) -> bool:
 
 
 def is_unit(text: str) -> bool:
-    """Tell whether `text` is a unit of a channel or of time, brackets or not."""
+    """Return whether `text` is a unit of a channel or of time, with or without brackets."""
     plain = text.strip().strip("[]()")
     return plain in (*_NO_UNIT, *TIME_UNITS) or _is_known(plain)
 
 
 def time_column(headings: Iterable[str], *, path: Path) -> str | None:
     """Return the only heading that names a time column; None where there is none."""
-    found = [heading for heading in headings if is_time(heading)]
-    if len(found) > 1:
-        raise FormatError(f"{path} has the time columns {found[0]!r} and {found[1]!r}: keep one of them")
-    return found[0] if found else None
+    times = [heading for heading in headings if is_time(heading)]
+    if len(times) > 1:
+        raise FormatError(f"{path} has the time columns {times[0]!r} and {times[1]!r}: keep one of them")
+    return times[0] if times else None
 
 
 def chosen_columns(
@@ -134,7 +134,7 @@ def chosen_columns(
     units: Sequence[str | None] | None = None,
     path: Path,
 ) -> tuple[Column, ...]:
-    """Return the columns of `channels`, in that order; all columns with a name that are not time without it."""
+    """Return the columns of `channels`, in that order; None: all columns that have a name and are not time."""
     stated = dict(zip(headings, units or [None] * len(headings), strict=True))
     kept = [heading for heading in headings if heading.strip() and not is_time(heading)]
     refuse_repeated(kept, path=path)
@@ -143,12 +143,12 @@ def chosen_columns(
     columns = tuple(column(heading, unit=stated[heading], path=path) for heading in kept)
     refuse_repeated([item.name for item in columns], path=path)
     if not columns:
-        raise FormatError(f"{path} holds no channel: it needs a column of numbers beside the time")
+        raise FormatError(f"{path} holds no channel: it needs a column of numbers in addition to the time")
     return columns
 
 
 def refuse_repeated(names: Sequence[str], *, path: Path) -> None:
-    """Raise where a name occurs twice."""
+    """Raise if a name occurs twice."""
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -178,8 +178,8 @@ def cut(block: Block, rows: slice) -> Block:
     return Block(block.first_row + rows.indices(block.n_rows)[0], stamps, block.values[:, rows])
 
 
-def rebatched(blocks: Iterable[Block], n_rows: int) -> Iterator[Block]:
-    """Yield the same rows in blocks of `n_rows`; only the last one is shorter."""
+def rebatch(blocks: Iterable[Block], n_rows: int) -> Iterator[Block]:
+    """Yield the same rows in blocks of `n_rows`; only the last block may be shorter."""
     waiting: list[Block] = []
     for block in blocks:
         waiting.append(block)
@@ -196,9 +196,9 @@ def rebatched(blocks: Iterable[Block], n_rows: int) -> Iterator[Block]:
 
 @contextmanager
 def reported(path: Path, kind: str) -> Iterator[None]:
-    """Turn whatever a foreign parser raises on a broken file into one sentence.
+    """Turn any error that a parser raises on a damaged file into one sentence.
 
-    Parsers of binary formats raise nearly anything on bytes they do not expect, hence the wide net.
+    Parsers of binary formats may raise almost any exception on unexpected bytes, hence the broad `except`.
     """
     try:
         yield
@@ -210,7 +210,7 @@ def reported(path: Path, kind: str) -> Iterator[None]:
 
 
 def written_unit(quantity: str) -> tuple[str, float]:
-    """Return the unit that reads back as `quantity`, and its factor to SI; empty for unknown."""
+    """Return the unit that is read as `quantity`, and its factor to SI; an empty unit for "unknown"."""
     for unit, (measured, factor) in UNITS.items():
         if measured == quantity:
             return unit, factor
@@ -218,14 +218,14 @@ def written_unit(quantity: str) -> tuple[str, float]:
 
 
 def written_headings(recording: Recording, *, has_units: bool = True) -> list[str]:
-    """Return a heading for each channel that reads back as its name and quantity.
+    """Return a heading for each channel that is read as its name and quantity.
 
-    Without units the heading is the name alone, for formats that state units elsewhere.
+    Without units the heading is only the name, for formats that state units elsewhere.
 
     Raises
     ------
     ParameterError
-        Where a name cannot be told from a unit, a number, a missing value or a time column when read.
+        If a name would be read as a unit, a number, a missing value or a time column.
     """
     headings = []
     for channel in recording.channels:
@@ -237,14 +237,14 @@ def written_headings(recording: Recording, *, has_units: bool = True) -> list[st
         if not _reads_back(heading, expected):
             raise ParameterError(
                 f"channel name {channel.name!r} would not be read back from a file: rename it to plain text "
-                "without a unit, a number or a name of time"
+                "without a unit, not a number and not a name of a time column"
             )
         headings.append(heading)
     return headings
 
 
 def _reads_back(heading: str, expected: Column) -> bool:
-    """Tell whether a file with `heading` gives the `expected` channel."""
+    """Return whether a file with `heading` gives the `expected` channel."""
     name = expected.name
     if not name.isprintable() or is_number(name) or name in MISSING or is_time(heading):
         return False

@@ -1,10 +1,10 @@
-"""From time stamps to a sampling rate, gaps and jitter, and onto a uniform grid where the stamps ask for it.
+"""From time stamps to a sampling rate, gaps and jitter, and onto a uniform grid where the stamps require it.
 
-The stamps t of the samples i are compared with straight lines t = a + i/fs, one for each stretch between gaps. What
-they deviate from it, as a fraction of the sample interval, is the jitter.
+The stamps t of the samples i are compared with straight lines t = a + i/fs, one for each stretch between gaps. Their
+deviation from the line, as a fraction of the sample interval, is the jitter.
 
 Samples are left as they are where their stamps deviate by less than 1 % of an interval (RMS), or by no more than the
-digits they are printed with explain. Taking such samples as uniform adds an error of at most 2 pi f/fs times the
+rounding of printed digits. Taking such samples as uniform adds an error of at most 2 pi f/fs times the
 deviation: 0.6 % of the amplitude at a tenth of the sampling rate. Resampling would cost more at high frequencies.
 """
 
@@ -22,29 +22,29 @@ from sprung.errors import DataError, FormatError
 #: RMS deviation from a straight line, in sample intervals, up to which samples are left as they are.
 JITTER_LIMIT = 0.01
 
-# Rounding to steps of q leaves q/sqrt(12) = 0.29 q.
+# Rounding to steps of q has an RMS error of q/sqrt(12) = 0.29 q.
 _ROUNDING_LIMIT = 0.35
-# A step in time of this many usual ones may be a gap; it is one where the stamps do not catch up again. Where the
-# clock is unsteady, one missing sample cannot be told from a late one, and interpolating over it does no harm.
+# A step in time of this many usual ones may be a gap; it is one if the stamps do not catch up again. Where the clock
+# is unsteady, a missing sample cannot be distinguished from a late one, and interpolating over it does no harm.
 _GAP_STEP = 1.5
 _GAP_STEP_UNSTEADY = 2.5
 _GAP_SHIFT = 0.5
-# Samples on either side that tell whether they do.
+# Samples on either side that show whether they do.
 _WINDOW = 8
 _BURST_WINDOW = 64
-# Unsteady: more than this share of the steps is no multiple of the interval within this part of it.
+# Unsteady: more than this share of the steps differs from a multiple of the interval by more than this part of it.
 _UNSTEADY_SHARE = 0.02
 _FEWEST_UNSTEADY = 3
 _UNSTEADY_STEP = 0.1
-# More gaps than one in so many samples are no gaps, but a mixture of rates.
+# More gaps than one in this number of samples are not gaps but a mixture of rates.
 _FEWEST_SAMPLES_PER_GAP = 20
 # Stamps that repeat the one before in at least this share of rows come in bursts.
 _BURST_SHARE = 0.1
-# The drift of a clock does not matter within so many samples; over a day it does.
+# Number of samples within which the drift of a clock does not matter; over a day it does.
 _PIECE = 1 << 16
-# Delayed stamps crowd, and splines through crowded samples swing; so many intervals are the least between two.
+# Delayed stamps crowd, and splines through crowded samples oscillate; smallest distance of two stamps in intervals.
 _NEAREST = 0.5
-# Stamps that show a rate and its jitter; a change of rate between such stretches that no clock shows.
+# Number of stamps that show a rate and its jitter; ratio of rates of such stretches that exceeds any drift of clocks.
 _LONG_STRETCH = 1000
 _RATE_CHANGE = 1.05
 
@@ -53,14 +53,14 @@ _EPOCHS = ((1e18, 1), (1e15, 10**3), (1e12, 10**6), (1e9, 10**9))
 
 @dataclass(frozen=True, slots=True)
 class TimeScale:
-    """The origin (first stamp, in its own unit), seconds per unit, UTC nanoseconds of the origin or None."""
+    """Origin (first stamp, in its own unit), seconds per unit, UTC nanoseconds of the origin or None."""
 
     origin: float
     factor: float
     start: int | None = None
 
     def seconds(self, stamps: NDArray[Any]) -> Real:
-        """Return stamps as seconds since the origin; NaN where one is missing."""
+        """Return stamps as seconds since the origin; NaN where a stamp is missing."""
         numbers = _plain_numbers(stamps)
         with np.errstate(invalid="ignore"):
             seconds: Real = (numbers - numbers.dtype.type(self.origin)) * self.factor
@@ -83,9 +83,9 @@ def _plain_numbers(stamps: NDArray[Any]) -> NDArray[Any]:
 
 
 def time_scale(stamps: NDArray[Any], unit: float | None = None) -> TimeScale:
-    """Return what the first stamp says about all of them.
+    """Return the scale of all stamps from the first one.
 
-    Numbers count seconds, or `unit` seconds where the column states a unit. Without one, numbers so large that they
+    Numbers count seconds, or `unit` seconds where the column states a unit. Without a unit, numbers so large that they
     can only count from 1970 are an epoch: in seconds from 1e9, in ms from 1e12, in us from 1e15, in ns from 1e18.
     """
     origin = _plain_numbers(stamps[:1])[0].item()
@@ -101,22 +101,23 @@ def time_scale(stamps: NDArray[Any], unit: float | None = None) -> TimeScale:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """How the stamps of a file advance.
+    """Advance of the time stamps of a file.
 
     Parameters
     ----------
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
     pitch
-        Usual step in time [s]: one sample interval, or that from burst to burst.
+        Usual step in time [s]: one sample interval, or the interval from burst to burst.
     gap_step
-        Steps of more than so many times the pitch may be gaps.
+        Smallest step in time that may be a gap, in multiples of the pitch.
     jitter_rms, jitter_max
         Deviation from straight lines, in sample intervals.
     in_bursts
-        Several rows share a stamp: it tells when they arrived, and the straight line when they were sampled.
+        Whether several rows share a stamp, which is the time when they arrived; the straight line is the time when they
+        were sampled.
     is_resampled
-        The samples must be brought onto a uniform grid.
+        Whether the samples must be brought onto a uniform grid.
     """
 
     sampling_rate: float
@@ -129,7 +130,7 @@ class Clock:
 
     @property
     def interval(self) -> float:
-        """Seconds from sample to sample."""
+        """Time from sample to sample [s]."""
         return 1 / self.sampling_rate
 
     @property
@@ -154,9 +155,9 @@ class Clock:
 def find_gaps(seconds: Real, clock: Clock) -> Indices:
     """Return the indices of the samples before which time is missing.
 
-    A step of more than 1.5 intervals (2.5 where the clock is unsteady) is a gap where the stamps after it stay late
-    by more than half of one; after a merely late stamp they are back on the line. Medians over a few samples up to
-    the next large step decide. Stamps in bursts may first have to catch up with what was held back.
+    A step of more than 1.5 intervals (2.5 where the clock is unsteady) is a gap if the stamps after it stay late by
+    more than half an interval; after a single late stamp they return to the line. Medians over a few samples up to the
+    next large step decide. Stamps in bursts may first have to catch up with a backlog.
     """
     large = np.flatnonzero(np.diff(seconds) > clock.gap_step * clock.pitch)
     if large.size == 0:
@@ -175,7 +176,7 @@ def find_gaps(seconds: Real, clock: Clock) -> Indices:
 
 
 def _outlasts_backlog(offset: Real, index: int, clock: Clock) -> bool:
-    """Tell whether stamps in bursts stay late after `index`, once what a stalled logger held back has arrived."""
+    """Return whether stamps in bursts stay late after `index`, once the backlog of a stalled logger has arrived."""
     step = offset[index + 1] - offset[index] + clock.interval
     reach = max(_BURST_WINDOW, int(1.2 * step / clock.interval))
     before = np.median(offset[max(0, index + 1 - reach) : index + 1])
@@ -184,9 +185,9 @@ def _outlasts_backlog(offset: Real, index: int, clock: Clock) -> bool:
 
 
 def uncrowded(seconds: Real, interval: float) -> Real:
-    """Return stamps no nearer to each other than half an interval.
+    """Return stamps that are at least half an interval apart.
 
-    A stamp can be late but not early: where two crowd, the first one is moved back.
+    A stamp can be late but not early: of two that are too close, the first is moved back.
     """
     ramp = _NEAREST * interval * np.arange(seconds.size)
     apart: Real = np.minimum.accumulate((seconds - ramp)[::-1])[::-1] + ramp
@@ -196,7 +197,7 @@ def uncrowded(seconds: Real, interval: float) -> Real:
 def interpolate(samples: Real, seconds: Real, wanted: Real) -> Real:
     """Return `samples` (channels, samples) at the `wanted` times by not-a-knot cubic splines.
 
-    A channel with a missing value is missing everywhere: there is nothing to interpolate.
+    A channel with any missing value becomes NaN throughout, as splines cannot pass through NaN.
     """
     from scipy.interpolate import CubicSpline
 
@@ -215,7 +216,7 @@ class ClockFit:
     Parameters
     ----------
     place
-        What precedes a row's number in messages, such as "run.csv, line".
+        Words before the number of a row in messages, such as "run.csv, line".
     """
 
     def __init__(self, place: str) -> None:
@@ -238,7 +239,7 @@ class ClockFit:
             self._update(seconds[piece])
 
     def _check_order(self, seconds: Real, rows: Indices) -> None:
-        """Raise where time runs backwards; count repeated stamps."""
+        """Raise if time runs backwards; count repeated stamps."""
         steps = np.diff(seconds, prepend=self._last)
         if np.any(steps < 0):
             row = rows[np.argmax(steps < 0)]
@@ -283,12 +284,14 @@ class ClockFit:
         Raises
         ------
         DataError
-            Where there are fewer than two stamps, or rates are mixed.
+            If there are fewer than two stamps, or rates are mixed.
         FormatError
-            Where a stamp is repeated though stamps do not come in bursts.
+            If a stamp is repeated although stamps do not come in bursts.
         """
         if self._pace is None or self._n_stamps < 2:
-            raise DataError(f"{self._place} {self._n_stamps} is the only one with values: two samples are the least")
+            raise DataError(
+                f"{self._place} {self._n_stamps} is the only one with values: a recording needs at least two samples"
+            )
         self._check_rate()
         interval = self._moment / self._spread if self._spread else self._pace.interval
         rms = float(np.sqrt(self._squares / max(1, self._n_fitted)))
@@ -310,12 +313,12 @@ class ClockFit:
         )
 
     def _uncertainty(self, interval: float) -> float:
-        """Return how far the interval may be off [s]: half a printed digit over the record, or its standard error."""
+        """Return the uncertainty of the interval [s]: half a printed digit over the record, or its standard error."""
         digit = max(self._resolution, 2e-6 * interval)
         return float(digit * max(0.5 / self._n_stamps, 1 / np.sqrt(max(1.0, self._spread))))
 
     def _check_rate(self) -> None:
-        """Raise where the stamps do not advance at one rate."""
+        """Raise if the stamps do not advance at one rate."""
         if self._n_gaps > max(2, self._n_stamps / _FEWEST_SAMPLES_PER_GAP):
             raise DataError(
                 f"{self._place}s up to the last: time jumps {self._n_gaps} times in {self._n_stamps} rows, so rates "
@@ -330,9 +333,9 @@ class ClockFit:
 
 
 def _nearer(stretch: Real, interval: float) -> float:
-    """Return `interval`, or the median one over long spans where its line is clearly nearer to most of the stamps.
+    """Return `interval`, or the median over long spans where its line is clearly nearer to most of the stamps.
 
-    A logger that stalls for seconds and then catches up tilts a line of least squares.
+    A logger that stalls for seconds and then catches up tilts the line of least squares.
     """
     n = stretch.size
     median = float(np.median(stretch[n // 2 :] - stretch[: n - n // 2])) / (n // 2)

@@ -1,4 +1,4 @@
-"""What modes contribute to the correlations between channels, and their shapes on all of these."""
+"""Contributions of modes to the correlations between channels, and mode shapes on all channels."""
 
 from collections.abc import Sequence
 
@@ -9,29 +9,30 @@ from sprung.identification.correlation import Correlations
 
 
 def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Real:
-    """Return how far the part of each mode in the correlations between channels stands above chance.
+    """Return the part of each mode in the correlations between channels, relative to chance.
 
     Parameters
     ----------
     poles
-        Continuous and damped, rad/s, shape (modes,).
+        Continuous, damped poles [rad/s], shape (modes,).
     mode_shapes
-        Shape (modes, channels).
+        Mode shapes, shape (modes, channels).
     correlations
-        With blocks. Only pairs of two different channels count (of one channel with itself, if there are no
-        others): noise of a sensor is in the correlation of that sensor with itself alone.
+        Correlations with blocks. Only pairs of two different channels count (of a channel with itself, if there are no
+        others): the noise of a sensor appears only in the correlation of that sensor with itself.
 
     Returns
     -------
     numpy.ndarray
-        Shape (modes,): about 1 for a mode that is not there; infinite for exact correlations.
+        Contribution of each mode, shape (modes,): about 1 for a mode that does not exist; infinite for exact
+        correlations.
 
     Notes
     -----
     Lambda_m = sum over modes of 2 Re(shape g^T lambda^(m - 1)) is solved for the participation g of each reference
     by least squares over lags and the other channels, for the average and for each block. The contribution is the
-    sum over references of abs(mean g)^2, weighted with the shape's power on the channels used, over the same sum of
-    the variances of g.
+    sum over references of abs(g)^2 of the average, weighted with the shape's power on the channels used, divided by the
+    same sum of the variances of g over the blocks.
     """
     lagged = correlations.values[:, :, 1:]
     changes = correlations.changes[..., 1:]
@@ -52,12 +53,12 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
 
 
 def _responses(shapes: Complex, powers: Complex) -> Complex:
-    """Return shape times power of the eigenvalue for each mode, channels and lags in one row."""
+    """Return the product of shape and power of the eigenvalue, shape (modes, channels times lags)."""
     return (shapes[:, :, None] * powers[:, None]).reshape(len(shapes), shapes.shape[1] * powers.shape[1])
 
 
 def _participation_operator(responses: Complex) -> Complex:
-    """Return the matrix (samples, modes) that takes real data to the least-squares g of data = 2 Re(responses^T g)."""
+    """Return the matrix (samples, modes) that maps real data to the least-squares g of data = 2 Re(responses^T g)."""
     basis = np.concatenate([2 * responses.real, -2 * responses.imag]).T
     inverse = np.linalg.pinv(basis, rcond=1e-8) if basis.size else basis.T
     return np.asarray(inverse[: len(responses)] + 1j * inverse[len(responses) :]).T
@@ -66,28 +67,29 @@ def _participation_operator(responses: Complex) -> Complex:
 def complete_shapes(
     poles: Complex, mode_shapes: Complex, correlations: Correlations, channels: Sequence[str]
 ) -> Complex:
-    """Return the shapes on all channels of modes that were identified on some of them.
+    """Return the shapes on all channels of modes that were identified on some.
 
     Parameters
     ----------
     poles
-        Continuous and damped, rad/s, shape (modes,).
+        Continuous, damped poles [rad/s], shape (modes,).
     mode_shapes
-        Shape (modes, outputs).
+        Mode shapes on some channels, shape (modes, outputs).
     correlations
-        Of all channels with all of them as references. A channel's correlation with itself is not used.
+        Correlations of all channels, with all of them as references. The correlation of a channel with itself is not
+        used.
     channels
         Names of the outputs in `mode_shapes`.
 
     Returns
     -------
     numpy.ndarray
-        Shape (modes, channels of `correlations`).
+        Mode shapes, shape (modes, channels of `correlations`).
 
     Notes
     -----
-    Two linear steps of Lambda_m = sum of 2 Re(shape g^T lambda^(m - 1)): participations g of all references from the
-    known outputs, then the shape of every channel from all references but itself.
+    Two linear least-squares problems of Lambda_m = sum of 2 Re(shape g^T lambda^(m - 1)): the participations g of all
+    references from the known outputs, then the shape of every channel from all references but itself.
     """
     n_channels = len(correlations.channels)
     known = [correlations.channels.index(name) for name in channels]

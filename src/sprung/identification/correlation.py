@@ -1,4 +1,4 @@
-"""Correlations of segments: additive over segments and records, in batch or one segment at a time."""
+"""Correlations of segments, which add over segments and records."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -12,23 +12,22 @@ from sprung._checks import check_number, freeze
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 
-#: Blocks kept beside an average: their spread is its uncertainty.
+#: Largest number of blocks kept with an average; their spread is its uncertainty.
 MAX_BLOCKS = 64
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SegmentCorrelations:
-    """Sums of lagged products of each segment; they add over segments and records.
+    """Sums of lagged products of each segment, which add over segments and records.
 
     Parameters
     ----------
     sums
-        sum over n of y_channel(n + m) y_reference(n), lags m from 0, shape (segments, channels, references,
-        lags).
+        Sums over n of y_channel(n + m) y_reference(n) for lags m from 0, shape (segments, channels, references, lags).
     n_products
         Number of products in each sum, shape (segments, lags).
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
     channels, references
         Names of the outputs and of the references.
     """
@@ -64,14 +63,14 @@ class Correlations:
     Parameters
     ----------
     values
-        Lambda_m = E[y(n + m) y_ref(n)], shape (channels, references, lags), lags from 0.
+        Lambda_m = E[y(n + m) y_ref(n)] for lags m from 0, shape (channels, references, lags).
     blocks
-        The same averaged over each of up to `MAX_BLOCKS` runs of consecutive segments, shape (blocks,
-        channels, references, lags). `values` is their mean with `weights`.
+        Averages over each of up to `MAX_BLOCKS` runs of consecutive segments, shape (blocks, channels, references,
+        lags); `values` is their mean with `weights`.
     weights
         Share of each block in `values`, shape (blocks,), sum 1.
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
     channels, references
         Names of the outputs and of the references.
     n_segments
@@ -96,14 +95,14 @@ class Correlations:
 
     @property
     def is_cross(self) -> Booleans:
-        """Which (channel, reference) pairs are of two different channels, shape (channels, references)."""
+        """Whether channel and reference are different channels, shape (channels, references)."""
         return np.array([[channel != reference for reference in self.references] for channel in self.channels])
 
     @property
     def changes(self) -> Real:
-        """Change of `values` with each block, scaled so that squares add up to the variance of the average.
+        """Deviations of the blocks from `values`, scaled so that their squares add up to the variance of the average.
 
-        Shape (blocks, channels, references, lags); no blocks where there is only one.
+        Shape (blocks, channels, references, lags); empty where there is only one block.
         """
         n_blocks = len(self.blocks)
         if n_blocks < 2:
@@ -133,16 +132,21 @@ def exact_correlations(
     channels: Sequence[str] | None = None,
     references: Sequence[str] | None = None,
 ) -> Correlations:
-    """Wrap correlations that are known, not estimated: their uncertainty is zero.
+    """Return correlations that are known, not estimated, and have no uncertainty.
 
     Parameters
     ----------
     values
-        Shape (channels, references, lags), lags from 0.
+        Correlations for lags from 0, shape (channels, references, lags).
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
     channels, references
-        Names; by default "1", "2", ... for both.
+        Names of the outputs and of the references; default: "1", "2", ... for both.
+
+    Returns
+    -------
+    Correlations
+        Correlations with a single block.
     """
     n_channels, n_references = values.shape[:2]
     return Correlations(
@@ -168,18 +172,17 @@ def correlate_segments(
     Parameters
     ----------
     recording
-        With finite samples. Every stretch between gaps is cut into equal segments on its own.
+        Recording with finite samples. Every stretch between gaps is cut into equal segments on its own.
     n_lags
         Number of lags, lag 0 included, at least 2.
     segment
-        Least length of a segment [s]; a stretch is cut into as many segments as fit, so no sample is lost.
+        Smallest length of a segment [s]; a stretch is cut into as many segments as fit, so that no sample is lost.
         None: one segment for each stretch.
     references
         Names of the reference channels; None: all channels.
     is_continued
-        True: the later factor of a product may lie in the next segment of the same stretch, so that the
-        segments' sums add up to the correlation of the whole stretch. False: each segment stands alone
-        (the thesis' form).
+        Whether the later factor of a product may lie in the next segment of the same stretch, so that the sums of the
+        segments add up to the correlation of the whole stretch; False: each segment by itself (the form of the thesis).
 
     Returns
     -------
@@ -189,11 +192,13 @@ def correlate_segments(
     ------
     DataError
         If no stretch holds `n_lags` samples.
+    ParameterError
+        If `n_lags` is below 2, or there is no channel of the name of a reference.
 
     Notes
     -----
-    sum_n y(n + m) y_ref(n) by FFT of overlapping, zero-padded blocks, so that nothing wraps around. The mean is
-    not removed here.
+    sum_n y(n + m) y_ref(n) by FFT of overlapping, zero-padded blocks, so that nothing wraps around (overlap-save). The
+    mean is not removed.
 
     References
     ----------
@@ -218,7 +223,7 @@ def correlate_segments(
 
 
 def _segment_bounds(recording: Recording, segment: float | None, n_lags: int) -> Iterator[tuple[int, int, int]]:
-    """Yield first sample, end of the segment and end of its stretch."""
+    """Yield first sample of a segment, end of the segment and end of its stretch."""
     for stretch in recording.stretches():
         length = stretch.stop - stretch.start
         shortest = length if segment is None else max(round(segment * recording.sampling_rate), n_lags)
@@ -243,7 +248,13 @@ def _lagged_sums(samples: Real, rows: Sequence[int], n_early: int, n_lags: int) 
 
 
 def join_segments(parts: Sequence[SegmentCorrelations]) -> SegmentCorrelations:
-    """Put the segments of several records of one condition one after another."""
+    """Put the segments of several records of one condition one after another.
+
+    Raises
+    ------
+    ParameterError
+        If the records differ in channels, references, lags or sampling rate.
+    """
     first = parts[0]
     for part in parts[1:]:
         if (part.channels, part.references, part.n_lags) != (first.channels, first.references, first.n_lags):
@@ -261,21 +272,21 @@ def join_segments(parts: Sequence[SegmentCorrelations]) -> SegmentCorrelations:
 
 
 def with_limited_power(segments: SegmentCorrelations, *, most: float = 4.0) -> SegmentCorrelations:
-    """Let no segment count for more power than a multiple of the median segment's.
+    """Limit the power of each segment to a multiple of the median power.
 
     Parameters
     ----------
     segments
-        Of channels scaled alike.
+        Correlations of channels that are scaled to the same power.
     most
-        Power over the median power above which a segment's weight is lowered: a pothole then counts like `most`
-        ordinary segments, not like a hundred.
+        Largest power over the median power: a segment with a pothole then counts like `most` ordinary segments, not
+        like a hundred.
 
     Returns
     -------
     SegmentCorrelations
-        Sums and numbers of products of loud segments are multiplied by the same weight, so that each segment's own
-        correlation, and the average of equally loud ones, stay as they are.
+        Correlations in which sums and numbers of products of loud segments are multiplied by the same weight, so that
+        the correlation of each segment by itself, and the average of equally loud ones, do not change.
     """
     power = np.linalg.norm(segments.sums[..., 0], axis=(1, 2)) / np.maximum(segments.n_products[:, 0], 1)
     limit = most * np.median(power[power > 0]) if power.any() else 1.0
@@ -293,20 +304,40 @@ def average(segments: SegmentCorrelations, *, is_biased: bool = False) -> Correl
     Parameters
     ----------
     segments
-        Of one condition.
+        Correlations of the segments of one condition.
     is_biased
-        False: the sum at lag m is divided by its number of products. True: by the number of products at lag 0
-        (the thesis' 1/N), which falls off as (N - m)/N and reads as extra damping with short segments.
+        Whether the sum at lag m is divided by the number of products at lag 0 (1/N, the form of the thesis), which
+        falls off as (N - m)/N and reads as additional damping where segments are short; False: by its own number of
+        products.
+
+    Returns
+    -------
+    Correlations
+
+    Raises
+    ------
+    DataError
+        If there is no product at some lag.
 
     References
     ----------
     F. Liu (2020), eq. 4-1 and section 4.2.
     """
-    n_joined = _segments_per_block(segments.n_segments)
-    starts = np.arange(0, segments.n_segments, n_joined)
+    starts = np.arange(0, segments.n_segments, _segments_per_block(segments.n_segments))
     sums = np.add.reduceat(segments.sums, starts)
     n_products = np.add.reduceat(segments.n_products, starts)
-    return _averaged(segments, sums, n_products, segments.n_segments, is_biased)
+    divisors = np.broadcast_to(n_products[:, :1], n_products.shape) if is_biased else n_products
+    if not np.all(divisors.sum(axis=0) > 0):
+        raise DataError("the segments are shorter than the lags: use longer segments or fewer lags")
+    return Correlations(
+        values=sums.sum(axis=0) / divisors.sum(axis=0),
+        blocks=sums / np.maximum(divisors, np.finfo(float).tiny)[:, None, None],
+        weights=n_products[:, 0] / n_products[:, 0].sum(),
+        sampling_rate=segments.sampling_rate,
+        channels=segments.channels,
+        references=segments.references,
+        n_segments=segments.n_segments,
+    )
 
 
 def _segments_per_block(n_segments: int) -> int:
@@ -315,86 +346,3 @@ def _segments_per_block(n_segments: int) -> int:
     while n_segments > n_joined * MAX_BLOCKS:
         n_joined *= 2
     return n_joined
-
-
-def _averaged(
-    like: SegmentCorrelations,
-    sums: Real,
-    n_products: Real,
-    n_segments: int,
-    is_biased: bool,
-) -> Correlations:
-    """Divide the blocks' sums by their numbers of products."""
-    divisors = np.broadcast_to(n_products[:, :1], n_products.shape) if is_biased else n_products
-    if not np.all(divisors.sum(axis=0) > 0):
-        raise DataError("the segments are shorter than the lags asked for: use longer segments or fewer lags")
-    return Correlations(
-        values=sums.sum(axis=0) / divisors.sum(axis=0),
-        blocks=sums / np.maximum(divisors, np.finfo(float).tiny)[:, None, None],
-        weights=n_products[:, 0] / n_products[:, 0].sum(),
-        sampling_rate=like.sampling_rate,
-        channels=like.channels,
-        references=like.references,
-        n_segments=n_segments,
-    )
-
-
-class RunningCorrelations:
-    """Correlations that take one segment at a time and equal the batch average of the same segments.
-
-    Parameters
-    ----------
-    n_lags
-        Number of lags, lag 0 included.
-    references
-        Names of the reference channels; None: all.
-    is_biased
-        As in `average`.
-
-    Notes
-    -----
-    Memory does not grow: when more than `MAX_BLOCKS` blocks would be kept, neighbours are joined.
-    """
-
-    def __init__(self, *, n_lags: int, references: Sequence[str] | None = None, is_biased: bool = False) -> None:
-        self._n_lags = n_lags
-        self._references = references
-        self._is_biased = is_biased
-        self._blocks: SegmentCorrelations | None = None
-        self._n_segments = 0
-        self._n_joined = 1
-
-    def update(self, segment: Recording) -> None:
-        """Add one segment, a recording without gaps."""
-        if segment.gaps:
-            raise ParameterError(f"a segment has no gaps, but this recording has {len(segment.gaps)}: cut it there")
-        new = correlate_segments(segment, n_lags=self._n_lags, references=self._references)
-        starts_block = self._n_segments % self._n_joined == 0
-        self._blocks = new if self._blocks is None else join_segments([self._blocks, new])
-        if not starts_block:
-            self._join_from(np.arange(self._blocks.n_segments - 1))
-        self._n_segments += 1
-        if self._blocks.n_segments > MAX_BLOCKS:
-            self._n_joined *= 2
-            self._join_from(np.arange(0, self._blocks.n_segments, 2))
-
-    def _join_from(self, starts: Indices) -> None:
-        """Add up the blocks from each start to the next."""
-        assert self._blocks is not None
-        self._blocks = replace(
-            self._blocks,
-            sums=np.add.reduceat(self._blocks.sums, starts),
-            n_products=np.add.reduceat(self._blocks.n_products, starts),
-        )
-
-    @property
-    def n_segments(self) -> int:
-        """Number of segments taken."""
-        return self._n_segments
-
-    @property
-    def correlations(self) -> Correlations:
-        """The average so far."""
-        if self._blocks is None:
-            raise DataError("no segment has been taken yet: call update first")
-        return _averaged(self._blocks, self._blocks.sums, self._blocks.n_products, self._n_segments, self._is_biased)

@@ -1,7 +1,6 @@
-"""What identification chooses from the data: band, sampling rate, block rows, orders and segments."""
+"""Choices from the data: band, sampling rate, block rows, orders and segments."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from itertools import combinations
 from typing import TypeVar
 
@@ -10,8 +9,9 @@ import numpy as np
 from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
+from sprung.identification.ladders import Ladder, OrderLadder
 from sprung.identification.preparation import Prepared
-from sprung.identification.settings import IdentificationSettings, Plan
+from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
 from sprung.recording import Recording
 from sprung.signals.conditioning import detrend
 from sprung.signals.harmonics import Harmonic
@@ -19,110 +19,133 @@ from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 from sprung.vehicles import structure
 from sprung.vehicles.usable import AnyVehicle, speed_channel
 
-#: The band ends this many times above the frequency below which this share of the coherent power (per octave) lies.
+#: The band ends at this multiple of the frequency below which this share of the coherent power (per octave) lies.
 _MARGIN, _POWER_BELOW, _POWER_ABOVE = 1.25, 0.99, 0.01
+#: Probability that the coherence of independent channels counts as significant in a bin.
 _CHANCE_OF_COHERENCE = 1e-3
-#: Of a vehicle's own modes, the band reaches from this share of the lowest to this multiple of the highest.
+#: The band around a vehicle's modes reaches from this share of the lowest to this multiple of the highest.
 _BELOW_LOWEST, _ABOVE_HIGHEST = 0.3, 1.5
-#: Least sampling rate over the band's upper edge: decimation passes up to 0.8 of the new Nyquist frequency.
-#: A given band may end right above its modes: heavily damped ones then need more room.
+#: Smallest ratio of the sampling rate to the band's upper edge: decimation passes 0.8 of the new Nyquist frequency.
+#: A given band may end just above its modes: heavily damped ones then need more room.
 _RATE_OVER_BAND, _RATE_OVER_GIVEN_BAND = 3.0, 5.0
-#: Lags span this many periods of the slowest motion, but no more than a multiple of the lag up to which most of the
-#: power of the cross-correlations lies (heavily damped motion forgets before it has swung often), within these numbers
-#: of block rows and this size of matrix.
+#: The lags span this many periods of the slowest motion, but no more than a multiple of the lag up to which most of the
+#: power of the cross-correlations lies (heavily damped motion decays before it has completed many periods), within
+#: these numbers of block rows and this size of matrix.
 _POWER_REMEMBERED, _MEMORIES_OF_LAGS = 0.8, 4.0
 _PERIODS_OF_LAGS, _FEWEST_ROWS, _MOST_ROWS, _LARGEST_MATRIX = 4.0, 20, 100, 400
-#: Half of the largest model order lies between these.
+#: A mode has at least this many periods within the lags, and lies below this share of the sampling rate, where
+#: decimation passes everything.
+_LEAST_PERIODS, _HIGHEST_MODE = 1.2, 0.4
+#: Bounds of half the largest model order.
 _LARGEST_ORDERS = (20, 30)
+#: Fewest samples of the longest stretch.
 _FEWEST_SAMPLES = 200
+#: Numbers of segments of all records (Cov-SSI) and of a subset, and shortest segment over the span of the lags.
 _BLOCKS_OF_A_RECORD, _SEGMENTS_OF_A_SUBSET, _LAG_SPANS_OF_A_SEGMENT = 48, 12, 3.0
+#: Number of segments of the spectra.
 _SPECTRUM_AVERAGES = 24
-#: A fundamental with this many multiples is a pulse train; lags reach up to this share of its period.
+#: A fundamental with this many multiples is a pulse train; the lags reach up to this share of its period.
 _LINES_OF_A_PULSE_TRAIN, _OF_PULSE_PERIOD = 5, 0.9
 
 
-def make_plan(recording: Recording, *, settings: IdentificationSettings, vehicle: AnyVehicle | None = None) -> Plan:
+def plan_preparation(
+    recording: Recording, *, settings: IdentificationSettings, vehicle: AnyVehicle | None = None
+) -> PreparationPlan:
     """Choose channels, band and sampling rate from the first record, where the settings leave them open.
 
     Parameters
     ----------
     recording
-        From `usable`.
+        Usable part of the first record (`sprung.vehicles.usable`).
     settings
-        As given.
+        Wishes.
     vehicle
-        Its modes give the band where the settings do not.
+        Vehicle whose modes give the band where the settings do not.
 
     Returns
     -------
-    Plan
-        Block rows, orders and segments are still as given: `sized` completes it.
+    PreparationPlan
 
     Raises
     ------
     DataError
-        If no stretch of the record is long enough to tell anything.
+        If no stretch of the record is long enough.
     ParameterError
-        If the wanted rate is above the recording's.
+        If the rate or the band of the settings is above what the record has.
 
     Notes
     -----
     Band: of the coherent part of all cross spectra (of the spectrum, for one channel), weighted with 1/frequency, 1 %
-    lies below its lower edge and 99 % below its upper edge over 1.25. Sampling rate: an integer part of the original
-    one, at least 3 times the upper edge (5 times that of a given band).
+    lies below the lower edge and 99 % below the upper edge over 1.25. Sampling rate: the lowest integer submultiple of
+    the original one that is at least 3 times the upper edge (5 times that of a given band).
     """
     speed = speed_channel(recording, vehicle)
     outputs = [name for name in recording.names if name != speed]
     longest = _longest(recording)
-    _check_length(longest, recording.sampling_rate)
+    fastest = recording.sampling_rate
+    _check_length(longest, fastest)
     motion = detrend(recording.select(outputs))
     rate_over_band = _RATE_OVER_BAND
     if settings.band is not None:
         band, source, rate_over_band = settings.band, "given", _RATE_OVER_GIVEN_BAND
     elif vehicle is not None:
-        band, source = _band_of_vehicle(vehicle, recording.sampling_rate), "around the vehicle's own modes"
+        band, source = _band_of_vehicle(vehicle, fastest), "around the modes of the vehicle file"
     else:
         band, source = _band_of_content(motion), "where the channels move together"
-    notes = []
-    if len(outputs) == 1:
-        notes.append("one channel: what its sensor adds cannot be told from motion, so modes are less certain")
-    fastest = recording.sampling_rate
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
-    rate = settings.decimate_to or _chosen_rate(fastest, rate_over_band * band[1])
+    rate = settings.decimate_to or _lowest_rate(fastest, rate_over_band * band[1])
     check_number("decimate_to", rate, at_most=fastest * (1 + 1e-9), advice="decimation only lowers the sampling rate")
-    return Plan(
+    notes = [f"band {band[0]:.3g} to {min(band[1], rate / 2):.3g} Hz ({source}), sampled at {rate:.5g} Hz"]
+    if len(outputs) == 1:
+        notes.append("one channel: sensor noise cannot be separated from motion, so modes are less certain")
+    return PreparationPlan(
         channels=tuple(outputs),
-        speed=speed,
         factors=dict(zip(motion.names, 1 / np.std(motion.samples, axis=1), strict=True)),
         sampling_rate=fastest,
-        settings=replace(settings, decimate_to=rate),
+        decimate_to=rate,
+        high_pass=settings.band[0] / 2 if settings.band is not None else 0.0,
         band=band,
         spectrum_segment=max(min(recording.duration / _SPECTRUM_AVERAGES, longest / fastest), 8 / rate),
-        notes=(
-            f"band {band[0]:.3g} to {min(band[1], rate / 2):.3g} Hz ({source}), sampled at {rate:.5g} Hz",
-            *notes,
-        ),
+        notes=tuple(notes),
     )
 
 
-def sized(plan: Plan, prepared: Prepared, *, method: str, total_duration: float) -> Plan:
-    """Choose block rows, largest order and length of segments, where the settings leave them open.
+def make_plan(
+    preparation: PreparationPlan,
+    prepared: Prepared,
+    harmonics: Sequence[Harmonic],
+    *,
+    settings: IdentificationSettings,
+    method: str,
+    total_duration: float,
+) -> Plan:
+    """Choose the ladder and the length of segments from the first prepared record, where the settings leave them open.
 
     Parameters
     ----------
-    plan
-        From `make_plan`.
+    preparation
+        Decisions from `plan_preparation`.
     prepared
-        The first record, prepared with it.
+        First record, prepared as decided.
+    harmonics
+        Harmonics of the first record.
+    settings
+        Wishes.
     method
         "cov", "acs" or "coss".
     total_duration
-        Of all records [s].
+        Duration of all records [s].
+
+    Returns
+    -------
+    Plan
 
     Raises
     ------
     DataError
         If the record is too short for the block rows.
+    ParameterError
+        If references are to be disjoint with fewer than two channels.
 
     Notes
     -----
@@ -131,16 +154,23 @@ def sized(plan: Plan, prepared: Prepared, *, method: str, total_duration: float)
     the period of a pulse train (five or more multiples of one line): its pulses then act like any random excitation.
     """
     motion = prepared.motion
-    rate = motion.sampling_rate
+    rate, band = motion.sampling_rate, preparation.band
     spectra = prepared.edited_spectra or prepared.spectra
-    span = min(_PERIODS_OF_LAGS / max(plan.band[0], 1e-9), _MEMORIES_OF_LAGS * _memory(spectra, plan.band))
+    lag_span = min(_PERIODS_OF_LAGS / max(band[0], 1e-9), _MEMORIES_OF_LAGS * _memory(spectra, band))
     if prepared.edited_spectra is None:
-        span = min([span, *(_OF_PULSE_PERIOD / line for line in _pulse_trains(prepared.harmonics))])
-    settings = _with_sizes(plan.settings, len(plan.channels), rate, span, _longest(motion))
-    plan = replace(plan, settings=settings)
-    chosen = _chosen_segment(method, settings.n_subsets, total_duration, plan.n_lags / rate)
-    segment = settings.segment or min(chosen, _longest(motion) / rate)
-    return replace(plan, settings=replace(settings, segment=segment))
+        lag_span = min([lag_span, *(_OF_PULSE_PERIOD / line for line in _pulse_trains(harmonics))])
+    ladder = _ladder(settings, len(preparation.channels), rate, lag_span, _longest(motion))
+    low, high = settings.band or (0.0, np.inf)
+    return Plan(
+        preparation=preparation,
+        segment=settings.segment
+        or min(_segment(method, settings.n_subsets, total_duration, ladder.n_lags / rate), _longest(motion) / rate),
+        ladder=ladder,
+        mode_band=(
+            max(low, _LEAST_PERIODS * preparation.decimate_to / ladder.n_lags),
+            min(high, _HIGHEST_MODE * preparation.decimate_to),
+        ),
+    )
 
 
 def _longest(recording: Recording) -> int:
@@ -149,7 +179,7 @@ def _longest(recording: Recording) -> int:
 
 
 def _check_length(n_samples: int, rate: float) -> None:
-    """Refuse what is too short to tell anything."""
+    """Check that a stretch is long enough for any identification."""
     if n_samples < _FEWEST_SAMPLES:
         raise DataError(
             f"the longest stretch without a gap has {n_samples} samples at {rate:.4g} Hz, but identification needs"
@@ -164,13 +194,13 @@ def _pulse_trains(harmonics: Sequence[Harmonic]) -> list[float]:
 
 
 def _band_of_vehicle(vehicle: AnyVehicle, sampling_rate: float) -> tuple[float, float]:
-    """Return a band around all modes of the vehicle."""
+    """Return a band around all modes of the vehicle [Hz]."""
     frequencies = structure(vehicle).modes().natural_frequency
     return _BELOW_LOWEST * frequencies.min(), min(_ABOVE_HIGHEST * frequencies.max(), sampling_rate / 2)
 
 
 def _band_of_content(motion: Recording) -> tuple[float, float]:
-    """Return the band in which the channels move together."""
+    """Return the band in which the channels move together [Hz]."""
     length = max(min(_longest(motion) // _SPECTRUM_AVERAGES, 8192), 16)
     spectra = spectral_matrix(motion, segment_length=length / motion.sampling_rate)
     frequencies = spectra.frequencies
@@ -184,7 +214,7 @@ def _band_of_content(motion: Recording) -> tuple[float, float]:
 
 
 def _memory(spectra: SpectralMatrix, band: tuple[float, float]) -> float:
-    """Return the lag up to which 80 % of the power of the cross-correlations lies, of the motion's integral [s]."""
+    """Return the lag below which 80 % of the power of the cross-correlations of the integrated motion lies [s]."""
     frequencies, n_channels = spectra.frequencies, len(spectra.names)
     total = np.maximum(spectra.densities.sum(axis=1), np.finfo(float).tiny)
     is_used = ~np.eye(n_channels, dtype=bool) if n_channels > 1 else np.ones((1, 1), dtype=bool)
@@ -198,7 +228,7 @@ def _memory(spectra: SpectralMatrix, band: tuple[float, float]) -> float:
 
 
 def _coherent_power(spectra: SpectralMatrix) -> Real:
-    """Return the power that the channels share, channels scaled alike, in the bins where they share any."""
+    """Return the power common to the channels, each scaled to unit power, in the bins of significant coherence."""
     densities = spectra.densities
     densities = np.maximum(densities, np.finfo(float).tiny)
     scale = densities.sum(axis=1, keepdims=True)
@@ -214,44 +244,63 @@ def _coherent_power(spectra: SpectralMatrix) -> Real:
     return power
 
 
-def _chosen_rate(sampling_rate: float, least: float) -> float:
-    """Return the lowest integer part of the rate that is not below the least."""
-    return sampling_rate / max(1, int(sampling_rate / least))
+def _lowest_rate(sampling_rate: float, minimum: float) -> float:
+    """Return the lowest integer submultiple of the sampling rate that is not below `minimum`."""
+    return sampling_rate / max(1, int(sampling_rate / minimum))
 
 
-def _with_sizes(
-    settings: IdentificationSettings, n_outputs: int, rate: float, lag_span: float, n_samples: int
-) -> IdentificationSettings:
-    """Choose block rows and largest order where they are not given, and check that the longest stretch carries them."""
+def _ladder(settings: IdentificationSettings, n_outputs: int, rate: float, lag_span: float, n_samples: int) -> Ladder:
+    """Return the ladder of the settings, or one of chosen size, if the longest stretch carries it."""
     _check_length(n_samples, rate)
-    lags_per_row = 3 if settings.is_hankel else 2
+    if settings.ladder is not None:
+        _check_block_rows(settings.ladder.last, settings.ladder.lags_per_row, n_samples, rate)
+        return settings.ladder
+    lags_per_row = OrderLadder.lags_per_row
     most = min(_MOST_ROWS, max(_FEWEST_ROWS, _LARGEST_MATRIX // n_outputs), n_samples // (4 * lags_per_row))
-    rows = min(max(int(np.ceil(lag_span * rate / 2)), _FEWEST_ROWS), most)
-    rows = settings.block_rows or rows
-    largest = max(rows, settings.row_ladder[1] if settings.row_ladder else 0)
-    if lags_per_row * largest > n_samples:
+    rows = settings.block_rows or min(max(int(np.ceil(lag_span * rate / 2)), _FEWEST_ROWS), most)
+    _check_block_rows(rows, lags_per_row, n_samples, rate)
+    return OrderLadder(rows, settings.max_order or _largest_order(settings, n_outputs, rows))
+
+
+def _check_block_rows(rows: int, lags_per_row: int, n_samples: int, rate: float) -> None:
+    """Check that a stretch holds the lags of a number of block rows."""
+    if lags_per_row * rows > n_samples:
         raise DataError(
-            f"block_rows={largest} needs {lags_per_row * largest} lags, but the longest stretch without a gap has"
+            f"block_rows={rows} needs {lags_per_row * rows} lags, but the longest stretch without a gap has"
             f" {n_samples} samples at {rate:.4g} Hz: record longer or use block_rows <= {n_samples // lags_per_row}"
         )
+
+
+def _largest_order(settings: IdentificationSettings, n_outputs: int, rows: int) -> int:
+    """Return a largest model order that suits the block rows and that every block matrix carries."""
     sizes = [n_outputs, len(settings.references or ()) or n_outputs]
     if settings.has_disjoint_references:
         sizes = [min(len(outputs), len(references)) for outputs, references in disjoint_splits(range(n_outputs))]
     carried = (rows - 1) * min(sizes)
-    largest_order = 2 * int(np.clip(max(0.3 * rows, 3 * n_outputs), *_LARGEST_ORDERS))
-    return replace(settings, block_rows=rows, max_order=settings.max_order or min(largest_order, carried - carried % 2))
+    suitable = 2 * int(np.clip(max(0.3 * rows, 3 * n_outputs), *_LARGEST_ORDERS))
+    return min(suitable, carried - carried % 2)
 
 
 Name = TypeVar("Name")
 
 
 def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], tuple[Name, ...]], ...]:
-    """Return pairs of disjoint outputs and references such that every two channels are apart in some pair.
+    """Return pairs of disjoint outputs and references such that every two channels are separated in some pair.
 
     Parameters
     ----------
     channels
-        Two or more.
+        Two or more channels.
+
+    Returns
+    -------
+    tuple
+        Pairs (outputs, references).
+
+    Raises
+    ------
+    ParameterError
+        If there are fewer than two channels.
 
     Examples
     --------
@@ -269,8 +318,8 @@ def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], t
     return tuple(splits)
 
 
-def _chosen_segment(method: str, n_subsets: int, duration: float, lag_span: float) -> float:
-    """Return the length of segments: enough of them for each subset, each long against the lags."""
+def _segment(method: str, n_subsets: int, duration: float, lag_span: float) -> float:
+    """Return a length of segments that gives enough of them to each subset and is long against the lags [s]."""
     if method == "cov":
         return max(duration / _BLOCKS_OF_A_RECORD, lag_span)
     n_segments = _SEGMENTS_OF_A_SUBSET * (n_subsets if method == "coss" else 1)

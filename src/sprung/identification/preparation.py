@@ -1,19 +1,19 @@
-"""What identification does to recordings first."""
+"""Preparation of recordings for identification: decimation, cepstrum editing, filtering, search for harmonics."""
 
 from dataclasses import dataclass, replace
 
-from sprung.identification.settings import Plan
+from sprung.identification.settings import PreparationPlan
 from sprung.recording import Recording
-from sprung.signals.cepstrum import edit
+from sprung.signals.cepstrum import Lifter, edit
 from sprung.signals.conditioning import band_pass, decimate, detrend, scale
 from sprung.signals.harmonics import Harmonic, find_harmonics
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 
-#: Rates of records within this share of each other are one: those of one logger, by different clocks.
+#: Largest relative difference of sampling rates that count as one: loggers of one kind differ by their clocks.
 _SAME_RATE = 5e-4
-#: Chance of finding any line in a record without one.
+#: Probability of calling anything a harmonic in a record without any.
 _FALSE_LINES = 1e-4
-#: Lines of wheels and engines are searched for below half of this rate [Hz], also where modes are sought far lower.
+#: Lines of wheels and engines are searched for below half of this rate [Hz], even where modes lie far lower.
 _RATE_FOR_LINES = 200.0
 
 
@@ -26,47 +26,81 @@ class Prepared:
     motion
         Outputs: edited, decimated, without motion below the band, RMS about 1.
     spectra, edited_spectra
-        Of the decimated outputs before and after cepstrum editing (None without).
-    harmonics
-        Lines of the excitation in the decimated record before editing.
+        Spectral matrices of the decimated outputs before and after cepstrum editing (None without editing).
     """
 
     motion: Recording
     spectra: SpectralMatrix
     edited_spectra: SpectralMatrix | None
-    harmonics: tuple[Harmonic, ...]
 
 
-def prepare(recording: Recording, plan: Plan) -> Prepared:
-    """Do to one record what the plan says.
+def prepare(recording: Recording, plan: PreparationPlan, *, lifter: Lifter | None = None) -> Prepared:
+    """Prepare one record as planned.
 
     Parameters
     ----------
     recording
-        From `usable`, with the plan's channels.
+        Usable part of a record (`sprung.vehicles.usable`), with the channels of the plan.
     plan
-        From `make_plan`.
+        Decisions from `plan_preparation`.
+    lifter
+        Lifter for cepstrum editing; None: no editing.
+
+    Returns
+    -------
+    Prepared
+
+    Raises
+    ------
+    DataError
+        If a channel has missing values, or the record is too short for the filters or the spectra.
+    ParameterError
+        If a channel of the plan is missing.
     """
-    settings = plan.settings
-    if abs(recording.sampling_rate / plan.sampling_rate - 1) <= _SAME_RATE:
-        recording = replace(recording, sampling_rate=plan.sampling_rate)
-    rate = min(settings.decimate_to or recording.sampling_rate, recording.sampling_rate)
-    centred = detrend(recording.select(plan.channels))
-    harmonics = settings.harmonics
-    if harmonics is None:
-        searched = _decimated(recording, max(rate, _RATE_FOR_LINES))
-        harmonics = find_harmonics(searched, speed=plan.speed, false_alarm_rate=_FALSE_LINES)
-    slow = _decimated(recording, rate)
-    spectra = spectral_matrix(slow.select(plan.channels), segment_length=plan.spectrum_segment)
-    motion, edited_spectra = detrend(slow.select(plan.channels)), None
-    if settings.lifter is not None:
-        motion = _decimated(edit(centred, settings.lifter), rate)
+    outputs = _at_common_rate(recording, plan).select(plan.channels)
+    decimated = _decimate_to(outputs, plan.decimate_to)
+    spectra = spectral_matrix(decimated, segment_length=plan.spectrum_segment)
+    motion, edited_spectra = detrend(decimated), None
+    if lifter is not None:
+        motion = _decimate_to(edit(detrend(outputs), lifter), plan.decimate_to)
         edited_spectra = spectral_matrix(motion, segment_length=plan.spectrum_segment)
-    if settings.band is not None and settings.band[0] > 0:
-        motion = band_pass(motion, settings.band[0] / 2, None)
-    return Prepared(scale(motion, plan.factors), spectra, edited_spectra, harmonics)
+    if plan.high_pass > 0:
+        motion = band_pass(motion, plan.high_pass, None)
+    return Prepared(scale(motion, plan.factors), spectra, edited_spectra)
 
 
-def _decimated(recording: Recording, rate: float) -> Recording:
-    """Return the recording at the rate."""
+def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str | None) -> tuple[Harmonic, ...]:
+    """Search one record for harmonics of the excitation, up to 100 Hz or the band of the identification.
+
+    Parameters
+    ----------
+    recording
+        Usable part of a record, before preparation.
+    plan
+        Decisions from `plan_preparation`.
+    speed
+        Name of the speed channel; None without one.
+
+    Returns
+    -------
+    tuple of Harmonic
+
+    Raises
+    ------
+    DataError
+        If a channel has missing values, or there is no channel to search.
+    """
+    searched = _decimate_to(_at_common_rate(recording, plan), max(plan.decimate_to, _RATE_FOR_LINES))
+    return find_harmonics(searched, speed=speed, false_alarm_rate=_FALSE_LINES)
+
+
+def _at_common_rate(recording: Recording, plan: PreparationPlan) -> Recording:
+    """Return the recording at the rate of the first record, where the two differ only by their clocks."""
+    if abs(recording.sampling_rate / plan.sampling_rate - 1) > _SAME_RATE:
+        return recording
+    return replace(recording, sampling_rate=plan.sampling_rate)
+
+
+def _decimate_to(recording: Recording, rate: float) -> Recording:
+    """Return the recording at `rate`, or as it is where its own rate is not higher."""
     return recording if rate >= recording.sampling_rate else decimate(recording, rate)

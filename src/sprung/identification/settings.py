@@ -1,76 +1,68 @@
-"""What is wanted of an identification, and what is chosen for it from the data."""
+"""Settings of an identification, and the plan that is made from them and the data."""
 
-from dataclasses import dataclass, field
-
-import numpy as np
+from dataclasses import dataclass, field, replace
 
 from sprung._checks import check_number
 from sprung.errors import ParameterError
-from sprung.identification.stabilisation import StabilityCriteria
+from sprung.identification.ladders import BlockRowLadder, Ladder
+from sprung.identification.stabilisation import THESIS_CRITERIA, StabilityCriteria
 from sprung.signals.cepstrum import Lifter
 from sprung.signals.harmonics import Harmonic
 
-#: A mode has at least this many periods in the lags, and lies below this share of the sampling rate (where
-#: decimation passes everything).
-_LEAST_PERIODS, _HIGHEST_MODE = 1.2, 0.4
+#: Block rows of the thesis for the chain of three masses.
+THESIS_ROWS = (12, 45)
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """How to identify; None means chosen from the data.
+    """Wishes for an identification; what is None is chosen from the data.
 
     Parameters
     ----------
     band
-        Lowest and highest natural frequency wanted [Hz]; slower motion is filtered off.
+        Lowest and highest natural frequency of interest [Hz]; slower motion is filtered off.
     decimate_to
         Sampling rate for the identification [Hz].
     segment
         Length of the segments [s].
     n_subsets
-        J of CoSS-SSI.
-    has_equal_counts
-        Subsets of CoSS-SSI hold equally many segments, instead of spanning equal ranges of level (thesis).
-    is_biased
-        Correlations are divided by the number of samples (thesis), not of products: see
-        `sprung.identification.correlation.average`.
+        Number J of subsets of CoSS-SSI, 1 to 50.
     block_rows
-        i: block rows of the block matrix.
+        Number i of block rows of the block matrix, at least 2.
     max_order
-        Largest model order of the ladder, which takes every even order.
+        Largest model order, at least 2; the ladder takes every even order up to it.
+    ladder
+        Ladder of the thesis over numbers of block rows; None: ladder over model orders.
     lifter
-        For cepstrum editing; None: none. The damping that an `Exponential` lifter adds is subtracted again.
+        Lifter for cepstrum editing; None: no editing. The damping that an `Exponential` lifter adds is subtracted
+        from the poles.
     references
-        Names of the reference channels; None: all.
+        Names of the reference channels; None: all channels.
     has_disjoint_references
-        Take outputs and references from disjoint sets of channels, in several splits: for sensor noise that fills
-        the modes' own band.
-    row_ladder
-        First and last number of block rows: the thesis' ladder instead of that over orders.
-    is_hankel
-        Correlations as data in block Hankel matrices (thesis) instead of directly in the block Toeplitz matrix.
-    is_weighted
-        Canonical variates (see `sprung.identification.subspace.realise`).
+        Whether outputs and references are disjoint sets of channels, in several splits: for sensor noise within the
+        band of the modes.
     criteria
-        For stable poles and modes.
+        Criteria for stable poles and for modes.
     harmonics
-        Lines that are known to be no modes; None: sought, which takes most of the time of an identification.
+        Known harmonics of the excitation; None: they are searched for, which takes most of the time of an
+        identification.
+
+    Raises
+    ------
+    ParameterError
+        If a setting is out of range, or two settings exclude each other.
     """
 
     band: tuple[float, float] | None = None
     decimate_to: float | None = None
     segment: float | None = None
     n_subsets: int = 3
-    has_equal_counts: bool = False
-    is_biased: bool = False
     block_rows: int | None = None
     max_order: int | None = None
+    ladder: BlockRowLadder | None = None
     lifter: Lifter | None = None
     references: tuple[str, ...] | None = None
     has_disjoint_references: bool = False
-    row_ladder: tuple[int, int] | None = None
-    is_hankel: bool = False
-    is_weighted: bool = True
     criteria: StabilityCriteria = field(default_factory=StabilityCriteria)
     harmonics: tuple[Harmonic, ...] | None = None
 
@@ -81,59 +73,112 @@ class IdentificationSettings:
             if getattr(self, name) is not None:
                 check_number(name, getattr(self, name), above=0)
         for name in ("block_rows", "max_order"):
-            if getattr(self, name) is not None:
-                check_number(name, getattr(self, name), at_least=2)
+            value = getattr(self, name)
+            if value is not None:
+                check_number(name, value, at_least=2)
+                if self.ladder is not None:
+                    raise ParameterError(
+                        f"{name}={value} excludes a ladder over block rows, which sets them: leave one of them out"
+                    )
         check_number("n_subsets", self.n_subsets, at_least=1, at_most=50)
-        if self.row_ladder is not None and not 2 <= self.row_ladder[0] <= self.row_ladder[1]:
-            raise ParameterError(f"row_ladder {self.row_ladder[0]} to {self.row_ladder[1]} must rise from 2 or more")
         if self.references == ():
-            raise ParameterError("references are empty: name at least one channel, or leave them out to use all")
+            raise ParameterError("references is empty: name at least one channel, or leave it out to use all channels")
         if self.references is not None and self.has_disjoint_references:
-            raise ParameterError("references are chosen by the splits when they are disjoint: leave out one of both")
+            raise ParameterError(
+                "references excludes has_disjoint_references, which chooses the references: leave one of them out"
+            )
+
+
+def as_in_thesis(
+    settings: IdentificationSettings | None = None,
+    *,
+    rows: tuple[int, int] = THESIS_ROWS,
+    stable_rate: float = THESIS_CRITERIA.stable_rate,
+) -> IdentificationSettings:
+    """Return settings with the ladder, the correlations and the criteria of the thesis.
+
+    Parameters
+    ----------
+    settings
+        Settings of everything else; default: `IdentificationSettings()`.
+    rows
+        Smallest and largest number of block rows.
+    stable_rate
+        Smallest rate of stable points of a mode, delta of eq. 3-57.
+
+    Returns
+    -------
+    IdentificationSettings
+
+    Raises
+    ------
+    ParameterError
+        If `rows` do not rise from 2, or the settings give `block_rows` or `max_order`.
+
+    Notes
+    -----
+    Correlations are divided by the number of samples N (biased), not by the number of products (N - m at lag m): 1/N is
+    the form of the thesis. It falls off with the lag, which reads as additional damping where segments are short.
+
+    References
+    ----------
+    F. Liu (2020), eq. 3-35 to 3-57 and 4-1.
+    """
+    criteria = replace(THESIS_CRITERIA, stable_rate=stable_rate)
+    return replace(settings or IdentificationSettings(), ladder=BlockRowLadder(*rows), criteria=criteria)
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
-    """What is chosen once and done to every record.
+class PreparationPlan:
+    """Decisions on the preparation of all records, made from the first.
 
     Parameters
     ----------
     channels
         Names of the outputs.
-    speed
-        Name of the speed channel, None without.
     factors
-        For each output what makes its RMS 1.
+        Factor for each output that makes its RMS 1.
     sampling_rate
-        Of the first record before decimation [Hz].
-    settings
-        With the choices made.
+        Sampling rate of the first record before decimation [Hz].
+    decimate_to
+        Sampling rate for the identification [Hz].
+    high_pass
+        Edge below which motion is filtered off [Hz]; 0 for no filter.
     band
-        In which motion is expected [Hz], given or chosen.
+        Band in which motion is expected [Hz], given or chosen.
     spectrum_segment
         Length of the segments of spectra [s].
     notes
-        The choices, in words.
+        The decisions in words.
     """
 
     channels: tuple[str, ...]
-    speed: str | None
     factors: dict[str, float]
     sampling_rate: float
-    settings: IdentificationSettings
+    decimate_to: float
+    high_pass: float
     band: tuple[float, float]
     spectrum_segment: float
     notes: tuple[str, ...]
 
-    @property
-    def mode_band(self) -> tuple[float, float]:
-        """Natural frequencies that the settings want and that lags and sampling rate can tell [Hz]."""
-        rate = self.settings.decimate_to or 0.0
-        low, high = self.settings.band or (0.0, np.inf)
-        return max(low, _LEAST_PERIODS * rate / self.n_lags), min(high, _HIGHEST_MODE * rate)
 
-    @property
-    def n_lags(self) -> int:
-        """Lags that the largest block matrix needs."""
-        rows = self.settings.row_ladder[1] if self.settings.row_ladder else self.settings.block_rows
-        return (3 if self.settings.is_hankel else 2) * int(rows or 0)
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All decisions of an identification.
+
+    Parameters
+    ----------
+    preparation
+        Decisions on the preparation.
+    segment
+        Length of the segments [s].
+    ladder
+        Ladder with its block rows and orders.
+    mode_band
+        Natural frequencies [Hz] that are of interest and that the lags and the sampling rate resolve.
+    """
+
+    preparation: PreparationPlan
+    segment: float
+    ladder: Ladder
+    mode_band: tuple[float, float]

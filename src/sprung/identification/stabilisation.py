@@ -1,6 +1,6 @@
-"""From the poles of a ladder to modes: criteria, alignments, selection, merging."""
+"""From the poles of a ladder to modes: criteria, alignments, selection."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,45 +8,51 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.cluster import hierarchy
 
-from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung._arrays import Booleans, Complex, Indices
 from sprung._checks import check_number, freeze
 from sprung.identification.contribution import contributions
 from sprung.identification.correlation import Correlations
-from sprung.modal import Modes, Poles, PoleStatus, join_modes, mac, mpc, unit_shapes
+from sprung.modal import Modes, Poles, PoleStatus, mac, mpc, unit_shapes
 
-#: Two poles of one shape are one mode if they lie within this share of their half-power half-bandwidth (between
-#: rungs, and between modes where damping may differ: there, if their half-power bands overlap) ...
+#: Two poles of one shape are one mode if they lie within this multiple of their half-power half-bandwidth (between
+#: rungs, and between modes whose damping may differ: there, if their half-power bands overlap) ...
 _ALIGNED_BANDWIDTH, _MERGED_BANDWIDTH = 0.5, 2.0
-#: ... plus this share of their frequency; and two shapes are one if 1 - MAC is below this.
+#: ... plus this share of their frequency. Two shapes are one if 1 - MAC is below this.
 _MERGED_FREQUENCY = 0.01
 _MERGED_MAC = 0.1
-#: Chance to be exceeded by a contribution, and the uncertainty (over the half-bandwidth) up to which it counts in full.
+#: Probability that a contribution exceeds the bound by chance, and standard deviation of the frequency (over the
+#: half-bandwidth) up to which a contribution counts in full.
 _CHANCE, _WELL_KNOWN = 1e-2, 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class StabilityCriteria:
-    """When a pole is stable, and when an alignment of stable poles is a mode.
+    """Criteria for stable poles, and for alignments of stable poles that are modes.
 
     Parameters
     ----------
     frequency, damping
-        Largest relative change against the nearest pole of the rung below.
-    shape
-        Largest 1 - MAC against it.
-    mpc
-        Least modal phase collinearity; 0 for no bound (road vehicles have truly complex modes).
-    max_damping
-        Largest damping ratio that is physical.
-    stable_rate
-        Least share of rungs with a stable pole (delta of eq. 3-57).
+        Largest relative change from the nearest pole of the rung below, 0 to 1.
     bandwidth
-        The change of frequency may also be up to this share of the half-power half-bandwidth (damping ratio times
-        frequency): the frequency of a heavily damped mode is known no better.
+        Largest change of frequency from that pole as a share of the half-power half-bandwidth (damping ratio times
+        frequency), where this allows more than `frequency`: a heavily damped mode has no sharper frequency.
+    shape
+        Largest 1 - MAC with that pole, 0 to 1.
+    mpc
+        Smallest modal phase collinearity; 0 for no bound (road vehicles have truly complex modes).
+    max_damping
+        Largest physical damping ratio.
+    stable_rate
+        Smallest share of rungs with a stable pole (delta of eq. 3-57), 0 to 1.
     contribution
-        Least contribution (see `contribution.contributions`) of a mode; 0 for no bound.
+        Smallest contribution of a mode (see `contribution.contributions`); 0 for no bound.
     uncertainty
         Largest standard deviation of the frequency over the half-power half-bandwidth; infinite for no bound.
+
+    Raises
+    ------
+    ParameterError
+        If a criterion is out of range.
 
     References
     ----------
@@ -70,7 +76,7 @@ class StabilityCriteria:
             check_number(name, getattr(self, name), at_least=0, at_most=1)
 
 
-#: The thresholds of the thesis (section 4.3), very loose, without the tests of significance.
+#: Thresholds of the thesis (section 4.3): very loose, without the tests of significance.
 THESIS_CRITERIA = StabilityCriteria(
     frequency=0.1, bandwidth=0.0, damping=0.2, shape=0.5, stable_rate=0.5, contribution=0.0, uncertainty=np.inf
 )
@@ -78,18 +84,18 @@ THESIS_CRITERIA = StabilityCriteria(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StabilisationDiagram:
-    """All poles of a ladder and what became of each.
+    """Poles of all rungs of a ladder, each with its status.
 
     Parameters
     ----------
     poles
-        As identified.
+        Poles of all rungs.
     status
-        `PoleStatus` of each, shape (poles,).
+        `PoleStatus` of each pole, shape (poles,).
     alignments
-        Number of the alignment each stable pole belongs to, shape (poles,); -1 for none.
+        Number of the alignment of each stable pole, -1 for none; shape (poles,).
     criteria
-        As applied.
+        Criteria applied.
     """
 
     poles: Poles
@@ -114,13 +120,21 @@ def stabilise(
     Parameters
     ----------
     poles
-        Of all rungs, with standard deviations where these are to count.
+        Poles of all rungs; NaN as standard deviation leaves the criterion `uncertainty` out.
     criteria
-        Default: `StabilityCriteria()`.
+        Criteria; default: `StabilityCriteria()`.
     band
         Lowest and highest natural frequency [Hz].
     is_harmonic
-        Poles known to be harmonics of the excitation, shape (poles,).
+        Which poles are harmonics of the excitation, shape (poles,); None: none.
+
+    Returns
+    -------
+    StabilisationDiagram
+
+    References
+    ----------
+    F. Liu (2020), eq. 3-53 to 3-57.
     """
     criteria = criteria or StabilityCriteria()
     status = _status_alone(poles, criteria, band)
@@ -137,7 +151,7 @@ def stabilise(
 
 
 def _status_alone(poles: Poles, criteria: StabilityCriteria, band: tuple[float, float]) -> NDArray[np.int8]:
-    """Return the status as far as each pole tells it alone; SELECTED for the rest."""
+    """Return the status that follows from each pole by itself; SELECTED where none does."""
     frequency, damping = poles.natural_frequency, poles.damping_ratio
     status = np.full(len(frequency), PoleStatus.SELECTED, dtype=np.int8)
     status[mpc(poles.mode_shapes) < criteria.mpc] = PoleStatus.INCOHERENT_SHAPE
@@ -147,7 +161,7 @@ def _status_alone(poles: Poles, criteria: StabilityCriteria, band: tuple[float, 
 
 
 def _compare_with_rung_below(poles: Poles, criteria: StabilityCriteria, status: NDArray[np.int8]) -> None:
-    """Write into `status` the criterion that fails against every pole of the rung below."""
+    """Write into `status` the first criterion that no pole of the rung below meets."""
     frequency, damping = poles.natural_frequency, poles.damping_ratio
     unstable = np.full(len(status), PoleStatus.FREQUENCY_CHANGED, dtype=np.int8)
     starts = np.searchsorted(poles.rungs, np.arange(len(poles.ladder) + 1))
@@ -171,21 +185,21 @@ def _compare_with_rung_below(poles: Poles, criteria: StabilityCriteria, status: 
 
 
 def align(poles: Complex, mode_shapes: Complex, *, has_free_damping: bool = False) -> Indices:
-    """Group poles of one mode.
+    """Group the poles of one mode.
 
     Parameters
     ----------
     poles
-        Continuous, rad/s, shape (poles,).
+        Continuous poles [rad/s], shape (poles,).
     mode_shapes
-        Shape (poles, channels).
+        Mode shapes, shape (poles, channels).
     has_free_damping
-        Compare frequency and shape only: between subsets of different level the damping may differ.
+        Whether only frequency and shape are compared: between subsets of different level the damping may differ.
 
     Returns
     -------
     numpy.ndarray
-        Number of the group of each pole, from 0, by rising frequency of the groups.
+        Number of the group of each pole, from 0 by rising frequency of the groups, shape (poles,).
 
     Notes
     -----
@@ -207,7 +221,7 @@ def align(poles: Complex, mode_shapes: Complex, *, has_free_damping: bool = Fals
 
 
 def _verdict(poles: Poles, members: Indices, criteria: StabilityCriteria) -> PoleStatus:
-    """Decide about one alignment of stable poles by itself."""
+    """Return the status of one alignment of stable poles."""
     rungs = np.unique(poles.rungs[members])
     if len(rungs) < criteria.stable_rate * len(poles.ladder):
         return PoleStatus.RARE
@@ -219,7 +233,7 @@ def _verdict(poles: Poles, members: Indices, criteria: StabilityCriteria) -> Pol
 
 def _representatives(poles: Poles, alignments: Indices, chosen: Indices) -> Indices:
     """Return for each chosen alignment the pole of least variance plus squared distance from the median pole."""
-    found = []
+    representatives = []
     for alignment in chosen:
         members = np.flatnonzero(alignments == alignment)
         values = poles.poles[members]
@@ -227,24 +241,40 @@ def _representatives(poles: Poles, alignments: Indices, chosen: Indices) -> Indi
         variance = poles.natural_frequency_std[members] ** 2
         variance = variance + (poles.natural_frequency * poles.damping_ratio_std)[members] ** 2
         deviation = np.abs(values - median) ** 2 / (2 * np.pi) ** 2
-        found.append(members[np.argmin(np.nan_to_num(variance) + deviation)])
-    return np.array(found, dtype=np.intp)
+        representatives.append(members[np.argmin(np.nan_to_num(variance) + deviation)])
+    return np.array(representatives, dtype=np.intp)
 
 
-def select_modes(diagram: StabilisationDiagram) -> tuple[Modes, Indices]:
-    """Return the modes of the alignments that were kept, each from its most trustworthy pole.
+@dataclass(frozen=True, eq=False, slots=True)
+class SelectedModes:
+    """Modes selected from a stabilisation diagram.
+
+    Parameters
+    ----------
+    modes
+        Modes by rising frequency.
+    alignments
+        Number of the alignment behind each mode, shape (modes,).
+    """
+
+    modes: Modes
+    alignments: Indices
+
+    def __post_init__(self) -> None:
+        freeze(self, alignments=1, dtype=np.intp)
+
+
+def select_modes(diagram: StabilisationDiagram) -> SelectedModes:
+    """Return the modes of the selected alignments, each from its most reliable pole.
 
     Parameters
     ----------
     diagram
-        From `stabilise`.
+        Stabilisation diagram from `stabilise`.
 
     Returns
     -------
-    modes
-        By rising frequency.
-    alignments
-        The alignment behind each mode, shape (modes,).
+    SelectedModes
 
     Notes
     -----
@@ -266,38 +296,38 @@ def select_modes(diagram: StabilisationDiagram) -> tuple[Modes, Indices]:
         labels=(None,) * len(chosen),
     )
     order = np.argsort(modes.natural_frequency)
-    return modes.take(order), kept[order]
+    return SelectedModes(modes.take(order), kept[order])
 
 
 def with_status(diagram: StabilisationDiagram, alignments: Iterable[int], status: PoleStatus) -> StabilisationDiagram:
-    """Return the diagram with another status of all poles of the given alignments."""
+    """Return the diagram with `status` for all poles of the given alignments."""
     changed = np.where(np.isin(diagram.alignments, list(alignments)), np.int8(status), diagram.status)
     return replace(diagram, status=changed)
 
 
 def significant(modes: Modes, correlations: Correlations, *, least: float) -> Booleans:
-    """Tell which modes contribute more than chance to the correlations between channels.
+    """Return which modes contribute more than chance to the correlations between channels.
 
     Parameters
     ----------
     modes
-        Candidates, of the channels of `correlations`.
+        Candidates on the channels of `correlations`.
     correlations
-        With blocks; of all segments.
+        Correlations of all segments, with blocks.
     least
-        Least contribution (see `contribution.contributions`); 0: all are kept.
+        Smallest contribution (see `contribution.contributions`); 0: all modes are significant.
 
     Returns
     -------
     numpy.ndarray
-        Shape (modes,).
+        Whether each mode is significant, shape (modes,).
 
     Notes
     -----
-    The weakest mode is taken away and the rest solved for again until all that are left contribute enough. A
-    contribution counts less the more uncertain the mode's frequency is: in full up to 0.2 of the half-bandwidth. The
-    bound rises to what chance exceeds once in a hundred times, by Fisher's distribution, where there are few pairs of
-    channels or few blocks.
+    Backward elimination: the weakest mode is removed and the others are solved for again until all that remain
+    contribute enough. A contribution counts in full where the standard deviation of the mode's frequency is up to 0.2
+    of its half-bandwidth, and less in proportion beyond. The bound is not below the 99 % quantile of Fisher's
+    distribution, which matters where there are few pairs of channels or few blocks.
     """
     is_kept = np.ones(len(modes), dtype=np.bool_)
     if least <= 0:
@@ -314,58 +344,3 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
             break
         is_kept[kept[weakest]] = False
     return is_kept
-
-
-def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> tuple[Modes, Indices]:
-    """Merge the modes of several identifications of one system.
-
-    Parameters
-    ----------
-    parts
-        Of the same channels: from subsets of segments, or from splits of outputs and references.
-    weights
-        Of the parts, above 0; the number of segments for subsets.
-
-    Returns
-    -------
-    modes
-        Found in at least half of the parts; poles are weighted means, the shape is that of the part of largest weight.
-        Of several modes of one part that merge, the one of largest stable rate stands for the part.
-    members
-        For each mode and part the index of the part's mode, -1 where it has none; shape (modes, parts).
-
-    References
-    ----------
-    F. Liu (2020), section 4.2, step 8.
-    """
-    owners = np.concatenate([np.full(len(part), k) for k, part in enumerate(parts)])
-    places = np.concatenate([np.arange(len(part)) for part in parts])
-    together = join_modes(parts)
-    groups = align(together.poles, together.mode_shapes, has_free_damping=True)
-    merged, members = [], []
-    for group in range(groups.max(initial=-1) + 1):
-        chosen = np.flatnonzero(groups == group)
-        chosen = chosen[np.argsort(-together.stable_rate[chosen], kind="stable")]
-        chosen = chosen[np.unique(owners[chosen], return_index=True)[1]]
-        if 2 * len(chosen) < len(parts):
-            continue
-        row = np.full(len(parts), -1)
-        row[owners[chosen]] = places[chosen]
-        members.append(row)
-        merged.append(_merged(together.take(chosen), np.asarray(weights, dtype=float)[owners[chosen]]))
-    modes = join_modes(merged) if merged else together.take(np.zeros(0, dtype=np.intp))
-    order = np.argsort(modes.natural_frequency)
-    return modes.take(order), np.array(members, dtype=np.intp).reshape(-1, len(parts))[order]
-
-
-def _merged(same: Modes, weights: Real) -> Modes:
-    """Return one mode from several estimates of it."""
-    shares = weights / weights.sum()
-    best = same.take(np.array([np.argmax(shares)]))
-    return replace(
-        best,
-        poles=np.array([np.sum(shares * same.poles)]),
-        natural_frequency_std=np.sqrt([np.sum((shares * same.natural_frequency_std) ** 2)]),
-        damping_ratio_std=np.sqrt([np.sum((shares * same.damping_ratio_std) ** 2)]),
-        stable_rate=np.array([np.mean(same.stable_rate)]),
-    )

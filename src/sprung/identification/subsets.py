@@ -1,16 +1,26 @@
-"""Subsets of segments of similar level: what CoSS-SSI averages apart (F. Liu 2020, section 4.2)."""
+"""Subsets of segments of similar level, which CoSS-SSI averages separately (F. Liu 2020, section 4.2)."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from sprung._arrays import Indices, Real
-from sprung._checks import check_number
-from sprung.identification.correlation import Correlations, SegmentCorrelations, average
+from sprung._checks import check_number, freeze
+from sprung.identification.correlation import SegmentCorrelations
 
 
 def segment_levels(segments: SegmentCorrelations) -> Real:
-    """Return the level of each segment, shape (segments,): the smallest RMS among its correlation functions.
+    """Return the level of each segment, the smallest RMS among its correlation functions.
+
+    Parameters
+    ----------
+    segments
+        Correlations of the segments.
+
+    Returns
+    -------
+    numpy.ndarray
+        Levels, shape (segments,).
 
     References
     ----------
@@ -22,8 +32,8 @@ def segment_levels(segments: SegmentCorrelations) -> Real:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class CorrelationSubset:
-    """The segments of one range of levels and the average of their correlations.
+class LevelSubset:
+    """Segments of one range of levels.
 
     Parameters
     ----------
@@ -31,38 +41,51 @@ class CorrelationSubset:
         Lowest and highest level of the range.
     segments
         Indices of the segments, shape (segments,).
-    correlations
-        Their average.
     """
 
     level: tuple[float, float]
     segments: Indices
-    correlations: Correlations
+
+    def __post_init__(self) -> None:
+        freeze(self, segments=1, dtype=np.intp)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class CorrelationSubsets:
-    """Subsets by rising level, and what had to be merged to get them."""
+class LevelSubsets:
+    """Segments sorted by level.
 
-    subsets: tuple[CorrelationSubset, ...]
+    Parameters
+    ----------
+    subsets
+        Subsets by rising level.
+    notes
+        Ranges of level that were merged because they held too few segments, one sentence each.
+    """
+
+    subsets: tuple[LevelSubset, ...]
     notes: tuple[str, ...] = ()
 
 
-def subsets_of_equal_width(
-    segments: SegmentCorrelations, n_subsets: int, *, min_segments: int = 2, is_biased: bool = False
-) -> CorrelationSubsets:
-    """Sort segments into ranges of level of equal width; the thesis' rule.
+def subsets_of_equal_width(segments: SegmentCorrelations, n_subsets: int, *, min_segments: int = 2) -> LevelSubsets:
+    """Sort segments into ranges of level of equal width.
 
     Parameters
     ----------
     segments
-        At least one.
+        Correlations of at least one segment.
     n_subsets
-        J of the thesis, 2 to 5 there; 1 gives ACS-Cov-SSI.
+        Number J of ranges, 2 to 5 in the thesis; 1 gives ACS-Cov-SSI.
     min_segments
-        A subset with fewer is merged with its neighbour, and that is noted.
-    is_biased
-        As in `average`.
+        Smallest number of segments of a subset; a subset with fewer is merged with its neighbour, and that is noted.
+
+    Returns
+    -------
+    LevelSubsets
+
+    Raises
+    ------
+    ParameterError
+        If `n_subsets` is below 1.
 
     References
     ----------
@@ -70,26 +93,6 @@ def subsets_of_equal_width(
     """
     levels = segment_levels(segments)
     edges = np.linspace(levels.min(), levels.max(), int(check_number("n_subsets", n_subsets, at_least=1)) + 1)
-    return _subsets(segments, levels, edges, min_segments, is_biased)
-
-
-def subsets_of_equal_count(
-    segments: SegmentCorrelations, n_subsets: int, *, min_segments: int = 2, is_biased: bool = False
-) -> CorrelationSubsets:
-    """Sort segments into ranges of level that hold equally many; parameters as `subsets_of_equal_width`."""
-    levels = segment_levels(segments)
-    quantiles = np.linspace(0, 1, int(check_number("n_subsets", n_subsets, at_least=1)) + 1)
-    return _subsets(segments, levels, np.quantile(levels, quantiles), min_segments, is_biased)
-
-
-def _subsets(
-    segments: SegmentCorrelations,
-    levels: Real,
-    edges: Real,
-    min_segments: int,
-    is_biased: bool,
-) -> CorrelationSubsets:
-    """Average between `edges` of level, merging ranges that hold too few segments."""
     counts = _counts(levels, edges)
     notes = []
     while len(counts) > 1 and counts.min() < min_segments:
@@ -103,20 +106,12 @@ def _subsets(
         edges = np.delete(edges, max(poorest, neighbour))
         counts = _counts(levels, edges)
     where = np.digitize(levels, edges[1:-1])
-    members = [np.flatnonzero(where == k) for k in range(len(counts))]
-    return CorrelationSubsets(
-        tuple(
-            CorrelationSubset(
-                (float(edges[k]), float(edges[k + 1])),
-                chosen,
-                average(segments.take(chosen), is_biased=is_biased),
-            )
-            for k, chosen in enumerate(members)
-        ),
-        tuple(notes),
-    )
+    subsets = [
+        LevelSubset((float(edges[k]), float(edges[k + 1])), np.flatnonzero(where == k)) for k in range(len(counts))
+    ]
+    return LevelSubsets(tuple(subsets), tuple(notes))
 
 
 def _counts(levels: Real, edges: Real) -> Indices:
-    """Return how many levels lie between each pair of edges."""
+    """Return the number of levels between each pair of edges."""
     return np.bincount(np.digitize(levels, edges[1:-1]), minlength=len(edges) - 1)

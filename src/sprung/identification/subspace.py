@@ -14,6 +14,8 @@ from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
 from sprung.modal import Poles
 
+#: Smallest eigenvalue of the outputs' covariance over the largest: without it, records with hardly any noise would be
+#: dominated by that noise.
 _WHITENING_FLOOR = 3e-3
 
 
@@ -23,14 +25,14 @@ def block_toeplitz(values: Real, block_rows: int) -> Real:
     Parameters
     ----------
     values
-        Correlations, shape (channels, references, lags) with lags from 0; at least 2 i lags.
+        Correlations for at least 2 i lags from 0, shape (channels, references, lags).
     block_rows
-        i, at least 2.
+        Number i of block rows, at least 2.
 
     Returns
     -------
     numpy.ndarray
-        Shape (i channels, i references); block (p, q) is Lambda_(i + p - q).
+        Block Toeplitz matrix, shape (i channels, i references); block (p, q) is Lambda_(i + p - q).
 
     References
     ----------
@@ -47,18 +49,18 @@ def block_hankel(values: Real, block_rows: int, *, first_lag: int, n_columns: in
     Parameters
     ----------
     values
-        Correlations, shape (channels, references, lags) with lags from 0.
+        Correlations for lags from 0, shape (channels, references, lags).
     block_rows
-        i.
+        Number i of block rows.
     first_lag
         Lag of block (0, 0).
     n_columns
-        Number of block columns j.
+        Number j of block columns.
 
     Returns
     -------
     numpy.ndarray
-        Shape (i channels, j references); block (p, q) is Lambda_(first_lag + p + q).
+        Block Hankel matrix, shape (i channels, j references); block (p, q) is Lambda_(first_lag + p + q).
 
     References
     ----------
@@ -79,24 +81,24 @@ def _windows(values: Real, n_rows: int, n_columns: int) -> Real:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Realisation:
-    """What one decomposition says about all model orders.
+    """Decomposition of a block matrix, which holds the realisations of all model orders.
 
     Parameters
     ----------
     observability
-        Shape (block_rows channels, max_order); its first n columns are the observability matrix of order n.
+        Observability matrix, shape (block_rows channels, max_order); its first n columns are that of order n.
     singular_values
-        Of the (weighted) block matrix, all of them, falling.
+        Singular values of the (weighted) block matrix, falling.
     right_factor
-        Z of `observability` = H Z with the block Hankel matrix H whose block (p, q) is lag p + q of the correlations
-        in use; shape (block columns, references, max_order).
+        Matrix Z of `observability` = H Z, shape (block columns, references, max_order), with the block Hankel matrix H
+        whose block (p, q) is lag p + q of the correlations in use.
     changes
-        Change of these correlations with each of their blocks, shape (blocks, channels, references, block_rows + block
-        columns - 1), scaled so that the sum over blocks of the squares of any linear function is its variance.
+        Deviations of these correlations in each block, shape (blocks, channels, references, block_rows + block columns
+        - 1), scaled so that the sum over blocks of the squares of any linear function is its variance.
     channels
         Names of the outputs.
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
     """
 
     observability: Real
@@ -115,18 +117,22 @@ def realise(
     Parameters
     ----------
     correlations
-        With at least 2 `block_rows` lags (3 `block_rows` for the Hankel form).
+        Correlations of at least 2 `block_rows` lags (3 `block_rows` for the Hankel form).
     block_rows
-        i, at least 2.
+        Number i of block rows, at least 2.
     max_order
-        Largest model order wanted, at most (i - 1) channels and i references.
+        Largest model order, 2 to the smaller of (i - 1) channels and i references.
     is_weighted
-        True: canonical variates, the block matrix is whitened by the outputs' own covariance before the singular
-        value decomposition, which brings weak modes beside strong ones. Without all outputs among the references
-        only the references' side is whitened. False: the thesis' unweighted form.
+        Whether the block matrix is whitened by the outputs' own covariance before the singular value decomposition
+        (canonical variates), which brings out weak modes next to strong ones. Unless all outputs are references, only
+        the side of the references is whitened. False: the unweighted form of the thesis.
     is_hankel
-        False: correlations are the blocks of the Toeplitz matrix. True: they are data in past and future block
-        Hankel matrices (the thesis' form; never weighted).
+        Whether correlations are data in past and future block Hankel matrices (the form of the thesis; never weighted);
+        False: they are the blocks of the Toeplitz matrix.
+
+    Returns
+    -------
+    Realisation
 
     Raises
     ------
@@ -135,15 +141,21 @@ def realise(
 
     Notes
     -----
-    T = U S V^T and O = U S^(1/2), weighted: O = W U S^(1/2) with the whitening W taken off again. As O = T Z with a
+    T = U S V^T and O = U S^(1/2), weighted: O = W U S^(1/2) with W the inverse of the whitening. As O = T Z with a
     known Z, a change dT of the correlations changes O by dT Z to first order (up to a change of basis, and
-    neglecting what the discarded singular values add).
+    neglecting the part of the discarded singular values).
 
     References
     ----------
-    F. Liu (2020), eq. 3-35 to 3-45. P. Van Overschee and B. De Moor (1996), Subspace identification for linear
-    systems, chapter 3 (weights). M. Döhler and L. Mevel (2013), Efficient multi-order uncertainty computation for
-    stochastic subspace identification.
+    F. Liu (2020), eq. 3-35 to 3-45.
+
+    B. Peeters and G. De Roeck (1999), Reference-based stochastic subspace identification for output-only modal
+    analysis, Mechanical Systems and Signal Processing 13, 855-878.
+
+    P. Van Overschee and B. De Moor (1996), Subspace identification for linear systems, chapter 3 (weights).
+
+    M. Döhler and L. Mevel (2013), Efficient multi-order uncertainty computation for stochastic subspace identification,
+    Mechanical Systems and Signal Processing 38, 346-366.
     """
     _check_size(correlations, block_rows, max_order, is_hankel)
     form = _hankel_form if is_hankel else _toeplitz_form
@@ -170,7 +182,7 @@ def realise(
 
 
 def _check_size(correlations: Correlations, block_rows: int, max_order: int, is_hankel: bool) -> None:
-    """Check that lags and block rows are enough."""
+    """Check that the lags suffice for the block rows, and the block rows for the order."""
     check_number("block_rows", block_rows, at_least=2)
     check_number("max_order", max_order, at_least=2)
     n_needed = (3 if is_hankel else 2) * block_rows
@@ -190,7 +202,7 @@ def _check_size(correlations: Correlations, block_rows: int, max_order: int, is_
 
 
 def _toeplitz_form(correlations: Correlations, block_rows: int) -> tuple[Real, int, Callable[[Real], Real]]:
-    """Return the block Toeplitz matrix, its first lag and what puts its right factors in the order of rising lags."""
+    """Return the block Toeplitz matrix, its first lag, and a function that orders right factors by rising lags."""
     return (
         block_toeplitz(correlations.values, block_rows),
         1,
@@ -212,7 +224,7 @@ def _hankel_form(correlations: Correlations, block_rows: int) -> tuple[Real, int
 
 
 def _whitening(correlations: Correlations, block_rows: int) -> tuple[Real | None, Real | None]:
-    """Return the inverse square roots of the covariances of future outputs and past references, where known."""
+    """Return the inverse square roots of the covariances of future outputs and past references; None where unknown."""
     lags = np.arange(block_rows)[:, None] - np.arange(block_rows)
     if not set(correlations.references) <= set(correlations.channels):
         return None, None
@@ -232,7 +244,7 @@ def _apply(left: Real | None, matrix: Real) -> Real:
 
 
 def _svd(matrix: Real) -> tuple[Real, Real, Real]:
-    """Return the thin singular value decomposition, by the slower method where the fast one does not converge."""
+    """Return the thin singular value decomposition, by a slower method where the fast one does not converge."""
     try:
         U, S, Vt = linalg.svd(matrix, full_matrices=False, check_finite=False)
     except linalg.LinAlgError:
@@ -246,14 +258,14 @@ def poles_of_orders(realisation: Realisation, orders: Sequence[int]) -> Poles:
     Parameters
     ----------
     realisation
-        From `realise`.
+        Decomposition from `realise`.
     orders
-        Model orders, rising, at most its `max_order`.
+        Model orders, rising, up to the `max_order` of the realisation.
 
     Returns
     -------
     Poles
-        With `ladder` = `orders` and standard deviations.
+        Poles of all orders with their standard deviations; `ladder` is `orders`.
 
     Notes
     -----
@@ -264,8 +276,13 @@ def poles_of_orders(realisation: Realisation, orders: Sequence[int]) -> Poles:
 
     References
     ----------
+    F. Liu (2020), eq. 3-46 to 3-52.
+
     M. Döhler and L. Mevel (2012), Fast multi-order computation of system matrices in subspace-based system
-    identification. F. Liu (2020), eq. 3-46 to 3-52.
+    identification, Control Engineering Practice 20, 882-894.
+
+    E. Reynders, R. Pintelon and G. De Roeck (2008), Uncertainty bounds on modal parameters obtained from stochastic
+    subspace identification, Mechanical Systems and Signal Processing 22, 948-969 (standard deviations).
     """
     n_channels = len(realisation.channels)
     O_up, O_down = realisation.observability[:-n_channels], realisation.observability[n_channels:]
@@ -319,7 +336,7 @@ def _eigenvalue_changes(
 
 
 def _standard_deviations(poles: Complex, change: Complex) -> tuple[Real, Real]:
-    """Turn changes of the poles with each block, (blocks, poles), into deviations of frequency and damping."""
+    """Return standard deviations of frequency and damping from the changes of the poles, shape (blocks, poles)."""
     modulus = np.abs(poles)
     d_modulus = np.real(np.conj(poles) * change) / modulus
     d_damping = -change.real / modulus + poles.real * d_modulus / modulus**2
@@ -345,7 +362,7 @@ def _stack(
 
 
 def join_ladders(parts: Sequence[Poles]) -> Poles:
-    """Put ladders one on top of another."""
+    """Return several ladders as one, each on top of the one before."""
     offsets = np.cumsum([0, *(len(part.ladder) for part in parts)])[:-1]
 
     def joined(name: str) -> NDArray[Any]:
@@ -370,12 +387,22 @@ def block_row_ladder(
     Parameters
     ----------
     correlations
-        With lags for the largest number.
+        Correlations with lags for the largest number.
     block_rows
-        Rungs of the ladder, rising (the thesis: 12 to 45, 48 or 82). The model order is the largest even number up
-        to the number of block rows, or to one less with one channel, which carries no more.
+        Numbers of block rows, the rungs of the ladder, rising (the thesis: 12 to 45, 48 or 82). The model order is the
+        largest even number up to the number of block rows; with one channel, which carries no more, up to one less.
     is_weighted, is_hankel
         As in `realise`.
+
+    Returns
+    -------
+    Poles
+        Poles of all realisations; `ladder` is `block_rows`.
+
+    Raises
+    ------
+    ParameterError
+        As `realise`.
 
     References
     ----------

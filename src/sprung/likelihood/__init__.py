@@ -6,7 +6,7 @@ from sprung.likelihood.fitting import fit_corners, fit_segments, nominal_misfit
 from sprung.likelihood.from_modes import corners_from_modes
 from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs, SurfaceInputs
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines
-from sprung.likelihood.spectra import ClassSpectra, RunningClassSpectra, SegmentSpectra, class_spectra, segment_spectra
+from sprung.likelihood.spectra import ClassSpectra, SegmentSpectra, class_spectra, segment_spectra
 from sprung.likelihood.vehicle import CornerSettings, vehicle_model
 from sprung.likelihood.whittle import MassChange, Model, SensorChange
 
@@ -21,7 +21,6 @@ __all__ = [
     "RigInputs",
     "RigidLayout",
     "RoadInputs",
-    "RunningClassSpectra",
     "SegmentSpectra",
     "SensorChange",
     "SpectralLine",

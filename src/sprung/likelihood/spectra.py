@@ -204,57 +204,6 @@ def class_spectra(segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Cl
     )
 
 
-class RunningClassSpectra:
-    """Class spectra that grow segment by segment: the same as `class_spectra` of all of them.
-
-    Parameters
-    ----------
-    frequencies
-        Of the segments' spectra [Hz].
-    segment_length
-        In s.
-    width
-        Of the speed classes.
-    """
-
-    def __init__(self, frequencies: Real, segment_length: float, *, width: float = CLASS_WIDTH) -> None:
-        self._frequencies, self._segment_length, self._width = frequencies, segment_length, width
-        self._sums: dict[int, tuple[Real, Complex]] = {}
-
-    def update(self, values: Complex, speed: float = np.nan, spread: float = 0.0) -> None:
-        """Add a segment: its spectrum (frequencies, coordinates), mean speed [m/s] and relative spread of that."""
-        number = int(_class_numbers(np.array([speed]), self._width)[0])
-        moments = np.array([1.0, speed, speed**2, spread**2])
-        product = values[:, :, None] * values[:, None, :].conj()
-        if number not in self._sums:
-            self._sums[number] = moments, product
-        else:
-            known, total = self._sums[number]
-            known += moments
-            total += product
-
-    @property
-    def spectra(self) -> ClassSpectra:
-        """The class spectra of all segments so far."""
-        if not self._sums:
-            raise DataError("no segment yet: add one with update")
-        moments = np.array([self._sums[number][0] for number in sorted(self._sums)])
-        products = np.array([self._sums[number][1] for number in sorted(self._sums)])
-        counts = moments[:, 0]
-        speed, square, within = (moments[:, 1:] / counts[:, None]).T
-        with np.errstate(invalid="ignore"):
-            between = np.maximum(square / speed**2 - 1, 0.0)
-        return ClassSpectra(
-            frequencies=self._frequencies,
-            counts=counts,
-            speeds=speed,
-            spreads=np.sqrt(within + between),
-            matrices=products / counts[:, None, None, None],
-            segment_length=self._segment_length,
-            weights=np.repeat(counts[:, None], self._frequencies.size, axis=1),
-        )
-
-
 def through_window(matrices: Complex) -> Complex:
     """Return the spectral matrices that Hann-windowed segments show of true ones on a grid, (..., grid, m, m).
 

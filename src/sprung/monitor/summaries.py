@@ -8,7 +8,14 @@ import numpy as np
 
 from sprung._arrays import Indices, Real
 from sprung.errors import FormatError, ParameterError
-from sprung.identification import CorrelationSummary, IdentificationSettings, Plan
+from sprung.identification import (
+    BlockRowLadder,
+    CorrelationSummary,
+    IdentificationSettings,
+    OrderLadder,
+    Plan,
+    PreparationPlan,
+)
 from sprung.identification.correlation import Correlations
 from sprung.identification.stabilisation import StabilityCriteria
 from sprung.recording import Channel
@@ -18,6 +25,7 @@ from sprung.signals.harmonics import harmonic_from_dict
 #: Most bytes of all blocks of all averages.
 _ROOM = 800_000
 _LIFTERS: dict[str, Any] = {"ShortPass": ShortPass, "Exponential": Exponential}
+_LADDERS: dict[str, Any] = {"OrderLadder": OrderLadder, "BlockRowLadder": BlockRowLadder}
 
 
 def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
@@ -28,21 +36,19 @@ def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
     Where a message would not hold all blocks, neighbours are averaged. The average stays; standard deviations change a
     little, and with them which of a mode's poles stands for it.
     """
-    plan, settings = summary.plan, asdict(summary.plan.settings) | {"harmonics": None}
-    lifter: Any = summary.plan.settings.lifter
+    plan, lifter = summary.plan, summary.settings.lifter
+    settings = asdict(summary.settings) | {"harmonics": None, "lifter": None if lifter is None else _named(lifter)}
     averages = [summary.average, *(one for _, one in summary.subsets if summary.method == "coss")]
     room = int(_ROOM / sum(4 * one.values.size for one in averages)) - 1
     return {
         "method": summary.method,
         "channels": [[c.name, c.quantity, c.position, c.direction] for c in summary.channels],
+        "settings": settings,
         "plan": {
-            "channels": list(plan.channels),
-            "speed": plan.speed,
-            "factors": [[name, factor] for name, factor in plan.factors.items()],
-            "sampling_rate": plan.sampling_rate,
-            "settings": settings | {"lifter": None if lifter is None else [type(lifter).__name__, asdict(lifter)]},
-            "band": list(plan.band),
-            "spectrum_segment": plan.spectrum_segment,
+            "preparation": asdict(plan.preparation) | {"notes": []},
+            "segment": plan.segment,
+            "ladder": _named(plan.ladder),
+            "mode_band": list(plan.mode_band),
         },
         "levels": [None if level is None else list(level) for level, _ in summary.subsets],
         "averages": [_packed(one, max(2, room)) for one in averages],
@@ -60,30 +66,35 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
     """
     try:
         stated = dict(document["plan"])
-        settings = dict(stated["settings"])
+        preparation = dict(stated["preparation"])
+        settings = dict(document["settings"])
+        ladder = settings["ladder"]
         lifter = settings["lifter"]
         settings |= {
             "lifter": None if lifter is None else _LIFTERS[lifter[0]](**lifter[1]),
             "criteria": StabilityCriteria(**settings["criteria"]),
             "band": _tuple(settings["band"]),
             "references": _tuple(settings["references"]),
-            "row_ladder": _tuple(settings["row_ladder"]),
+            "ladder": None if ladder is None else BlockRowLadder(**ladder),
+        }
+        preparation |= {
+            "channels": tuple(preparation["channels"]),
+            "factors": {name: float(factor) for name, factor in preparation["factors"].items()},
+            "band": _pair(preparation["band"]),
+            "notes": (),
         }
         plan = Plan(
-            channels=tuple(stated["channels"]),
-            speed=stated["speed"],
-            factors={name: float(factor) for name, factor in stated["factors"]},
-            sampling_rate=float(stated["sampling_rate"]),
-            settings=IdentificationSettings(**settings),
-            band=(float(stated["band"][0]), float(stated["band"][1])),
-            spectrum_segment=float(stated["spectrum_segment"]),
-            notes=(),
+            preparation=PreparationPlan(**preparation),
+            segment=float(stated["segment"]),
+            ladder=_LADDERS[stated["ladder"][0]](**stated["ladder"][1]),
+            mode_band=_pair(stated["mode_band"]),
         )
         averages = [_unpacked(one) for one in document["averages"]]
         levels = [_tuple(level) for level in document["levels"]]
         correlations = averages[1:] if document["method"] == "coss" else averages
         return CorrelationSummary(
             method=str(document["method"]),
+            settings=IdentificationSettings(**settings),
             plan=plan,
             channels=tuple(
                 Channel(name, quantity, _tuple(position), _tuple(direction))
@@ -135,6 +146,16 @@ def _unpacked(stored: Mapping[str, Any]) -> Correlations:
         references=tuple(stored["references"]),
         n_segments=int(stored["n_segments"]),
     )
+
+
+def _named(value: Any) -> list[Any]:
+    """Return the name of a class and the fields of its instance."""
+    return [type(value).__name__, asdict(value)]
+
+
+def _pair(values: Sequence[Any]) -> tuple[float, float]:
+    """Return two numbers."""
+    return float(values[0]), float(values[1])
 
 
 def _tuple(values: Sequence[Any] | None) -> Any:

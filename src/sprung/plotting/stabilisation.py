@@ -101,7 +101,7 @@ def stabilisation_figure(identification: Identification, *, source: str = "") ->
 
 def _rung_label(identification: Identification, index: int) -> str:
     """Return the label of the order axis of a subset."""
-    rung = "Model order" if identification.settings.row_ladder is None else "Number of block rows"
+    rung = "Model order" if identification.settings.ladder is None else "Number of block rows"
     subset = identification.subsets[index]
     if subset.level is None:
         return rung

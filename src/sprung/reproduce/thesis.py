@@ -1,12 +1,9 @@
 """How the thesis identifies, as settings; and words for reports."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sprung.identification import IdentificationSettings
-from sprung.identification.stabilisation import THESIS_CRITERIA
+from sprung.identification import IdentificationSettings, as_in_thesis
 from sprung.reproduce.report import found_in, spread
 from sprung.signals.cepstrum import Lifter
 
@@ -32,32 +29,24 @@ def thesis_settings(
     Parameters
     ----------
     rows
-        First and last number of block rows.
+        Smallest and largest number of block rows.
     stable_rate
-        Least rate of stable points of a mode, delta of eq. 3-57.
+        Smallest rate of stable points of a mode, delta of eq. 3-57.
     segment
-        In s.
+        Length of the segments [s].
     n_subsets
-        J.
+        Number J of subsets of CoSS-SSI.
     sampling_rate
-        At which correlations are taken [Hz].
+        Sampling rate of the correlations [Hz].
     lifter
-        Of cepstrum editing.
+        Lifter for cepstrum editing; None: no editing.
     band
-        Of the modes wanted [Hz].
+        Lowest and highest natural frequency of interest [Hz].
     """
-    return IdentificationSettings(
-        row_ladder=rows,
-        decimate_to=sampling_rate,
-        segment=segment,
-        n_subsets=n_subsets,
-        is_weighted=False,
-        is_biased=True,
-        is_hankel=True,
-        lifter=lifter,
-        band=band,
-        criteria=replace(THESIS_CRITERIA, stable_rate=stable_rate),
+    wishes = IdentificationSettings(
+        decimate_to=sampling_rate, segment=segment, n_subsets=n_subsets, lifter=lifter, band=band
     )
+    return as_in_thesis(wishes, rows=rows, stable_rate=stable_rate)
 
 
 def number(value: float, *, digits: int = 2) -> str:

@@ -1,39 +1,43 @@
-"""Cepstrum editing: taking harmonics out of a recording before its modes are identified."""
+"""Cepstrum editing: removal of harmonics from a recording before its modes are identified."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import fft, interpolate
+from scipy import fft
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_complete, check_number
 from sprung.errors import ParameterError
 from sprung.recording import Recording
-from sprung.signals.conditioning import moving_parts, over_distance
 
-#: Spectral amplitudes below this part of the spectrum's RMS count as this part: ln 0 must not happen.
+#: Spectral amplitudes below this share of the spectrum's RMS are raised to it, to avoid ln 0.
 AMPLITUDE_FLOOR = 1e-9
 
 
 class Lifter(Protocol):
-    """Weights over quefrency; its `repr` is what the history of an edited recording says."""
+    """Weights over quefrency; the history of an edited recording states its `repr`."""
 
     def weights(self, quefrency: Real) -> Real:
-        """Return the weight at each quefrency [s], which is never negative."""
+        """Return the weights at quefrencies from 0 [s], shape (quefrencies,)."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShortPass:
-    """Keep the cepstrum up to the quefrency `length` [s] and nothing beyond it.
+    """Lifter that keeps the cepstrum below a quefrency and nothing beyond it.
 
-    Quasi-periodic excitation lives at long quefrencies, the modes at short ones: the log spectrum is smoothed over
-    about 1/(2 length) Hz, so any line narrower than that disappears, whatever its frequency.
+    Quasi-periodic excitation appears at long quefrencies, the modes at short ones: the log spectrum is smoothed over
+    about 1/(2 length) Hz, so that any narrower line disappears, whatever its frequency.
+
+    Parameters
+    ----------
+    length
+        Quefrency up to which the cepstrum is kept [s], above 0.
 
     References
     ----------
-    Liu (2020), eq. 5-4, with `length` = 0.25 s in chapter 5.
+    F. Liu (2020), eq. 5-4, with `length` = 0.25 s in chapter 5.
     """
 
     length: float
@@ -48,20 +52,25 @@ class ShortPass:
 
 @dataclass(frozen=True, slots=True)
 class Exponential:
-    """Multiply the cepstrum by exp(-quefrency / time_constant), which adds a known damping to every mode.
+    """Lifter exp(-quefrency / time_constant), which adds a known damping to every mode.
 
-    See `subtract_lifter_damping`, which takes that damping off again.
+    `subtract_lifter_damping` removes that damping from the poles.
+
+    Parameters
+    ----------
+    time_constant
+        Time constant tau [s], above 0; every pole moves to the left by 1/tau.
+
+    References
+    ----------
+    R. B. Randall (2017), A history of cepstrum analysis and its application to mechanical problems, Mechanical Systems
+    and Signal Processing 97, 3-19.
     """
 
     time_constant: float
 
     def __post_init__(self) -> None:
         check_number("time_constant", self.time_constant, above=0)
-
-    @property
-    def added_damping(self) -> float:
-        """How far every pole moves to the left [rad/s]."""
-        return 1 / self.time_constant
 
     def weights(self, quefrency: Real) -> Real:
         """Return the exponential."""
@@ -70,12 +79,18 @@ class Exponential:
 
 @dataclass(frozen=True, slots=True)
 class Comb:
-    """Take out the rahmonics of one `period` [s]: the quefrencies within `width` / 2 of its multiples.
+    """Lifter that removes the rahmonics of one period.
 
-    It removes pulse trains and other families of many multiples of 1 / period, and leaves the rest of the spectrum
-    nearly untouched. A single sine has no rahmonics: only a short-pass or exponential lifter removes it.
-    A notch takes in the samples on both sides of its multiple at least; a wider one follows a period that is not
-    quite constant.
+    It removes pulse trains and other families of many multiples of 1 / period, and hardly changes the rest of the
+    spectrum. A single sine has no rahmonics: only a short-pass or exponential lifter removes it.
+
+    Parameters
+    ----------
+    period
+        Period [s], above 0.
+    width
+        Width of the notch around each multiple of the period [s], 0 to `period`. A notch covers at least the samples on
+        both sides of its multiple; a wider one follows a period that is not quite constant.
     """
 
     period: float
@@ -93,43 +108,27 @@ class Comb:
         return np.where(is_near & (multiple >= 1), 0.0, 1.0)
 
 
-def real_cepstrum(samples: ArrayLike) -> Real:
-    """Return the real cepstrum c = IFFT(ln |FFT(x)|) along the last axis, for the mean removed.
-
-    Parameters
-    ----------
-    samples
-        Shape (..., samples), real.
-
-    Returns
-    -------
-    ndarray
-        Shape (..., samples), symmetric: entry k and entry (samples - k) both belong to the quefrency k / rate.
-    """
-    x = np.asarray(samples, dtype=np.float64)
-    spectrum = fft.rfft(x - x.mean(axis=-1, keepdims=True), axis=-1)
-    return fft.irfft(_log_amplitude(spectrum), x.shape[-1], axis=-1)
-
-
 def edit(recording: Recording, lifter: Lifter) -> Recording:
-    """Multiply the real cepstrum of each channel by a lifter and go back to samples with the original phase.
+    """Multiply the real cepstrum of each channel by a lifter and return to samples with the original phase.
 
     Parameters
     ----------
     recording
-        Without missing values. One that was resampled over distance has quefrencies in metres.
+        Recording without missing values. After resampling over distance, quefrencies are in metres.
     lifter
-        `ShortPass`, `Exponential`, `Comb` or anything else with `weights(quefrency)`.
+        `ShortPass`, `Exponential`, `Comb` or another value with `weights(quefrency)`.
 
     Returns
     -------
     Recording
-        With each stretch edited by itself, its mean removed. A channel of digital silence stays as it is.
+        Recording with each stretch edited by itself, its mean removed. A constant channel does not change.
 
     Raises
     ------
     DataError
-        A channel has missing values.
+        If a channel has missing values.
+    ParameterError
+        If the weights of the lifter are not one finite number for each quefrency.
 
     Notes
     -----
@@ -144,7 +143,16 @@ def edit(recording: Recording, lifter: Lifter) -> Recording:
 
     References
     ----------
-    Liu (2020), section 5.2; Randall, Coats and Smith (2016), Mechanical Systems and Signal Processing 72-73, 399-416.
+    F. Liu (2020), section 5.2.
+
+    B. P. Bogert, M. J. R. Healy and J. W. Tukey (1963), The quefrency alanysis of time series for echoes, Proceedings
+    of the Symposium on Time Series Analysis, 209-243.
+
+    D. G. Childers, D. P. Skinner and R. C. Kemerait (1977), The cepstrum: a guide to processing, Proceedings of the
+    IEEE 65, 1428-1443.
+
+    R. B. Randall (2017), A history of cepstrum analysis and its application to mechanical problems, Mechanical Systems
+    and Signal Processing 97, 3-19.
 
     Examples
     --------
@@ -158,86 +166,41 @@ def edit(recording: Recording, lifter: Lifter) -> Recording:
     check_complete(recording.names, recording.samples)
     samples = np.empty_like(recording.samples)
     for stretch in recording.stretches():
-        samples[:, stretch] = _edited(recording.samples[:, stretch], recording.sampling_rate, lifter)
+        samples[:, stretch] = _edit_stretch(recording.samples[:, stretch], recording.sampling_rate, lifter)
     return recording.changed(f"cepstrum edited with {lifter}", samples=samples)
 
 
-def edit_over_distance(recording: Recording, lifter: Lifter, *, speed: str, minimum_speed: float = 3.0) -> Recording:
-    """Edit the cepstrum over distance, where lines that move with speed stand still.
-
-    Parameters
-    ----------
-    recording
-        Without missing values.
-    lifter
-        Its quefrencies are in metres: `Comb(2.0)` for what repeats every 2 m, a wheel's circumference say.
-    speed
-        Name of the channel with the speed [m/s], which is not edited.
-    minimum_speed
-        Slower parts stay as they are [m/s].
-
-    Returns
-    -------
-    Recording
-        At the old sampling rate.
-
-    Raises
-    ------
-    DataError, ParameterError
-        As `over_distance`.
-
-    Notes
-    -----
-    Only the difference that the editing makes over distance is brought back to time and added, so that resampling
-    costs the rest of the signal nothing.
-    """
-    row = recording.index(speed)
-    interval = minimum_speed / recording.sampling_rate
-    along = over_distance(recording, speed, interval=interval, minimum_speed=minimum_speed)
-    change = edit(along, lifter).samples - (along.samples - _stretch_means(along))
-    samples = recording.samples.copy()
-    parts = moving_parts(recording, speed, minimum_speed=minimum_speed)
-    for part, stretch in zip(parts, along.stretches(), strict=True):
-        v = recording.samples[row, part]
-        metres = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)]) / recording.sampling_rate
-        grid = np.arange(stretch.stop - stretch.start) * interval
-        spline = interpolate.make_interp_spline(grid, change[:, stretch], k=5, axis=1)
-        samples[:, part] += spline(np.minimum(metres, grid[-1]))
-    samples[row] = recording.samples[row]
-    return recording.changed(f"cepstrum edited over the distance of {speed!r} with {lifter}", samples=samples)
-
-
 def subtract_lifter_damping(poles: ArrayLike, time_constant: float) -> Complex:
-    """Take off the damping that an exponential lifter added to the poles identified after it.
+    """Remove the damping that an exponential lifter added from the poles identified after it.
 
     Parameters
     ----------
     poles
         Continuous poles [rad/s], any shape.
     time_constant
-        Of the lifter [s].
+        Time constant of the lifter [s], above 0.
 
     Returns
     -------
     ndarray
-        poles + 1 / time_constant.
+        Continuous poles + 1 / time_constant [rad/s], same shape.
 
     Raises
     ------
     ParameterError
-        `time_constant` is not above 0.
+        If `time_constant` is not above 0.
 
     Notes
     -----
-    The cepstrum of a minimum-phase pole is a damped cosine over its quefrency, so that the lifter adds 1 /
-    time_constant to the decay and nothing to the damped frequency: xi_true = xi - 1 / (tau omega), to first order in
-    the damping ratios; on poles it is exact.
+    The cepstrum of a minimum-phase pole is a damped cosine over its quefrency, so that the lifter adds 1 / tau to the
+    decay and nothing to the damped frequency: xi_true = xi - 1 / (tau omega), to first order in the damping ratios.
+    For poles the correction is exact.
     """
     check_number("time_constant", time_constant, above=0)
     return np.asarray(poles, dtype=np.complex128) + 1 / time_constant
 
 
-def _edited(samples: Real, sampling_rate: float, lifter: Lifter) -> Real:
+def _edit_stretch(samples: Real, sampling_rate: float, lifter: Lifter) -> Real:
     """Edit one stretch, shape (channels, samples)."""
     n_samples = samples.shape[1]
     length = fft.next_fast_len(n_samples, real=True)
@@ -253,7 +216,7 @@ def _edited(samples: Real, sampling_rate: float, lifter: Lifter) -> Real:
 
 
 def _log_amplitude(spectrum: Complex) -> Real:
-    """Return ln |X|, floored, with the empty bin at zero frequency taken from its neighbour."""
+    """Return ln |X| with a floor, the empty bin at zero frequency taken from its neighbour."""
     amplitude = np.abs(spectrum)
     amplitude[..., 0] = amplitude[..., min(1, amplitude.shape[-1] - 1)]
     level = np.sqrt(np.mean(amplitude**2, axis=-1, keepdims=True))
@@ -270,11 +233,3 @@ def _checked_weights(lifter: Lifter, quefrency: Real) -> Real:
             f"{quefrency.size} quefrencies"
         )
     return weights
-
-
-def _stretch_means(recording: Recording) -> Real:
-    """Return the mean of each channel over its stretch, at each sample."""
-    means = np.empty_like(recording.samples)
-    for stretch in recording.stretches():
-        means[:, stretch] = recording.samples[:, stretch].mean(axis=1, keepdims=True)
-    return means

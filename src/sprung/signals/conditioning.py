@@ -1,9 +1,10 @@
-"""Conditioning of recordings: scaling, trends, filters, decimation, missing values, equal distance steps.
+"""Conditioning of recordings: scaling, trends, filters, decimation, missing values, equal steps of distance.
 
-Everything works stretch by stretch: nothing is filtered, fitted or interpolated across a gap.
+All functions work stretch by stretch: nothing is filtered, fitted or interpolated across a gap.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Literal
 
@@ -13,15 +14,15 @@ from scipy import interpolate, signal
 from sprung._arrays import Booleans, Real
 from sprung._checks import check_complete, check_number
 from sprung.errors import DataError, ParameterError
-from sprung.recording import Gap, Recording
+from sprung.recording import Recording, join
 
-#: Part of the new band that decimation passes unchanged (ripple below 0.01 %).
+#: Share of the new band that decimation passes unchanged (ripple below 0.01 %).
 PASS_BAND = Fraction(4, 5)
-#: Attenuation of whatever decimation would fold into the new band [dB].
+#: Attenuation of everything that decimation would fold into the new band [dB].
 STOP_BAND = 90.0
-#: Numerator and denominator of a resampling ratio are at most this large.
+#: Largest numerator and denominator of a resampling ratio.
 LARGEST_DENOMINATOR = 10_000
-#: Moving parts with fewer samples are not worth a spline.
+#: Fewest samples of a moving part; shorter ones are not worth a spline.
 FEWEST_MOVING_SAMPLES = 10
 
 
@@ -33,17 +34,17 @@ def scale(recording: Recording, factors: float | Mapping[str, float]) -> Recordi
     recording
         Any recording.
     factors
-        One factor for all channels, or a factor for each channel name; channels that are not named stay.
+        One factor for all channels, or factors by channel name; channels that are not named do not change.
 
     Returns
     -------
     Recording
-        With scaled samples.
+        Recording with scaled samples.
 
     Raises
     ------
     ParameterError
-        A factor is not a finite number, or a channel does not exist.
+        If a factor is not a finite number, or a channel does not exist.
     """
     named = dict(factors) if isinstance(factors, Mapping) else dict.fromkeys(recording.names, factors)
     gains = np.ones(len(recording.channels))
@@ -58,21 +59,21 @@ def detrend(recording: Recording, *, degree: int = 0) -> Recording:
     Parameters
     ----------
     recording
-        Without missing values.
+        Recording without missing values.
     degree
-        0 removes the mean, 1 the straight line.
+        Degree of the trend: 0 for the mean, 1 for the straight line.
 
     Returns
     -------
     Recording
-        With the trend removed.
+        Recording without the trend.
 
     Raises
     ------
     DataError
-        A channel has missing values.
+        If a channel has missing values.
     ParameterError
-        `degree` is neither 0 nor 1.
+        If `degree` is neither 0 nor 1.
     """
     if degree not in (0, 1):
         raise ParameterError(f"degree={degree} must be 0 (mean) or 1 (straight line)")
@@ -89,24 +90,24 @@ def band_pass(recording: Recording, low: float | None, high: float | None, *, or
     Parameters
     ----------
     recording
-        Without missing values.
+        Recording without missing values.
     low, high
-        Band edges [Hz], 0 < low < high < half the sampling rate. None leaves that side open.
+        Band edges [Hz], 0 < low < high < half the sampling rate; None leaves that side open.
     order
         Order of the Butterworth prototype, 1 to 12.
 
     Returns
     -------
     Recording
-        Filtered. Stretches not longer than one period of the lower edge (and than the filter's own padding)
-        are left out, which the history says.
+        Filtered recording. Stretches not longer than one period of the lower edge (and than the padding of the filter)
+        are left out, which the history states.
 
     Raises
     ------
     ParameterError
-        The edges or the order cannot be used.
+        If the edges or the order are out of range.
     DataError
-        A channel has missing values, or every stretch is too short.
+        If a channel has missing values, or every stretch is too short.
 
     Notes
     -----
@@ -138,7 +139,7 @@ def band_pass(recording: Recording, low: float | None, high: float | None, *, or
     step = f"zero-phase Butterworth {kind} of order {order}, {' to '.join(f'{edge:g}' for edge in edges)} Hz"
     if dropped:
         step += f"; {dropped} stretches of up to {padding} samples left out"
-    return _joined(recording, pieces, step=step, advice=f"stretches must exceed {padding} samples")
+    return _join_pieces(recording, pieces, step=step, advice=f"stretches must exceed {padding} samples")
 
 
 def decimate(recording: Recording, sampling_rate: float) -> Recording:
@@ -147,28 +148,33 @@ def decimate(recording: Recording, sampling_rate: float) -> Recording:
     Parameters
     ----------
     recording
-        Without missing values.
+        Recording without missing values.
     sampling_rate
-        New rate [Hz], not above the old one; any ratio.
+        New sampling rate [Hz], not above the old one; any ratio.
 
     Returns
     -------
     Recording
-        At the new rate (as close to it as a ratio of two whole numbers up to 10,000 comes). The first sample of
-        each stretch keeps its time; the part of a last new sample that a stretch does not fill goes to the gap.
+        Recording at the new rate (as close to it as a ratio of two integers up to 10,000 comes). The first sample of
+        each stretch keeps its time; an incomplete last sample of a stretch becomes part of the gap.
 
     Raises
     ------
     ParameterError
-        The new rate is above the old one, or not above 0.
+        If the new rate is above the old one, or not above 0.
     DataError
-        A channel has missing values, or every stretch is shorter than one new sample.
+        If a channel has missing values, or every stretch is shorter than one new sample.
 
     Notes
     -----
     Linear-phase FIR filters (Kaiser windows) with the delay compensated, in two stages for ratios of 4 and more.
-    The band 0 to 0.8 of the new Nyquist frequency passes with a ripple below 0.01 %; whatever would fold into
-    the new band is 90 dB down. Ends are extended by odd reflection.
+    The band 0 to 0.8 of the new Nyquist frequency passes with a ripple below 0.01 %; everything that would fold into
+    the new band is attenuated by 90 dB. Ends are extended by odd reflection.
+
+    References
+    ----------
+    J. F. Kaiser (1974), Nonrecursive digital filter design using the I0-sinh window function, Proceedings of the IEEE
+    International Symposium on Circuits and Systems, 20-23.
     """
     old_rate = recording.sampling_rate
     check_number("sampling_rate", sampling_rate, above=0, at_most=old_rate, advice="decimation only lowers it")
@@ -186,9 +192,9 @@ def decimate(recording: Recording, sampling_rate: float) -> Recording:
         n_new = int((stretch.stop - stretch.start) * ratio)
         samples = recording.samples[:, stretch]
         for stage_ratio, taps in stages:
-            samples = _resampled(samples, stage_ratio, taps)
+            samples = _resample(samples, stage_ratio, taps)
         pieces.append((onset, samples[:, :n_new]))
-    return _joined(
+    return _join_pieces(
         recording,
         [(onset, samples) for onset, samples in pieces if samples.shape[1]],
         step=f"decimated from {old_rate:g} to {new_rate:g} Hz",
@@ -208,12 +214,12 @@ def without_missing(recording: Recording) -> Recording:
     Returns
     -------
     Recording
-        Without missing values.
+        Recording without missing values.
 
     Raises
     ------
     DataError
-        No sample has all channels.
+        If no sample has a value in every channel.
     """
     is_complete = np.asarray(np.isfinite(recording.samples).all(axis=0))
     if is_complete.all():
@@ -224,13 +230,13 @@ def without_missing(recording: Recording) -> Recording:
         for part in _runs(is_complete[stretch])
     ]
     step = f"{np.count_nonzero(~is_complete)} samples with missing values made gaps"
-    return _joined(recording, pieces, step=step, advice="no sample has a value in every channel")
+    return _join_pieces(recording, pieces, step=step, advice="no sample has a value in every channel")
 
 
 def distance_travelled(recording: Recording, speed: str) -> Real:
     """Return the distance since the first sample at each sample [m], from the channel named `speed` [m/s].
 
-    The trapezoidal rule; across a gap the mean of the speeds on its two sides is taken to have held.
+    By the trapezoidal rule; during a gap, the speed is taken as the mean of those on its two sides.
     """
     v = recording.samples[recording.index(speed)]
     steps = np.full(recording.n_samples - 1, 1 / recording.sampling_rate)
@@ -260,7 +266,7 @@ def while_moving(recording: Recording, speed: str, *, minimum_speed: float = 3.0
     for part in moving_parts(recording, speed, minimum_speed=minimum_speed):
         first = max(start for start in onsets if start <= part.start)
         pieces.append((onsets[first] + (part.start - first) / rate, recording.samples[:, part]))
-    return _joined(
+    return _join_pieces(
         recording,
         pieces,
         step=f"parts below {minimum_speed:g} m/s left out",
@@ -274,31 +280,31 @@ def over_distance(recording: Recording, speed: str, *, interval: float, minimum_
     Parameters
     ----------
     recording
-        Without missing values.
+        Recording without missing values.
     speed
         Name of the channel with the speed [m/s].
     interval
         Distance between samples of the result [m].
     minimum_speed
-        Slower parts are left out [m/s].
+        Speed below which parts are left out [m/s].
 
     Returns
     -------
     Recording
-        Its `sampling_rate` counts samples per metre, so that everything that is in Hz or seconds elsewhere is in
-        cycles per metre or metres here, the gaps' durations included. It has no start time.
+        Recording whose `sampling_rate` is in samples per metre, so that everything that is in Hz or seconds elsewhere
+        is in cycles per metre or metres here, the durations of the gaps included. It has no start time.
 
     Raises
     ------
     ParameterError
-        There is no such channel, or `interval` or `minimum_speed` is not above 0.
+        If there is no such channel, or `interval` or `minimum_speed` is not above 0.
     DataError
-        A channel has missing values, or no part is fast enough.
+        If a channel has missing values, or no part is fast enough.
 
     Notes
     -----
-    Distance is the integral of speed (trapezoidal rule). A spline of degree 5 through the samples is read at
-    steps so fine that `minimum_speed` aliases nothing, and the result is then decimated to `interval`.
+    Distance is the integral of speed (trapezoidal rule). A spline of degree 5 through the samples is evaluated at steps
+    fine enough to avoid aliasing at `minimum_speed`, and the result is decimated to `interval`.
     """
     check_number("interval", interval, above=0)
     parts = moving_parts(recording, speed, minimum_speed=minimum_speed)
@@ -310,7 +316,7 @@ def over_distance(recording: Recording, speed: str, *, interval: float, minimum_
         grid = np.arange(metres[0], metres[-1], interval / max(1, oversampling))
         spline = interpolate.make_interp_spline(np.arange(metres.size), recording.samples[:, part], k=5, axis=1)
         pieces.append((float(metres[0]), spline(np.interp(grid, metres, np.arange(metres.size)))))
-    fine = _joined(
+    fine = _join_pieces(
         recording,
         pieces,
         step=f"resampled every {interval:g} m of distance; parts below {minimum_speed:g} m/s left out",
@@ -323,14 +329,14 @@ def over_distance(recording: Recording, speed: str, *, interval: float, minimum_
 
 def _stretches_with_onset(recording: Recording) -> list[tuple[float, slice]]:
     """Return each stretch with the time of its first sample after the recording's first [s]."""
-    waited = np.concatenate([[0.0], np.cumsum([gap.duration for gap in recording.gaps])])
+    lost = np.concatenate([[0.0], np.cumsum([gap.duration for gap in recording.gaps])])
     return [
-        (stretch.start / recording.sampling_rate + float(wait), stretch)
-        for stretch, wait in zip(recording.stretches(), waited, strict=True)
+        (stretch.start / recording.sampling_rate + float(time), stretch)
+        for stretch, time in zip(recording.stretches(), lost, strict=True)
     ]
 
 
-def _joined(
+def _join_pieces(
     recording: Recording, pieces: list[tuple[float, Real]], *, step: str, advice: str, **fields: Any
 ) -> Recording:
     """Return a recording of `pieces`, each with its onset after the old first sample, and gaps between them."""
@@ -340,11 +346,11 @@ def _joined(
     onsets = np.array([onset for onset, _ in pieces])
     lengths = np.array([samples.shape[1] for _, samples in pieces])
     waits = np.maximum(0.0, onsets[1:] - onsets[:-1] - lengths[:-1] / rate)
-    gaps = tuple(Gap(int(i), float(wait)) for i, wait in zip(np.cumsum(lengths), waits, strict=False))
+    parts = [replace(recording, samples=samples, sampling_rate=rate, gaps=()) for _, samples in pieces]
+    whole = join(parts, waits=waits.tolist())
     if recording.start is not None:
         fields.setdefault("start", recording.start + round(onsets[0] * 1e9))
-    samples = np.concatenate([samples for _, samples in pieces], axis=1)
-    return recording.changed(step, **{"samples": samples, "gaps": gaps, **fields})
+    return recording.changed(step, **{"samples": whole.samples, "gaps": whole.gaps, **fields})
 
 
 def _runs(is_wanted: Booleans) -> list[slice]:
@@ -354,7 +360,7 @@ def _runs(is_wanted: Booleans) -> list[slice]:
 
 
 def _stages(ratio: Fraction) -> list[tuple[Fraction, Real]]:
-    """Split a resampling ratio into stages, each with its filter: a coarse one first where it saves work."""
+    """Return the stages of a resampling ratio with their filters: a coarse one first where it saves work."""
     if ratio == 1:
         return []
     whole = int(1 / ratio) // 2
@@ -362,7 +368,7 @@ def _stages(ratio: Fraction) -> list[tuple[Fraction, Real]]:
         return [(ratio, _low_pass(PASS_BAND * ratio / 2, ratio / 2, ratio))]
     coarse = Fraction(1, whole)
     rest = ratio / coarse
-    # The coarse stage may fold into the new band's outside, which the fine stage removes.
+    # The coarse stage may fold into what lies outside the new band, which the fine stage removes.
     return [
         (coarse, _low_pass(PASS_BAND * ratio / 2, coarse - ratio / 2, coarse)),
         (rest, _low_pass(PASS_BAND * rest / 2, rest / 2, rest)),
@@ -378,7 +384,7 @@ def _low_pass(pass_edge: Fraction, stop_edge: Fraction, ratio: Fraction) -> Real
     return taps * ratio.numerator
 
 
-def _resampled(samples: Real, ratio: Fraction, taps: Real) -> Real:
+def _resample(samples: Real, ratio: Fraction, taps: Real) -> Real:
     """Filter and resample one stretch, so that the first new sample is at the first old one."""
     up, down = ratio.numerator, ratio.denominator
     half = taps.size // 2

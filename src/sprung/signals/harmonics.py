@@ -1,4 +1,4 @@
-"""Finding harmonics: lines too narrow and too regular to be modes, at constant frequency or proportional to speed."""
+"""Search for harmonics: lines too narrow and too regular for modes, of constant frequency or proportional to speed."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,46 +14,46 @@ from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 from sprung.signals.conditioning import moving_parts, over_distance, while_moving
-from sprung.signals.narrow_lines import Line, largest_family, merged, multiples, narrow_lines, octaves
+from sprung.signals.narrow_lines import Line, largest_family, merge_peaks, multiples, narrow_lines, octaves
 
-#: Least distance of consecutive segments in time constants of the least damped mode (their powers are independent
-#: then, but for a few per cent).
+#: Smallest distance of consecutive segments in time constants of the least damped mode: their powers are then
+#: independent to within a few per cent.
 INDEPENDENCE = 0.75
 #: Longest segment for lines of constant frequency [s].
 LONGEST_SEGMENT = 256.0
-#: Cycles of a speed-proportional line in a segment: a resolution of 1 to 0.5 % (speed is not known better).
+#: Cycles of a speed-proportional line in a segment: a resolution of 1 to 0.5 %, the accuracy of the speed.
 CYCLES = 150.0
-#: How far a speed-proportional line is from a constant multiple of the measured speed.
+#: Relative deviation of a speed-proportional line from a constant multiple of the measured speed.
 SLIP = 0.004
-#: Least height of a multiple of a speed-proportional line [dB].
+#: Smallest height of a multiple of a speed-proportional line [dB].
 FAINTEST_MULTIPLE = 4.0
-#: Least spread of speed (middle half over median) that tells a line proportional to it from a constant one.
+#: Smallest spread of speed (middle half over median) that separates lines proportional to it from constant ones.
 LEAST_SPREAD = 0.03
-#: A pole with a larger damping ratio is a mode's, whatever lies beside it.
+#: Largest damping ratio of the pole of a line; poles with more belong to modes, whatever line is near.
 MOST_DAMPED_LINE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Harmonic:
-    """A line that is no mode.
+    """Line of the excitation, which is not a mode.
 
     Parameters
     ----------
     frequency
-        In Hz, or for a line proportional to speed in cycles per metre.
+        Frequency [Hz], or spatial frequency [cycles/m] of a line proportional to speed.
     kind
         "constant" or "speed".
     band
-        Lowest and highest frequency at which it sits [Hz]: within its resolution; over 5 to 95 % of the speeds.
+        Lowest and highest frequency of the line [Hz]: within its resolution, and over 5 to 95 % of the speeds.
     resolution
         Width within which `frequency` is known, in its unit.
     prominence
-        Height over its neighbourhood in the channel where it is most prominent [dB].
+        Height over the neighbourhood in the channel where the line is most prominent [dB].
     channels
-        Names of the channels that show it.
+        Names of the channels that show the line.
     fundamental, order
-        The line is the multiple `order` of `fundamental` (in the unit of `frequency`); None and 1 for a line by
-        itself.
+        Fundamental (in the unit of `frequency`) and order of the multiple that the line is; None and 1 for a single
+        line.
     """
 
     frequency: float
@@ -67,7 +67,7 @@ class Harmonic:
 
 
 def harmonic_from_dict(document: Mapping[str, Any]) -> Harmonic:
-    """Return the line of plain values, as `dataclasses.asdict` gives them and JSON or CBOR keeps them."""
+    """Return the line from plain values, as `dataclasses.asdict` gives them and JSON or CBOR stores them."""
     return Harmonic(**{**document, "band": tuple(document["band"]), "channels": tuple(document["channels"])})
 
 
@@ -80,22 +80,22 @@ def find_harmonics(
     least_damping: float = 0.005,
     minimum_speed: float = 3.0,
 ) -> tuple[Harmonic, ...]:
-    """Find lines that are too narrow and too regular to be modes.
+    """Find lines that are too narrow and too regular for modes.
 
     Parameters
     ----------
     recording
-        Without missing values; channels of quantity "speed" are not searched.
+        Recording without missing values; channels of quantity "speed" are not searched.
     speed
-        Name of the channel with the speed [m/s]: also look for lines proportional to it.
+        Name of the channel with the speed [m/s], for lines proportional to it; None: only lines of constant frequency.
     prominence
-        Least height over the higher of both neighbourhoods [dB].
+        Smallest height over the higher of the two neighbourhoods [dB], above 0.
     false_alarm_rate
-        Probability of calling anything a harmonic in a recording of random vibration.
+        Probability of calling anything a harmonic in a recording of random vibration, above 0 and at most 0.5.
     least_damping
-        Smallest damping ratio a mode may have.
+        Smallest damping ratio of a mode, above 0 and at most 1.
     minimum_speed
-        Slower parts say nothing about lines proportional to speed [m/s].
+        Speed below which parts are not searched for lines proportional to speed [m/s], above 0.
 
     Returns
     -------
@@ -105,31 +105,35 @@ def find_harmonics(
     Raises
     ------
     DataError
-        A channel has missing values, or there is no channel to search.
+        If a channel has missing values, or there is no channel to search.
     ParameterError
-        An option cannot be used.
+        If an option is out of range, or there is no speed channel of that name.
 
     Notes
     -----
     *Constant frequency.* Averaged periodograms with segments of 2/7 of the recording (at most 256 s) and shorter
-    ones in octaves. A line must (a) stand out of the bins 3 to 12 on each side of it at the segments' own resolution,
+    ones in octaves. A line must (a) exceed the bins 3 to 12 on each side of it at the resolution of the segments,
     and (b) be regular: its power hardly differs between consecutive segments
     (`sprung.signals.narrow_lines.chance_of_regularity`; the false discovery rate of all peaks together is
     `false_alarm_rate`).
     Segments of a narrow mode are independent only if they lie about a time constant 1 / (xi omega) of the mode
-    apart: so `least_damping` sets the lowest frequency at which a recording of T seconds can tell a tone from a
-    mode, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %. Narrow peaks that are not regular count where so many of them lie
-    at multiples of a regular one that this is no coincidence.
+    apart: so `least_damping` sets the lowest frequency at which a recording of T seconds separates a tone from a
+    mode, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %. Narrow peaks that are not regular count where more of them lie
+    at multiples of a regular one than chance explains.
 
     *Proportional to speed.* The same search over distance with segments of 150 to 300 cycles, by the geometric mean
     of the segments. Such lines change level with speed, so (b) is replaced: in no channel that shows it may a line
     over time, at the frequencies of the middle half of the speeds, be more prominent. Where that half spreads over
-    less than 3 % of the median speed the two cannot be told apart, and no line is called proportional to speed.
-    Multiples of such a line need 4 dB only.
+    less than 3 % of the median speed the two cannot be separated, and no line is called proportional to speed.
+    Multiples of such a line need only 4 dB.
 
     References
     ----------
-    Antoni (2006), Mechanical Systems and Signal Processing 20, 282-307 (spectral kurtosis).
+    J. Antoni (2006), The spectral kurtosis: a useful tool for characterising non-stationary signals, Mechanical Systems
+    and Signal Processing 20, 282-307.
+
+    Y. Benjamini and Y. Hochberg (1995), Controlling the false discovery rate: a practical and powerful approach to
+    multiple testing, Journal of the Royal Statistical Society B 57, 289-300.
 
     Examples
     --------
@@ -148,17 +152,17 @@ def find_harmonics(
     if not names:
         raise DataError("the recording has no channel besides the speed: there is nothing to search")
     lines = _constant_lines(recording.select(names), prominence, false_alarm_rate, least_damping)
-    found = _as_harmonics(lines, names, "constant", (1.0, 1.0))
+    constant = _as_harmonics(lines, names, "constant", (1.0, 1.0))
     if speed is None or not moving_parts(recording, speed, minimum_speed=minimum_speed):
-        return found
+        return constant
     moving = while_moving(recording, speed, minimum_speed=minimum_speed)
     v = moving.samples[moving.index(speed)]
     slow, low, middle, high, fast = (float(q) for q in np.quantile(v, (0.05, 0.25, 0.5, 0.75, 0.95)))
     if high - low < LEAST_SPREAD * middle:
-        return found
+        return constant
     along = over_distance(moving, speed, interval=middle / recording.sampling_rate, minimum_speed=minimum_speed)
     lines = _speed_lines(along.select(names), moving.select(names), (low, middle, high), prominence, false_alarm_rate)
-    return found + _as_harmonics(lines, names, "speed", (slow, fast))
+    return constant + _as_harmonics(lines, names, "speed", (slow, fast))
 
 
 def near_harmonic(
@@ -168,29 +172,29 @@ def near_harmonic(
     *,
     resolution: float,
 ) -> Booleans:
-    """Tell which poles are harmonics rather than modes.
+    """Return which poles are harmonics rather than modes.
 
     Parameters
     ----------
     natural_frequency, damping_ratio
-        Of the poles, any shape [Hz, -].
+        Natural frequencies [Hz] and damping ratios of the poles, any shape.
     harmonics
-        As `find_harmonics` gives them.
+        Harmonics from `find_harmonics`.
     resolution
-        Frequency resolution of the identification [Hz], half the reciprocal of its longest correlation lag say: a
-        pole of a line may be off by as much, and have as much half-power bandwidth.
+        Frequency resolution of the identification [Hz], above 0, such as half the reciprocal of its longest lag: the
+        largest deviation and the largest half-power bandwidth of the pole of a line.
 
     Returns
     -------
     ndarray of bool
         True for a pole within `resolution` of a line's band whose damping ratio is at most 5 % and, for a line of
         constant frequency, whose half-power bandwidth 2 xi f is at most `resolution`. The pole of a heavily damped
-        mode beside a line, or in the band that one proportional to speed sweeps, is wider, and False.
+        mode near a line, or in the band swept by a line proportional to speed, is wider, and False.
 
     Raises
     ------
     ParameterError
-        Frequencies and damping ratios differ in shape, or `resolution` is not above 0.
+        If frequencies and damping ratios differ in shape, or `resolution` is not above 0.
     """
     check_number("resolution", resolution, above=0)
     f, xi = np.asarray(natural_frequency, dtype=np.float64), np.asarray(damping_ratio, dtype=np.float64)
@@ -207,29 +211,29 @@ def near_harmonic(
 def _constant_lines(
     recording: Recording, prominence: float, false_alarm_rate: float, least_damping: float
 ) -> list[Line]:
-    """Return regular lines, and narrow ones at their multiples."""
+    """Return regular lines, and narrow lines at their multiples."""
     longest = max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate
     peaks: list[Line] = []
     for segment_length in octaves(min(recording.duration / 3.5, longest, LONGEST_SEGMENT), recording):
         lowest = INDEPENDENCE / (math.pi * least_damping * segment_length)
-        found = narrow_lines(
+        narrow = narrow_lines(
             recording,
             segment_length=segment_length,
             prominence=prominence,
             false_alarm_rate=false_alarm_rate,
         )
-        peaks += [peak for peak in found if peak.frequency >= lowest]
+        peaks += [peak for peak in narrow if peak.frequency >= lowest]
     if not peaks:
         return []
     is_regular = stats.false_discovery_control([peak.chance for peak in peaks]) <= false_alarm_rate
-    regular = merged(peak for peak, holds in zip(peaks, is_regular, strict=True) if holds)
-    doubtful = merged((peak for peak, holds in zip(peaks, is_regular, strict=True) if not holds), known=regular)
+    regular = merge_peaks(peak for peak, holds in zip(peaks, is_regular, strict=True) if holds)
+    doubtful = merge_peaks((peak for peak, holds in zip(peaks, is_regular, strict=True) if not holds), known=regular)
     return _with_multiples(regular, doubtful, false_alarm_rate)
 
 
 def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate: float) -> list[Line]:
-    """Add doubtful lines at multiples of regular ones where so many are not there by chance."""
-    found, left = list(regular), list(doubtful)
+    """Add doubtful lines at multiples of regular ones where there are more than chance explains."""
+    lines, left = list(regular), list(doubtful)
     for base in regular:
         family = multiples(base.frequency, base.tolerance, left)
         if family.members:
@@ -237,9 +241,9 @@ def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate:
             coincidence = stats.binom.sf(len(family.members) - 1, len(left), min(1.0, width / base.frequency))
             if coincidence < false_alarm_rate:
                 taken = {i for i, _ in family.members}
-                found += [left[i] for i in taken]
+                lines += [left[i] for i in taken]
                 left = [line for i, line in enumerate(left) if i not in taken]
-    return sorted(found, key=lambda line: line.frequency)
+    return sorted(lines, key=lambda line: line.frequency)
 
 
 def _speed_lines(
@@ -249,30 +253,30 @@ def _speed_lines(
     prominence: float,
     false_alarm_rate: float,
 ) -> list[Line]:
-    """Return lines over distance that no line over time, at the frequencies of these quartiles of speed, exceeds."""
+    """Return lines over distance that exceed every line over time at the frequencies of these quartiles of speed."""
     peaks: list[Line] = []
     longest = max(stretch.stop - stretch.start for stretch in along.stretches()) / along.sampling_rate
     for metres in octaves(min(along.duration / 3.5, longest), along):
-        found = narrow_lines(
+        narrow = narrow_lines(
             along,
             segment_length=metres,
             prominence=min(prominence, FAINTEST_MULTIPLE),
             false_alarm_rate=false_alarm_rate,
             is_geometric=True,
         )
-        found = [peak for peak in found if CYCLES <= peak.frequency * metres < 2 * CYCLES]
-        peaks += _not_explained(found, moving, metres / speeds[1], speeds) if found else []
-    lines = merged(peak for peak in peaks if peak.prominence >= prominence)
-    faint = merged((peak for peak in peaks if peak.prominence < prominence), known=lines)
+        in_range = [peak for peak in narrow if CYCLES <= peak.frequency * metres < 2 * CYCLES]
+        peaks += _unexplained(in_range, moving, metres / speeds[1], speeds) if in_range else []
+    lines = merge_peaks(peak for peak in peaks if peak.prominence >= prominence)
+    faint = merge_peaks((peak for peak in peaks if peak.prominence < prominence), known=lines)
     families = [multiples(line.frequency, line.tolerance, faint) for line in lines]
     added = {i for family in families for i, order in family.members if order > 1}
     return sorted([*lines, *(faint[i] for i in added)], key=lambda line: line.frequency)
 
 
-def _not_explained(
+def _unexplained(
     peaks: list[Line], moving: Recording, segment_length: float, speeds: tuple[float, float, float]
 ) -> list[Line]:
-    """Return the peaks over distance that no line over time in the same channel explains."""
+    """Return the peaks over distance that no line over time in the same channels explains."""
     longest = max(stretch.stop - stretch.start for stretch in moving.stretches()) / moving.sampling_rate
     rivals = narrow_lines(
         moving,
@@ -289,7 +293,7 @@ def _not_explained(
 
 
 def _explains(rival: Line, peak: Line, speeds: tuple[float, float, float]) -> bool:
-    """Tell whether a line over time is as prominent as a peak over distance, at a frequency that this can have."""
+    """Return whether a line over time is as prominent as a peak over distance, at a frequency that the peak takes."""
     low, high = peak.frequency * speeds[0] - rival.resolution, peak.frequency * speeds[2] + rival.resolution
     return peak.rows == rival.rows and rival.prominence >= peak.prominence and low <= rival.frequency <= high
 
@@ -297,7 +301,7 @@ def _explains(rival: Line, peak: Line, speeds: tuple[float, float, float]) -> bo
 def _as_harmonics(
     lines: list[Line], names: Sequence[str], kind: Literal["constant", "speed"], speeds: tuple[float, float]
 ) -> tuple[Harmonic, ...]:
-    """Describe lines, in their families."""
+    """Return lines as harmonics, in their families."""
     families: dict[int, tuple[float, int]] = {}
     left = list(range(len(lines)))
     while family := largest_family([lines[i] for i in left]):

@@ -1,4 +1,4 @@
-"""Narrow lines in averaged periodograms: their heights, how regular they are, and their multiples."""
+"""Narrow lines in averaged periodograms: their height, their regularity and their multiples."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -11,19 +11,19 @@ from sprung._arrays import Indices, Real
 from sprung.recording import Recording
 from sprung.signals.spectrum import short_time_spectra
 
-#: Bins of the Hann window's main lobe on each side, and of the neighbourhood beyond it that a line must exceed.
+#: Bins of the Hann window's main lobe on each side, and last bin of the neighbourhood that a line must exceed.
 MAIN_LOBE, NEIGHBOURHOOD = 2, 12
 #: Resolution of a Hann window (its noise bandwidth) in bins.
 NOISE_BANDWIDTH = 1.5
-#: Segments whose powers are compared at a time, and the fewest that say anything.
+#: Number of segments whose powers are compared at a time, and smallest number for any conclusion.
 BLOCK, FEWEST_SEGMENTS = 6, 5
-#: Fewest samples of a segment, and how many lengths are tried.
+#: Fewest samples of a segment, and number of segment lengths.
 SHORTEST_SEGMENT, N_OCTAVES = 64, 8
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A peak no wider than its window.
+    """Peak no wider than the window.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ class Line:
     prominence
         Height over the higher neighbourhood [dB].
     rows
-        Rows of the channels that show it.
+        Rows of the channels that show the line.
     chance
-        Probability that the powers of random vibration are as regular, see `chance_of_regularity`.
+        Probability that the powers of random vibration are as regular (see `chance_of_regularity`).
     """
 
     frequency: float
@@ -73,21 +73,21 @@ def narrow_lines(
     Parameters
     ----------
     recording
-        Without missing values.
+        Recording without missing values.
     segment_length
         Length of the averaged segments [s].
     prominence
-        Least height over the median of bins 3 to 12 on either side [dB].
+        Smallest height over the median of bins 3 to 12 on either side [dB].
     false_alarm_rate
-        Probability of any peak in noise with a smooth spectrum, which raises the least height where few segments
-        are averaged.
+        Probability of any peak in noise with a smooth spectrum, which raises the smallest height where few segments are
+        averaged.
     is_geometric
-        Average the logarithms of the powers, so that no single segment makes a line.
+        Whether the logarithms of the powers are averaged, so that no single segment makes a line.
 
     Returns
     -------
     list of Line
-        One for each channel and peak.
+        Lines of each channel; a line in several channels occurs in each.
     """
     spectra = short_time_spectra(recording, segment_length=segment_length)
     powers = np.concatenate([np.abs(block) ** 2 for block in spectra], axis=1)
@@ -114,12 +114,12 @@ def chance_of_regularity(powers: Real) -> float:
     Parameters
     ----------
     powers
-        Shape (segments,): squared amplitudes in one bin, of consecutive segments.
+        Squared amplitudes of consecutive segments in one bin, shape (segments,).
 
     Returns
     -------
     float
-        An upper bound; 1 for fewer than 5 segments.
+        Upper bound of the probability; 1 for fewer than 5 segments.
 
     Notes
     -----
@@ -129,9 +129,14 @@ def chance_of_regularity(powers: Real) -> float:
     the probability V(m - 1) ((k - 1) / m)^((m - 1)/2) (m - 1)! / sqrt(m) with V(n) the volume of the unit ball in n
     dimensions: exact up to k = 1 + 1/(m - 1), an upper bound beyond.
 
-    Blocks of 6 segments (or a few more) are judged one by one because lines come and go: the smallest probability
+    Blocks of 6 segments (or a few more) are judged separately because lines come and go: the smallest probability
     that any number of blocks are as regular as these, times the number of blocks (Berk and Jones' statistic with
     Bonferroni's bound).
+
+    References
+    ----------
+    R. H. Berk and D. H. Jones (1979), Goodness-of-fit test statistics that dominate the Kolmogorov statistics,
+    Zeitschrift für Wahrscheinlichkeitstheorie und verwandte Gebiete 47, 47-59.
 
     Examples
     --------
@@ -152,8 +157,8 @@ def chance_of_regularity(powers: Real) -> float:
     return float(min(1.0, n_blocks * np.min(stats.binom.sf(np.arange(n_blocks), n_blocks, chances))))
 
 
-def merged(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Line]:
-    """Join the peaks of all channels and resolutions that are one line, the finest first; leave `known` ones out."""
+def merge_peaks(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Line]:
+    """Merge peaks of all channels and resolutions that are one line, the finest first; omit those of `known` lines."""
     lines: list[Line] = []
     for peak in sorted(peaks, key=lambda peak: (peak.resolution, peak.chance, -peak.prominence)):
         if any(_is_same(peak, line) for line in known):
@@ -173,15 +178,15 @@ def multiples(fundamental: float, tolerance: float, lines: Sequence[Line]) -> Fa
     Parameters
     ----------
     fundamental, tolerance
-        The frequency, and its uncertainty. Multiples make it more precise on the way up; the search ends where an
-        order is no longer certain (an eighth of the fundamental).
+        Frequency and its uncertainty. Each multiple refines it for the next; the search ends where an order is no
+        longer certain (an eighth of the fundamental).
     lines
-        By rising frequency.
+        Lines by rising frequency.
 
     Returns
     -------
     Family
-        Its fundamental is the median of the members' frequency / order.
+        Family whose fundamental is the median of the members' frequency / order.
     """
     followed = fundamental
     members: list[tuple[int, int]] = []
@@ -199,7 +204,7 @@ def multiples(fundamental: float, tolerance: float, lines: Sequence[Line]) -> Fa
 
 
 def largest_family(lines: Sequence[Line]) -> Family | None:
-    """Return the largest family: multiples of a line, or of its half or third if most of those are there."""
+    """Return the largest family: multiples of a line, or of its half or third if most of those exist."""
     best: Family | None = None
     for most, line, divisor in _most_multiples(lines):
         if best is not None and most <= len(best.members):
@@ -213,7 +218,7 @@ def largest_family(lines: Sequence[Line]) -> Family | None:
 
 
 def _most_multiples(lines: Sequence[Line]) -> list[tuple[int, Line, int]]:
-    """Return, for each line and divisor, how many multiples there can be at most; the most promising first."""
+    """Return the largest possible number of multiples for each line and divisor, largest first."""
     frequencies = np.array([line.frequency for line in lines])
     tolerances = np.array([line.tolerance for line in lines])
     bounds = []
@@ -235,7 +240,7 @@ def _random_height(n_segments: int, rate: float, is_geometric: bool) -> float:
 
 
 def _geometric_mean(powers: Real) -> Real:
-    """Average the logarithms over the segments."""
+    """Return the geometric mean over the segments."""
     return np.exp(np.mean(np.log(np.maximum(powers, np.finfo(np.float64).tiny)), axis=1))
 
 
@@ -262,6 +267,6 @@ def _offset(three: Real) -> float:
 
 
 def _is_same(first: Line, second: Line) -> bool:
-    """Tell whether two peaks lie within a main lobe."""
+    """Return whether two peaks lie within a main lobe."""
     lobe = MAIN_LOBE / NOISE_BANDWIDTH * max(first.resolution, second.resolution)
     return abs(first.frequency - second.frequency) <= lobe

@@ -11,7 +11,7 @@ from sprung._checks import check_complete, check_number, freeze
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 
-#: Samples of windowed segments held at a time, which bounds the memory.
+#: Number of samples of windowed segments held at a time, which bounds the memory.
 BLOCK_SIZE = 2**20
 
 
@@ -22,16 +22,21 @@ class SpectralMatrix:
     Parameters
     ----------
     frequencies
-        Shape (frequencies,) [Hz], from 0 to half the sampling rate.
+        Frequencies from 0 to half the sampling rate [Hz], shape (frequencies,).
     matrix
-        Shape (channels, channels, frequencies): entry [p, q] is the average of X_p conj(X_q), in squared units per
-        Hz. Hermitian and positive semidefinite at each frequency.
+        Averages of X_p conj(X_q) in entries [p, q], in squared units per Hz, shape (channels, channels, frequencies);
+        Hermitian and positive semidefinite at each frequency.
     names
-        Channel names.
+        Names of the channels.
     segment_length
         Length of the averaged segments [s].
     n_segments
-        How many were averaged.
+        Number of segments averaged, at least 1.
+
+    Raises
+    ------
+    ParameterError
+        If the shapes or the number of segments are inconsistent.
     """
 
     frequencies: Real
@@ -71,23 +76,23 @@ def spectral_matrix(recording: Recording, *, segment_length: float, overlap: flo
     Parameters
     ----------
     recording
-        Without missing values.
+        Recording without missing values.
     segment_length
         Length of a segment [s]; the resolution is 1.5 / segment_length [Hz].
     overlap
-        Part of a segment that the next one repeats, 0 to 0.95.
+        Share of a segment that the next one repeats, 0 to 0.95.
 
     Returns
     -------
     SpectralMatrix
-        Of all channels. No segment spans a gap; `+` averages over recordings.
+        Spectral matrix of all channels. No segment spans a gap; `+` averages over recordings.
 
     Raises
     ------
     DataError
-        A channel has missing values, or no stretch is as long as a segment.
+        If a channel has missing values, or no stretch is as long as a segment.
     ParameterError
-        `segment_length` or `overlap` cannot be used.
+        If `segment_length` or `overlap` is out of range.
 
     Notes
     -----
@@ -96,7 +101,8 @@ def spectral_matrix(recording: Recording, *, segment_length: float, overlap: flo
 
     References
     ----------
-    Welch (1967), IEEE Transactions on Audio and Electroacoustics 15, 70-73.
+    P. D. Welch (1967), The use of fast Fourier transform for the estimation of power spectra, IEEE Transactions on
+    Audio and Electroacoustics 15, 70-73.
 
     Examples
     --------
@@ -133,7 +139,7 @@ def short_time_spectra(recording: Recording, *, segment_length: float, overlap: 
     Yields
     ------
     ndarray
-        Shape (channels, segments, frequencies). The mean of its squared magnitude is the power spectral density.
+        Spectra, shape (channels, segments, frequencies); their mean squared magnitude is the power spectral density.
 
     Raises
     ------
@@ -167,13 +173,13 @@ def singular_values(spectra: SpectralMatrix) -> Real:
     Parameters
     ----------
     spectra
-        Of any channels.
+        Spectral matrix.
 
     Returns
     -------
     ndarray
-        Shape (channels, frequencies), largest first: the number that stand out at a frequency is the number of modes
-        (or other independent sources) there.
+        Singular values, largest first, shape (channels, frequencies). The number of prominent ones at a frequency is
+        the number of modes (or other independent sources) there.
 
     Notes
     -----
@@ -184,7 +190,7 @@ def singular_values(spectra: SpectralMatrix) -> Real:
 
 
 def _n_per_segment(recording: Recording, segment_length: float) -> int:
-    """Return the samples of a segment, where the recording has a stretch of that length."""
+    """Return the number of samples of a segment, if the recording has a stretch of that length."""
     check_number("segment_length", segment_length, above=0)
     n_per_segment = round(segment_length * recording.sampling_rate)
     if n_per_segment < 4:

@@ -1,4 +1,4 @@
-"""What a vehicle file says: body, axles, sensors, with the checks of every field."""
+"""Contents of a vehicle file: body, axles, sensors, with the checks of every field."""
 
 import math
 from types import MappingProxyType
@@ -20,14 +20,15 @@ Vector = Annotated[tuple[Length, Length, Length], Field(strict=False)]
 
 #: Coordinates of the body; sway and yaw only where lateral stiffness is given.
 BODY_MOTIONS = ("bounce", "pitch", "roll", "sway", "yaw")
-#: Radius of gyration over the farthest axle or wheel that is plausible, and distance of a sensor over the wheelbase.
+#: Plausible radii of gyration over the distance of the farthest axle or wheel, and largest plausible distance of a
+#: sensor over the wheelbase.
 _GYRATION, _FARTHEST_SENSOR = (0.05, 4.0), 5.0
 #: Plausible natural frequency of the body on its springs alone [Hz].
 _BOUNCE = (0.05, 500.0)
 
 
 def corner_names(n_axles: int) -> tuple[str, ...]:
-    """Return the corners from front to rear, left before right.
+    """Return the names of the corners from front to rear, left before right.
 
     Examples
     --------
@@ -40,28 +41,28 @@ def corner_names(n_axles: int) -> tuple[str, ...]:
 
 
 class _Section(BaseModel):
-    """A table of a vehicle file: typed strictly, closed to unknown keys, unchangeable."""
+    """Table of a vehicle file: strictly typed, without unknown keys, immutable."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, populate_by_name=True)
 
 
 class Sensor(_Section):
-    """One channel of the recordings: what it measures, where, along which axis and in which unit.
+    """Sensor of one channel of the recordings: quantity, unit, place and axis.
 
     Parameters
     ----------
     channel
         Name of the channel in the recordings.
     quantity
-        A key of `sprung.recording.QUANTITIES`.
+        Key of `sprung.recording.QUANTITIES`.
     unit
-        A unit of that quantity; raw value times `scale` is in this unit.
+        Unit of that quantity; raw value times `scale` is in this unit.
     position
-        x forward, y left, z up from the body's centre of gravity [m].
+        Position x forward, y left, z up from the body's centre of gravity [m].
     direction
         Measured axis, or axis of rotation, of length 1.
     scale
-        Multiplies the raw values.
+        Factor of the raw values, not 0.
     on
         Part that carries the sensor: "body", or a coordinate such as "wheel_front_left" or "mass_1".
     """
@@ -108,7 +109,7 @@ class Sensor(_Section):
 
 
 class Description(_Section):
-    """What all vehicle files have: schema, name, sensors and the name of the speed channel."""
+    """Fields of all vehicle files: schema, name, sensors and the name of the speed channel."""
 
     schema_name: Literal["sprung.vehicle/1"] = Field(alias="schema", default="sprung.vehicle/1")
     name: Name
@@ -122,7 +123,7 @@ class Description(_Section):
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """What can carry a sensor: the body, and every coordinate that is no motion of the body."""
+        """Parts that can carry a sensor: the body, and every coordinate that is not a motion of the body."""
         others = tuple(name for name in self.coordinates if name not in BODY_MOTIONS and not name.endswith("_roll"))
         return others if "bounce" not in self.coordinates else ("body", *others)
 
@@ -140,16 +141,16 @@ class Description(_Section):
 
 
 class Body(_Section):
-    """The sprung body; its inertias are about its centre of gravity and leave mounted masses out.
+    """Sprung body; its inertias are about its centre of gravity, without mounted masses.
 
     Parameters
     ----------
     mass
-        In kg; 1 where left out, so that every mass, stiffness and damping of the file is per kilogram of body.
+        Mass [kg]; default: 1, so that every mass, stiffness and damping of the file is per kilogram of body.
     pitch_inertia, roll_inertia
-        In kg m^2; where left out, estimated from mass, wheelbase and track width.
+        Moments of inertia [kg m^2]; default: estimates from mass, wheelbase and track width.
     yaw_inertia
-        In kg m^2, used with lateral stiffness only; where left out, that of pitch.
+        Moment of inertia [kg m^2], used only with lateral stiffness; default: that of pitch.
     """
 
     mass: Positive = 1.0
@@ -159,7 +160,7 @@ class Body(_Section):
 
 
 class Axle(_Section):
-    """Two wheels and their suspension; every value but x is per wheel.
+    """Two wheels and their suspension; all values but x are per wheel.
 
     Parameters
     ----------
@@ -168,26 +169,26 @@ class Axle(_Section):
     half_track
         Distance of the suspension from the middle [m].
     unsprung_mass
-        In kg; where left out, one ninth of the body's mass is shared by all wheels. With a wheelset what is fixed to
-        it at the suspension, such as an axle box; where left out, nothing.
+        Unsprung mass of a wheel [kg]; default: all wheels share one ninth of the mass of the body. With a wheelset:
+        mass fixed to it at the suspension, such as an axle box; default: none.
     wheelset_mass, wheelset_roll_inertia
-        Of a rigid wheelset in the place of two wheels [kg, kg m^2]; both or none.
+        Mass [kg] and roll inertia [kg m^2] of a rigid wheelset that replaces the two wheels; both or neither.
     spring_stiffness, damping
-        In N/m and N s/m.
+        Stiffness of the spring [N/m] and damping of the damper [N s/m].
     tyre_stiffness
-        Of the tyre or the wheel-rail contact [N/m]; left out, the suspension stands on the ground without wheels.
+        Stiffness of the tyre or the wheel-rail contact [N/m]; default: no wheels, the suspension stands on the ground.
     anti_roll_stiffness
         Force per difference between the deflections of the two springs [N/m].
     damper_bushing_stiffness
-        Of the rubber in series with the damper [N/m]; left out, the damper is fixed rigidly.
+        Stiffness of the bushing in series with the damper [N/m]; default: the damper is attached rigidly.
     contact_half_track
-        Distance of tyre or rail contact from the middle [m], of a wheelset only; left out, that of the suspension.
+        Distance of the tyre or rail contact of a wheelset from the middle [m]; default: that of the suspension.
     longitudinal_stiffness, lateral_stiffness, lateral_damping
-        Of the suspension in the plane [N/m, N s/m]; lateral stiffness adds sway and yaw to the body's motions. Wheels
-        do not move in the plane.
+        Horizontal stiffness [N/m] and damping [N s/m] of the suspension; lateral stiffness adds sway and yaw to the
+        motions of the body. Wheels do not move horizontally.
     height
-        Of the suspension in the plane above the body's centre of gravity [m], usually negative: it couples pitch with
-        longitudinal and roll with lateral stiffness.
+        Height of the horizontal suspension above the body's centre of gravity [m], usually negative: it couples pitch
+        with longitudinal and roll with lateral stiffness.
     """
 
     x: Length
@@ -224,16 +225,16 @@ class Axle(_Section):
 
 
 class MountedMass(_Section):
-    """A mass on mounts on the body (engine, tank, cab), moving vertically; not counted in the body's mass.
+    """Mass on mounts on the body (engine, tank, cab) that moves vertically; not part of the mass of the body.
 
     Parameters
     ----------
     mass
-        In kg.
+        Mass [kg].
     x, y
-        Ahead and to the left of the body's centre of gravity [m].
+        Position ahead and to the left of the body's centre of gravity [m].
     frequency, damping_ratio
-        On its mounts with the body held [Hz, -].
+        Natural frequency [Hz] and damping ratio on the mounts with the body fixed.
     """
 
     mass: Positive
@@ -244,7 +245,7 @@ class MountedMass(_Section):
 
 
 class Vehicle(Description):
-    """A body on two or more axles, from front to rear."""
+    """Body on two or more axles, from front to rear."""
 
     kind: Literal["road", "rail", "rig"]
     body: Body = Body()
@@ -253,7 +254,7 @@ class Vehicle(Description):
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Motions of the body, the wheels or wheelsets that stand on tyres or rails, the mounted masses."""
+        """Names of the motions of the body, of the wheels or wheelsets, and of the mounted masses."""
         corners = corner_names(len(self.axle))
         wheels: list[str] = []
         for axle, left, right in zip(self.axle, corners[::2], corners[1::2], strict=True):
@@ -280,7 +281,7 @@ class Vehicle(Description):
         return self
 
     def _check_plausible(self) -> None:
-        """Refuse what no vehicle can be; the usual reason is a wrong unit."""
+        """Raise if values are implausible for any vehicle; the usual reason is a wrong unit."""
         if len({axle.lateral_stiffness is None for axle in self.axle}) > 1:
             raise ValueError("lateral_stiffness is given for some axles only: give it for all, or for none")
         reach = max(abs(axle.x) for axle in self.axle), max(axle.half_track for axle in self.axle)
@@ -309,7 +310,7 @@ class Vehicle(Description):
 
     @staticmethod
     def _check_layout(sensor: Sensor) -> None:
-        """Refuse a motion sensor on the body without the place and axis that its rigid motion needs."""
+        """Raise if a motion sensor on the body lacks the position or axis that its rigid motion needs."""
         _, is_rotation = MOTIONS[sensor.quantity]
         wanted = ("direction",) if is_rotation else ("position", "direction")
         missing = [name for name in wanted if getattr(sensor, name) is None]
@@ -328,13 +329,13 @@ class QuarterCorner(_Section):
 
 
 class QuarterBody(_Section):
-    """Sprung mass of a quarter vehicle [kg]; 1 where left out, so that everything is per kilogram of it."""
+    """Sprung mass of a quarter vehicle [kg]; default: 1, so that all values are per kilogram of sprung mass."""
 
     mass: Positive = 1.0
 
 
 class Quarter(Description):
-    """A quarter vehicle: a body that bounces on one wheel."""
+    """Quarter vehicle: a body that bounces on one wheel."""
 
     kind: Literal["quarter"]
     body: QuarterBody = QuarterBody()
@@ -342,12 +343,12 @@ class Quarter(Description):
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Bounce of the body, and the wheel."""
+        """Names of the motions of the body and of the wheel."""
         return ("bounce", "wheel")
 
 
 class ChainMass(_Section):
-    """A mass of a chain with the spring and damper below it, in kg, N/m and N s/m."""
+    """Mass of a chain [kg] with the spring [N/m] and damper [N s/m] below it."""
 
     mass: Positive
     stiffness: Positive
@@ -362,11 +363,11 @@ class Chain(Description):
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """The masses from the ground up."""
+        """Names of the masses from the ground up."""
         return tuple(f"mass_{number}" for number in range(1, len(self.mass) + 1))
 
 
-#: Kinds of vehicle and what their files hold.
+#: Description of each kind of vehicle.
 KINDS: MappingProxyType[str, type[Chain] | type[Quarter] | type[Vehicle]] = MappingProxyType(
     {"road": Vehicle, "rail": Vehicle, "rig": Vehicle, "quarter": Quarter, "chain": Chain}
 )

@@ -1,4 +1,4 @@
-"""Faults: a spring, damper or tyre that is softer or stiffer than it was, suddenly or growing."""
+"""Faults: springs, dampers or tyres that become softer or stiffer, suddenly or gradually."""
 
 import math
 import re
@@ -19,18 +19,23 @@ _FORM = re.compile(r"(?P<owner>\w+)\.(?P<component>\w+)=(?P<change>[^@]+)(@(?P<o
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A change of one component.
+    """Change of one component.
 
     Parameters
     ----------
     component
-        The spring, damper or tyre that changes.
+        Spring, damper or tyre that changes.
     change
-        Relative, above -1: -0.2 is 20 % softer.
+        Relative change, above -1: -0.2 is 20 % less.
     onset
-        When it begins [s].
+        Time at which the change begins [s], at least 0.
     growth
-        Time over which it grows linearly to its full size [s]; 0: sudden.
+        Time over which the change grows linearly to its full size [s], at least 0; 0: sudden.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
     """
 
     component: Component
@@ -45,16 +50,16 @@ class Fault:
 
     @property
     def is_constant(self) -> bool:
-        """Tell whether the fault is there from the start and does not grow."""
+        """Whether the fault exists from the start and does not grow."""
         return self.onset == 0 and self.growth == 0
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Times at which the course of the fault bends [s]; two equal ones are a step."""
+        """Times at which the slope of the change jumps [s]; two equal times are a step."""
         return (self.onset, self.onset + self.growth)
 
     def factor(self, time: ArrayLike) -> Real:
-        """Return value over healthy value of the component at times [s]."""
+        """Return the ratio of the component's value to its nominal value at times [s], same shape."""
         t = np.asarray(time, dtype=np.float64)
         if self.growth == 0:
             return np.where(t >= self.onset, 1 + self.change, 1.0)
@@ -62,7 +67,7 @@ class Fault:
 
 
 def parse_fault(text: str) -> Fault:
-    """Return the fault written as CORNER.COMPONENT=CHANGE, with @ONSET and +GROWTH in seconds where it is not constant.
+    """Return the fault written as CORNER.COMPONENT=CHANGE, with @ONSET and +GROWTH in seconds if it is not constant.
 
     Examples
     --------
@@ -88,12 +93,12 @@ def parse_fault(text: str) -> Fault:
 
 
 def with_faults(structure: Structure, faults: Iterable[Fault], *, time: float = math.inf) -> Structure:
-    """Return a structure with its faults as they are at a time [s]; default: full-grown.
+    """Return a structure with faults as they are at a time [s]; default: at their full size.
 
     Raises
     ------
     ParameterError
-        Where the structure has no such component.
+        If the structure has no such component.
     """
     factors: dict[Component, float] = {}
     for fault in faults:

@@ -1,4 +1,4 @@
-"""What a mode is: its share in the rigid-body motions, and a name."""
+"""Labels of modes: shares of the rigid-body motions, and names."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,33 +22,35 @@ from sprung.vehicles.structure import MOTIONS as MOTION_QUANTITIES
 
 #: Rigid-body motions of a body on its suspension, in the order of every participation.
 MOTIONS = ("bounce", "pitch", "roll")
-#: A mode is called by a motion that has at least this share of it, if the rigid body explains this much of the shape.
+#: Smallest share of a motion in a mode that is named after it, and smallest share of the shape that the rigid body
+#: must explain.
 _LEAST_SHARE = 0.5
 _LEAST_EXPLAINED = 0.7
-#: A mode within this share of a known natural frequency is taken for that mode.
+#: Largest relative difference from a known natural frequency of a mode identified with it.
 _NEARBY = 0.2
 
 
 def rigid_body_participation(
     modes: Modes, channels: Sequence[Channel], *, mass: Real | None = None
 ) -> tuple[Real, Real]:
-    """Return the share of bounce, pitch and roll in each mode, and how much of its shape they explain.
+    """Return the shares of bounce, pitch and roll in each mode, and the share of its shape that they explain.
 
     Parameters
     ----------
     modes
-        Of channels with known quantity, position and direction.
+        Modes on channels with known quantity, position and direction.
     channels
-        The channels of `modes`, in its order.
+        Channels of `modes`, in the same order.
     mass
-        Mass and inertia matrix of the body, shape (3, 3): shares of kinetic energy. None: shares of the sum of squares
-        that each motion alone gives at the sensors; where some of them sense rotation, of the kinetic energy of a
-        body with radii of gyration of 1 m.
+        Mass and inertia matrix of the body, shape (3, 3), for shares of kinetic energy. None: shares of the sum of
+        squares that each motion by itself gives at the sensors; if some sensors measure rotation, shares of the kinetic
+        energy of a body with radii of gyration of 1 m.
 
     Returns
     -------
     shares
-        Shape (modes, 3), sum 1; NaN where the layout does not determine the three motions, or none of them moves.
+        Shares of bounce, pitch and roll, sum 1, shape (modes, 3); NaN where the layout does not determine the three
+        motions, or the shape has none of them.
     explained
         Share of the shape's sum of squares that the rigid body explains, shape (modes,).
 
@@ -82,33 +84,38 @@ def rigid_body_participation(
 
 
 def _is_placed(channel: Channel) -> bool:
-    """Tell whether a rigid body determines what the channel reads."""
+    """Return whether the motion of a rigid body determines the reading of the channel."""
     is_motion = channel.quantity in MOTION_QUANTITIES
     has_place = channel.quantity.startswith("angular") or channel.quantity == "angle" or channel.position is not None
     return is_motion and channel.direction is not None and has_place
 
 
 def _sensed(outputs: Outputs, pole: complex) -> Complex:
-    """Return what the sensors read of unit motions at a pole."""
+    """Return the readings of the sensors for unit motions at a pole."""
     return np.asarray(outputs.acceleration * pole**2 + outputs.velocity * pole + outputs.displacement, dtype=complex)
 
 
 def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description | None = None) -> Modes:
-    """Return the modes with labels "bounce", "pitch", "roll" and "wheel_hop" where they can be told.
+    """Return the modes with labels "bounce", "pitch", "roll" and "wheel_hop" where these can be identified.
 
     Parameters
     ----------
     modes
-        By rising frequency.
+        Modes by rising frequency.
     channels
-        Of `modes`, in its order.
+        Channels of `modes`, in the same order.
     vehicle
-        Gives the body's mass matrix, for shares of energy, and the wheel-hop frequencies. The modes of a quarter
-        vehicle are told by frequency alone.
+        Vehicle description, for the mass matrix of the body (shares of energy) and the wheel-hop frequencies. The modes
+        of a quarter vehicle or a chain are labelled by frequency only.
+
+    Returns
+    -------
+    Modes
+        Modes with labels; None where there is no label.
 
     Notes
     -----
-    Each motion names one mode: the lowest in which it has more than half of the energy. A mode within 20 % of
+    Each motion labels one mode: the lowest in which it has more than half of the energy. A mode within 20 % of
     sqrt((spring + tyre) / unsprung mass) / 2 pi of an axle is wheel hop.
     """
     if vehicle is not None and not isinstance(vehicle, Vehicle):
@@ -129,7 +136,7 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
 
 
 def _labels_by_frequency(modes: Modes, exact: ExactModes) -> tuple[str | None, ...]:
-    """Return for each mode the label of the nearest exact mode, where that is near and no other is nearer to it."""
+    """Return for each mode the label of the nearest exact mode, if it is near and no other mode is nearer to it."""
     distances = np.abs(modes.natural_frequency[:, None] / exact.natural_frequency - 1)
     return tuple(
         exact.labels[nearest] if row[nearest] <= _NEARBY and distances[:, nearest].argmin() == k else None

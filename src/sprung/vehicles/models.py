@@ -17,17 +17,17 @@ from sprung.vehicles.system import Outputs
 
 
 class _Corner(NamedTuple):
-    """A corner, its axle and its lateral position [m]."""
+    """Corner with its axle and its lateral position [m]."""
 
     name: str
     axle: Axle
     y: float
 
 
-#: Where a vehicle file gives no inertia: radius of gyration squared over front times rear axle distance (pitch), or
-#: over half the track width squared (roll). The shipped vehicles have 0.77 to 0.90 and 0.49 to 0.57.
+#: Default of missing inertias: radius of gyration squared over front times rear axle distance (pitch), or over half
+#: the track width squared (roll). The shipped vehicles have 0.77 to 0.90 and 0.49 to 0.57.
 PITCH_SHARE, ROLL_SHARE = 0.85, 0.5
-#: Where a vehicle file gives no unsprung mass: mass of all wheels over mass of the body; about 0.09 to 0.13 in cars.
+#: Default of a missing unsprung mass: mass of all wheels over mass of the body; about 0.09 to 0.13 in cars.
 UNSPRUNG_SHARE = 1 / 9
 
 
@@ -37,13 +37,18 @@ def structure(description: Description) -> Structure:
     Parameters
     ----------
     description
-        A `Chain`, driven by a force on each mass; a `Quarter` or a `Vehicle`, driven by the displacement of the
-        road or rail under each wheel.
+        Vehicle description: a `Chain`, driven by a force on each mass; a `Quarter` or a `Vehicle`, driven by the
+        displacement of the road or rail under each wheel.
 
     Returns
     -------
     Structure
-        Its outputs are the motion sensors of the description; sensors of other quantities are left out.
+        Structure whose outputs are the motion sensors of the description; sensors of other quantities are left out.
+
+    Raises
+    ------
+    ParameterError
+        If the description is none of the three.
     """
     match description:
         case Chain():
@@ -52,7 +57,7 @@ def structure(description: Description) -> Structure:
             return _quarter(description)
         case Vehicle():
             return _vehicle(description)
-    raise ParameterError(f"a {type(description).__name__} is no vehicle: use a Chain, a Quarter or a Vehicle")
+    raise ParameterError(f"a {type(description).__name__} is not a vehicle: use a Chain, a Quarter or a Vehicle")
 
 
 def chain(
@@ -65,7 +70,16 @@ def chain(
     n_masses
         Number of masses, at least 1.
     mass, stiffness, damping
-        Of each mass and of the spring and damper below it [kg, N/m, N s/m]; one value for all, or one for each.
+        Mass [kg], and stiffness [N/m] and damping [N s/m] below each mass; one value for all masses, or one for each.
+
+    Returns
+    -------
+    Structure
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or there are not as many values as masses.
 
     Examples
     --------
@@ -92,7 +106,7 @@ def chain(
 
 
 def _chain(description: Chain) -> Structure:
-    """Chain of masses with a force on each."""
+    """Return a chain of masses with a force on each."""
     coordinates, n = description.coordinates, len(description.mass)
     elongations = np.eye(n) - np.eye(n, k=-1)
     elements = tuple(
@@ -110,7 +124,7 @@ def _chain(description: Chain) -> Structure:
 
 
 def _quarter(description: Quarter) -> Structure:
-    """Body that bounces on one wheel."""
+    """Return a body that bounces on one wheel."""
     corner = description.corner
     coordinates = description.coordinates
     return Structure(
@@ -134,7 +148,7 @@ def _quarter(description: Quarter) -> Structure:
 
 
 def _vehicle(description: Vehicle) -> Structure:
-    """Body on wheels; where axles have no wheels, forces on the body take the place of the road."""
+    """Return a body on wheels; on axles without wheels, forces on the body replace the road."""
     corners = _corners(description)
     coordinates = description.coordinates
     mounted = coordinates[len(coordinates) - len(description.mounted_mass) :]
@@ -160,12 +174,12 @@ def _vehicle(description: Vehicle) -> Structure:
 
 
 def wheel_hop_frequencies(description: Vehicle) -> Real:
-    """Return the wheel hop frequency of each axle with the body held still [Hz], shape (axles,); NaN without wheels.
+    """Return the wheel-hop frequency of each axle with the body fixed [Hz], shape (axles,); NaN without wheels.
 
     Notes
     -----
-    sqrt((spring + tyre stiffness) / unsprung mass) / 2 pi, of a wheelset with half its mass. The exact undamped modes
-    lie a little off, as the body moves too.
+    sqrt((spring + tyre stiffness) / unsprung mass) / 2 pi, with half the mass of a wheelset. The frequencies of the
+    exact undamped modes differ slightly, as the body moves too.
     """
     halves = np.array([(axle.wheelset_mass or 0.0) / 2 for axle in description.axle])
     unsprung = _unsprung_masses(description) + halves
@@ -174,19 +188,19 @@ def wheel_hop_frequencies(description: Vehicle) -> Real:
 
 
 def _corners(description: Vehicle) -> list[_Corner]:
-    """Name, axle and lateral position of each corner."""
+    """Return the corners of a vehicle."""
     names = corner_names(len(description.axle))
     sides = [(axle, side * axle.half_track) for axle in description.axle for side in (1, -1)]
     return [_Corner(name, axle, y) for name, (axle, y) in zip(names, sides, strict=True)]
 
 
 def _input_name(corner: _Corner) -> str:
-    """A corner is driven by the road under its wheel, or by a force where it has none."""
+    """Return the name of a corner's input: the road under its wheel, or a force if there is no wheel."""
     return f"force_{corner.name}" if corner.axle.tyre_stiffness is None else f"road_{corner.name}"
 
 
 def _masses(description: Vehicle) -> list[float]:
-    """Masses and inertias of the coordinates, estimated where the description leaves them out."""
+    """Return the masses and inertias of the coordinates, estimated where the description omits them."""
     body, axles = description.body, description.axle
     half_track = max(axle.half_track for axle in axles)
     pitch_inertia = body.pitch_inertia or PITCH_SHARE * body.mass * axles[0].x * -axles[-1].x
@@ -205,13 +219,13 @@ def _masses(description: Vehicle) -> list[float]:
 
 
 def _unsprung_masses(description: Vehicle) -> Real:
-    """Mass of one wheel of each axle, or of what is fixed to one end of a wheelset."""
+    """Return the mass of one wheel of each axle, or the mass fixed to one end of a wheelset."""
     usual = UNSPRUNG_SHARE * description.body.mass / (2 * len(description.axle))
     return np.array([axle.unsprung_mass or (usual if axle.wheelset_mass is None else 0.0) for axle in description.axle])
 
 
 def _wheel_row(coordinates: Sequence[str], corner: _Corner, y: float) -> Real:
-    """Upward displacement of a corner's wheel, or of its wheelset at y [m], for one unit of each coordinate."""
+    """Return the upward displacement of a wheel, or of a wheelset at y [m], for one unit of each coordinate."""
     row = np.zeros(len(coordinates))
     wheelset = f"wheelset_{corner.name.rsplit('_', 1)[0]}"
     if corner.axle.wheelset_mass is not None:
@@ -222,12 +236,12 @@ def _wheel_row(coordinates: Sequence[str], corner: _Corner, y: float) -> Real:
 
 
 def _deflection(coordinates: Sequence[str], corner: _Corner) -> Real:
-    """Elongation of a corner's suspension for one unit of each coordinate."""
+    """Return the elongation of a suspension for one unit of each coordinate."""
     return body_row(coordinates, x=corner.axle.x, y=corner.y) - _wheel_row(coordinates, corner, corner.y)
 
 
 def _corner_elements(coordinates: Sequence[str], corner: _Corner) -> Iterator[Element]:
-    """Suspension and tyre of one corner."""
+    """Yield the suspension and the tyre of one corner."""
     name, axle, y = corner
     yield Element(
         name,
@@ -251,7 +265,7 @@ def _corner_elements(coordinates: Sequence[str], corner: _Corner) -> Iterator[El
 
 
 def _anti_roll_bar(coordinates: Sequence[str], left: _Corner, right: _Corner) -> Iterator[Element]:
-    """Anti-roll bar of one axle, if it has one."""
+    """Yield the anti-roll bar of one axle, if it has one."""
     if left.axle.anti_roll_stiffness > 0:
         difference = _deflection(coordinates, left) - _deflection(coordinates, right)
         owner = left.name.removesuffix("_left") + "_axle"
@@ -259,16 +273,16 @@ def _anti_roll_bar(coordinates: Sequence[str], left: _Corner, right: _Corner) ->
 
 
 def _mount(coordinates: Sequence[str], name: str, part: MountedMass) -> Element:
-    """Mounts between a mass and the body."""
-    pulsation = 2 * np.pi * part.frequency
+    """Return the mounts between a mass and the body."""
+    angular_frequency = 2 * np.pi * part.frequency
     elongation = -body_row(coordinates, x=part.x, y=part.y)
     elongation[coordinates.index(name)] = 1.0
-    damping = 2 * part.damping_ratio * pulsation * part.mass
-    return Element(name, "mount", elongation, part.mass * pulsation**2, damping)
+    damping = 2 * part.damping_ratio * angular_frequency * part.mass
+    return Element(name, "mount", elongation, part.mass * angular_frequency**2, damping)
 
 
 def _outputs(coordinates: Sequence[str], description: Description) -> Outputs:
-    """Outputs of the motion sensors of a description."""
+    """Return the outputs of the motion sensors of a description."""
     sensors = [sensor for sensor in description.sensor if sensor.quantity in MOTIONS]
     channels = [sensor.as_channel() for sensor in sensors]
     return sensor_outputs(coordinates, sensors=channels, carriers=[sensor.on for sensor in sensors])

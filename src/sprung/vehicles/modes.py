@@ -1,4 +1,4 @@
-"""Exact modes of a mechanical system, as its sensors see them."""
+"""Exact modes of a mechanical system, as observed by its sensors."""
 
 from dataclasses import dataclass
 
@@ -9,29 +9,29 @@ from sprung._checks import freeze, frozen_array
 from sprung.modal import damping_ratio, natural_frequency, unit_shapes
 from sprung.vehicles.system import MechanicalSystem, Outputs
 
-# A pole closer to the real axis than this, relative to its size, does not oscillate.
+# Largest imaginary part of a pole that does not oscillate, relative to its modulus.
 _REAL_POLE = 1e-9
 
-# A mode that moves the sensors less than this share of its largest motion is not seen by them.
+# Smallest reading of the sensors for a mode that they observe, relative to their reading for its largest motion.
 _UNSEEN = 1e-9
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ExactModes:
-    """Modes computed from a system's matrices, by rising natural frequency.
+    """Modes computed from the matrices of a system, by rising natural frequency.
 
     Parameters
     ----------
     poles
-        Shape (modes,), in rad/s; one of each conjugate pair, with positive imaginary part. Poles without
-        oscillation (overdamped motion) are no modes and left out.
+        Continuous poles [rad/s], one of each conjugate pair (positive imaginary part), shape (modes,). Poles without
+        oscillation (overdamped motion) are left out.
     mode_shapes
-        Shape (modes, channels); the component of largest size is 1. Zeros for a mode that no sensor sees, such as
-        the wheels of a symmetric vehicle crosswise, left front with right rear, seen from its body.
+        Mode shapes, 1 at the largest channel, shape (modes, channels). Zeros for a mode that no sensor observes, such
+        as the diagonal motion of the wheels of a symmetric vehicle, front left with rear right, observed on its body.
     channels
         Names of the channels of the mode shapes.
     labels
-        For each mode "bounce", "pitch", "roll", "sway", "yaw", "wheel_hop" or None.
+        "bounce", "pitch", "roll", "sway", "yaw", "wheel_hop" or None for each mode.
     """
 
     poles: Complex
@@ -56,7 +56,7 @@ class ExactModes:
 
 
 def modes(system: MechanicalSystem, outputs: Outputs) -> ExactModes:
-    """Return the exact modes of `system` as the sensors of `outputs` see them.
+    """Return the exact modes of a system, as observed by the sensors of `outputs`.
 
     Notes
     -----
@@ -81,14 +81,14 @@ def modes(system: MechanicalSystem, outputs: Outputs) -> ExactModes:
 
 
 def _reach(outputs: Outputs, pulsation: Real) -> Real:
-    """Largest reading of any sensor for motions of size 1 at each pulsation [rad/s]."""
+    """Return the largest reading of any sensor for motions of size 1 at each angular frequency [rad/s]."""
     matrices = (outputs.displacement, outputs.velocity, outputs.acceleration)
     sizes = [np.abs(matrix).max(initial=0.0) * pulsation**order for order, matrix in enumerate(matrices)]
     return np.sum(sizes, axis=0)
 
 
 def _seen_shapes(shapes: Complex, reach: Real) -> Complex:
-    """Scale shapes to 1 at their largest channel; zeros where no sensor sees the mode but for rounding."""
+    """Return shapes scaled to 1 at their largest channel; zeros where no sensor observes the mode."""
     if shapes.size == 0:
         return shapes
     is_seen = np.abs(shapes).max(axis=1) > _UNSEEN * reach
@@ -96,7 +96,19 @@ def _seen_shapes(shapes: Complex, reach: Real) -> Complex:
 
 
 def participation(mass: Real, shapes: Complex) -> Real:
-    """Return the share of each coordinate in the kinetic energy of each shape (modes, n); rows sum to 1.
+    """Return the share of each coordinate in the kinetic energy of each mode.
+
+    Parameters
+    ----------
+    mass
+        Mass matrix, shape (n, n).
+    shapes
+        Mode shapes in coordinates, shape (modes, n).
+
+    Returns
+    -------
+    ndarray
+        Shares, shape (modes, n); rows sum to 1.
 
     Notes
     -----
@@ -107,7 +119,7 @@ def participation(mass: Real, shapes: Complex) -> Real:
 
 
 def _labels(system: MechanicalSystem, shapes: Complex) -> tuple[str | None, ...]:
-    """Label a mode by the motion of largest energy; each body motion labels one mode, its strongest."""
+    """Return the label of each mode, the motion of largest energy; a body motion labels only its strongest mode."""
     shares = participation(system.mass, shapes)
     labels: list[str | None] = [None] * len(shapes)
     wheels = [name.startswith("wheel") for name in system.coordinates]

@@ -15,30 +15,30 @@ from sprung.recording import Channel
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MechanicalSystem:
-    """Mass, damping and stiffness matrices with the inputs that drive them.
+    """Mass, damping and stiffness matrices of a system, and its inputs.
 
     Parameters
     ----------
     mass
-        Shape (n, n), in kg or kg m^2 as the coordinates need; symmetric and positive definite.
+        Mass matrix [kg; kg m^2 for rotations], symmetric and positive definite, shape (n, n).
     damping, stiffness
-        Shape (n, n), in N s/m and N/m (N m s, N m for rotations).
+        Damping matrix [N s/m; N m s for rotations] and stiffness matrix [N/m; N m], shape (n, n).
     input_matrix
-        Shape (n, inputs): generalised forces for one unit of each input; ones and zeros for forces [N], tyre
-        stiffness [N/m] for base displacements [m].
+        Generalised forces for one unit of each input, shape (n, inputs): ones and zeros for forces [N], tyre stiffness
+        [N/m] for base displacements [m].
     coordinates
         Names of the n coordinates.
     inputs
         Names of the inputs.
     arm_elongations
-        Shape (arms, n): elongation, for one unit of each coordinate, of each damper in series with a bushing.
+        Elongation of each damper in series with a bushing for one unit of each coordinate, shape (arms, n).
     arm_stiffness, arm_damping
-        Of the bushing [N/m] and of the damper [N s/m] of each arm, above 0, shape (arms,).
+        Stiffness of the bushing [N/m] and damping of the damper [N s/m] of each arm, above 0, shape (arms,).
 
     Raises
     ------
     ParameterError
-        Where shapes or names contradict each other or the mass matrix is not positive definite.
+        If shapes or names are inconsistent, or the mass matrix is not symmetric and positive definite.
 
     Notes
     -----
@@ -90,14 +90,14 @@ class MechanicalSystem:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Outputs:
-    """What the sensors read of the coordinates: y = Ya q'' + Yv q' + Yd q.
+    """Output matrices of the sensors: y = Ya q'' + Yv q' + Yd q.
 
     Parameters
     ----------
     channels
-        One for each row of the matrices.
+        Channel of each row of the matrices.
     acceleration, velocity, displacement
-        Shape (channels, n); each sensor has its row in one of them and zeros in the others.
+        Matrices Ya, Yv and Yd, shape (channels, n); each sensor has its row in one of them and zeros in the others.
     """
 
     channels: tuple[Channel, ...]
@@ -124,9 +124,9 @@ class StateSpace:
     Parameters
     ----------
     state_matrix, input_matrix, output_matrix, feedthrough
-        Shapes (states, states), (states, inputs), (channels, states) and (channels, inputs).
+        Matrices A, B, C and D, shapes (states, states), (states, inputs), (channels, states) and (channels, inputs).
     sampling_rate
-        In Hz for x[k+1] = A x[k] + B u[k]; None for x' = A x + B u. In both y = C x + D u.
+        Sampling rate [Hz] of x[k+1] = A x[k] + B u[k]; None for x' = A x + B u. In both y = C x + D u.
     """
 
     state_matrix: Real
@@ -203,23 +203,23 @@ def exact_correlations(
     Parameters
     ----------
     discrete
-        A sampled state space with all eigenvalues inside the unit circle.
+        Sampled state space with all eigenvalues inside the unit circle.
     n_lags
         Number of lags, at least 1; lags 0 to n_lags - 1.
     references
-        Indices of the reference channels; all by default.
+        Indices of the reference channels; default: all channels.
     input_covariance
-        Shape (inputs, inputs), covariance Q of one sample of the inputs; the unit matrix by default.
+        Covariance Q of one sample of the inputs, shape (inputs, inputs); default: the unit matrix.
 
     Returns
     -------
     ndarray
-        Shape (channels, references, lags): E[y(k+m) y_ref(k)^T] at lag m.
+        Correlations E[y(k+m) y_ref(k)^T] at lags m, shape (channels, references, lags).
 
     Raises
     ------
     ParameterError
-        Where the system is not stable, so that it has no stationary response.
+        If the system is not stable, so that it has no stationary response.
 
     Notes
     -----
@@ -249,19 +249,24 @@ def stationary_covariance(state_matrix: Real, noise_covariance: Real) -> Real:
     Parameters
     ----------
     state_matrix
-        A, shape (states, states), all eigenvalues inside the unit circle.
+        State matrix A, shape (states, states), with all eigenvalues inside the unit circle.
     noise_covariance
-        W, shape (states, states), symmetric and positive semi-definite.
+        Covariance W, shape (states, states), symmetric and positive semi-definite.
+
+    Returns
+    -------
+    ndarray
+        Covariance P, shape (states, states).
 
     Raises
     ------
     ParameterError
-        Where an eigenvalue lies on or outside the unit circle.
+        If an eigenvalue lies on or outside the unit circle.
 
     Notes
     -----
-    P = sum A^n W A^nT, its number of terms doubled in each step. Only covariances are added, so that small and
-    large states (displacements beside velocities) keep the same relative accuracy; the bilinear method of
+    P = sum A^n W A^nT, with the number of terms doubled in each step. Only covariances are added, so that small and
+    large states (displacements and velocities) keep the same relative accuracy; the bilinear method of
     `scipy.linalg.solve_discrete_lyapunov` is a thousand times less accurate for stiff wheels.
 
     References
@@ -283,7 +288,7 @@ def stationary_covariance(state_matrix: Real, noise_covariance: Real) -> Real:
 
 
 def _check_shapes(value: Any, shapes: dict[str, tuple[int, int]], *, reason: str) -> None:
-    """Refuse a matrix of another shape than wanted, saying why that one is wanted."""
+    """Raise if a matrix does not have its shape; `reason` is why it must have that shape."""
     for name, shape in shapes.items():
         if getattr(value, name).shape != shape:
             raise ParameterError(f"{name} has shape {getattr(value, name).shape}, but must be {shape}: {reason}")

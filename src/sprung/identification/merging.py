@@ -1,0 +1,83 @@
+"""Merging of the modes of several identifications of one system."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sprung._arrays import Indices, Real
+from sprung._checks import freeze
+from sprung.identification.stabilisation import align
+from sprung.modal import Modes, join_modes
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MergedModes:
+    """Modes merged over parts, and which mode of each part stands behind them.
+
+    Parameters
+    ----------
+    modes
+        Merged modes by rising frequency.
+    members
+        Index of the part's mode for each merged mode and part, -1 for none; shape (modes, parts).
+    """
+
+    modes: Modes
+    members: Indices
+
+    def __post_init__(self) -> None:
+        freeze(self, members=2, dtype=np.intp)
+
+
+def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> MergedModes:
+    """Merge the modes of several identifications of one system.
+
+    Parameters
+    ----------
+    parts
+        Modes of the same channels: from subsets of segments, or from splits of outputs and references.
+    weights
+        Weights of the parts, above 0: the numbers of segments for subsets.
+
+    Returns
+    -------
+    MergedModes
+        Modes of at least half of the parts. Poles are weighted means; the shape is that of the part of largest weight.
+        Of several modes of one part that merge, the one of largest stable rate stands for the part.
+
+    References
+    ----------
+    F. Liu (2020), section 4.2, step 8.
+    """
+    owners = np.concatenate([np.full(len(part), k) for k, part in enumerate(parts)])
+    places = np.concatenate([np.arange(len(part)) for part in parts])
+    together = join_modes(parts)
+    groups = align(together.poles, together.mode_shapes, has_free_damping=True)
+    merged, members = [], []
+    for group in range(groups.max(initial=-1) + 1):
+        same = np.flatnonzero(groups == group)
+        same = same[np.argsort(-together.stable_rate[same], kind="stable")]
+        same = same[np.unique(owners[same], return_index=True)[1]]
+        if 2 * len(same) < len(parts):
+            continue
+        row = np.full(len(parts), -1)
+        row[owners[same]] = places[same]
+        members.append(row)
+        merged.append(_mean_mode(together.take(same), np.asarray(weights, dtype=float)[owners[same]]))
+    modes = join_modes(merged) if merged else together.take(np.zeros(0, dtype=np.intp))
+    order = np.argsort(modes.natural_frequency)
+    return MergedModes(modes.take(order), np.array(members, dtype=np.intp).reshape(-1, len(parts))[order])
+
+
+def _mean_mode(estimates: Modes, weights: Real) -> Modes:
+    """Return one mode from several estimates of it."""
+    shares = weights / weights.sum()
+    best = estimates.take(np.array([np.argmax(shares)]))
+    return replace(
+        best,
+        poles=np.array([np.sum(shares * estimates.poles)]),
+        natural_frequency_std=np.sqrt([np.sum((shares * estimates.natural_frequency_std) ** 2)]),
+        damping_ratio_std=np.sqrt([np.sum((shares * estimates.damping_ratio_std) ** 2)]),
+        stable_rate=np.array([np.mean(estimates.stable_rate)]),
+    )

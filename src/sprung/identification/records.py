@@ -1,0 +1,219 @@
+"""From recordings to the correlations of their segments, record by record."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+
+import numpy as np
+
+from sprung._arrays import Booleans
+from sprung.errors import DataError
+from sprung.identification.correlation import (
+    SegmentCorrelations,
+    correlate_segments,
+    join_segments,
+    with_limited_power,
+)
+from sprung.identification.planning import make_plan, plan_preparation
+from sprung.identification.preparation import Prepared, prepare, search_harmonics
+from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
+from sprung.recording import Channel, Recording
+from sprung.signals.harmonics import Harmonic
+from sprung.signals.spectrum import SpectralMatrix
+from sprung.vehicles.usable import AnyVehicle, speed_channel, usable
+
+#: Called with what is being done and the share that is done, 0 to 1.
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CorrelatedRecords:
+    """Correlations of the segments of all records of one condition.
+
+    Parameters
+    ----------
+    plan
+        Decisions made from the first usable record.
+    channels
+        Outputs.
+    segments
+        Correlations of all segments, the power of loud segments limited.
+    spectra, edited_spectra
+        Spectral matrices of all records before and after cepstrum editing (None without editing).
+    harmonics
+        Lines that at least half of the records show.
+    notes
+        Records that were left out and why, one sentence each.
+    """
+
+    plan: Plan
+    channels: tuple[Channel, ...]
+    segments: SegmentCorrelations
+    spectra: SpectralMatrix
+    edited_spectra: SpectralMatrix | None
+    harmonics: tuple[Harmonic, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Correlated:
+    """Correlations, spectra and harmonics of one record."""
+
+    channels: tuple[Channel, ...]
+    segments: SegmentCorrelations
+    spectra: SpectralMatrix
+    edited_spectra: SpectralMatrix | None
+    harmonics: tuple[Harmonic, ...]
+
+
+def correlate_records(
+    recordings: Recording | Iterable[Recording],
+    *,
+    method: str,
+    settings: IdentificationSettings,
+    vehicle: AnyVehicle | None,
+    report: Progress,
+) -> CorrelatedRecords:
+    """Prepare and correlate records one at a time, as planned from the first usable one.
+
+    Parameters
+    ----------
+    recordings
+        One record, or several of one condition; an iterator is read once.
+    method
+        "cov", "acs" or "coss".
+    settings
+        Wishes.
+    vehicle
+        Vehicle whose sensors are the outputs and whose modes give the band; None: from the data.
+    report
+        Called before each record.
+
+    Returns
+    -------
+    CorrelatedRecords
+
+    Raises
+    ------
+    DataError
+        If there is no record, or no record is usable, with the reason of the first.
+    ParameterError
+        If a setting does not suit the records, or records differ in channels or sampling rate.
+    """
+    records = [recordings] if isinstance(recordings, Recording) else recordings
+    total_duration = sum(record.duration for record in records) if isinstance(records, Sequence) else None
+    left_out: dict[int, DataError] = {}
+    moving = _usable_records(records, vehicle, report, left_out)
+    plan, first = _first_record(
+        moving, method, settings, vehicle=vehicle, total_duration=total_duration, left_out=left_out
+    )
+    correlated = [first]
+    for number, recording in moving:
+        try:
+            prepared = prepare(recording, plan.preparation, lifter=settings.lifter)
+            harmonics = _harmonics(recording, plan.preparation, settings, vehicle)
+            correlated.append(_correlate(method, prepared, harmonics, plan, settings))
+        except DataError as error:
+            left_out[number] = error
+    edited = [record.edited_spectra for record in correlated if record.edited_spectra is not None]
+    return CorrelatedRecords(
+        plan=plan,
+        channels=first.channels,
+        segments=with_limited_power(join_segments([record.segments for record in correlated])),
+        spectra=reduce(add, [record.spectra for record in correlated]),
+        edited_spectra=reduce(add, edited) if edited else None,
+        harmonics=_common_harmonics([record.harmonics for record in correlated]),
+        notes=tuple(f"record {number} left out: {error}" for number, error in left_out.items()),
+    )
+
+
+def _usable_records(
+    records: Iterable[Recording], vehicle: AnyVehicle | None, report: Progress, left_out: dict[int, DataError]
+) -> Iterator[tuple[int, Recording]]:
+    """Yield the number and the usable part of each record; put the others into `left_out`."""
+    n_records = len(records) if isinstance(records, Sequence) else 0
+    for number, record in enumerate(records, start=1):
+        report(f"correlating record {number}", 0.5 * (number - 1) / n_records if n_records else 0.0)
+        try:
+            recording = usable(record, vehicle=vehicle)
+        except DataError as error:
+            left_out[number] = error
+        else:
+            yield number, recording
+
+
+def _first_record(
+    moving: Iterator[tuple[int, Recording]],
+    method: str,
+    settings: IdentificationSettings,
+    *,
+    vehicle: AnyVehicle | None,
+    total_duration: float | None,
+    left_out: dict[int, DataError],
+) -> tuple[Plan, _Correlated]:
+    """Return the plan from the first record that is good enough for one, and that record correlated."""
+    for number, recording in moving:
+        try:
+            preparation = plan_preparation(recording, settings=settings, vehicle=vehicle)
+            prepared = prepare(recording, preparation, lifter=settings.lifter)
+            harmonics = _harmonics(recording, preparation, settings, vehicle)
+            plan = make_plan(
+                preparation,
+                prepared,
+                harmonics,
+                settings=settings,
+                method=method,
+                total_duration=total_duration or recording.duration,
+            )
+            return plan, _correlate(method, prepared, harmonics, plan, settings)
+        except DataError as error:
+            left_out[number] = error
+    reasons = [*left_out.values(), DataError("there is no recording to identify modes from: give at least one")]
+    raise reasons[0]
+
+
+def _harmonics(
+    recording: Recording, plan: PreparationPlan, settings: IdentificationSettings, vehicle: AnyVehicle | None
+) -> tuple[Harmonic, ...]:
+    """Return the known harmonics, or those that the record shows."""
+    if settings.harmonics is not None:
+        return settings.harmonics
+    return search_harmonics(recording, plan, speed=speed_channel(recording, vehicle))
+
+
+def _correlate(
+    method: str, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
+) -> _Correlated:
+    """Correlate the segments of one prepared record."""
+    segments = correlate_segments(
+        prepared.motion,
+        n_lags=plan.ladder.n_lags,
+        segment=plan.segment,
+        references=settings.references,
+        is_continued=method == "cov",
+    )
+    return _Correlated(prepared.motion.channels, segments, prepared.spectra, prepared.edited_spectra, harmonics)
+
+
+def _common_harmonics(records: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, ...]:
+    """Return the lines that at least half of the records show, each as in the record where it is most prominent."""
+    lines = sorted((line for lines in records for line in lines), key=lambda line: -line.prominence)
+    n_records = sum(_same(lines, others).any(axis=1) for others in records) if lines else np.zeros(0)
+    common = [
+        line for line, n in zip(lines, np.broadcast_to(n_records, len(lines)), strict=True) if 2 * n >= len(records)
+    ]
+    is_same = _same(common, common)
+    kept: list[int] = []
+    for row in range(len(common)):
+        if not is_same[row, kept].any():
+            kept.append(row)
+    return tuple(sorted((common[row] for row in kept), key=lambda line: (line.kind, line.frequency)))
+
+
+def _same(lines: Sequence[Harmonic], others: Sequence[Harmonic]) -> Booleans:
+    """Return which lines are of one kind and within the coarser resolution of each other, shape (lines, others)."""
+    width = np.maximum.outer([line.resolution for line in lines], [other.resolution for other in others])
+    distance = np.abs(np.subtract.outer([line.frequency for line in lines], [other.frequency for other in others]))
+    is_one_kind = np.equal.outer([line.kind == "speed" for line in lines], [other.kind == "speed" for other in others])
+    return np.asarray(is_one_kind & (distance <= width), dtype=np.bool_)

@@ -1,0 +1,60 @@
+"""Records one at a time: the plan from the first usable one, bounded memory, bad records left out."""
+
+import weakref
+
+import numpy as np
+import pytest
+
+from sprung.errors import DataError
+from sprung.identification import IdentificationSettings
+from sprung.identification.records import correlate_records
+from sprung.simulation import simulate, usual_excitation
+from sprung.vehicles import chain
+
+CHAIN = chain()
+
+
+def run(seed, *, duration=60.0):
+    return simulate(CHAIN, usual_excitation(CHAIN), duration=duration, sampling_rate=500.0, seed=seed, snr=10.0)
+
+
+def correlated(records, **settings):
+    wishes = IdentificationSettings(harmonics=(), **settings)
+    return correlate_records(records, method="acs", settings=wishes, vehicle=None, report=lambda doing, share: None)
+
+
+def test_records_of_an_iterator_do_not_pile_up():
+    """While a record is made, the generator and the identification may hold the one before it, and no older one."""
+    held = []
+
+    def one_by_one():
+        for seed in range(5):
+            record = run(seed)
+            held.append(weakref.ref(record.samples))
+            assert all(samples() is None for samples in held[:-2])
+            yield record
+
+    found = correlated(one_by_one(), segment=10.0)
+    assert len(held) == 5
+    assert found.segments.n_segments == 30
+
+
+def test_the_first_usable_record_makes_the_plan():
+    """The first record is dead, the second too short, the third is good, the fourth is dead."""
+    good = [run(0), run(1)]
+    dead = good[0].changed("cable off", samples=np.zeros_like(good[0].samples))
+    short = good[1].part(0, 150)
+    found = correlated([dead, short, good[0], dead, good[1]], segment=10.0)
+    alone = correlated(good, segment=10.0)
+    assert found.plan == alone.plan
+    np.testing.assert_array_equal(found.segments.sums, alone.segments.sums)
+    assert [note.split(" left out")[0] for note in found.notes] == ["record 1", "record 2", "record 4"]
+
+
+def test_without_a_usable_record_the_first_reason_is_raised():
+    short = run(0).part(0, 150)
+    dead = run(0).changed("cable off", samples=np.zeros((3, 30_000)))
+    with pytest.raises(DataError, match=r"^the longest stretch without a gap has 150 samples"):
+        correlated([short, dead])
+    with pytest.raises(DataError, match=r"^there is no recording to identify modes from"):
+        correlated([])
