@@ -76,12 +76,10 @@ def _dynamic_stiffness(
     total = structure.mass * pole**2
     for element in structure.elements:
         spring, damper = element.components
-        stiffness = element.stiffness * factors.get(spring, 1.0)
-        damping = element.damping * (1.0 if damper is None else factors.get(damper, 1.0))
-        arm = pole * damping
-        if element.series_stiffness is not None and damping > 0:
-            arm = 1 / (1 / arm + 1 / element.series_stiffness)
-        total = total + (stiffness + arm) * np.outer(element.elongation, element.elongation)
+        stiffness = element.dynamic_stiffness(
+            pole, spring=factors.get(spring, 1.0), damper=1.0 if damper is None else factors.get(damper, 1.0)
+        )
+        total = total + stiffness * np.outer(element.elongation, element.elongation)
     return np.asarray(total, dtype=np.complex128)
 
 
