@@ -148,7 +148,7 @@ def test_constant_speed_and_three_sensors_still_answer(car):
 @pytest.mark.slow
 def test_one_sensor_cannot_tell_the_corners_apart(car):
     one = drive(car, seed=5)
-    fit = fit_corners(one.recording.select(["acc_fl", "speed"]), car, settings=CornerSettings(width=0.3))
+    fit = fit_corners(one.recording.select(["acc_fl", "speed"]), car, settings=CornerSettings(prior_std=0.3))
     assert not fit.is_identifiable.all()
     assert any("cannot tell" in note for note in fit.notes)
 
@@ -295,7 +295,7 @@ def test_a_dead_sensor_is_refused_by_name(car):
 
 @pytest.mark.parametrize(
     ("settings", "message"),
-    [({"band": (5.0, 2.0)}, "must rise"), ({"width": 0.0}, "above 0"), ({"segment": -1.0}, "above 0")],
+    [({"band": (5.0, 2.0)}, "must rise"), ({"prior_std": 0.0}, "above 0"), ({"segment": -1.0}, "above 0")],
 )
 def test_impossible_settings_are_refused(settings, message):
     with pytest.raises(ParameterError, match=message):

@@ -34,7 +34,7 @@ def test_exact_modes_give_exact_springs_and_dampers(name):
     nominal = structure(read_vehicle(name))
     true = with_faults(nominal, [parse_fault("front_left.spring=-0.3"), parse_fault("rear_right.damper=0.2")])
     free = components(nominal, "spring", "damper")
-    found = corners_from_modes(exact_modes(true), nominal, rigid_layout(nominal), free, width=1e5)
+    found = corners_from_modes(exact_modes(true), nominal, rigid_layout(nominal), free, prior_std=1e5)
     expected = [np.log(true.components()[c] / nominal.components()[c]) for c in free]
     assert found == pytest.approx(expected, abs=1e-7)
 

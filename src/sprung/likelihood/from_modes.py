@@ -14,7 +14,12 @@ _POLE = 0.02
 
 
 def corners_from_modes(
-    modes: Modes, structure: Structure, layout: RigidLayout, components: tuple[Component, ...], *, width: float = 0.7
+    modes: Modes,
+    structure: Structure,
+    layout: RigidLayout,
+    components: tuple[Component, ...],
+    *,
+    prior_std: float = 0.7,
 ) -> Real:
     """Return ln(value / nominal value) of components from poles and mode shapes.
 
@@ -28,7 +33,7 @@ def corners_from_modes(
         Turns channels into coordinates; must see the body's motion only.
     components
         The free ones; what the modes do not tell stays near nominal.
-    width
+    prior_std
         Standard deviation of ln(value / nominal value) before any mode.
 
     Raises
@@ -58,7 +63,7 @@ def corners_from_modes(
     motions /= np.linalg.norm(motions * size, axis=1, keepdims=True)
 
     def errors(logarithms: Real) -> Real:
-        found = [logarithms / width]
+        found = [logarithms / prior_std]
         for pole, motion in zip(poles, motions, strict=True):
             reduced = _reduced(_dynamic_stiffness(structure, components, logarithms, complex(pole)), body)
             force = (reduced @ motion) / size / (2 * np.abs(pole) ** 2 * _POLE)

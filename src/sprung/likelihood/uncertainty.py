@@ -50,8 +50,8 @@ def _scores(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
 def parameter_covariance(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
     """Return the covariance of the parameters: from the information, and from the scores where these scatter more."""
     information = model.information(parameters)
-    bread = np.linalg.inv(information + np.diag(1 / model.widths**2))
-    expected = bread @ (OVERCOUNT * information + np.diag(1 / model.widths**2)) @ bread
+    bread = np.linalg.inv(information + np.diag(1 / model.prior_std**2))
+    expected = bread @ (OVERCOUNT * information + np.diag(1 / model.prior_std**2)) @ bread
     scores = _scores(model, parameters, segments)
     scores = scores - scores.mean(axis=0)
     meat = scores.T @ scores
@@ -73,7 +73,7 @@ def power_misfit(model: Model, parameters: Real) -> tuple[Real, float]:
     return misfit, float(np.mean(misfit[:, total[0] > 0] ** 2) - np.mean(_CHANCE / total[total > 0]))
 
 
-def credibility(model: Model, parameters: Real) -> float:
+def tempering(model: Model, parameters: Real) -> float:
     """Return by how much the segments count less where the model fits worse than chance allows: 0 to 1.
 
     Notes
