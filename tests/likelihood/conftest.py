@@ -40,7 +40,7 @@ def _classes(n_coordinates, *, counts=9.0, n_classes=6):
 def _road_blocks(vehicle, nominal, spectra):
     """A road and its classes."""
     positions = np.repeat([axle.x for axle in vehicle.axle], 2)
-    return RoadInputs(spectra, positions, np.array([1.0, -1.0, 1.0, -1.0])), ClassRoughness(spectra.counts.size, 4)
+    return RoadInputs(spectra, positions, np.array([1.0, -1.0, 1.0, -1.0])), ClassRoughness(spectra.counts.size)
 
 
 def _road_model(vehicle, *, spectra=None, parts=(), inputs=_road_blocks, sensors=False):

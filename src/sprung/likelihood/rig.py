@@ -86,23 +86,21 @@ class RigInputs(ParameterBlock):
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective."""
-        parts, own = self.parts, gradients.inputs[..., : len(self.inputs), : len(self.inputs)]
-        by_reference = np.einsum("cfuv,f->uv", own, self._colour(parameters)).real
+        parts = self.parts
+        by_reference = np.einsum("cfuv,f->uv", gradients.inputs, self._colour(parameters)).real
         levels = self._levels(parameters) * np.einsum("pu,uv,pv->p", parts, by_reference, parts)
-        by_log = gradients.log_inputs[..., : len(self.inputs), : len(self.inputs)].real
-        return np.append(levels, -np.einsum("f,cfuv->", self._log_frequencies(), by_log))
+        exponent = -np.einsum("f,cfuv->", self._log_frequencies(), gradients.log_inputs.real)
+        return np.append(levels, exponent)
 
     def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
         """Return the derivatives of the spectral matrix."""
-        H = response.matrix[..., : len(self.inputs)]
-        derivatives = []
-        for level, part in zip(self._levels(parameters), self.parts, strict=True):
-            path = H @ part
-            density = (level * self._colour(parameters))[:, None, None]
-            derivatives.append(density * path[:, :, None] * path[:, None, :].conj())
-        inputs = response.terms.inputs[..., : len(self.inputs), : len(self.inputs)]
-        sloped = -self._log_frequencies()[:, None, None] * inputs
-        return [*derivatives, H @ sloped @ H.conj().swapaxes(-1, -2)]
+        colour = self._colour(parameters)[:, None, None]
+        levels = [
+            response.change_by_inputs(level * colour * np.outer(part, part))
+            for level, part in zip(self._levels(parameters), self.parts, strict=True)
+        ]
+        exponent = -self._log_frequencies()[:, None, None] * response.terms.inputs
+        return [*levels, response.change_by_inputs(exponent)]
 
     def values(self, parameters: Real) -> dict[str, float]:
         """Return the levels [m^2/Hz] and the exponent."""

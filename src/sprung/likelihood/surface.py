@@ -128,7 +128,7 @@ class SurfaceInputs(ParameterBlock):
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective: all parameters act on ln S_ij."""
-        by_log = self._own(gradients.log_inputs)
+        by_log = gradients.log_inputs
         total = by_log.real.sum(axis=(-1, -2))
         across = by_log.real[..., self._is_across()].sum(axis=-1)
         form = self.form(self._spatial_frequencies(), parameters[1:-1])
@@ -145,7 +145,7 @@ class SurfaceInputs(ParameterBlock):
         for density, coherence in zip(form.density_derivatives, form.coherence_derivatives, strict=True):
             changes.append(density[..., None, None] + coherence[..., None, None] * across)
         changes.append(self._delay_derivative(parameters))
-        return [response.change_by_inputs(self._changed(response.terms.inputs, change)) for change in changes]
+        return [response.change_by_inputs(response.terms.inputs * change) for change in changes]
 
     def values(self, parameters: Real) -> dict[str, float]:
         """Return roughness [m^3], waviness, coherence or bends, and the ratio of the delays."""
@@ -153,17 +153,6 @@ class SurfaceInputs(ParameterBlock):
             name: value if name == "waviness" else float(np.exp(value))
             for name, value in zip(self.names, parameters.tolist(), strict=True)
         }
-
-    def _own(self, matrices: Complex) -> Complex:
-        """Entries of the wheels: inputs of other kinds come after them."""
-        count = len(self.positions)
-        return matrices[..., :count, :count]
-
-    def _changed(self, inputs: Complex, change: Real | Complex) -> Complex:
-        """Change of the spectral matrix of all inputs for a change of ln S_ij of the wheels."""
-        changed = np.zeros_like(inputs)
-        self._own(changed)[...] = self._own(inputs) * change
-        return changed
 
     def _scaled_lags(self, parameters: Real) -> Real:
         """Phase lags w tau between the axles, shape (classes, grid, axles, axles)."""
@@ -259,8 +248,6 @@ class ClassRoughness(ParameterBlock):
     ----------
     n_classes
         Number of speed classes.
-    n_wheels
-        Number of inputs that the surface drives, the first ones of the model.
 
     Notes
     -----
@@ -268,7 +255,6 @@ class ClassRoughness(ParameterBlock):
     """
 
     n_classes: int
-    n_wheels: int
 
     group: ClassVar[str] = "class_roughness"
 
@@ -293,13 +279,10 @@ class ClassRoughness(ParameterBlock):
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective."""
-        own = gradients.log_inputs[..., : self.n_wheels, : self.n_wheels]
-        return np.asarray(own.real.sum(axis=(1, 2, 3)), dtype=np.float64)
+        return np.asarray(gradients.log_inputs.real.sum(axis=(1, 2, 3)), dtype=np.float64)
 
     def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
         """Return the derivatives of the spectral matrix."""
-        inputs = np.zeros_like(response.terms.inputs)
-        inputs[..., : self.n_wheels, : self.n_wheels] = response.terms.inputs[..., : self.n_wheels, : self.n_wheels]
-        driven = response.change_by_inputs(inputs)
+        driven = response.change_by_inputs(response.terms.inputs)
         members = np.eye(self.n_classes)[:, :, None, None, None]
         return [driven * member for member in members]

@@ -37,7 +37,11 @@ class Terms:
     channel_response
         Frequency response of each channel, shape (grid, channels): 1 for a perfect one.
     inputs
-        One-sided spectral matrix of the inputs, shape (classes, grid, inputs, inputs).
+        One-sided spectral matrix of the inputs of the wheels, shape (classes, grid, wheels, wheels).
+    measured_inputs
+        That of further inputs, which are measured and independent of the wheels' (such as the acceleration of the
+        vehicle ahead), shape (classes, grid, measured, measured). `feet`, `forces` and `feedthrough` have their columns
+        after those of the wheels.
     noise
         Spectral matrix of the noise in the coordinates of the data, shape (grid, coordinates, coordinates).
 
@@ -46,7 +50,9 @@ class Terms:
     With D(f) = -w^2 M + sum over elements z d d^T and B(f) = forces + sum z d foot^T (w = 2 pi f, z the dynamic
     stiffness, d the elongations):
 
-        H = reduction diag(channel response) (-w^2 motion D^-1 B + feedthrough),    S = H S_inputs H^H + noise.
+        H = reduction diag(channel response) (-w^2 motion D^-1 B + feedthrough),    S = H S_inputs H^H + noise,
+
+    S_inputs block diagonal of `inputs` and `measured_inputs`.
     """
 
     frequencies: Real
@@ -60,11 +66,12 @@ class Terms:
     feedthrough: Real
     channel_response: Complex
     inputs: Complex
+    measured_inputs: Complex
     noise: Complex
 
 
 def nominal_terms(structure: Structure, layout: RigidLayout, spectra: ClassSpectra) -> Terms:
-    """Return the terms of a nominal vehicle with perfect sensors, no input and no noise.
+    """Return the terms of a nominal vehicle with perfect sensors, inputs of 0 and no noise.
 
     Parameters
     ----------
@@ -90,5 +97,6 @@ def nominal_terms(structure: Structure, layout: RigidLayout, spectra: ClassSpect
         feedthrough=np.zeros((len(layout.names), n_inputs)),
         channel_response=np.ones((grid.size, len(layout.names)), dtype=np.complex128),
         inputs=np.zeros((spectra.counts.size, grid.size, n_inputs, n_inputs), dtype=np.complex128),
+        measured_inputs=np.zeros((spectra.counts.size, grid.size, 0, 0), dtype=np.complex128),
         noise=np.zeros((grid.size, n_coordinates, n_coordinates), dtype=np.complex128),
     )

@@ -79,9 +79,10 @@ class Transfer:
             terms.reduction[:, channel][:, None] * (response[:, None] * read)[:, None, :],
         )
 
-    def change_by_inputs(self, inputs: Complex) -> Complex:
-        """Return dS for a change of the spectral matrix of the inputs: H dS_inputs H^H."""
-        return np.asarray(self.matrix @ inputs @ _adjoint(self.matrix), dtype=np.complex128)
+    def change_by_inputs(self, inputs: Real | Complex) -> Complex:
+        """Return dS for a change of the spectral matrix of the wheels' inputs: H dS_inputs H^H."""
+        H = self.matrix[..., : inputs.shape[-1]]
+        return np.asarray(H @ inputs @ _adjoint(H), dtype=np.complex128)
 
     def change_by_transfer(self, response: Complex) -> Complex:
         """Return dS for a change of the response H."""
@@ -100,7 +101,7 @@ class TermGradients:
     noise
         Gradient with respect to `Terms.noise`, of that shape.
     log_inputs
-        Gradient with respect to the logarithm of every entry of `Terms.inputs`, shape (classes, grid, inputs, inputs).
+        Gradient with respect to the logarithm of every entry of `Terms.inputs`, of that shape.
     inputs
         Gradient with respect to `Terms.inputs`, of that shape.
     driven
@@ -202,7 +203,7 @@ def transfer(terms: Terms) -> Transfer:
         displacements=displacements,
         force_response=-squared * solution[..., n_inputs:].swapaxes(1, 2),
         matrix=H,
-        driven=terms.inputs @ _adjoint(H),
+        driven=_driven(terms, _adjoint(H)),
     )
 
 
@@ -216,7 +217,8 @@ def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
     weight
         W with d objective = sum tr(W dS), Hermitian, shape (classes, grid, coordinates, coordinates).
     """
-    inputs = (_adjoint(response.matrix) @ weight @ response.matrix).swapaxes(-1, -2)
+    H = response.matrix[..., : response.terms.inputs.shape[-1]]
+    inputs = (_adjoint(H) @ weight @ H).swapaxes(-1, -2)
     driven = (response.driven @ weight).sum(axis=0)
     forced = driven @ response.force_response
     return TermGradients(
@@ -228,6 +230,15 @@ def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
         forced=forced,
         fed_back=response.displacements @ forced,
     )
+
+
+def _driven(terms: Terms, adjoint: Complex) -> Complex:
+    """S_inputs H^H for the Hermitian transpose of H."""
+    n_wheels = terms.inputs.shape[-1]
+    driven = terms.inputs @ adjoint[..., :n_wheels, :]
+    if not terms.measured_inputs.size:
+        return driven
+    return np.concatenate([driven, terms.measured_inputs @ adjoint[..., n_wheels:, :]], axis=-2)
 
 
 def _squared(terms: Terms) -> Real:

@@ -124,7 +124,7 @@ def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: K
     if kind == "rig":
         return [RigInputs(spectra, nominal.inputs)]
     positions, sides = np.repeat([axle.x for axle in vehicle.axle], 2), np.tile([1.0, -1.0], len(vehicle.axle))
-    by_class = ClassRoughness(spectra.speeds.size, n_wheels=positions.size)
+    by_class = ClassRoughness(spectra.speeds.size)
     if kind == "road":
         return [RoadInputs(spectra, positions, sides), by_class]
     return [RailInputs(spectra, positions, sides, contact_length=_RAIL_CONTACT), by_class]

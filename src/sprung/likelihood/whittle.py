@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
 from sprung._arrays import Complex, Indices, Real
+from sprung._checks import freeze
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents
 from sprung.likelihood.coordinates import RigidLayout
@@ -35,15 +37,13 @@ class Model:
 
     Notes
     -----
-    The segments of a class are taken as independent complex Gaussian vectors at each frequency, of covariance
-    S = H S_inputs H^H + noise seen through the window (`through_window`); H is the response of the vehicle (`Terms`).
+    Segments are independent complex Gaussian vectors at each frequency, of covariance S = H S_inputs H^H + noise seen
+    through the window (`through_window`); H is the response of the vehicle (`Terms`).
 
     References
     ----------
-    P. Whittle, The analysis of multiple stationary time series, Journal of the Royal Statistical Society B 15 (1953),
-    125-139.
     N. R. Goodman, Statistical analysis based on a certain multivariate complex Gaussian distribution, Annals of
-    Mathematical Statistics 34 (1963), 152-177.
+    Mathematical Statistics 34 (1963), 152-177. P. Whittle: see `minus_log_likelihood`.
     """
 
     structure: Structure
@@ -56,35 +56,25 @@ class Model:
     _nominal: Terms = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        start, prior_std = (
-            np.concatenate(values)
-            for values in zip(*((block.start, block.prior_std) for block in self.blocks), strict=True)
-        )
-        start.flags.writeable = prior_std.flags.writeable = False
         object.__setattr__(self, "names", tuple(name for block in self.blocks for name in block.names))
-        object.__setattr__(self, "start", start)
-        object.__setattr__(self, "prior_std", prior_std)
+        object.__setattr__(self, "start", np.concatenate([block.start for block in self.blocks]))
+        object.__setattr__(self, "prior_std", np.concatenate([block.prior_std for block in self.blocks]))
         object.__setattr__(self, "_nominal", nominal_terms(self.structure, self.layout, self.spectra))
+        freeze(self, start=1, prior_std=1)
 
     @property
     def components(self) -> tuple[Component, ...]:
         """Springs, dampers and tyres that are fitted."""
-        return tuple(
-            component for block in self.blocks if isinstance(block, FreeComponents) for component in block.components
-        )
+        return tuple(part for block in self.blocks if isinstance(block, FreeComponents) for part in block.components)
 
     def by_block(self, parameters: Real) -> Iterator[tuple[ParameterBlock, Real]]:
         """Yield each block with its parameters."""
-        first = 0
-        for block in self.blocks:
-            last = first + len(block.names)
-            yield block, parameters[first:last]
-            first = last
+        ends = np.cumsum([len(block.names) for block in self.blocks])
+        yield from zip(self.blocks, np.split(parameters, ends[:-1]), strict=True)
 
     def rows(self, *groups: str) -> Indices:
         """Return the numbers of the parameters whose block is of one of the groups, such as "components"."""
-        of_group = [block.group in groups for block in self.blocks for _ in block.names]
-        return np.flatnonzero(of_group)
+        return np.flatnonzero([block.group in groups for block in self.blocks for _ in block.names])
 
     def scaled_start(self, components: Real | None = None) -> Real:
         """Return `start`, or given components, with inputs and noise scaled so that the model has the data's power."""
@@ -111,22 +101,17 @@ class Model:
 
         Notes
         -----
-        The value is l(S) + sum (parameter - start)^2 / (2 prior_std^2), l as in `minus_log_likelihood`. Its gradient
-        goes back through the window (`onto_grid`) to the terms (`term_gradients`), and from there to each block. Where
-        the value is not finite or the mass matrix not positive definite, value `TOO_FAR` and gradient 0.
-
-        References
-        ----------
-        See `Model`.
+        l(S) + sum (parameter - start)^2 / (2 prior_std^2), l as in `minus_log_likelihood`. The gradient goes back
+        through the window (`onto_grid`) to the terms (`term_gradients`), and from these to each block. `TOO_FAR` and 0
+        where the value is not finite or a matrix is not positive definite.
         """
         try:
             with np.errstate(all="ignore"):
                 value, gradient = self._objective(parameters)
         except np.linalg.LinAlgError:
             return TOO_FAR, np.zeros_like(parameters)
-        if np.isfinite(value) and np.all(np.isfinite(gradient)):
-            return value, gradient
-        return TOO_FAR, np.zeros_like(parameters)
+        is_finite = np.isfinite(value) and np.all(np.isfinite(gradient))
+        return (value, gradient) if is_finite else (TOO_FAR, np.zeros_like(parameters))
 
     def _objective(self, parameters: Real) -> tuple[float, Real]:
         """Value and gradient; LinAlgError where a matrix is not positive definite."""
@@ -144,8 +129,8 @@ class Model:
         """Return dS/dp for each parameter p, shape (parameters, classes, frequencies, coordinates, coordinates)."""
         response = transfer(self.terms(parameters))
         derivatives = np.empty((parameters.size, *response.spectral_matrix.shape), dtype=np.complex128)
-        every = (d for block, own in self.by_block(parameters) for d in block.derivatives(own, response))
-        for row, derivative in enumerate(every):
+        by_block = (block.derivatives(own, response) for block, own in self.by_block(parameters))
+        for row, derivative in enumerate(chain.from_iterable(by_block)):
             derivatives[row] = derivative
         return through_window(derivatives)
 
@@ -156,16 +141,7 @@ class Model:
         return scaled @ self.derivatives(parameters) @ factor.conj().swapaxes(-1, -2)
 
     def information(self, parameters: Real) -> Real:
-        """Return the Fisher information of the data about the parameters, without the prior.
-
-        Notes
-        -----
-        I_pq = sum over classes n sum over frequencies tr(S^-1 dS/dp S^-1 dS/dq).
-
-        References
-        ----------
-        See `Model`.
-        """
+        """Return the Fisher information without the prior: I_pq = sum n tr(S^-1 dS/dp S^-1 dS/dq)."""
         whitened = self.whitened_derivatives(parameters)
         flat = whitened.reshape(len(whitened), -1)
         return (flat.conj() @ flat.T).real
