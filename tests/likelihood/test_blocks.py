@@ -65,18 +65,39 @@ def test_names_starts_and_priors_agree(case):
     assert len(set(model.names)) == len(model.names) == model.start.size
 
 
+def test_rows_of_the_groups_are_all_parameters_once(case):
+    _, model = case
+    groups = {block.group for block in model.blocks}
+    assert sorted(row for group in groups for row in model.rows(group)) == list(range(model.start.size))
+    assert model.rows("no such group").size == 0
+
+
+def test_values_are_physical(classes):
+    model = whole_model("zafira", "road", classes)
+    parameters = model.start.copy()
+    parameters[model.rows("components")[0]] = np.log(0.8)
+    parameters[model.rows("payload")[0]] = 0.1
+    values = {name: value for block, own in model.by_block(parameters) for name, value in block.values(own).items()}
+    nominal = {str(component): value for component, value in model.structure.components().items()}
+    assert values["front_left.spring"] == pytest.approx(0.8 * nominal["front_left.spring"])
+    assert values["rear_left.damper"] == pytest.approx(nominal["rear_left.damper"])
+    assert values["payload_mass"] == pytest.approx(0.1 * 1480.0)  # a tenth of the body
+    assert values["roughness"] == pytest.approx(256e-6)  # class C of ISO 8608
+    assert (values["waviness"], values["delay"], values["class_0"]) == (2.0, 1.0, 1.0)
+
+
 def test_gradient_of_a_block_is_the_finite_difference(case, somewhere, with_data):
     group, model = case
     parameters = somewhere(model, size=0.05)
     model = with_data(model, somewhere(model, seed=1, size=0.05))
     rows = model.rows(group)
     gradients = gradients_of(model, model.terms(parameters))
-    found = np.concatenate([block.gradient(own, gradients) for block, own in blocks_of(group, model, parameters)])
-    for row, value in zip(rows, found, strict=True):
+    gradient = np.concatenate([block.gradient(own, gradients) for block, own in blocks_of(group, model, parameters)])
+    for row, value in zip(rows, gradient, strict=True):
         step = 1e-3 * min(model.prior_std[row], 0.3) * np.eye(parameters.size)[row]
         low2, low, high, high2 = (misfit(model, model.terms(parameters + k * step)) for k in (-2, -1, 1, 2))
         difference = (low2 - 8 * low + 8 * high - high2) / (12 * step[row])
-        scale = np.abs(found * np.minimum(model.prior_std[rows], 0.3)).max() / min(model.prior_std[row], 0.3)
+        scale = np.abs(gradient * np.minimum(model.prior_std[rows], 0.3)).max() / min(model.prior_std[row], 0.3)
         assert value == pytest.approx(difference, rel=1e-5, abs=1e-6 * scale), model.names[row]
 
 
@@ -133,7 +154,7 @@ def test_gradient_of_a_term_is_the_finite_difference(term, classes, somewhere, w
     typical = {"forces": 1e3, "feedthrough": 10.0}.get(term, np.abs(value).mean())
     change *= 1e-5 * typical
     gradients = gradients_of(model, terms)
-    gradient = gradients.elements if term == "stiffness" else getattr(gradients, term)
+    gradient = getattr(gradients, term)
     above, below = (misfit(model, replace(terms, **{term: value + sign * change})) for sign in (1, -1))
     assert np.sum(gradient * change).real == pytest.approx((above - below) / 2, rel=1e-4)
 

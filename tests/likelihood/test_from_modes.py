@@ -39,7 +39,7 @@ def test_exact_modes_give_exact_springs_and_dampers(name):
     assert found == pytest.approx(expected, abs=1e-7)
 
 
-def test_what_the_modes_do_not_tell_stays_near_nominal(car):
+def test_what_the_modes_do_not_determine_stays_near_nominal(car):
     nominal = structure(car)
     soft = with_faults(nominal, [parse_fault("front_left.spring=-0.3")])
     free = components(nominal, "spring", "damper", "tyre")

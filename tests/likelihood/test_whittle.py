@@ -46,7 +46,7 @@ def test_exact_spectra_give_the_parameters_back(model, with_data):
     start = some.scaled_start()
     found = minimised(some, start)
     free, has_payload = model.rows("components", "payload", "sensors"), model.rows("payload").size > 0
-    if not has_payload:  # a load and all components together can hardly be told apart from accelerations
+    if not has_payload:  # accelerations hardly distinguish a load from a change of all components together
         assert found[free] == pytest.approx(truth[free], abs=0.05)
     for counts in (1e2, 1e3, 1e4, 1e6, 1e8, 1e10, 1e12, 1e12, 1e12, 1e12):  # the prior fades
         exact = with_data(model, truth, counts=counts)
@@ -99,14 +99,14 @@ def test_weight_is_the_derivative_of_the_likelihood(car, road_model, with_data, 
     assert np.einsum("cfij,cfji->", weight, change).real == pytest.approx((above - below) / 2, rel=1e-5)
 
 
-def test_a_mass_matrix_that_is_not_positive_definite_turns_the_search_back(car, road_model):
+def test_the_objective_is_large_where_the_mass_matrix_is_not_positive_definite(car, road_model):
     model = road_model(car, parts=(MassParameter("load", np.eye(7), 1.0),))
     parameters = model.start.copy()
     parameters[model.rows("payload")] = -1e4
     assert model.objective(parameters)[0] == TOO_FAR
 
 
-def test_search_beyond_all_numbers_turns_back(car, road_model, with_data):
+def test_the_objective_is_large_where_it_overflows(car, road_model, with_data):
     model = with_data(road_model(car), road_model(car).start)
     value, gradient = model.objective(model.start + 1e4)
     assert value == TOO_FAR
@@ -122,7 +122,7 @@ def test_transfer_is_the_frequency_response(car, road_model):
 
 
 @pytest.mark.slow
-def test_spectra_of_a_simulated_drive_are_the_models(car, road_model, classes):
+def test_spectra_of_a_simulated_drive_are_those_of_the_model(car, road_model, classes):
     """Twenty minutes at 12 m/s: every entry of the spectral matrix, phases of the delay included, within chance."""
     speed = 12.0
     run = simulate_drive(car, DriveSettings("road", duration=1200.0, speed=(speed, speed)), seed=3).recording

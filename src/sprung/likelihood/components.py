@@ -58,7 +58,9 @@ class FreeComponents(ParameterBlock):
         """Return the terms with the dynamic stiffness of the elements."""
         s, factor = _s(terms), self._factors(parameters)
         stiffness = [
-            element.dynamic_stiffness(s, spring=factor.get(spring, 1.0), damper=factor.get(damper, 1.0))
+            element.dynamic_stiffness(
+                s, spring=factor.get(spring, 1.0), damper=factor.get(damper, 1.0) if damper else 1.0
+            )
             for element in self.structure.elements
             for spring, damper in [element.components]
         ]
@@ -66,7 +68,7 @@ class FreeComponents(ParameterBlock):
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective."""
-        by_element, gradient = gradients.elements, np.zeros(len(self.components))
+        by_element, gradient = gradients.stiffness, np.zeros(len(self.components))
         for row, element, change in self._changes(parameters, gradients.transfer.terms):
             gradient[row] += np.sum((by_element[element] * change).real)
         return gradient
@@ -78,11 +80,16 @@ class FreeComponents(ParameterBlock):
             derivatives[row] = derivatives[row] + response.change_by_element(element, change)
         return derivatives
 
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return stiffnesses [N/m] and damping [N s/m]."""
+        nominal, factors = self.structure.components(), self._factors(parameters)
+        return {str(component): nominal[component] * factors[component] for component in self.components}
+
     def fitted(self, parameters: Real, structure: Structure) -> Structure:
         """Return the structure with the fitted components."""
-        return structure.changed(dict(zip(self.components, np.exp(parameters).tolist(), strict=True)))
+        return structure.changed(self._factors(parameters))
 
-    def _factors(self, parameters: Real) -> dict[Component | None, float]:
+    def _factors(self, parameters: Real) -> dict[Component, float]:
         """Value over nominal value of each component."""
         return dict(zip(self.components, np.exp(parameters).tolist(), strict=True))
 
@@ -94,7 +101,7 @@ class FreeComponents(ParameterBlock):
             spring, damper = element.components
             if spring in rows:
                 yield rows[spring], number, np.full_like(s, factor[spring] * element.stiffness)
-            if damper in rows:
+            if damper is not None and damper in rows:
                 yield rows[damper], number, element.damping_derivative(s, damper=factor[damper])
 
 

@@ -163,7 +163,11 @@ def sensor_positions(nominal: Structure, layout: RigidLayout) -> SensorPositions
     Notes
     -----
     An accelerometer at (x, y) with vertical direction cosine d_z reads d_z (z'' - x p'' + y r'') of bounce z, pitch p
-    and roll r (ISO 8855), so that its row changes by -d_z for pitch with x and by d_z for roll with y.
+    and roll r, so that its row changes by -d_z for pitch with x and by d_z for roll with y.
+
+    References
+    ----------
+    ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary (axes).
     """
     parts = []
     channels = {channel.name: channel for channel in nominal.outputs.channels}

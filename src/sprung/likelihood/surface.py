@@ -286,3 +286,7 @@ class ClassRoughness(ParameterBlock):
         driven = response.change_by_inputs(response.terms.inputs)
         members = np.eye(self.n_classes)[:, :, None, None, None]
         return [driven * member for member in members]
+
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return the roughness of each class over the common one."""
+        return dict(zip(self.names, np.exp(parameters).tolist(), strict=True))

@@ -114,14 +114,16 @@ class TermGradients:
     Notes
     -----
     With W such that d objective = sum over classes and frequencies tr(W dS), the gradient g of every term T has its
-    shape, and d objective = Re sum(g dT). From `Transfer`, with dS = dH S_inputs H^H + h.c. and Q, E, G as above:
+    name and shape, and d objective = Re sum(g dT). With the dH and dS of `Transfer`, and Q, E, G as above:
 
-        elements    2 (foot^T E d - d^T G d)
-        mass        2 w^2 G^T, summed over the frequencies
-        forces      2 E^T, summed over the frequencies
-        motion      -2 w^2 (X Q reduction diag(channel response))^T, summed over the frequencies
-        inputs      (H^H W H)^T
-        noise       W^T, summed over the classes
+        stiffness           2 (foot^T E d - d^T G d)
+        mass                2 w^2 G^T, summed over the frequencies
+        forces              2 E^T, summed over the frequencies
+        motion              -2 w^2 (X Q reduction diag(channel response))^T, summed over the frequencies
+        feedthrough         2 (Q reduction diag(channel response))^T, summed over the frequencies
+        channel_response    2 diag((-w^2 motion X + feedthrough) Q reduction)
+        inputs              (H^H W H)^T
+        noise               W^T, summed over the classes
 
     It costs as much as the model itself, however many parameters there are (the adjoint method).
 
@@ -140,7 +142,7 @@ class TermGradients:
     fed_back: Complex
 
     @property
-    def elements(self) -> Complex:
+    def stiffness(self) -> Complex:
         """Gradient with respect to the dynamic stiffness of each element, shape (elements, grid)."""
         d, feet = self.transfer.terms.elongations, self.transfer.terms.feet
         return 2 * np.sum((feet @ self.forced - d @ self.fed_back) * d, axis=-1).T

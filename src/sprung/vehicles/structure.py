@@ -110,8 +110,12 @@ class Element:
         Notes
         -----
         z(s) = k + s c, and with a bushing of stiffness k_b in series with the damper
-        z(s) = k + 1 / (1 / (s c) + 1 / k_b) = k + s c k_b / (k_b + s c), the relaxation model of Zener.
+        z(s) = k + 1 / (1 / (s c) + 1 / k_b) = k + s c k_b / (k_b + s c), the standard linear solid.
         dz / d ln k = k; for the other derivatives see `damping_derivative`.
+
+        References
+        ----------
+        C. Zener, Elasticity and Anelasticity of Metals, University of Chicago Press, 1948 (standard linear solid).
         """
         viscous = np.asarray(s, dtype=np.complex128) * (damper * self.damping)
         if self.series_stiffness is not None:
