@@ -173,3 +173,34 @@ def test_change_by_a_term_is_the_finite_difference(term, classes, somewhere):
     derivative = getattr(transfer(terms), f"change_by_{term}")(change)
     difference = (above - below) / (2 * step)
     assert np.abs(derivative - difference).max() < 1e-5 * np.abs(difference).max()
+
+
+def with_measured_input(terms, *, density=0.3):
+    """Terms with one more input, which moves no wheel and is independent of the road."""
+    measured = np.full((*terms.inputs.shape[:2], 1, 1), density, dtype=np.complex128)
+    more = {name: np.pad(getattr(terms, name), ((0, 0), (0, 1))) for name in ("feet", "forces", "feedthrough")}
+    return replace(terms, measured_inputs=measured, **more)
+
+
+def test_a_measured_input_that_a_channel_reads_adds_its_spectrum(classes, somewhere):
+    model = whole_model("zafira", "road", classes)
+    terms = model.terms(somewhere(model))
+    feedthrough = np.zeros((4, 5))
+    feedthrough[2, 4] = 0.5  # half of the input is read by the third channel
+    column = 0.5 * terms.reduction[:, 2]
+    both = transfer(replace(with_measured_input(terms), feedthrough=feedthrough)).spectral_matrix
+    expected = transfer(terms).spectral_matrix + 0.3 * np.outer(column, column)
+    assert both == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("term", ["forces", "feedthrough"])
+def test_gradient_of_what_a_measured_input_does_is_the_finite_difference(term, classes, somewhere, with_data):
+    model = whole_model("zafira", "road", classes)
+    terms = with_measured_input(model.terms(somewhere(model)))
+    model = with_data(model, somewhere(model, seed=1))
+    change = np.zeros(getattr(terms, term).shape)
+    change[:, -1] = np.random.default_rng(3).standard_normal(len(change)) * (1e3 if term == "forces" else 1.0)
+    at, step = replace(terms, **{term: getattr(terms, term) + change}), 1e-4
+    above, below = (misfit(model, replace(at, **{term: getattr(at, term) + k * step * change})) for k in (1, -1))
+    gradient = getattr(gradients_of(model, at), term)
+    assert np.sum(gradient * change).real == pytest.approx((above - below) / (2 * step), rel=1e-5)
