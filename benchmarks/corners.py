@@ -102,7 +102,7 @@ def drive(case, seed):
     real, file = vehicle(case)
     run = simulate_drive(real, DriveSettings("road", **settings(case, seed)), seed=[seed, 0])
     fit = fit_corners(run.recording, file)
-    true = [run.truth["components"][one.owner][one.name]["value"] for one in fit.components]
+    true = [run.truth["components"][part.corner][part.kind]["value"] for part in fit.components]
     modes = fit.modes()
     body = [mode for mode in run.truth["modes"] if mode["label"] in {"bounce", "pitch", "roll"}]
     at = [modes.labels.index(mode["label"]) if mode["label"] in modes.labels else 0 for mode in body]

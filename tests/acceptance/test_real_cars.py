@@ -84,7 +84,7 @@ def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_
     """
     described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
-    car, settings = parse_vehicle(described), CornerSettings(width=0.2)
+    car, settings = parse_vehicle(described), CornerSettings(prior_std=0.2)
     logs = ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"]
     slow, fast = (
         fit_corners(read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet")), car, settings=settings)
@@ -115,7 +115,7 @@ def test_corners_from_one_minute_of_a_real_car_are_not_told(real_file):
     ]
     for sensor, unit in zip(described["sensor"], ("m/s^2", "rad/s", "rad/s"), strict=True):
         sensor["unit"] = unit
-    fit = fit_corners(comma_run(real_file), parse_vehicle(described), settings=CornerSettings(width=0.2))
+    fit = fit_corners(comma_run(real_file), parse_vehicle(described), settings=CornerSettings(prior_std=0.2))
     assert fit.n_segments < 25
     assert np.abs(fit.log_ratios).max() < 0.5
     assert any("cannot tell" in note for note in fit.notes)
@@ -160,7 +160,7 @@ def test_no_finding_between_two_logs_of_the_same_car(real_file):
     """Learnt on the drive of ten minutes in windows of two, tried on the slow one."""
     described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
-    car, settings = parse_vehicle(described), CornerSettings(width=0.2)
+    car, settings = parse_vehicle(described), CornerSettings(prior_std=0.2)
     slow, fast = (
         [
             observe(part, car, time=time, settings=settings)

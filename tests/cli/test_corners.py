@@ -30,7 +30,7 @@ def test_json_has_the_contracts_names(sprung, drive, tmp_path):
     assert set(document["corners"]) == {"front_left", "front_right", "rear_left", "rear_right"}
     assert set(document["corners"]["rear_right"]) == {"spring", "damper", "tyre"}
     assert [mode["label"] for mode in document["modes"][:3]] == ["bounce", "pitch", "roll"]
-    assert {"level", "exponent", "coherence_length"} <= set(document["road"])
+    assert {"roughness", "waviness", "coherence_length"} <= set(document["road"])
     assert abs(document["payload"]["payload_mass"]["value"]) < 4 * document["payload"]["payload_mass"]["std"]
     assert {"model_error", "n_segments", "band", "correlation"} <= set(document["fit"])
     assert isinstance(document["notes"], list)

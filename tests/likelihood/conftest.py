@@ -3,8 +3,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.likelihood import ClassSpectra, Model, RoadInputs, SensorChange, rigid_layout
-from sprung.vehicles import read_vehicle, structure
+from sprung.likelihood import (
+    AddedMass,
+    ClassRoughness,
+    ClassSpectra,
+    FreeComponents,
+    MassParameter,
+    Model,
+    PositionParameter,
+    RailInputs,
+    RigInputs,
+    RoadInputs,
+    SensorDelays,
+    SensorNoise,
+    SensorPositions,
+    rigid_layout,
+)
+from sprung.vehicles import Sensor, read_vehicle, structure
 
 SEGMENT = 5.12
 
@@ -22,19 +37,29 @@ def _classes(n_coordinates, *, counts=9.0, n_classes=6):
     return ClassSpectra(f, np.full(n_classes, counts), speeds, spreads, unit, SEGMENT, np.full(unit.shape[:2], counts))
 
 
-def _road_model(vehicle, *, spectra=None, masses=(), model=None, sensors=False, **options):
+def _road_blocks(vehicle, nominal, spectra):
+    """A road and its classes."""
+    positions = np.repeat([axle.x for axle in vehicle.axle], 2)
+    return RoadInputs(spectra, positions, np.array([1.0, -1.0, 1.0, -1.0])), ClassRoughness(spectra.counts.size)
+
+
+def _road_model(vehicle, *, spectra=None, parts=(), inputs=_road_blocks, sensors=False):
     """The model of a vehicle on a road with all its corners free."""
-    model = structure(vehicle) if model is None else model
-    layout = rigid_layout(model)
+    nominal = structure(vehicle)
+    layout = rigid_layout(nominal)
     spectra = _classes(len(layout.rows)) if spectra is None else spectra
-    free = tuple(component for component in model.components() if component.side)
-    inputs = RoadInputs(spectra, np.repeat([axle.x for axle in vehicle.axle], 2), np.array([1.0, -1.0, 1.0, -1.0]))
-    changes = ()
+    free = tuple(component for component in nominal.components() if component.side)
+    blocks = [FreeComponents(nominal, free)]
+    if parts:
+        blocks.append(AddedMass(parts))
     if sensors:
         ahead = np.zeros(layout.motion.shape)
-        ahead[0, model.coordinates.index("pitch")] = -1.0
-        changes = (SensorChange("ahead", 0.1, motion=ahead), SensorChange("lag", 0.01, channel=1))
-    return Model(model, layout, spectra, inputs, free, masses=masses, sensors=changes, **options)
+        ahead[0, nominal.coordinates.index("pitch")] = -1.0
+        blocks += [
+            SensorPositions((PositionParameter("ahead", ahead),)),
+            SensorDelays(layout, layout.names[1:2], std=0.01),
+        ]
+    return Model(nominal, layout, spectra, (*blocks, *inputs(vehicle, nominal, spectra), SensorNoise(layout)))
 
 
 def _with_data(model, parameters, *, counts=None, generator=None):
@@ -50,7 +75,55 @@ def _with_data(model, parameters, *, counts=None, generator=None):
         spectra = replace(
             spectra, counts=np.full(spectra.counts.size, counts), weights=np.full(spectra.weights.shape, counts)
         )
-    return replace(model, spectra=spectra, inputs=replace(model.inputs, spectra=spectra))
+    return replace(model, spectra=spectra)
+
+
+def _somewhere(model, seed=0, size=0.1):
+    """Random parameters near the start."""
+    return model.start + size * np.random.default_rng(seed).standard_normal(model.start.size)
+
+
+def _imu():
+    """Sensors of a six-axis inertial measurement unit ahead of the centre of gravity."""
+    up, ahead, left = [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]
+    rate = {"quantity": "angular_velocity", "unit": "deg/s"}
+    return (
+        Sensor(channel="az", quantity="acceleration", unit="g", position=[0.3, 0.1, 0.2], direction=up),
+        Sensor(channel="ax", quantity="acceleration", unit="g", position=[0.3, 0.1, 0.2], direction=ahead),
+        Sensor(channel="wx", direction=ahead, **rate),
+        Sensor(channel="wy", direction=left, **rate),
+        Sensor(channel="wz", direction=up, **rate),
+    )
+
+
+@pytest.fixture(params=["plain", "bushed", "loaded", "imu", "sensors", "rail", "rig"])
+def model(request, car):
+    """Models with every block of parameters."""
+    if request.param == "bushed":
+        axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": 60e3}) for axle in car.axle)
+        return _road_model(car.model_copy(update={"axle": axles}))
+    if request.param == "loaded":
+        mass = np.zeros((7, 7))
+        mass[0, 0], mass[0, 1], mass[1, 0] = 100.0, -50.0, -50.0
+        return _road_model(car, parts=(MassParameter("load", mass, 1.0),))
+    if request.param == "rail":
+        return _road_model(car, inputs=_rail_blocks)
+    if request.param == "rig":
+        return _road_model(car, inputs=lambda _, nominal, spectra: [RigInputs(spectra, nominal.inputs, 1e-7)])
+    if request.param == "sensors":
+        return _road_model(car, sensors=True)
+    return _road_model(car.model_copy(update={"sensor": _imu()}) if request.param == "imu" else car)
+
+
+def _rail_blocks(vehicle, nominal, spectra):
+    """A track and its classes."""
+    road, by_class = _road_blocks(vehicle, nominal, spectra)
+    return RailInputs(spectra, road.positions, road.sides, contact_length=0.01), by_class
+
+
+@pytest.fixture(scope="session")
+def somewhere():
+    return _somewhere
 
 
 @pytest.fixture(scope="session")

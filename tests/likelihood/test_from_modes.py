@@ -34,12 +34,12 @@ def test_exact_modes_give_exact_springs_and_dampers(name):
     nominal = structure(read_vehicle(name))
     true = with_faults(nominal, [parse_fault("front_left.spring=-0.3"), parse_fault("rear_right.damper=0.2")])
     free = components(nominal, "spring", "damper")
-    found = corners_from_modes(exact_modes(true), nominal, rigid_layout(nominal), free, width=1e5)
+    found = corners_from_modes(exact_modes(true), nominal, rigid_layout(nominal), free, prior_std=1e5)
     expected = [np.log(true.components()[c] / nominal.components()[c]) for c in free]
     assert found == pytest.approx(expected, abs=1e-7)
 
 
-def test_what_the_modes_do_not_tell_stays_near_nominal(car):
+def test_what_the_modes_do_not_determine_stays_near_nominal(car):
     nominal = structure(car)
     soft = with_faults(nominal, [parse_fault("front_left.spring=-0.3")])
     free = components(nominal, "spring", "damper", "tyre")

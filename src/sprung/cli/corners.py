@@ -102,7 +102,7 @@ def corners(
     settings = CornerSettings(
         band=band,
         segment=segment,
-        width=width,
+        prior_std=width,
         free=names(free),
         has_payload=payload,
         has_free_sensors=sensors,

@@ -200,8 +200,8 @@ def _told(time: float, fit: CornerFit, conditions: dict[str, float], faults: tup
     """Return the observation that a fit makes."""
     count = len(fit.components)
     conditions = {**conditions, "model_error": fit.model_error, "segments": float(fit.n_segments)}
-    if "level" in fit.inputs:
-        conditions["level"] = fit.inputs["level"]
+    if "roughness" in fit.inputs:
+        conditions["level"] = fit.inputs["roughness"]
     if "payload_mass" in fit.payload:
         conditions["payload"] = fit.payload["payload_mass"]["value"]
     modes = fit.modes()

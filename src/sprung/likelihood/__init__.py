@@ -1,28 +1,40 @@
 """Whittle likelihood of a vehicle on its road: springs, dampers and tyres of every corner from the body's motion."""
 
+from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.components import FreeComponents
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.fitting import fit_corners, fit_segments, nominal_misfit
 from sprung.likelihood.from_modes import corners_from_modes
-from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs, SurfaceInputs
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines
+from sprung.likelihood.noise import SensorNoise
+from sprung.likelihood.payload import AddedMass, MassParameter
+from sprung.likelihood.rig import RigInputs
+from sprung.likelihood.sensor_errors import PositionParameter, SensorDelays, SensorPositions
 from sprung.likelihood.spectra import ClassSpectra, SegmentSpectra, class_spectra, segment_spectra
+from sprung.likelihood.surface import ClassRoughness, RailInputs, RoadInputs, SurfaceInputs
 from sprung.likelihood.vehicle import CornerSettings, vehicle_model
-from sprung.likelihood.whittle import MassChange, Model, SensorChange
+from sprung.likelihood.whittle import Model
 
 __all__ = [
+    "AddedMass",
+    "ClassRoughness",
     "ClassSpectra",
     "CornerFit",
     "CornerSettings",
-    "InputModel",
-    "MassChange",
+    "FreeComponents",
+    "MassParameter",
     "Model",
+    "ParameterBlock",
+    "PositionParameter",
     "RailInputs",
     "RigInputs",
     "RigidLayout",
     "RoadInputs",
     "SegmentSpectra",
-    "SensorChange",
+    "SensorDelays",
+    "SensorNoise",
+    "SensorPositions",
     "SpectralLine",
     "SurfaceInputs",
     "class_spectra",

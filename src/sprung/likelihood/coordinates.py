@@ -1,4 +1,4 @@
-"""Sensors on a vehicle as the coordinates that its motion can be seen in."""
+"""Coordinates of a vehicle's motion that its sensors observe."""
 
 from dataclasses import dataclass
 
@@ -9,34 +9,34 @@ from sprung._checks import freeze
 from sprung.errors import ParameterError
 from sprung.vehicles import Structure
 
-#: Typical noise of sensors by order of the time derivative they measure [m or rad, per s, per s^2].
+#: Usual noise of sensors by the order of the time derivative that they measure [m or rad, per s, per s^2].
 _NOISE = (1e-4, 1e-3, 1e-2)
-# Least share of its reading that an accelerometer must take from vertical motion: others see braking and gravity.
+#: Least vertical direction cosine of an accelerometer that is used: others read braking and gravity.
 _LEAST_VERTICAL = 0.7
-# Directions that the sensors tell less of than this, relative to the best one, are left out.
+#: Directions whose singular value is less than this share of the largest are left out.
 _WEAKEST = 1e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RigidLayout:
-    """The combinations of channels that the model explains.
+    """Combinations of channels that the model explains.
 
     Parameters
     ----------
     names
-        Channels, shape (channels,).
+        Names of the channels.
     coordinates
-        Names of the coordinates: "bounce", "pitch", "roll" where these are what the sensors see; numbers otherwise.
+        Names of the coordinates: "bounce", "pitch", "roll" where the sensors observe these alone; numbers otherwise.
     orders
-        Order of the time derivative that each channel measures (acceleration 2, angular velocity 1).
+        Order of the time derivative that each channel measures (acceleration 2, angular velocity 1), shape (channels,).
     reduction
-        Shape (coordinates, channels): coordinates = reduction times the channels, differentiated to accelerations.
+        Coordinates for one unit of each channel, differentiated to an acceleration, shape (coordinates, channels).
     motion
-        Shape (channels, n): the channels, differentiated to accelerations, for one unit of acceleration of each
-        coordinate of the structure.
+        Reading of the channels, differentiated to accelerations, for one unit of acceleration of each coordinate of the
+        structure, shape (channels, n).
     noise
-        Shape (channels, coordinates, coordinates): covariance of the coordinates for noise of the usual size on one
-        channel.
+        Covariance of the coordinates for noise of the usual size on one channel, shape
+        (channels, coordinates, coordinates).
     """
 
     names: tuple[str, ...]
@@ -52,32 +52,41 @@ class RigidLayout:
 
     @property
     def rows(self) -> Real:
-        """The coordinates for one unit of acceleration of each coordinate of the structure, (coordinates, n)."""
+        """Coordinates for one unit of acceleration of each coordinate of the structure, shape (coordinates, n)."""
         return self.reduction @ self.motion
 
     def differentiator(self, frequencies: Real) -> Complex:
-        """Return factors that make each channel's spectrum that of an acceleration, shape (frequencies, channels)."""
+        """Return the factors (i w)^(2 - order) that make each channel an acceleration, (frequencies, channels)."""
         return np.asarray((2j * np.pi * frequencies[:, None]) ** (2 - self.orders), dtype=np.complex128)
 
 
 def rigid_layout(structure: Structure) -> RigidLayout:
-    """Return the coordinates that the sensors of a structure see, as many as there are independent ones.
+    """Return the independent coordinates that the sensors of a structure observe.
 
     Parameters
     ----------
     structure
-        With its motion sensors.
+        Vehicle with its motion sensors.
+
+    Returns
+    -------
+    RigidLayout
 
     Raises
     ------
     ParameterError
-        Where no sensor sees a motion of the structure.
+        Where no sensor observes a motion of the structure.
 
     Notes
     -----
-    With channels y = T q'' (after differentiation) weighted by the usual noise, W T = U S V^T: the coordinates are
-    U_r^T W y, so that what the rigid vehicle cannot explain is left out. Where these are bounce, pitch and roll of the
-    body they are turned into them, which changes no likelihood.
+    With channels y = T q'' (after differentiation) weighted by the inverse of the usual noise, W T = U S V^T: the
+    coordinates are U_r^T W y, which leaves out what the rigid vehicle cannot explain. Where these are combinations of
+    as many motions of the body they are transformed to them, which changes no likelihood.
+
+    References
+    ----------
+    G. H. Golub and C. F. Van Loan, Matrix Computations, 4th edition, Johns Hopkins University Press, 2013, section 5.5
+    (rank-deficient least squares by the singular value decomposition).
     """
     outputs = structure.outputs
     matrices = (outputs.displacement, outputs.velocity, outputs.acceleration)
@@ -86,25 +95,25 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     upright = [
         channel.direction is None or abs(channel.direction[2]) >= _LEAST_VERTICAL for channel in outputs.channels
     ]
-    seen = np.flatnonzero((sizes.max(axis=0, initial=0.0) > 0) & (upright | (orders < 2)))
-    if not seen.size:
+    observed = np.flatnonzero((sizes.max(axis=0, initial=0.0) > 0) & (upright | (orders < 2)))
+    if not observed.size:
         raise ParameterError(
-            "no sensor sees a motion of the vehicle: add [[sensor]] tables with position and direction"
+            "no sensor observes a motion of the vehicle: add [[sensor]] tables with position and direction"
         )
-    orders = orders[seen]
-    T = np.sum(matrices, axis=0)[seen]
+    orders = orders[observed]
+    T = np.sum(matrices, axis=0)[observed]
     weights = 1 / np.array(_NOISE)[orders]
     U, S, _ = np.linalg.svd(weights[:, None] * T, full_matrices=False)
     kept = U[:, S / S[0] > _WEAKEST]
     mix, names = _as_motions(kept.T @ (weights[:, None] * T), structure.coordinates)
     noise = np.einsum("ic,jc->cij", mix @ kept.T, mix @ kept.T)
     reduction = mix @ (kept.T * weights)
-    channels = tuple(outputs.names[row] for row in seen)
+    channels = tuple(outputs.names[row] for row in observed)
     return RigidLayout(channels, names, orders, reduction, T, noise)
 
 
 def _as_motions(rows: Real, coordinates: tuple[str, ...]) -> tuple[Real, tuple[str, ...]]:
-    """Return what turns coordinates into the body's motions, and their names; nothing where they see anything else."""
+    """Matrix that transforms coordinates to motions of the structure, and their names; identity and numbers if none."""
     columns = np.flatnonzero(np.abs(rows).max(axis=0) > 0)
     if len(rows) == len(columns):
         return np.asarray(np.linalg.inv(rows[:, columns]), dtype=np.float64), tuple(

@@ -1,6 +1,6 @@
-"""Springs, dampers and tyres of every corner as a fit gives them."""
+"""Fitted springs, dampers and tyres of every corner."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,8 +9,10 @@ from sprung._checks import freeze
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Component, ExactModes, Structure
 
-#: A parameter is told by the data if they take its prior standard deviation down to this share.
-TOLD = 0.5
+#: A parameter is identifiable where the data reduce the standard deviation of its prior to this share or less.
+IDENTIFIABLE = 0.5
+#: Step of the numerical derivatives of the modes, over the standard deviation of the prior.
+_STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -20,21 +22,21 @@ class CornerFit:
     Parameters
     ----------
     model
-        With the data and what is nominal.
+        Data, nominal vehicle and free parameters.
     parameters
-        All of them, as `model.names`.
+        Fitted parameters of the model, in the order of `model.names`.
     covariance
-        Of the parameters, corrected for a model that is not perfect.
+        Covariance of `parameters`, corrected for the error of the model.
     misfit
-        Measured over fitted power less 1, shape (coordinates, frequencies), averaged over the classes.
+        Measured over fitted power less 1, averaged over the classes, shape (coordinates, frequencies).
     model_error
-        RMS of that beyond what chance gives.
+        RMS of `misfit` beyond what chance gives.
     n_segments, n_rejected
-        Segments used, and left out for their speed.
+        Number of segments used, and of those left out for their speed.
     notes
-        What a reader should know, one sentence each.
+        Remarks on the fit for its reader, one sentence each.
     from_modes
-        ln(value / nominal value) of each component that identified modes alone give, as a check; None without modes.
+        ln(value / nominal value) of each component by identified modes alone, as a check; None without modes.
     """
 
     model: Model
@@ -58,12 +60,12 @@ class CornerFit:
     @property
     def log_ratios(self) -> Real:
         """ln(value / nominal value) of each component."""
-        return self.parameters[: len(self.components)]
+        return self.parameters[self.model.rows("components")]
 
     @property
     def log_ratios_std(self) -> Real:
         """Standard deviations of `log_ratios`."""
-        return np.sqrt(np.diag(self.covariance))[: len(self.components)]
+        return self._std[self.model.rows("components")]
 
     @property
     def nominal(self) -> Real:
@@ -78,38 +80,44 @@ class CornerFit:
 
     @property
     def is_identifiable(self) -> Booleans:
-        """Tell which components this run and these sensors tell; the others stay near what the vehicle file says."""
-        return self.log_ratios_std < TOLD * self.model.width
+        """Whether the data determine each component; estimates of the others stay near nominal."""
+        return self.log_ratios_std < IDENTIFIABLE * self.model.prior_std[self.model.rows("components")]
 
     @property
     def inputs(self) -> dict[str, float]:
-        """What drives the wheels: level [m^3], exponent, coherence length [m] of a road; levels of a rig [m^2/Hz]."""
-        first = self.model.n_free
-        found = dict(zip(self.model.inputs.names, self.parameters[first:], strict=False))
-        return {
-            name: value if name == "exponent" else float(np.exp(value))
-            for name, value in found.items()
-            if not name.startswith("class_")
-        }
+        """Fitted inputs of the wheels.
+
+        Roughness [m^3], waviness, coherence length [m] and delay of a road; of a track bends [1/m] in place of the
+        coherence length; levels [m^2/Hz] and exponent of a rig.
+        """
+        return self._values("inputs", self.parameters)
 
     @property
     def payload(self) -> dict[str, dict[str, float]]:
-        """What is on the body beyond the vehicle file: mass [kg], moments [kg m], inertias [kg m^2], and deviations."""
-        return self._free_parts(len(self.components), {part.name: part.unit for part in self.model.masses})
+        """Mass [kg], moments [kg m] and inertias [kg m^2] on the body beyond the vehicle file, "value" and "std"."""
+        return self._estimates("payload")
 
     @property
     def sensors(self) -> dict[str, dict[str, float]]:
-        """Where [m] and how much later [s] than stated the sensors are, with deviations."""
-        first = len(self.components) + len(self.model.masses)
-        return self._free_parts(first, {part.name: 1.0 for part in self.model.sensors})
+        """Errors of the sensors' positions [m] and delays [s], "value" and "std"."""
+        return self._estimates("sensors")
 
-    def _free_parts(self, first: int, units: dict[str, float]) -> dict[str, dict[str, float]]:
-        """Return parameters in units and their standard deviations."""
-        deviations = np.sqrt(np.diag(self.covariance))
-        return {
-            name: {"value": unit * float(self.parameters[row]), "std": unit * float(deviations[row])}
-            for row, (name, unit) in enumerate(units.items(), start=first)
-        }
+    @property
+    def _std(self) -> Real:
+        """Standard deviations of `parameters`."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def _values(self, group: str, parameters: Real) -> dict[str, float]:
+        """Physical values of the blocks of a group."""
+        values: dict[str, float] = {}
+        for block, own in self.model.by_block(parameters):
+            values |= block.values(own) if block.group == group else {}
+        return values
+
+    def _estimates(self, group: str) -> dict[str, dict[str, float]]:
+        """Physical values and standard deviations of the blocks of a group, whose values are linear in parameters."""
+        values, std = self._values(group, self.parameters), self._values(group, self._std)
+        return {name: {"value": value, "std": std[name]} for name, value in values.items()}
 
     def structure(self) -> Structure:
         """Return the fitted vehicle."""
@@ -120,36 +128,53 @@ class CornerFit:
         return self.structure().modes()
 
     def modes_std(self) -> tuple[Real, Real]:
-        """Return standard deviations of natural frequencies [Hz] and damping ratios of `modes`, by the delta method."""
+        """Return the standard deviations of natural frequencies [Hz] and damping ratios of `modes`.
+
+        Notes
+        -----
+        By the delta method: variance g^T covariance g, g the derivative with respect to the parameters of the vehicle,
+        here by central differences.
+        """
         modes = self.modes()
-        count = len(self.components) + len(self.model.masses)
-        changes = np.empty((2, count, modes.poles.size))
-        for number in range(count):
-            step = 1e-4 * self.model.widths[number]
-            shifted = []
-            for sign in (1, -1):
-                parameters = self.parameters.copy()
-                parameters[number] += sign * step
-                shifted.append(_near(fitted_structure(self.model, parameters).modes().poles, modes.poles))
-            up, down = shifted
-            changes[0, number] = (np.abs(up) - np.abs(down)) / (4 * np.pi * step)
-            changes[1, number] = (-up.real / np.abs(up) + down.real / np.abs(down)) / (2 * step)
-        covariance = self.covariance[:count, :count]
-        frequency, damping = np.sqrt(np.einsum("qim,ij,qjm->qm", changes, covariance, changes))
+        rows = np.flatnonzero(_is_structural(self.model))
+        derivatives = np.empty((2, rows.size, modes.poles.size))
+        for number, row in enumerate(rows):
+            step = _STEP * self.model.prior_std[row]
+            above, below = (self._poles_near(modes.poles, int(row), sign * step) for sign in (1, -1))
+            derivatives[0, number] = (np.abs(above) - np.abs(below)) / (4 * np.pi * step)
+            derivatives[1, number] = (-above.real / np.abs(above) + below.real / np.abs(below)) / (2 * step)
+        covariance = self.covariance[np.ix_(rows, rows)]
+        frequency, damping = np.sqrt(np.einsum("qim,ij,qjm->qm", derivatives, covariance, derivatives))
         return frequency, damping
+
+    def _poles_near(self, poles: Complex, row: int, step: float) -> Complex:
+        """Poles of the vehicle with one parameter changed, each the nearest to one of `poles`."""
+        parameters = self.parameters.copy()
+        parameters[row] += step
+        changed = fitted_structure(self.model, parameters).modes().poles
+        return changed[np.argmin(np.abs(changed[:, None] - poles), axis=0)]
 
 
 def fitted_structure(model: Model, parameters: Real) -> Structure:
-    """Return the structure of a model with the components and masses of the parameters."""
-    factors = {component: float(np.exp(value)) for component, value in zip(model.components, parameters, strict=False)}
-    added = sum(
-        (p * part.matrix for p, part in zip(parameters[len(model.components) :], model.masses, strict=False)),
-        np.zeros_like(model.structure.mass),
-    )
-    changed = model.structure.changed(factors)
-    return replace(changed, mass=changed.mass + added)
+    """Return the structure of a model with the components, masses and others of the parameters.
+
+    Parameters
+    ----------
+    model
+        Nominal structure and blocks of parameters.
+    parameters
+        Parameters of the model.
+    """
+    structure = model.structure
+    for block, own in model.by_block(parameters):
+        structure = block.fitted(own, structure)
+    return structure
 
 
-def _near(poles: Complex, wanted: Complex) -> Complex:
-    """Return the pole nearest to each wanted one."""
-    return poles[np.argmin(np.abs(poles[:, None] - wanted), axis=0)]
+def _is_structural(model: Model) -> Booleans:
+    """Whether each parameter changes the structure of the vehicle."""
+    changes = [
+        np.full(own.size, block.fitted(own, model.structure) is not model.structure)
+        for block, own in model.by_block(model.start)
+    ]
+    return np.concatenate(changes)

@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 
 from sprung._arrays import Real
 from sprung.errors import DataError
+from sprung.likelihood.components import free_components
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.from_modes import corners_from_modes
@@ -20,11 +21,10 @@ from sprung.likelihood.spectra import (
     class_spectra,
     segment_spectra,
 )
-from sprung.likelihood.uncertainty import credibility, parameter_covariance, power_misfit, segment_weights
+from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, segment_weights, tempering
 from sprung.likelihood.vehicle import (
     CornerSettings,
     Kind,
-    free_components,
     highest_of_body,
     usual_choices,
     vehicle_model,
@@ -96,7 +96,7 @@ def fit_corners(
     Whittle likelihood of the segments' spectral matrices, averaged by speed class; see `sprung.likelihood.whittle`.
     The minimum is found by L-BFGS in coordinates in which the Fisher information is the unit matrix, chosen anew on the
     way.
-    Segments count less where the model fits worse than chance allows (see `credibility`), so that the prior holds what
+    Segments count less where the model fits worse than chance allows (see `tempering`), so that the prior holds what
     an imperfect model would carry away. The covariance is that of the information, corrected for overlap, and by the
     scores of the segments (sandwich) where those scatter more than the model says.
     """
@@ -138,7 +138,7 @@ def nominal_misfit(recording: Recording, vehicle: Vehicle, *, settings: CornerSe
     if not fitter.has_speed:
         segments = with_estimated_speeds(segments, fitter.at_speeds)
     spectra = class_spectra(segments, width=_COARSE)
-    model = vehicle_model(spectra, fitter.layout, vehicle, fitter.settings, fitter.kind)
+    model = vehicle_model(spectra, fitter.layout, vehicle, fitter.nominal, settings=fitter.settings, kind=fitter.kind)
     return model.objective(model.scaled_start())[0]
 
 
@@ -181,7 +181,7 @@ class _Fitter:
             segment_length=length,
             weights=np.ones((speeds.size, frequencies.size)),
         )
-        return vehicle_model(empty, self.layout, self.vehicle, self.settings, self.kind)
+        return vehicle_model(empty, self.layout, self.vehicle, self.nominal, settings=self.settings, kind=self.kind)
 
     def from_modes(self, modes: Modes) -> Real | None:
         """Return the components that the body's modes tell, or None where there are none."""
@@ -189,7 +189,7 @@ class _Fitter:
         if not body or not set(self.layout.names) <= set(modes.channels):
             return None
         taken = modes.take(np.array(body))
-        return corners_from_modes(taken, self.nominal, self.layout, self.components, width=self.settings.width)
+        return corners_from_modes(taken, self.nominal, self.layout, self.components, prior_std=self.settings.prior_std)
 
 
 def fit_segments(
@@ -217,17 +217,19 @@ def fit_segments(
         Values of the components, ln(value / nominal value), to start from beside the nominal ones; the best is taken.
     """
 
+    nominal = structure(vehicle)
+
     def model_of(data: SegmentSpectra, lines: tuple[SpectralLine, ...], trust: float, width: float) -> Model:
         spectra = class_spectra(data, width=width)
         weights = trust * spectra.weights * without_lines(spectra, lines)
-        return vehicle_model(replace(spectra, weights=weights), layout, vehicle, settings, kind)
+        return vehicle_model(replace(spectra, weights=weights), layout, vehicle, nominal, settings=settings, kind=kind)
 
     lines: tuple[SpectralLine, ...] = ()
     trust, limited = _FIRST, segments
     rough = model_of(limited, lines, trust, _COARSE)
     begin = min((rough.scaled_start(start) for start in (None, *starts)), key=lambda start: rough.objective(start)[0])
     found = minimised(rough, begin)
-    if credibility(model_of(limited, lines, 1.0, _COARSE), found) < _DOUBTFUL:
+    if tempering(model_of(limited, lines, 1.0, _COARSE), found) < _DOUBTFUL:
         others = (minimised(rough, rough.scaled_start(start)) for start in _broken_springs(rough))
         found = min((found, *others), key=lambda parameters: rough.objective(parameters)[0])
     model = model_of(limited, lines, trust, CLASS_WIDTH)
@@ -241,7 +243,7 @@ def fit_segments(
         limited = replace(segments, values=segments.values * limits)
         if settings.has_lines_masked:
             lines = residual_lines(model, parameters, lowest=lowest)
-        trust = credibility(model_of(limited, lines, 1.0, CLASS_WIDTH), parameters)
+        trust = tempering(model_of(limited, lines, 1.0, CLASS_WIDTH), parameters)
         model = model_of(limited, lines, trust, CLASS_WIDTH)
         if lines == before[1] and abs(trust - before[0]) < _SETTLED * before[0]:
             break
@@ -258,9 +260,10 @@ def _broken_springs(model: Model) -> list[Real]:
 def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
     """Return the parameters of a model with coarse speed classes as those of one with finer classes."""
     known = dict(zip(coarse.names, parameters, strict=True))
-    found = np.array([0.0 if name.startswith("class_") else known[name] for name in model.names])
-    levels = [row for row, name in enumerate(model.names) if name.startswith("class_")]
-    if levels:
+    found = np.array([known.get(name, 0.0) for name in model.names])
+    levels = model.rows("class_roughness")
+    found[levels] = 0.0
+    if levels.size:
         ratio = np.einsum("cfij,cfji->c", np.linalg.inv(model.matrix(found)), model.spectra.matrices).real
         mean = ratio / (model.spectra.frequencies.size * len(model.layout.rows))
         found[levels] = np.log(np.clip(np.nan_to_num(mean, nan=1.0), _LEAST_LEVEL, 1 / _LEAST_LEVEL))
@@ -300,7 +303,7 @@ def _searched(model: Model, start: Real, most: int) -> tuple[Real, bool]:
 
 def preconditioner(model: Model, parameters: Real) -> Real:
     """Return the factor that makes the information about the parameters, prior included, the unit matrix."""
-    information = model.information(parameters) + np.diag(1 / model.widths**2)
+    information = model.information(parameters) + np.diag(1 / model.prior_std**2)
     return np.linalg.inv(np.linalg.cholesky(information)).T
 
 

@@ -1,4 +1,4 @@
-"""Springs and dampers of every corner from identified modes: a check of a fit, and where it may start."""
+"""Springs and dampers of every corner from identified modes: a check of a fit, and another start of its search."""
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -9,12 +9,17 @@ from sprung.likelihood.coordinates import RigidLayout
 from sprung.modal import Modes
 from sprung.vehicles import Component, Structure
 
-#: Usual relative error of an identified pole, against which the prior weighs.
+#: Usual relative error of an identified pole.
 _POLE = 0.02
 
 
 def corners_from_modes(
-    modes: Modes, structure: Structure, layout: RigidLayout, components: tuple[Component, ...], *, width: float = 0.7
+    modes: Modes,
+    structure: Structure,
+    layout: RigidLayout,
+    components: tuple[Component, ...],
+    *,
+    prior_std: float = 0.7,
 ) -> Real:
     """Return ln(value / nominal value) of components from poles and mode shapes.
 
@@ -23,29 +28,43 @@ def corners_from_modes(
     modes
         Bounce, pitch and roll or some of them, with the channels of the layout (others are ignored).
     structure
-        Masses and nominal components.
+        Vehicle with nominal components.
     layout
-        Turns channels into coordinates; must see the body's motion only.
+        Coordinates of the channels, which must be motions of the body.
     components
-        The free ones; what the modes do not tell stays near nominal.
-    width
+        Components to fit; those that the modes do not determine stay near nominal.
+    prior_std
         Standard deviation of ln(value / nominal value) before any mode.
+
+    Returns
+    -------
+    ndarray
+        Shape (components,).
 
     Raises
     ------
     ParameterError
-        Where the layout sees other motions than the body's, or no mode has all its channels.
+        Where a coordinate of the layout is no motion of the body, or the modes lack one of its channels.
 
     Notes
     -----
     A mode of pole s and shape q of the body satisfies (M s^2 + C(s) s + K(s)) q = 0 on the rigid body's coordinates,
-    where wheels, mounted masses and tyres are taken into C(s) and K(s) by elimination (Schur complement of the dynamic
-    stiffness at s). With tyres much stiffer than springs these are the M^-1 K and M^-1 C that the thesis (section
-    4.3.2) asks for. Least squares over all modes, weighted for an error of 2 % of a pole, beside the prior.
+    where C(s) and K(s) hold wheels, mounted masses and tyres by elimination: with the dynamic stiffness D(s) in blocks
+    of the body (b) and the others (o), the Schur complement gives (D_bb - D_bo D_oo^-1 D_ob) q = 0. With tyres much
+    stiffer than springs these are the M^-1 K and M^-1 C of the thesis. Least squares over all modes, weighted for an
+    error of 2 % of a pole, and over the prior.
+
+    References
+    ----------
+    F. Liu, Online Identification of Vehicle Dynamic Systems for Condition Monitoring, thesis, University of
+    Huddersfield, 2020, section 4.3.2.
+    F. Zhang (editor), The Schur Complement and Its Applications, Springer, 2005.
     """
     body = [structure.coordinates.index(name) for name in layout.coordinates if name in structure.coordinates]
     if len(body) != len(layout.coordinates):
-        raise ParameterError("the sensors see more than the body's motion: corners from modes need sensors on the body")
+        raise ParameterError(
+            "the sensors observe more than the motion of the body: corners from modes need sensors on the body only"
+        )
     try:
         rows = [modes.channels.index(name) for name in layout.names]
     except ValueError:
@@ -58,12 +77,12 @@ def corners_from_modes(
     motions /= np.linalg.norm(motions * size, axis=1, keepdims=True)
 
     def errors(logarithms: Real) -> Real:
-        found = [logarithms / width]
+        residuals = [logarithms / prior_std]
         for pole, motion in zip(poles, motions, strict=True):
             reduced = _reduced(_dynamic_stiffness(structure, components, logarithms, complex(pole)), body)
             force = (reduced @ motion) / size / (2 * np.abs(pole) ** 2 * _POLE)
-            found += [force.real, force.imag]
-        return np.concatenate(found)
+            residuals += [force.real, force.imag]
+        return np.concatenate(residuals)
 
     return least_squares(errors, np.zeros(len(components)), method="trf").x
 
@@ -71,22 +90,20 @@ def corners_from_modes(
 def _dynamic_stiffness(
     structure: Structure, components: tuple[Component, ...], logarithms: Real, pole: complex
 ) -> Complex:
-    """Return M s^2 + C s + K at a pole."""
+    """D(s) = M s^2 + C(s) s + K at a pole."""
     factors = dict(zip(components, np.exp(logarithms).tolist(), strict=True))
     total = structure.mass * pole**2
     for element in structure.elements:
         spring, damper = element.components
-        stiffness = element.stiffness * factors.get(spring, 1.0)
-        damping = element.damping * (1.0 if damper is None else factors.get(damper, 1.0))
-        arm = pole * damping
-        if element.series_stiffness is not None and damping > 0:
-            arm = 1 / (1 / arm + 1 / element.series_stiffness)
-        total = total + (stiffness + arm) * np.outer(element.elongation, element.elongation)
+        stiffness = element.dynamic_stiffness(
+            pole, spring=factors.get(spring, 1.0), damper=1.0 if damper is None else factors.get(damper, 1.0)
+        )
+        total = total + stiffness * np.outer(element.elongation, element.elongation)
     return np.asarray(total, dtype=np.complex128)
 
 
 def _reduced(stiffness: Complex, kept: list[int]) -> Complex:
-    """Return the dynamic stiffness of some coordinates with no force on the others."""
+    """Dynamic stiffness of some coordinates with no force on the others, D_bb - D_bo D_oo^-1 D_ob."""
     others = [row for row in range(len(stiffness)) if row not in kept]
     if not others:
         return stiffness[np.ix_(kept, kept)]

@@ -1,44 +1,59 @@
-"""Lines of wheels, engine and mains, found where the measured spectra stand above the fitted ones."""
+"""Lines of wheels, engine and mains in the measured spectra, relative to the fitted ones."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from sprung._arrays import Booleans, Real
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.whittle import Model
 
-#: How far a line stands above its neighbourhood, in standard deviations of chance and relative to it.
+#: Least excess of a line over its neighbourhood, in standard deviations of chance and relative to it.
 _SCORE, _EXCESS = 6.0, 0.25
-#: Half width of a line and of its neighbourhood on either side, in steps of the search: half spectral lines.
-_NARROW, _BESIDE = 2, 6
+#: Half width of a line and distance of its neighbourhood on either side, in steps of the search: half spectral lines.
+_HALF_WIDTH, _NEIGHBOURHOOD = 2, 6
 
 
 @dataclass(frozen=True, slots=True)
 class SpectralLine:
-    """A line at a constant frequency [Hz], or at a constant number of cycles per metre."""
+    """A line at a constant frequency, or of the wheels.
+
+    Parameters
+    ----------
+    place
+        Frequency [Hz], or cycles per metre where the line follows the speed.
+    follows_speed
+        Whether the frequency of the line is proportional to the speed.
+    """
 
     place: float
     follows_speed: bool
 
 
 def residual_lines(model: Model, parameters: Real, *, lowest: float = 0.0) -> tuple[SpectralLine, ...]:
-    """Return lines that stand out of a fit.
+    """Return the lines at which the measured spectra exceed the fitted ones.
 
     Parameters
     ----------
     model
-        With data.
+        Model with data.
     parameters
-        Of the fit.
+        Fitted parameters of the model.
     lowest
-        Frequency from which on lines are looked for [Hz].
+        Lowest frequency of a line [Hz].
+
+    Returns
+    -------
+    tuple of SpectralLine
+        Lines of the wheels first.
 
     Notes
     -----
-    q = tr(S^-1 S^) / coordinates is 1 in the mean for every class and frequency. Averaged along lines of constant
-    frequency, and of constant cycles per metre where speeds differ, a line stands above both its sides by more than
-    chance. What the vehicle itself does is broader, and stands above neither or one.
+    q = tr(S^-1 S^) / coordinates has mean 1 for every class and frequency. It is averaged along constant frequency, and
+    along constant cycles per metre where speeds differ. A line exceeds both its sides by 6 standard deviations of
+    chance (the mean of n values of variance 1 has standard deviation n^-1/2) and by a quarter; a resonance of the
+    vehicle is broader, and exceeds one side at most.
     """
     spectra = model.spectra
     ratio = np.einsum("cfij,cfji->cf", np.linalg.inv(model.matrix(parameters)), spectra.matrices).real
@@ -46,36 +61,55 @@ def residual_lines(model: Model, parameters: Real, *, lowest: float = 0.0) -> tu
     weights = spectra.counts[:, None] * (spectra.frequencies > lowest) * len(model.layout.rows)
     frequencies = np.broadcast_to(spectra.frequencies, ratio.shape)
     step = 0.5 / spectra.segment_length
-    found: list[SpectralLine] = []
+    lines: list[SpectralLine] = []
     known = np.isfinite(spectra.speeds)
     if known.all() and np.ptp(spectra.speeds) > 0.1 * spectra.speeds.mean():
         orders = frequencies / spectra.speeds[:, None]
         mean_speed = float(np.average(spectra.speeds, weights=spectra.counts))
-        found += [SpectralLine(place, True) for place in _peaks(orders, ratio, weights, step / mean_speed)]
-    rest = weights * without_lines(spectra, tuple(found))  # what a line of the wheels adds at a steady speed is none
-    found += [SpectralLine(place, False) for place in _peaks(frequencies, ratio, rest, step)]
-    return tuple(found)
+        lines += [SpectralLine(place, True) for place in _peaks(orders, ratio, weights, step / mean_speed)]
+    # at a steady speed a line of the wheels is also one of constant frequency
+    rest = weights * without_lines(spectra, tuple(lines))
+    lines += [SpectralLine(place, False) for place in _peaks(frequencies, ratio, rest, step)]
+    return tuple(lines)
 
 
 def _peaks(places: Real, ratio: Real, weights: Real, step: float) -> list[float]:
-    """Return the places at which the weighted mean of the ratio stands out."""
+    """Places at which the weighted mean of the ratio exceeds that on both sides."""
     bins = np.floor(places / step).astype(np.intp).ravel()
     total = np.bincount(bins, weights.ravel())
     mean = np.bincount(bins, (weights * ratio).ravel()) / np.maximum(total, 1.0)
-    window = np.ones(2 * _NARROW + 1)
+    window = np.ones(2 * _HALF_WIDTH + 1)
     count = np.convolve(total, window, "same")
-    level = np.convolve(total * mean, window, "same") / np.maximum(count, 1.0)
-    apart = _NARROW + _BESIDE
-    padded = np.pad(level, apart, mode="edge")
+    mean_ratio = np.convolve(total * mean, window, "same") / np.maximum(count, 1.0)
+    apart = _HALF_WIDTH + _NEIGHBOURHOOD
+    padded = np.pad(mean_ratio, apart, mode="edge")
     base = np.maximum(padded[: -2 * apart], padded[2 * apart :])
-    excess = np.where(count > 0, level - base, 0.0)
-    stands_out = (excess > _SCORE * level / np.sqrt(np.maximum(count, 1.0))) & (excess > _EXCESS * base)
-    highest = np.array([excess[k] == excess[max(k - _NARROW, 0) : k + _NARROW + 1].max() for k in range(excess.size)])
-    return [float((k + 0.5) * step) for k in np.flatnonzero(stands_out & highest)]
+    excess = np.where(count > 0, mean_ratio - base, 0.0)
+    stands_out = (excess > _SCORE * mean_ratio / np.sqrt(np.maximum(count, 1.0))) & (excess > _EXCESS * base)
+    is_highest = excess == maximum_filter1d(excess, 2 * _HALF_WIDTH + 1, mode="nearest")
+    return [float((k + 0.5) * step) for k in np.flatnonzero(stands_out & is_highest)]
 
 
 def without_lines(spectra: ClassSpectra, lines: tuple[SpectralLine, ...]) -> Booleans:
-    """Tell which classes and frequencies are free of lines, shape (classes, frequencies)."""
+    """Return whether each class and frequency is free of lines, shape (classes, frequencies).
+
+    Parameters
+    ----------
+    spectra
+        Spectra with frequencies, speeds and spreads of the classes.
+    lines
+        Lines to leave out.
+
+    Notes
+    -----
+    A Hann window widens a line to two spectral lines on either side; the spread of the speed widens one of the wheels
+    further.
+
+    References
+    ----------
+    F. J. Harris, On the use of windows for harmonic analysis with the discrete Fourier transform, Proceedings of the
+    IEEE 66 (1978), 51-83.
+    """
     is_free = np.ones((spectra.speeds.size, spectra.frequencies.size), dtype=np.bool_)
     for line in lines:
         if line.follows_speed:

@@ -37,7 +37,7 @@ def with_estimated_speeds(
     model_at
         The model with one class for each of the given speeds.
     parameters
-        Free ones of its components and first ones of its surface (see `Model.split`); None: nominal ones.
+        Free ones of its components and first ones of its surface (see `Model`); None: nominal ones.
 
     Raises
     ------
@@ -51,9 +51,9 @@ def with_estimated_speeds(
     """
     speeds = speed_grid()
     model = model_at(speeds)
-    start = model.start
+    start = model.start.copy()
     if parameters is not None:
-        kept = min(parameters.size, start.size - len(model.layout.noise) - speeds.size)
+        kept = min(parameters.size, int(model.rows("class_roughness")[0]))
         start[:kept] = parameters[:kept]
         start[model.names.index("delay")] = 0.0  # it is the speed that is sought
     evidence = _evidence(segments, model.matrix(start)) / OVERCOUNT

@@ -1,4 +1,4 @@
-"""What the likelihood needs of the recordings: mean spectral matrices of segments of similar speed."""
+"""Statistics of the recordings that the likelihood needs: mean spectral matrices of segments of similar speed."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,14 +12,16 @@ from sprung.errors import DataError
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.recording import Recording
 
-#: Half-overlapping Hann windows count every sample about twice: variance over that of independent segments and
-#: frequencies, the sum of the squared coherences of all overlapping pairs (19 / 9).
+#: Variance with half-overlapping Hann windows, which count every sample about twice, over that of independent segments
+#: and frequencies: the sum of the squared coherences of all overlapping pairs (19 / 9).
 OVERCOUNT = 19 / 9
-#: Length of a segment [s] and share that the next one repeats.
+#: Length of a segment [s] and share of it that the next one repeats.
 SEGMENT, OVERLAP = 5.12, 0.5
-#: Slowest mean speed [m/s], and coefficient of variation of the speed in a segment: up to the first, or where too few
-#: segments are so steady the steadiest ones up to the second.
-SLOWEST, STEADY, UNSTEADIEST = 3.0, 0.02, 0.12
+#: Lowest mean speed of a segment [m/s].
+SLOWEST = 3.0
+#: Coefficient of variation of the speed up to which a segment is used; where fewer than `_ENOUGH` segments are as
+#: steady, the steadiest ones are used up to the second value.
+STEADY, UNSTEADIEST = 0.02, 0.12
 _ENOUGH = 60
 #: Width of a speed class, relative to its speed.
 CLASS_WIDTH = 0.05
@@ -32,16 +34,16 @@ class SegmentSpectra:
     Parameters
     ----------
     frequencies
-        Shape (frequencies,) [Hz].
+        Frequencies [Hz], shape (frequencies,).
     values
-        Shape (segments, frequencies, coordinates): the mean of values values^H is the spectral matrix, one-sided,
-        in squared units of the coordinates per Hz.
+        Spectra of which the mean of values values^H is the one-sided spectral matrix in squared units of the
+        coordinates per Hz, shape (segments, frequencies, coordinates).
     speeds, spreads
         Mean speed [m/s] and its coefficient of variation, shape (segments,); NaN and 0 without a speed.
     segment_length
-        In s.
+        Length of a segment [s].
     n_rejected
-        Segments left out: too slow, or of changing speed.
+        Number of segments left out: too slow, or of changing speed.
     """
 
     frequencies: Real
@@ -58,23 +60,34 @@ class SegmentSpectra:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ClassSpectra:
-    """Mean spectral matrices of segments of similar speed: their size does not grow with the length of the record.
+    """Mean spectral matrices of segments of similar speed, whose size does not grow with the length of the record.
 
     Parameters
     ----------
     frequencies
-        Shape (frequencies,) [Hz].
+        Frequencies [Hz], shape (frequencies,).
     counts
-        Segments in each class, shape (classes,).
+        Number of segments in each class, shape (classes,).
     speeds, spreads
-        Mean speed of each class [m/s] and the relative spread of speeds about it that blurs the delays.
+        Mean speed of each class [m/s] and relative spread of the speeds about it, which blurs the delays, shape
+        (classes,).
     matrices
-        Shape (classes, frequencies, coordinates, coordinates), Hermitian.
+        Mean spectral matrices, Hermitian, shape (classes, frequencies, coordinates, coordinates).
     segment_length
-        In s.
+        Length of a segment [s].
     weights
-        How many segments each class and frequency counts for, shape (classes, frequencies): the counts, less where
-        the model is not trusted, 0 where a line of wheels or engine sits.
+        Number of segments that each class and frequency counts for in the likelihood, shape (classes, frequencies): the
+        counts times the tempering, 0 where a line is masked.
+
+    Notes
+    -----
+    The spectra of segments are taken as independent complex Gaussian vectors; their mean spectral matrices and numbers
+    are then sufficient for the likelihood (complex Wishart distribution).
+
+    References
+    ----------
+    N. R. Goodman, Statistical analysis based on a certain multivariate complex Gaussian distribution, Annals of
+    Mathematical Statistics 34 (1963), 152-177.
     """
 
     frequencies: Real
@@ -92,13 +105,13 @@ class ClassSpectra:
 
     @property
     def grid(self) -> Real:
-        """The frequencies with one more at each end, for the window's main lobe (see `through_window`)."""
+        """Frequencies with one more at each end, for the main lobe of the window (see `through_window`)."""
         step = 1 / self.segment_length
         return np.concatenate([[self.frequencies[0] - step], self.frequencies, [self.frequencies[-1] + step]])
 
     @property
     def n_segments(self) -> int:
-        """Segments in all classes."""
+        """Number of segments in all classes."""
         return int(self.counts.sum())
 
 
@@ -115,20 +128,32 @@ def segment_spectra(
     Parameters
     ----------
     recordings
-        With the channels of the layout in SI units, no missing values; no segment spans a gap.
+        Recordings with the channels of the layout in SI units and no missing values; no segment spans a gap.
     layout
-        Combines the channels into coordinates.
+        Combinations of the channels.
     speed
         Name of the speed channel [m/s]; None: speeds are NaN, and every segment is taken.
     band
         Lowest and highest frequency [Hz].
     segment_length
-        In s.
+        Length of a segment [s].
+
+    Returns
+    -------
+    SegmentSpectra
+        Segments that are fast and steady enough, in the order of time.
 
     Raises
     ------
+    ParameterError
+        Where the length of a segment is not above 0.
     DataError
-        Where no segment is fast and steady enough.
+        Where no stretch is as long as a segment, or no segment is fast and steady enough.
+
+    References
+    ----------
+    P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Transactions on Audio and
+    Electroacoustics AU-15 (1967), 70-73.
     """
     check_number("segment_length", segment_length, above=0)
     parts = [
@@ -165,20 +190,30 @@ def segment_spectra(
 
 
 def _bound(spreads: Real) -> float:
-    """Return up to which spread of its speed a segment is used."""
+    """Spread of the speed up to which a segment is used."""
     enough = float(np.sort(spreads)[min(_ENOUGH, spreads.size) - 1]) if spreads.size else STEADY
     return min(max(STEADY, 1.001 * enough), UNSTEADIEST)
 
 
 def class_spectra(segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> ClassSpectra:
-    """Average segments of similar speed.
+    """Return the mean spectral matrices of segments of similar speed.
 
     Parameters
     ----------
     segments
-        Of one condition.
+        Segments of one condition.
     width
-        Ratio of a class' largest and smallest speed, less 1.
+        Ratio of the largest and smallest speed of a class, less 1.
+
+    Notes
+    -----
+    S^ = mean of y y^H over the segments of a class. The spread of a class has variance mean of the segments' own
+    squared spreads + variance of their mean speeds over the squared speed of the class.
+
+    References
+    ----------
+    P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Transactions on Audio and
+    Electroacoustics AU-15 (1967), 70-73.
     """
     numbers = speed_classes(segments.speeds, width=width)
     counts, speeds, spreads, matrices = [], [], [], []
@@ -205,43 +240,73 @@ def class_spectra(segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Cl
 
 
 def through_window(matrices: Complex) -> Complex:
-    """Return the spectral matrices that Hann-windowed segments show of true ones on a grid, (..., grid, m, m).
+    """Return the expected spectral matrices of Hann-windowed segments for true ones on a grid, (..., grid, m, m).
+
+    Parameters
+    ----------
+    matrices
+        True spectral matrices S, shape (..., grid, m, m).
+
+    Returns
+    -------
+    ndarray
+        Shape (..., grid - 2, m, m): the ends of the grid are lost.
 
     Notes
     -----
-    E S^(f_k) = 2/3 S(f_k) + 1/6 (S(f_k-1) + S(f_k+1)): the window's spectrum at the lines of the segment. Exact where
-    correlations have died out after half a segment; it blurs resonances and the fringes of the delay as the data do.
-    The grid's ends are lost.
+    E S^(f_k) = 2/3 S(f_k) + 1/6 (S(f_k-1) + S(f_k+1)): the spectral window at the lines of the segment, squared weights
+    of 1/2, 1 and 1/2 over their sum. A good approximation where correlations decay within half a segment; it blurs
+    resonances and the fringes of the delay as the data do.
+
+    References
+    ----------
+    F. J. Harris, On the use of windows for harmonic analysis with the discrete Fourier transform, Proceedings of the
+    IEEE 66 (1978), 51-83 (Hann window).
     """
     return matrices[..., 1:-1, :, :] * (2 / 3) + (matrices[..., 2:, :, :] + matrices[..., :-2, :, :]) / 6
 
 
 def onto_grid(weights: Complex) -> Complex:
-    """Return the adjoint of `through_window`: weights of the grid from weights of the lines."""
-    found = np.zeros((*weights.shape[:-3], weights.shape[-3] + 2, *weights.shape[-2:]), dtype=weights.dtype)
-    found[..., 1:-1, :, :] = weights * (2 / 3)
-    found[..., 2:, :, :] += weights / 6
-    found[..., :-2, :, :] += weights / 6
-    return found
+    """Return the adjoint of `through_window`: weights on the grid for weights at the lines of the segment.
+
+    Parameters
+    ----------
+    weights
+        Shape (..., frequencies, m, m).
+
+    Returns
+    -------
+    ndarray
+        Shape (..., frequencies + 2, m, m).
+
+    Notes
+    -----
+    sum tr(weights through_window(S)) = sum tr(onto_grid(weights) S) for every S.
+    """
+    on_grid = np.zeros((*weights.shape[:-3], weights.shape[-3] + 2, *weights.shape[-2:]), dtype=weights.dtype)
+    on_grid[..., 1:-1, :, :] = weights * (2 / 3)
+    on_grid[..., 2:, :, :] += weights / 6
+    on_grid[..., :-2, :, :] += weights / 6
+    return on_grid
 
 
 def speed_classes(speeds: Real, *, width: float = CLASS_WIDTH) -> Indices:
-    """Return for each segment the number of its class, 0 upwards by rising speed; unknown speeds are one class."""
+    """Return the number of each segment's class, from 0 in the order of speed; unknown speeds are one class."""
     return np.unique(_class_numbers(speeds, width), return_inverse=True)[1]
 
 
 def _class_numbers(speeds: Real, width: float) -> Indices:
-    """Return the number of each segment's class, whatever other classes there are."""
-    found = np.zeros(speeds.size, dtype=np.intp)
+    """Number of each segment's class on a fixed scale of speeds."""
+    numbers = np.zeros(speeds.size, dtype=np.intp)
     known = np.isfinite(speeds)
-    found[known] = np.floor(np.log(speeds[known]) / np.log1p(width)).astype(np.intp)
-    return found
+    numbers[known] = np.floor(np.log(speeds[known]) / np.log1p(width)).astype(np.intp)
+    return numbers
 
 
 def _stretch(
     recording: Recording, stretch: slice, layout: RigidLayout, speed: str | None, segment_length: float
 ) -> Iterable[tuple[Complex, Real, Real, float, int]]:
-    """Yield spectra of the channels (segments, frequencies, channels), speeds, spreads, frequency step and length."""
+    """Yield spectra of the channels (segments, frequencies, channels), speeds, spreads, frequency step, length."""
     rate = recording.sampling_rate
     n_per_segment = round(segment_length * rate)
     if stretch.stop - stretch.start < n_per_segment:

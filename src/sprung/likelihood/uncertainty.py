@@ -1,4 +1,4 @@
-"""How far a fit can be trusted: misfit of the spectra, credibility and weights of segments, covariance."""
+"""Uncertainty of a fit: misfit of the spectra, tempering of the likelihood, weights of segments, covariance."""
 
 import numpy as np
 
@@ -6,57 +6,85 @@ from sprung._arrays import Complex, Real
 from sprung.likelihood.spectra import OVERCOUNT, SegmentSpectra, speed_classes
 from sprung.likelihood.whittle import Model
 
-#: A segment counts at most this many times the median power.
+#: A segment counts for at most this many times the median power.
 _MOST_POWER = 3.0
-#: Variance of the mean of n half-overlapping segments' relative power, times n.
+#: Variance of the mean relative power of n half-overlapping segments, times n.
 _CHANCE = 1.06
-#: Correlation of the misfit below which two frequencies tell different things.
-_UNLIKE = 0.1
+#: Correlation of the misfit below which two frequencies are taken as independent.
+_UNCORRELATED = 0.1
 
 
 def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
-    """Return the weight of each segment: 1, or less where a pothole makes it far more powerful than the others."""
+    """Return the weight of each segment: 1, or less for one far more powerful than the others, as on a pothole.
+
+    Parameters
+    ----------
+    model
+        Model with the spectra of the segments.
+    parameters
+        Parameters of the model.
+    segments
+        Spectra of the segments.
+
+    Returns
+    -------
+    ndarray
+        Shape (segments,), above 0 and at most 1.
+
+    Notes
+    -----
+    With the power q = |L^-1 y|^2 relative to the model, S = L L^H, averaged over the frequencies that are used, the
+    weight is min(1, 3 median(q) / q): a bounded influence of single segments.
+
+    References
+    ----------
+    P. J. Huber, Robust estimation of a location parameter, Annals of Mathematical Statistics 35 (1964), 73-101 (weights
+    that are inversely proportional to the size of an outlier).
+    """
     squares = np.mean(np.abs(_whitened_segments(model, parameters, segments)) ** 2, axis=2)
     is_used = model.spectra.weights[speed_classes(segments.speeds)] > 0
     power = np.sum(squares * is_used, axis=1) / np.maximum(is_used.sum(axis=1), 1)
     return np.minimum(1.0, _MOST_POWER * np.median(power) / power)
 
 
-def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra) -> Complex:
-    """Return L^-1 y of each segment, S = L L^H the model's spectral matrix of its class."""
-    factor = np.linalg.inv(np.linalg.cholesky(model.matrix(parameters)))
-    numbers = speed_classes(segments.speeds)
-    return np.einsum("sfij,sfj->sfi", factor[numbers], segments.values)
-
-
-def _scores(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
-    """Return the gradient of each segment's minus log likelihood, shape (segments, parameters)."""
-    spectra = model.spectra
-    whitened = (
-        model.whitened_derivatives(parameters) * (np.sqrt(spectra.weights) / spectra.counts[:, None])[..., None, None]
-    )
-    values = _whitened_segments(model, parameters, segments)
-    numbers = speed_classes(segments.speeds)
-    scores = np.empty((values.shape[0], len(parameters)))
-    for number in range(model.spectra.counts.size):
-        members = np.flatnonzero(numbers == number)
-        derivative = whitened[:, number]
-        trace = np.einsum("pfii->p", derivative).real
-        quadratic = np.einsum("sfi,pfij,sfj->sp", values[members].conj(), derivative, values[members], optimize=True)
-        scores[members] = trace - quadratic.real
-    return scores
-
-
 def parameter_covariance(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
-    """Return the covariance of the parameters: from the information, and from the scores where these scatter more."""
-    information = model.information(parameters)
-    bread = np.linalg.inv(information + np.diag(1 / model.widths**2))
-    expected = bread @ (OVERCOUNT * information + np.diag(1 / model.widths**2)) @ bread
+    """Return the covariance of the fitted parameters, larger where the scores of the segments scatter more.
+
+    Parameters
+    ----------
+    model
+        Model with the spectra of the segments.
+    parameters
+        Parameters at the optimum.
+    segments
+        Spectra of the segments, in the order of time.
+
+    Returns
+    -------
+    ndarray
+        Shape (parameters, parameters).
+
+    Notes
+    -----
+    With the Fisher information I, the prior P = diag(1 / prior_std^2) and A = (I + P)^-1, the covariance by the model
+    is A (c I + P) A, where c = 19/9 corrects for the overlap of the windows. The sandwich A B A has instead the
+    covariance B of the segments' scores, with half of that of neighbours, which overlap. Where its diagonal is larger,
+    the variances are those of the mean of both, weighted n to 2 p for n segments and p parameters: B is uncertain
+    itself.
+
+    References
+    ----------
+    P. J. Huber, The behavior of maximum likelihood estimates under nonstandard conditions, Proceedings of the Fifth
+    Berkeley Symposium on Mathematical Statistics and Probability 1 (1967), 221-233.
+    H. White, Maximum likelihood estimation of misspecified models, Econometrica 50 (1982), 1-25.
+    W. K. Newey and K. D. West, A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
+    covariance matrix, Econometrica 55 (1987), 703-708 (weight 1/2 of neighbours).
+    """
+    information, prior = model.information(parameters), np.diag(1 / model.prior_std**2)
+    bread = np.linalg.inv(information + prior)
+    expected = bread @ (OVERCOUNT * information + prior) @ bread
     scores = _scores(model, parameters, segments)
-    scores = scores - scores.mean(axis=0)
-    meat = scores.T @ scores
-    neighbours = scores[1:].T @ scores[:-1] / 2
-    observed = bread @ (meat + neighbours + neighbours.T) @ bread
+    observed = bread @ _score_covariance(scores) @ bread
     n, p = scores.shape
     share = n / (n + 2.0 * p)
     scale = np.sqrt(np.maximum(1.0, share * np.diag(observed) / np.diag(expected) + (1 - share)))
@@ -64,7 +92,30 @@ def parameter_covariance(model: Model, parameters: Real, segments: SegmentSpectr
 
 
 def power_misfit(model: Model, parameters: Real) -> tuple[Real, float]:
-    """Return measured over fitted power less 1, (coordinates, frequencies), and its mean square beyond chance."""
+    """Return measured over fitted power less 1, and its mean square beyond chance.
+
+    Parameters
+    ----------
+    model
+        Model with data.
+    parameters
+        Parameters of the model.
+
+    Returns
+    -------
+    ndarray, float
+        Misfit averaged over the classes, shape (coordinates, frequencies); mean square of it less that by chance, below
+        0 where it is smaller than expected.
+
+    Notes
+    -----
+    The relative power of one segment has variance 1, the mean of n half-overlapping ones 1.06 / n.
+
+    References
+    ----------
+    P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Transactions on Audio and
+    Electroacoustics AU-15 (1967), 70-73 (variance of the mean of overlapping segments).
+    """
     fitted = np.einsum("cfii->cif", model.matrix(parameters)).real
     measured = np.einsum("cfii->cif", model.spectra.matrices).real
     counts = (model.spectra.counts[:, None] * (model.spectra.weights > 0))[:, None, :]
@@ -73,24 +124,80 @@ def power_misfit(model: Model, parameters: Real) -> tuple[Real, float]:
     return misfit, float(np.mean(misfit[:, total[0] > 0] ** 2) - np.mean(_CHANCE / total[total > 0]))
 
 
-def credibility(model: Model, parameters: Real) -> float:
-    """Return by how much the segments count less where the model fits worse than chance allows: 0 to 1.
+def tempering(model: Model, parameters: Real) -> float:
+    """Return the weight of the likelihood: 1, or less where the model fits worse than chance allows.
+
+    Parameters
+    ----------
+    model
+        Model with data.
+    parameters
+        Parameters of the model.
+
+    Returns
+    -------
+    float
+        Above 0 and at most 1; factor of `ClassSpectra.weights`.
 
     Notes
     -----
     With a relative error of the model's spectra of variance d^2, the mean of n segments is no more certain than
-    1 / n + d^2; an error that reaches over L neighbouring frequencies counts L times. So 1 / (1 + n d^2 L): with
-    segments that count less the prior holds what an imperfect model would carry away.
+    1 / n + d^2; an error that is correlated over L neighbouring frequencies counts L times. So the log likelihood is
+    multiplied by 1 / (1 + n d^2 L), a power likelihood: with less weight of the segments the prior restrains the
+    parameters that would otherwise compensate for the error of the model.
+
+    References
+    ----------
+    J. W. Miller and D. B. Dunson, Robust Bayesian inference via coarsening, Journal of the American Statistical
+    Association 114 (2019), 1113-1125 (power 1 / (1 + n / alpha)).
+    P. G. Bissiri, C. C. Holmes and S. G. Walker, A general framework for updating belief distributions, Journal of the
+    Royal Statistical Society B 78 (2016), 1103-1130.
     """
     misfit, excess = power_misfit(model, parameters)
     if excess <= 0:
         return 1.0
     is_used = model.spectra.weights.sum(axis=0) > 0
-    rows = misfit[:, is_used]
-    reach = 1.0
-    for lag in range(1, rows.shape[1] // 2):
-        likeness = float(np.sum(rows[:, lag:] * rows[:, :-lag]) / np.sum(rows**2))
-        if likeness < _UNLIKE:
-            break
-        reach += 2 * likeness
+    reach = _correlated_frequencies(misfit[:, is_used])
     return 1 / (1 + model.spectra.n_segments / OVERCOUNT * excess * reach)
+
+
+def _correlated_frequencies(misfit: Real) -> float:
+    """Number of neighbouring frequencies over which the misfit is correlated."""
+    reach = 1.0
+    for lag in range(1, misfit.shape[1] // 2):
+        correlation = float(np.sum(misfit[:, lag:] * misfit[:, :-lag]) / np.sum(misfit**2))
+        if correlation < _UNCORRELATED:
+            break
+        reach += 2 * correlation
+    return reach
+
+
+def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra) -> Complex:
+    """L^-1 y of each segment, S = L L^H the model's spectral matrix of its class."""
+    factor = np.linalg.inv(np.linalg.cholesky(model.matrix(parameters)))
+    numbers = speed_classes(segments.speeds)
+    return np.einsum("sfij,sfj->sfi", factor[numbers], segments.values)
+
+
+def _scores(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
+    """Gradient of each segment's minus log likelihood, tr(S^-1 dS) - y^H S^-1 dS S^-1 y, (segments, parameters)."""
+    spectra = model.spectra
+    of_one_segment = (np.sqrt(spectra.weights) / spectra.counts[:, None])[..., None, None]
+    whitened = model.whitened_derivatives(parameters) * of_one_segment
+    values = _whitened_segments(model, parameters, segments)
+    numbers = speed_classes(segments.speeds)
+    scores = np.empty((values.shape[0], len(parameters)))
+    for number in range(spectra.counts.size):
+        members = np.flatnonzero(numbers == number)
+        derivative = whitened[:, number]
+        trace = np.einsum("pfii->p", derivative).real
+        quadratic = np.einsum("sfi,pfij,sfj->sp", values[members].conj(), derivative, values[members], optimize=True)
+        scores[members] = trace - quadratic.real
+    return scores
+
+
+def _score_covariance(scores: Real) -> Real:
+    """Sum of the outer products of the scores, with those of neighbours weighted by a half."""
+    centred = scores - scores.mean(axis=0)
+    neighbours = centred[1:].T @ centred[:-1] / 2
+    return np.asarray(centred.T @ centred + neighbours + neighbours.T, dtype=np.float64)

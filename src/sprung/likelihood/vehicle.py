@@ -1,4 +1,4 @@
-"""A vehicle file as a likelihood: what is free, what drives the wheels, which frequencies count."""
+"""A vehicle file as a likelihood: free parameters, inputs of the wheels, frequencies."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -7,28 +7,35 @@ import numpy as np
 
 from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
+from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.components import FreeComponents, free_components
 from sprung.likelihood.coordinates import RigidLayout
-from sprung.likelihood.inputs import InputModel, RailInputs, RigInputs, RoadInputs
+from sprung.likelihood.noise import SensorNoise
+from sprung.likelihood.payload import payload
+from sprung.likelihood.rig import RigInputs
+from sprung.likelihood.sensor_errors import SensorDelays, sensor_positions
 from sprung.likelihood.spectra import ClassSpectra
-from sprung.likelihood.whittle import MassChange, Model, SensorChange
-from sprung.vehicles import Component, Outputs, Structure, Vehicle, corner_names, structure, wheel_hop_frequencies
+from sprung.likelihood.surface import ClassRoughness, RailInputs, RoadInputs
+from sprung.likelihood.whittle import Model
+from sprung.vehicles import Outputs, Structure, Vehicle, wheel_hop_frequencies
 from sprung.vehicles.labels import MOTIONS
 
 Kind = Literal["road", "rail", "rig"]
 
-#: Band over the lowest and highest natural frequency of the nominal vehicle, and its upper end over its lower.
+#: Lower end of the band over the lowest natural frequency of the nominal vehicle, upper end over the highest, and the
+#: largest ratio of the two ends.
 _BELOW, _ABOVE, _WIDEST = 0.4, 1.7, 33.0
 #: Highest frequency over the sampling rate.
 _HIGHEST = 0.4
 #: Periods of the nominal vehicle's slowest mode in a segment.
 _PERIODS = 7.5
-#: Usual error of a sensor's place [m] and of its time [s].
-_PLACE, _LAG = 0.1, 2e-3
+#: Length over which a wheel averages a rail [m].
+_RAIL_CONTACT = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class CornerSettings:
-    """How to fit; None means chosen from the vehicle.
+    """Settings of a fit of the corners; None: chosen from the vehicle.
 
     Parameters
     ----------
@@ -36,17 +43,17 @@ class CornerSettings:
         Lowest and highest frequency [Hz].
     segment
         Length of a segment [s].
-    width
-        Standard deviation of ln(value / nominal value) before any data.
+    prior_std
+        Standard deviation of ln(value / nominal value) of every component before any data.
     free
         Components to fit, such as ("spring", "rear_left.damper"); the others keep the vehicle file's values. None: all.
     has_payload
-        Fit the body's mass, moments and inertias too: without, a payload is taken for soft springs. None: not on a
-        rig.
+        Whether the body's mass, moments and inertias are fitted too: otherwise a payload reads as soft springs. None:
+        not on a rig.
     has_free_sensors
-        Fit places and lags of the sensors too.
+        Whether positions and delays of the sensors are fitted too.
     has_lines_masked
-        Leave frequencies out where lines of wheels, engine or mains stand out of a first fit.
+        Whether frequencies at which lines of wheels, engine or mains stand out of a first fit are left out.
     kind
         What drives the wheels: "road", "rail" (both repeat the front wheels' input at the rear ones and need the speed)
         or "rig" (rollers); None: as the vehicle file says.
@@ -54,7 +61,7 @@ class CornerSettings:
 
     band: tuple[float, float] | None = None
     segment: float | None = None
-    width: float = 0.7
+    prior_std: float = 0.7
     free: tuple[str, ...] | None = None
     has_payload: bool | None = None
     has_free_sensors: bool = False
@@ -62,7 +69,7 @@ class CornerSettings:
     kind: Kind | None = None
 
     def __post_init__(self) -> None:
-        check_number("width", self.width, above=0)
+        check_number("prior_std", self.prior_std, above=0)
         if self.kind is not None:
             check_one_of("kind", self.kind, ("road", "rail", "rig"))
         if self.segment is not None:
@@ -72,90 +79,76 @@ class CornerSettings:
 
 
 def vehicle_model(
-    spectra: ClassSpectra, layout: RigidLayout, vehicle: Vehicle, settings: CornerSettings, kind: Kind
+    spectra: ClassSpectra,
+    layout: RigidLayout,
+    vehicle: Vehicle,
+    nominal: Structure,
+    *,
+    settings: CornerSettings,
+    kind: Kind,
 ) -> Model:
-    """Return the model of a vehicle with the components, masses and sensors free that the settings name."""
-    nominal = structure(vehicle)
-    has_payload = kind != "rig" if settings.has_payload is None else settings.has_payload
-    inputs: InputModel
+    """Return the model of a vehicle with the components, payload and sensor errors that the settings make free.
+
+    Parameters
+    ----------
+    spectra
+        Mean spectral matrices of the data by speed class.
+    layout
+        Coordinates of the data.
+    vehicle
+        Description of the vehicle, for its axles.
+    nominal
+        Structure of the vehicle with nominal components: `structure(vehicle)`.
+    settings
+        Free parameters and their priors.
+    kind
+        What drives the wheels: "road", "rail" or "rig".
+
+    Raises
+    ------
+    ParameterError
+        Where a free component is unknown.
+    """
+    components = free_components(nominal, vehicle, settings.free)
+    blocks: list[ParameterBlock] = [FreeComponents(nominal, components, log_std=settings.prior_std)]
+    if kind != "rig" if settings.has_payload is None else settings.has_payload:
+        blocks.append(payload(nominal))
+    if settings.has_free_sensors:
+        blocks += [sensor_positions(nominal, layout), SensorDelays(layout, layout.names)]
+    blocks += _inputs(spectra, vehicle, nominal, kind)
+    return Model(nominal, layout, spectra, (*blocks, SensorNoise(layout)))
+
+
+def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: Kind) -> list[ParameterBlock]:
+    """Blocks of what drives the wheels."""
     if kind == "rig":
-        inputs = RigInputs(spectra, nominal.inputs)
-    else:
-        positions, sides = np.repeat([axle.x for axle in vehicle.axle], 2), np.tile([1.0, -1.0], len(vehicle.axle))
-        inputs = (
-            RoadInputs(spectra, positions, sides)
-            if kind == "road"
-            else RailInputs(spectra, positions, sides, contact_length=0.01)
-        )
-    return Model(
-        nominal,
-        layout,
-        spectra,
-        inputs,
-        free_components(nominal, vehicle, settings.free),
-        masses=_payload(nominal) if has_payload else (),
-        sensors=_sensors(nominal, layout) if settings.has_free_sensors else (),
-        width=settings.width,
-    )
-
-
-def free_components(nominal: Structure, vehicle: Vehicle, names: tuple[str, ...] | None) -> tuple[Component, ...]:
-    """Return the free components of the corners."""
-    corners = corner_names(len(vehicle.axle))
-    every = tuple(
-        component for component, value in nominal.components().items() if component.corner in corners and value > 0
-    )
-    if names is None:
-        return every
-    for name in names:
-        if not any(name in {one.kind, str(one)} for one in every):
-            known = ", ".join(map(str, every))
-            raise ParameterError(f"free component {name!r} is none of spring, damper, tyre, {known}")
-    return tuple(one for one in every if {one.kind, str(one)} & set(names))
-
-
-def _payload(nominal: Structure) -> tuple[MassChange, ...]:
-    """Return mass, moments and inertias of a payload on the body, each with a width of a fifth of the body's."""
-    n = len(nominal.coordinates)
-    names = MOTIONS
-    rows = [nominal.coordinates.index(name) for name in names]
-    sizes = np.sqrt(np.diag(nominal.mass)[rows])
-    found = []
-    for first, second, name in (
-        (0, 0, "payload_mass"),
-        (0, 1, "payload_x_moment"),
-        (0, 2, "payload_y_moment"),
-        (1, 1, "payload_pitch_inertia"),
-        (2, 2, "payload_roll_inertia"),
-    ):
-        matrix = np.zeros((n, n))
-        matrix[rows[first], rows[second]] = matrix[rows[second], rows[first]] = 1.0
-        size = float(sizes[first] * sizes[second])
-        found.append(MassChange(name, matrix * size, 0.2 if first == second else 0.1, unit=size))
-    return tuple(found)
-
-
-def _sensors(nominal: Structure, layout: RigidLayout) -> tuple[SensorChange, ...]:
-    """Return places of accelerometers on the body and lags of all channels, each with its width."""
-    found = []
-    shape = layout.motion.shape
-    known = {channel.name: channel for channel in nominal.outputs.channels}
-    for row, name in enumerate(layout.names):
-        channel = known[name]
-        found.append(SensorChange(f"{name}_lag", _LAG, channel=row))
-        if layout.orders[row] < 2 or channel.position is None or channel.direction is None:
-            continue
-        for axis, motion, sign in (("x", "pitch", -1.0), ("y", "roll", 1.0)):
-            change = np.zeros(shape)
-            change[row, nominal.coordinates.index(motion)] = sign * channel.direction[2]
-            found.append(SensorChange(f"{name}_{axis}", _PLACE, motion=change))
-    return tuple(found)
+        return [RigInputs(spectra, nominal.inputs)]
+    positions, sides = np.repeat([axle.x for axle in vehicle.axle], 2), np.tile([1.0, -1.0], len(vehicle.axle))
+    by_class = ClassRoughness(spectra.speeds.size)
+    if kind == "road":
+        return [RoadInputs(spectra, positions, sides), by_class]
+    return [RailInputs(spectra, positions, sides, contact_length=_RAIL_CONTACT), by_class]
 
 
 def usual_choices(
     vehicle: Vehicle, nominal: Structure, settings: CornerSettings, sampling_rate: float
 ) -> tuple[tuple[float, float], float]:
-    """Return band and segment length."""
+    """Return the band [Hz] and the length of a segment [s].
+
+    Parameters
+    ----------
+    vehicle, nominal
+        Description and nominal structure of the vehicle.
+    settings
+        Choices of the user, which come first.
+    sampling_rate
+        Sampling rate of the recordings [Hz].
+
+    Notes
+    -----
+    From 0.4 times the lowest natural frequency to 1.7 times the highest wheel hop, at most 33 times the lower end and
+    0.4 times the sampling rate; 7.5 periods of the slowest mode.
+    """
     slowest = float(nominal.modes().natural_frequency[0])
     low = _BELOW * slowest
     high = min(_ABOVE * float(np.nanmax(wheel_hop_frequencies(vehicle))), _WIDEST * low, _HIGHEST * sampling_rate)
@@ -163,7 +156,7 @@ def usual_choices(
 
 
 def with_sensors(nominal: Structure, names: tuple[str, ...]) -> Structure:
-    """Return the structure with only those sensors that were recorded."""
+    """Return the structure with only those sensors that were recorded, by the names of their channels."""
     outputs = nominal.outputs
     rows = [row for row, name in enumerate(outputs.names) if name in names]
     kept = Outputs(

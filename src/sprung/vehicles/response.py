@@ -1,4 +1,4 @@
-"""Frequency responses of a structure, and how its modes move with each component."""
+"""Frequency responses of a structure, and sensitivities of its modes to each component."""
 
 from dataclasses import dataclass
 
@@ -9,18 +9,18 @@ from sprung._arrays import Complex, Real
 from sprung._checks import freeze, frozen_array
 from sprung.errors import ParameterError
 from sprung.vehicles.components import Component
-from sprung.vehicles.structure import Element, Structure
+from sprung.vehicles.structure import Structure
 
 
 def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
-    """Return what the sensors read for one unit of each input.
+    """Return the frequency responses of the sensors to the inputs.
 
     Parameters
     ----------
     structure
-        With sensors.
+        Masses, elements and sensors of a vehicle.
     frequencies
-        Shape (frequencies,), in Hz, at least 0.
+        Frequencies [Hz], at least 0, shape (frequencies,).
 
     Returns
     -------
@@ -54,7 +54,7 @@ def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Sensitivities:
-    """How natural frequencies and damping ratios move with each component.
+    """How natural frequencies and damping ratios change with each component.
 
     Parameters
     ----------
@@ -75,7 +75,17 @@ class Sensitivities:
 
 
 def sensitivities(structure: Structure) -> Sensitivities:
-    """Return how the modes of a structure, in the order of `Structure.modes`, move with each component.
+    """Return the sensitivities of the modes of a structure to each of its components.
+
+    Parameters
+    ----------
+    structure
+        Masses, elements and sensors of a vehicle.
+
+    Returns
+    -------
+    Sensitivities
+        Modes in the order of `Structure.modes`, components in the order of `Structure.components`.
 
     Notes
     -----
@@ -91,18 +101,18 @@ def sensitivities(structure: Structure) -> Sensitivities:
     elongations = np.einsum("mi,ei->me", shapes, structure.elongations) ** 2
     slope = 2 * poles * np.einsum("mi,ij,mj->m", shapes, structure.mass, shapes)
     for number, element in enumerate(structure.elements):
-        slope = slope + _arm_slope(element, poles) * elongations[:, number]
-    found: dict[Component, Complex] = {}
+        slope = slope + element.damping_derivative(poles) / poles * elongations[:, number]
+    by_component: dict[Component, Complex] = {}
     for number, element in enumerate(structure.elements):
         spring, damper = element.components
-        found[spring] = -element.stiffness * elongations[:, number] / slope
+        by_component[spring] = -element.stiffness * elongations[:, number] / slope
         if damper is not None:
-            found[damper] = -_arm_change(element, poles) * elongations[:, number] / slope
-    change = np.array(list(found.values())).T.reshape(poles.size, len(found))
+            by_component[damper] = -element.damping_derivative(poles) * elongations[:, number] / slope
+    change = np.array(list(by_component.values())).T.reshape(poles.size, len(by_component))
     size = np.abs(poles)[:, None]
     growth = (poles.conj()[:, None] * change).real / size
     damping = -change.real / size + poles.real[:, None] * growth / size**2
-    return Sensitivities(tuple(found), growth / (2 * np.pi), damping)
+    return Sensitivities(tuple(by_component), growth / (2 * np.pi), damping)
 
 
 def _coordinate_shapes(structure: Structure, poles: Complex) -> Complex:
@@ -110,19 +120,3 @@ def _coordinate_shapes(structure: Structure, poles: Complex) -> Complex:
     eigenvalues, vectors = np.linalg.eig(structure.system.state_matrix())
     order = np.argmin(np.abs(eigenvalues[:, None] - poles), axis=0)
     return vectors[: len(structure.coordinates), order].T
-
-
-def _arm_slope(element: Element, s: Complex) -> Complex:
-    """Derivative of a damper's dynamic stiffness, with its bushing, for s."""
-    if element.series_stiffness is None or element.damping == 0:
-        return np.full_like(s, element.damping)
-    stiffness = 1 / (1 / (s * element.damping) + 1 / element.series_stiffness)
-    return stiffness**2 / (s**2 * element.damping)
-
-
-def _arm_change(element: Element, s: Complex) -> Complex:
-    """Derivative of a damper's dynamic stiffness, with its bushing, for ln(damping)."""
-    if element.series_stiffness is None or element.damping == 0:
-        return s * element.damping
-    stiffness = 1 / (1 / (s * element.damping) + 1 / element.series_stiffness)
-    return stiffness**2 / (s * element.damping)

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from sprung._arrays import Real
+from sprung._arrays import Complex, Real
 from sprung._checks import check_number, check_one_of, freeze
 from sprung.errors import ParameterError
 from sprung.recording import Channel
@@ -91,6 +91,56 @@ class Element:
         """The components that its stiffness and its damping are; None where it has no damping of its own."""
         spring, damper = PARTS[self.part]
         return Component(self.owner, spring), None if damper is None else Component(self.owner, damper)
+
+    def dynamic_stiffness(self, s: Complex | complex, *, spring: float = 1.0, damper: float = 1.0) -> Complex:
+        """Return the force of the element per unit of elongation.
+
+        Parameters
+        ----------
+        s
+            Complex angular frequencies [rad/s], any shape.
+        spring, damper
+            Factors of the stiffness and of the damping.
+
+        Returns
+        -------
+        ndarray
+            Shape of `s`, in N/m.
+
+        Notes
+        -----
+        z(s) = k + s c, and with a bushing of stiffness k_b in series with the damper
+        z(s) = k + 1 / (1 / (s c) + 1 / k_b) = k + s c k_b / (k_b + s c), the standard linear solid.
+        dz / d ln k = k; for the other derivatives see `damping_derivative`.
+
+        References
+        ----------
+        C. Zener, Elasticity and Anelasticity of Metals, University of Chicago Press, 1948 (standard linear solid).
+        """
+        viscous = np.asarray(s, dtype=np.complex128) * (damper * self.damping)
+        if self.series_stiffness is not None:
+            viscous = viscous * (self.series_stiffness / (self.series_stiffness + viscous))
+        return np.asarray(spring * self.stiffness + viscous, dtype=np.complex128)
+
+    def damping_derivative(self, s: Complex | complex, *, damper: float = 1.0) -> Complex:
+        """Return the derivative of `dynamic_stiffness` with respect to ln(damping), shape of `s`, in N/m.
+
+        Parameters
+        ----------
+        s
+            Complex angular frequencies [rad/s], any shape.
+        damper
+            Factor of the damping.
+
+        Notes
+        -----
+        dz / d ln c = s c, and s c k_b^2 / (k_b + s c)^2 with a bushing. As z depends on s through the product s c
+        only, dz / ds = (dz / d ln c) / s.
+        """
+        viscous = np.asarray(s, dtype=np.complex128) * (damper * self.damping)
+        if self.series_stiffness is not None:
+            viscous = viscous * (self.series_stiffness / (self.series_stiffness + viscous)) ** 2
+        return np.asarray(viscous, dtype=np.complex128)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -1,0 +1,67 @@
+"""Blocks of parameters: what a part of the model is called, where it starts, and what it contributes."""
+
+from collections.abc import Iterable
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from sprung._arrays import Booleans, Complex, Real
+from sprung.likelihood.terms import Terms
+from sprung.likelihood.transfer import TermGradients, Transfer
+from sprung.vehicles import Structure
+
+
+class ParameterBlock(Protocol):
+    """Parameters of one kind, and what they contribute to the spectral matrix of a vehicle.
+
+    Notes
+    -----
+    A block is a frozen value that subclasses this protocol. `contribute` adds to or multiplies terms of the model; the
+    blocks of a `Model` are applied in their order, each to the terms that the blocks before it have left. `gradient`
+    and `derivatives` are the derivatives of that in the two directions: of the objective with respect to the
+    parameters, given its gradient with respect to every term (`TermGradients`: g with d objective = Re sum(g dT), so
+    that a parameter p has Re sum(g dT/dp)); and of the spectral matrix, by the methods of `Transfer`.
+
+    A block that multiplies a term, such as an input spectrum, takes the final term, which holds the factors of all
+    blocks, from `TermGradients.log_inputs` or `Transfer.terms`.
+    """
+
+    #: Name of the kind in results, such as "components", "payload", "sensors", "inputs", "noise".
+    group: ClassVar[str]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, unique in a model."""
+
+    @property
+    def start(self) -> Real:
+        """Centre of the prior, shape (parameters,)."""
+
+    @property
+    def prior_std(self) -> Real:
+        """Standard deviation of the prior, shape (parameters,)."""
+
+    def contribute(self, parameters: Real, terms: Terms) -> Terms:
+        """Return the terms of the model with what the block contributes."""
+
+    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
+        """Return the gradient of the objective, shape (parameters,)."""
+
+    def derivatives(self, parameters: Real, response: Transfer) -> Iterable[Complex]:
+        """Return the derivative of the spectral matrix before the window with respect to each parameter.
+
+        Each has the shape (classes, grid, coordinates, coordinates) or one that broadcasts to it.
+        """
+
+    @property
+    def is_log_power(self) -> Booleans:
+        """Whether a parameter is the logarithm of a spectral density: ln a added to all scales the model's spectra."""
+        return np.zeros(len(self.names), dtype=np.bool_)
+
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return the physical values by name."""
+        return dict(zip(self.names, parameters.tolist(), strict=True))
+
+    def fitted(self, parameters: Real, structure: Structure) -> Structure:
+        """Return the structure with the parameters; the same object where the block does not change it."""
+        return structure

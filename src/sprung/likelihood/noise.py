@@ -1,0 +1,83 @@
+"""Noise of the sensors as parameters."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sprung._arrays import Booleans, Complex, Real
+from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.coordinates import RigidLayout
+from sprung.likelihood.terms import Terms
+from sprung.likelihood.transfer import TermGradients, Transfer
+
+#: Usual noise density over that of the layout [1/Hz], and standard deviation of its logarithm.
+_USUAL, _STD = 1e-2, 5.0
+#: Largest logarithm of a noise density that is not infinite for any purpose.
+_LARGEST = 100.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SensorNoise(ParameterBlock):
+    """Noise of every channel; the parameters are ln of its density over the usual variance of the layout.
+
+    Parameters
+    ----------
+    layout
+        Channels, their orders, and the covariance of the coordinates for noise of the usual size on each.
+
+    Notes
+    -----
+    A channel that measures the time derivative of order o has white noise, which differentiation to an acceleration
+    makes w^(2 (2 - o)) times as dense: N = sum over channels e^p w^(2 (2 - o)) N_k.
+    """
+
+    layout: RigidLayout
+
+    group: ClassVar[str] = "noise"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each channel after "noise_"."""
+        return tuple(f"noise_{name}" for name in self.layout.names)
+
+    @property
+    def start(self) -> Real:
+        """A hundredth of the usual variance in one Hz."""
+        return np.full(len(self.layout.noise), np.log(_USUAL))
+
+    @property
+    def prior_std(self) -> Real:
+        """Large: the data decide."""
+        return np.full(len(self.layout.noise), _STD)
+
+    @property
+    def is_log_power(self) -> Booleans:
+        """All of them."""
+        return np.ones(len(self.layout.noise), dtype=np.bool_)
+
+    def contribute(self, parameters: Real, terms: Terms) -> Terms:
+        """Return the terms with the noise of all channels."""
+        noise = np.einsum("kf,kij->fij", self._densities(parameters, terms), self.layout.noise)
+        return replace(terms, noise=terms.noise + noise)
+
+    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
+        """Return the gradient of the objective."""
+        by_density = np.einsum("fij,kij->kf", gradients.noise.real, self.layout.noise)
+        return np.sum(by_density * self._densities(parameters, gradients.transfer.terms), axis=1)
+
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+        """Return the derivatives of the spectral matrix."""
+        densities = self._densities(parameters, response.terms)
+        noise = densities[:, :, None, None] * self.layout.noise[:, None]
+        return list(noise.astype(np.complex128))
+
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return the densities of the noise over the usual variance [1/Hz]."""
+        return dict(zip(self.names, np.exp(parameters).tolist(), strict=True))
+
+    def _densities(self, parameters: Real, terms: Terms) -> Real:
+        """Density of each channel's noise over its usual variance, as an acceleration, shape (channels, grid)."""
+        pulsation = 2 * np.pi * terms.frequencies
+        colours = pulsation ** (2 * (2 - self.layout.orders[:, None]))
+        return np.asarray(np.exp(np.minimum(parameters, _LARGEST))[:, None] * colours, dtype=np.float64)

@@ -1,0 +1,128 @@
+"""Payload: mass, moments and inertias on the body as parameters."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sprung._arrays import Complex, Real
+from sprung._checks import freeze
+from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.terms import Terms
+from sprung.likelihood.transfer import TermGradients, Transfer
+from sprung.vehicles import Structure
+from sprung.vehicles.labels import MOTIONS
+
+#: Standard deviations of masses and inertias, and of moments, over the size of the body's own.
+_INERTIA, _MOMENT = 0.2, 0.1
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MassParameter:
+    """Parameter of the mass matrix.
+
+    Parameters
+    ----------
+    name
+        Name of the parameter.
+    matrix
+        Change of the mass matrix for one unit of the parameter, in kg and kg m^2, shape (n, n), symmetric.
+    std
+        Standard deviation of the parameter about 0 before any data.
+    unit
+        One unit of the parameter in kg, kg m or kg m^2.
+    """
+
+    name: str
+    matrix: Real
+    std: float
+    unit: float = 1.0
+
+    def __post_init__(self) -> None:
+        freeze(self, matrix=2)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AddedMass(ParameterBlock):
+    """Additions to the mass matrix: M = M_nominal + sum p_k M_k.
+
+    Parameters
+    ----------
+    parts
+        Parameters of the mass matrix.
+    """
+
+    parts: tuple[MassParameter, ...]
+
+    group: ClassVar[str] = "payload"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parts."""
+        return tuple(part.name for part in self.parts)
+
+    @property
+    def start(self) -> Real:
+        """Nothing added."""
+        return np.zeros(len(self.parts))
+
+    @property
+    def prior_std(self) -> Real:
+        """Standard deviations of the parts."""
+        return np.array([part.std for part in self.parts])
+
+    def contribute(self, parameters: Real, terms: Terms) -> Terms:
+        """Return the terms with the mass added."""
+        return replace(terms, mass=terms.mass + self._mass(parameters))
+
+    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
+        """Return the gradient of the objective."""
+        by_mass = gradients.mass.real
+        return np.array([np.sum(by_mass * part.matrix) for part in self.parts])
+
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+        """Return the derivatives of the spectral matrix."""
+        return [response.change_by_mass(part.matrix) for part in self.parts]
+
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return masses [kg], moments [kg m] and inertias [kg m^2]."""
+        return {part.name: part.unit * float(value) for part, value in zip(self.parts, parameters, strict=True)}
+
+    def fitted(self, parameters: Real, structure: Structure) -> Structure:
+        """Return the structure with the mass added."""
+        return replace(structure, mass=structure.mass + self._mass(parameters))
+
+    def _mass(self, parameters: Real) -> Real:
+        """Mass matrix that is added."""
+        return np.einsum("p,pij->ij", parameters, np.array([part.matrix for part in self.parts]))
+
+
+def payload(nominal: Structure) -> AddedMass:
+    """Return mass, moments and inertias of a payload on the body.
+
+    Parameters
+    ----------
+    nominal
+        Vehicle with bounce, pitch and roll of a body.
+
+    Notes
+    -----
+    Each is relative to the body's own: standard deviation 0.2 for mass and inertias, 0.1 for the moments m x and m y
+    relative to the root of mass times inertia. A mass m at (x, y) adds m r r^T with r = [1, -x, y] for bounce, pitch
+    and roll.
+    """
+    n = len(nominal.coordinates)
+    rows = [nominal.coordinates.index(name) for name in MOTIONS]
+    sizes = np.sqrt(np.diag(nominal.mass)[rows])
+    parts = []
+    for first, second, name in (
+        (0, 0, "payload_mass"),
+        (0, 1, "payload_x_moment"),
+        (0, 2, "payload_y_moment"),
+        (1, 1, "payload_pitch_inertia"),
+        (2, 2, "payload_roll_inertia"),
+    ):
+        matrix, size = np.zeros((n, n)), float(sizes[first] * sizes[second])
+        matrix[rows[first], rows[second]] = matrix[rows[second], rows[first]] = size
+        parts.append(MassParameter(name, matrix, _INERTIA if first == second else _MOMENT, unit=size))
+    return AddedMass(tuple(parts))

@@ -1,0 +1,258 @@
+"""Response of a vehicle to its inputs at every frequency, and derivatives through it in both directions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sprung._arrays import Complex, Real
+from sprung.likelihood.terms import Terms
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Transfer:
+    """Response of the vehicle, solved at every frequency; derivatives of the spectral matrix with respect to a term.
+
+    Parameters
+    ----------
+    terms
+        Terms of the spectral matrix.
+    displacements
+        X = D^-1 B, displacement of each coordinate of the structure for each input, shape (grid, n, inputs).
+    force_response
+        L = -w^2 R D^-1, coordinates of the data for a force on each coordinate, shape (grid, coordinates, n).
+    matrix
+        H, coordinates of the data for each input, shape (grid, coordinates, inputs).
+    driven
+        S_inputs H^H, shape (classes, grid, inputs, coordinates).
+
+    Notes
+    -----
+    R = reduction diag(channel response) motion; the other symbols are those of `Terms`. A change dD of the dynamic
+    stiffness, dB of the drive and dR of the sensors changes the response by
+
+        dH = L (dB - dD X) - w^2 dR X,    dS = dH S_inputs H^H + (dH S_inputs H^H)^H.
+
+    The methods return dS before the window for a change of one term, shape (classes, grid, coordinates, coordinates).
+    """
+
+    terms: Terms
+    displacements: Complex
+    force_response: Complex
+    matrix: Complex
+    driven: Complex
+
+    @property
+    def spectral_matrix(self) -> Complex:
+        """S = H S_inputs H^H + noise, shape (classes, grid, coordinates, coordinates)."""
+        return self.matrix @ self.driven + self.terms.noise
+
+    def change_by_element(self, element: int, stiffness: Complex) -> Complex:
+        """Return dS for a change of an element's dynamic stiffness, shape (grid,): dH = dz L d (foot^T - d^T X)."""
+        d, foot = self.terms.elongations[element], self.terms.feet[element]
+        response = (self.force_response @ d)[:, :, None] * (foot - d @ self.displacements)[:, None, :]
+        return self.change_by_transfer(stiffness[:, None, None] * response)
+
+    def change_by_mass(self, mass: Real) -> Complex:
+        """Return dS for a change of the mass matrix: dH = w^2 L dM X."""
+        return self.change_by_transfer(
+            _squared(self.terms)[:, None, None] * (self.force_response @ mass @ self.displacements)
+        )
+
+    def change_by_forces(self, forces: Real) -> Complex:
+        """Return dS for a change of the forces of the inputs: dH = L dforces."""
+        return self.change_by_transfer(self.force_response @ forces)
+
+    def change_by_motion(self, motion: Real) -> Complex:
+        """Return dS for a change of what the channels read of the motion: dH = -w^2 reduction diag(.) dmotion X."""
+        read = -_squared(self.terms)[:, None, None] * (motion @ self.displacements)
+        return self.change_by_transfer(_reduced(self.terms) @ read)
+
+    def change_by_feedthrough(self, feedthrough: Real) -> Complex:
+        """Return dS for a change of what the channels read of the inputs: dH = reduction diag(.) dfeedthrough."""
+        return self.change_by_transfer(_reduced(self.terms) @ feedthrough)
+
+    def change_by_channel(self, channel: int, response: Complex) -> Complex:
+        """Return dS for a change of the frequency response of a channel, shape (grid,)."""
+        terms = self.terms
+        read = -_squared(terms)[:, None] * (terms.motion[channel] @ self.displacements) + terms.feedthrough[channel]
+        return self.change_by_transfer(
+            terms.reduction[:, channel][:, None] * (response[:, None] * read)[:, None, :],
+        )
+
+    def change_by_inputs(self, inputs: Real | Complex) -> Complex:
+        """Return dS for a change of the spectral matrix of the wheels' inputs: H dS_inputs H^H."""
+        H = self.matrix[..., : inputs.shape[-1]]
+        return np.asarray(H @ inputs @ _adjoint(H), dtype=np.complex128)
+
+    def change_by_transfer(self, response: Complex) -> Complex:
+        """Return dS for a change of the response H."""
+        half = response @ self.driven
+        return np.asarray(half + _adjoint(half), dtype=np.complex128)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TermGradients:
+    """Gradient of an objective with respect to every term of the spectral matrix.
+
+    Parameters
+    ----------
+    transfer
+        Response at which the gradient is taken.
+    noise
+        Gradient with respect to `Terms.noise`, of that shape.
+    log_inputs
+        Gradient with respect to the logarithm of every entry of `Terms.inputs`, of that shape.
+    inputs
+        Gradient with respect to `Terms.inputs`, of that shape.
+    driven
+        Q = sum over classes S_inputs H^H W, shape (grid, inputs, coordinates).
+    forced
+        E = Q L, shape (grid, inputs, n).
+    fed_back
+        G = X E, shape (grid, n, n).
+
+    Notes
+    -----
+    With W such that d objective = sum over classes and frequencies tr(W dS), the gradient g of every term T has its
+    name and shape, and d objective = Re sum(g dT). With the dH and dS of `Transfer`, and Q, E, G as above:
+
+        stiffness           2 (foot^T E d - d^T G d)
+        mass                2 w^2 G^T, summed over the frequencies
+        forces              2 E^T, summed over the frequencies
+        motion              -2 w^2 (X Q reduction diag(channel response))^T, summed over the frequencies
+        feedthrough         2 (Q reduction diag(channel response))^T, summed over the frequencies
+        channel_response    2 diag((-w^2 motion X + feedthrough) Q reduction)
+        inputs              (H^H W H)^T
+        noise               W^T, summed over the classes
+
+    It costs as much as the model itself, however many parameters there are (the adjoint method).
+
+    References
+    ----------
+    J. R. Magnus and H. Neudecker, Matrix Differential Calculus with Applications in Statistics and Econometrics, Wiley,
+    1988, chapter 8 (differentials of the inverse and of the determinant).
+    """
+
+    transfer: Transfer
+    noise: Complex
+    log_inputs: Complex
+    inputs: Complex
+    driven: Complex
+    forced: Complex
+    fed_back: Complex
+
+    @property
+    def stiffness(self) -> Complex:
+        """Gradient with respect to the dynamic stiffness of each element, shape (elements, grid)."""
+        d, feet = self.transfer.terms.elongations, self.transfer.terms.feet
+        return 2 * np.sum((feet @ self.forced - d @ self.fed_back) * d, axis=-1).T
+
+    @property
+    def mass(self) -> Complex:
+        """Gradient with respect to the mass matrix, shape (n, n)."""
+        return 2 * np.einsum("f,fji->ij", _squared(self.transfer.terms), self.fed_back)
+
+    @property
+    def forces(self) -> Complex:
+        """Gradient with respect to the forces of the inputs, shape (n, inputs)."""
+        return 2 * self.forced.sum(axis=0).T
+
+    @property
+    def motion(self) -> Complex:
+        """Gradient with respect to what the channels read of the motion, shape (channels, n)."""
+        terms = self.transfer.terms
+        sensed = self.transfer.displacements @ self.driven @ _reduced(terms)
+        return -2 * np.einsum("f,fnk->kn", _squared(terms), sensed)
+
+    @property
+    def feedthrough(self) -> Complex:
+        """Gradient with respect to what the channels read of the inputs, shape (channels, inputs)."""
+        return 2 * np.einsum("fuk->ku", self.driven @ _reduced(self.transfer.terms))
+
+    @property
+    def channel_response(self) -> Complex:
+        """Gradient with respect to the frequency response of the channels, shape (grid, channels)."""
+        terms = self.transfer.terms
+        read = -_squared(terms)[:, None, None] * (terms.motion @ self.transfer.displacements) + terms.feedthrough
+        return 2 * np.einsum("fku,fuk->fk", read, self.driven @ terms.reduction)
+
+
+def transfer(terms: Terms) -> Transfer:
+    """Return the response of a vehicle to its inputs.
+
+    Parameters
+    ----------
+    terms
+        Terms of the spectral matrix.
+
+    Raises
+    ------
+    LinAlgError
+        Where the dynamic stiffness is singular at a frequency.
+    """
+    squared = _squared(terms)[:, None, None]
+    weighted = terms.stiffness.T[:, None, :] * terms.elongations.T
+    dynamic = weighted @ terms.elongations - squared * terms.mass
+    drive = weighted @ terms.feet + terms.forces
+    reduced = _reduced(terms)
+    rows = reduced @ terms.motion
+    solution = np.linalg.solve(dynamic, np.concatenate([drive, rows.swapaxes(1, 2)], axis=2))  # D is symmetric
+    n_inputs = drive.shape[2]
+    displacements = np.asarray(solution[..., :n_inputs], dtype=np.complex128)
+    H = -squared * (rows @ displacements) + reduced @ terms.feedthrough
+    return Transfer(
+        terms=terms,
+        displacements=displacements,
+        force_response=-squared * solution[..., n_inputs:].swapaxes(1, 2),
+        matrix=H,
+        driven=_driven(terms, _adjoint(H)),
+    )
+
+
+def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
+    """Return the gradient of an objective with respect to every term of the spectral matrix.
+
+    Parameters
+    ----------
+    response
+        Response of the vehicle to its inputs.
+    weight
+        W with d objective = sum tr(W dS), Hermitian, shape (classes, grid, coordinates, coordinates).
+    """
+    H = response.matrix[..., : response.terms.inputs.shape[-1]]
+    inputs = (_adjoint(H) @ weight @ H).swapaxes(-1, -2)
+    driven = (response.driven @ weight).sum(axis=0)
+    forced = driven @ response.force_response
+    return TermGradients(
+        transfer=response,
+        noise=weight.sum(axis=0).swapaxes(-1, -2),
+        log_inputs=inputs * response.terms.inputs,
+        inputs=inputs,
+        driven=driven,
+        forced=forced,
+        fed_back=response.displacements @ forced,
+    )
+
+
+def _driven(terms: Terms, adjoint: Complex) -> Complex:
+    """S_inputs H^H for the Hermitian transpose of H."""
+    n_wheels = terms.inputs.shape[-1]
+    driven = terms.inputs @ adjoint[..., :n_wheels, :]
+    if not terms.measured_inputs.size:
+        return driven
+    return np.concatenate([driven, terms.measured_inputs @ adjoint[..., n_wheels:, :]], axis=-2)
+
+
+def _squared(terms: Terms) -> Real:
+    """Squared angular frequencies, shape (grid,)."""
+    return np.asarray((2 * np.pi * terms.frequencies) ** 2, dtype=np.float64)
+
+
+def _reduced(terms: Terms) -> Complex:
+    """Coordinates of the data for one unit of each perfect channel, shape (grid, coordinates, channels)."""
+    return np.asarray(terms.channel_response[:, None, :] * terms.reduction, dtype=np.complex128)
+
+
+def _adjoint(matrices: Complex) -> Complex:
+    """Hermitian transpose of matrices in a stack."""
+    return matrices.conj().swapaxes(-1, -2)
