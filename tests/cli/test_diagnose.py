@@ -5,7 +5,7 @@ import pytest
 from sprung.cli.diagnose import _trend_words
 from sprung.diagnosis import Trend
 from sprung.formats import write
-from sprung.simulation import Dead, DriveSettings, simulate_drive, with_imperfections
+from sprung.simulation import DriveSettings, dead, simulate_drive
 from sprung.vehicles import MountedMass, parse_fault, read_vehicle
 
 
@@ -19,7 +19,7 @@ def drives(tmp_path_factory):
     faults = (parse_fault("rear_right.spring=0.25"),)
     broken = simulate_drive(car, DriveSettings("road", snr=50.0, faults=faults), seed=2).recording
     write(broken, folder / "broken.parquet")
-    write(with_imperfections(broken, [Dead("acc_fl")]), folder / "dead.parquet")
+    write(dead(broken, channel="acc_fl"), folder / "dead.parquet")
     return folder
 
 

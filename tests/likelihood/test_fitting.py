@@ -17,7 +17,7 @@ from sprung.likelihood import (
     segment_spectra,
 )
 from sprung.recording import Channel
-from sprung.simulation import Dead, DriveSettings, simulate, simulate_drive, with_imperfections
+from sprung.simulation import DriveSettings, dead, simulate, simulate_drive
 from sprung.vehicles import MountedMass, Sensor, parse_fault, read_vehicle, structure
 
 
@@ -288,7 +288,7 @@ def test_a_short_record_is_refused(car):
 
 
 def test_a_dead_sensor_is_refused_by_name(car):
-    run = with_imperfections(drive(car, duration=30.0).recording, [Dead("acc_rl")])
+    run = dead(drive(car, duration=30.0).recording, channel="acc_rl")
     with pytest.raises(DataError, match="'acc_rl' is constant"):
         fit_corners(run, car)
 
