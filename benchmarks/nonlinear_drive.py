@@ -35,7 +35,7 @@ def measured(case):
     import numpy as np
 
     from sprung.excitation import Potholes, SurfaceMotion, random_speed, road_class
-    from sprung.simulation import REALISTIC_LAWS, simulate, simulate_nonlinear
+    from sprung.simulation import REALISTIC_FORCE_LAWS, simulate, simulate_nonlinear
     from sprung.vehicles import read_vehicle, structure
 
     car = structure(read_vehicle("zafira"))
@@ -45,7 +45,7 @@ def measured(case):
     calls = {
         "way": lambda: road.samples(600_000, sampling_rate=1000.0, generator=np.random.default_rng(1)),
         "linear": lambda: simulate(car, road, **options),
-        "nonlinear": lambda: simulate_nonlinear(car, road, laws=REALISTIC_LAWS, **options),
+        "nonlinear": lambda: simulate_nonlinear(car, road, force_laws=REALISTIC_FORCE_LAWS, **options),
     }
     times = []
     for _ in range(2):

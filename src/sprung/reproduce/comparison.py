@@ -14,14 +14,14 @@ from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.report import Block, Paragraph, Report, Section, Table, picture
 from sprung.reproduce.runs import Effort, Progress, over_seeds
 from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, worst_error
-from sprung.simulation import Law, simulate, simulate_nonlinear, with_noise
+from sprung.simulation import ForceLaw, simulate, simulate_nonlinear, with_noise
 from sprung.vehicles import Structure, read_vehicle, structure
 
 RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 8, 20.0, 1.0
 #: Force of the records that differ in level: from 1 to 10 over the set.
 LEVELS = np.geomspace(1.0, 10.0, N_RECORDS)
 #: Rubber beside each spring: 15 % stiffer at small amplitudes than at large ones.
-RUBBER = {"suspension": Law(rubber_stiffness=0.15 * 9800.0, rubber_force=2.0)}
+RUBBER = {"suspension": ForceLaw(rubber_stiffness=0.15 * 9800.0, rubber_force=2.0)}
 CASES = {
     "white": "White noise in the sensors, RMS ratio 1, the same level throughout.",
     "in-band": "Noise in 0.5 to 50 Hz, where the modes are.",
@@ -90,7 +90,7 @@ def _simulated(vehicle: Structure, excitation: RandomInputs, case: str, generato
     """Return one record without noise."""
     if case == "nonlinear":
         return simulate_nonlinear(
-            vehicle, excitation, duration=DURATION, sampling_rate=RATE, laws=RUBBER, lead_in=20.0, seed=generator
+            vehicle, excitation, duration=DURATION, sampling_rate=RATE, force_laws=RUBBER, lead_in=20.0, seed=generator
         )
     return simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=generator)
 

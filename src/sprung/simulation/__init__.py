@@ -1,7 +1,7 @@
 """Simulated recordings with known truth: linear and nonlinear vehicles, and what sensors do to their signals."""
 
 from sprung.simulation.drives import Drive, DriveSettings, simulate_drive
-from sprung.simulation.laws import REALISTIC_LAWS, Law, damping_factor
+from sprung.simulation.force_laws import REALISTIC_FORCE_LAWS, ForceLaw, damping_factor
 from sprung.simulation.linear import response, settling_time, simulate, usual_excitation, with_linear_inputs, with_rises
 from sprung.simulation.nonlinear import integrate, simulate_nonlinear
 from sprung.simulation.sensors import (
@@ -26,11 +26,11 @@ from sprung.simulation.sensors import (
 from sprung.simulation.truth import truth
 
 __all__ = [
-    "REALISTIC_LAWS",
+    "REALISTIC_FORCE_LAWS",
     "Drive",
     "DriveSettings",
+    "ForceLaw",
     "Imperfection",
-    "Law",
     "clipped",
     "damping_factor",
     "dead",

@@ -20,9 +20,9 @@ from sprung.excitation import (
     road_class,
 )
 from sprung.recording import Channel, Recording
-from sprung.simulation.laws import REALISTIC_LAWS, damping_factor
+from sprung.simulation.force_laws import REALISTIC_FORCE_LAWS, damping_factor
 from sprung.simulation.linear import settling_time, simulate
-from sprung.simulation.nonlinear import Course, simulate_nonlinear
+from sprung.simulation.nonlinear import TimeHistory, simulate_nonlinear
 from sprung.simulation.sensors import with_noise
 from sprung.simulation.truth import truth
 from sprung.vehicles import Component, Fault, Structure, Vehicle, structure, with_faults
@@ -163,8 +163,10 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
         "seed": generator,
     }
     if settings.is_nonlinear or changing:
-        laws = REALISTIC_LAWS if settings.is_nonlinear else {}
-        recording = simulate_nonlinear(faulty, excitation, laws=laws, courses=_courses(changing, healthy), **options)
+        force_laws = REALISTIC_FORCE_LAWS if settings.is_nonlinear else {}
+        recording = simulate_nonlinear(
+            faulty, excitation, force_laws=force_laws, time_histories=_time_histories(changing, healthy), **options
+        )
     else:
         recording = simulate(faulty, excitation, **options)
     if settings.snr is not None:
@@ -195,15 +197,15 @@ def _excitation(vehicle: Vehicle, settings: DriveSettings, speed: SpeedProfile) 
     return SurfaceMotion(road_class(settings.road), positions, speed, obstacles=obstacles)
 
 
-def _courses(faults: list[Fault], vehicle: Structure) -> dict[Component, Course]:
-    """Return faults as courses of their components; a step lasts a millisecond."""
+def _time_histories(faults: list[Fault], vehicle: Structure) -> dict[Component, TimeHistory]:
+    """Return faults as histories of their components; a step lasts a millisecond."""
     with_faults(vehicle, faults)  # refuses unknown components
-    courses: dict[Component, Course] = {}
+    histories: dict[Component, TimeHistory] = {}
     for component in {fault.component for fault in faults}:
         same = [fault for fault in faults if fault.component == component]
         times = np.unique([time for fault in same for time in (0.0, fault.onset - 1e-3, *fault.knots)])
-        courses[component] = (times, np.prod([fault.factor(times) for fault in same], axis=0))
-    return courses
+        histories[component] = (times, np.prod([fault.factor(times) for fault in same], axis=0))
+    return histories
 
 
 def _with_speed(recording: Recording, speed: SpeedProfile, name: str) -> Recording:
