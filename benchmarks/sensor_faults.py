@@ -37,20 +37,27 @@ def main():
 
 def drive(seed):
     """Return a nonlinear drive under changing conditions."""
+    from dataclasses import replace
+
     import numpy as np
 
-    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.simulation import (
+        FEW_POTHOLES,
+        REALISTIC_SUSPENSION,
+        Payload,
+        RoadConditions,
+        RoadDrive,
+        simulate_drive,
+    )
     from sprung.vehicles import read_vehicle
 
     generator = np.random.default_rng([seed, 8])
-    settings = DriveSettings(
-        "road",
+    settings = RoadDrive(
         duration=60.0 * MINUTES,
-        road=str(generator.choice(["B", "C", "D"])),
-        payload=float(generator.uniform(0, 300)),
-        temperature=float(generator.uniform(0, 40)),
+        road=RoadConditions(str(generator.choice(["B", "C", "D"])), potholes=FEW_POTHOLES),
+        payload=Payload(float(generator.uniform(0, 300))),
+        suspension=replace(REALISTIC_SUSPENSION, temperature=float(generator.uniform(0, 40))),
         snr=50.0,
-        is_nonlinear=True,
     )
     return simulate_drive(read_vehicle("zafira"), settings, seed=seed).recording
 

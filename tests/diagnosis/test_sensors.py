@@ -11,7 +11,11 @@ from sprung.diagnosis.sensors import check_sensors
 from sprung.diagnosis.speed_check import speed_fault
 from sprung.errors import DataError
 from sprung.simulation import (
-    DriveSettings,
+    FEW_POTHOLES,
+    REALISTIC_SUSPENSION,
+    Payload,
+    RoadConditions,
+    RoadDrive,
     clipped,
     dead,
     delayed,
@@ -29,6 +33,12 @@ from sprung.simulation import (
 from sprung.vehicles import MountedMass, Sensor, read_vehicle
 
 
+def nonlinear(road_class="C", **settings):
+    """A drive with realistic suspensions on a road with potholes."""
+    road = RoadConditions(road_class, potholes=FEW_POTHOLES)
+    return RoadDrive(road=road, suspension=REALISTIC_SUSPENSION, **settings)
+
+
 @pytest.fixture(scope="module")
 def car():
     return read_vehicle("zafira")
@@ -36,7 +46,7 @@ def car():
 
 @pytest.fixture(scope="module")
 def run(car):
-    settings = DriveSettings("road", duration=300.0, snr=50.0, n_stops=1, is_nonlinear=True, payload=100.0)
+    settings = nonlinear(duration=300.0, snr=50.0, n_stops=1, payload=Payload(100.0))
     return simulate_drive(car, settings, seed=5).recording
 
 
@@ -132,7 +142,7 @@ def test_healthy_sensors_agree_on_a_smooth_road_with_noise(car, unknown):
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
     bars = tuple(axle.model_copy(update={"anti_roll_stiffness": 12e3}) for axle in car.axle)
     changes = {"engine": {"mounted_mass": (engine,)}, "anti-roll bars": {"axle": bars}}
-    settings = DriveSettings("road", duration=300.0, road="A", snr=30.0, n_stops=1, is_nonlinear=True)
+    settings = nonlinear("A", duration=300.0, snr=30.0, n_stops=1)
     drive = simulate_drive(car.model_copy(update=changes.get(unknown, {})), settings, seed=4).recording
     checked = check_sensors(wheel_lines(drive) if unknown == "wheel lines" else drive, car)
     assert checked.faults == ()
@@ -153,7 +163,7 @@ def test_a_speed_that_stays_while_the_delay_says_another_is_left_out(car, run, s
 
 @pytest.mark.parametrize(("speed", "road"), [(5.5, "A"), (30.0, "B")])
 def test_a_kept_speed_is_not_stuck(car, speed, road):
-    settings = DriveSettings("road", duration=180.0, road=road, speed=(speed, speed), snr=30.0, is_nonlinear=True)
+    settings = nonlinear(road, duration=180.0, speed=(speed, speed), snr=30.0)
     assert speed_fault(simulate_drive(car, settings, seed=2).recording, car) is None
 
 
@@ -177,7 +187,7 @@ def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run):
 @pytest.mark.slow
 def test_diagonal_sensors_exchanged_are_seen_beside_an_unknown_engine(car):
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
-    settings = DriveSettings("road", duration=600.0, snr=50.0, is_nonlinear=True)
+    settings = nonlinear(duration=600.0, snr=50.0)
     run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), settings, seed=5).recording
     sound = observe(run, car)
     assert sound.conditions["model_error"] > 0.25

@@ -24,7 +24,7 @@ from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.report import Block, Paragraph, Report, Section, Table, deviation, picture
 from sprung.reproduce.runs import Effort, Progress, over_seeds
 from sprung.reproduce.thesis import BODY_MOTIONS, THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
-from sprung.simulation import DriveSettings, simulate, simulate_drive
+from sprung.simulation import FEW_POTHOLES, REALISTIC_SUSPENSION, RoadConditions, RoadDrive, simulate, simulate_drive
 from sprung.vehicles import Vehicle, frequency_response, parse_fault, read_vehicle, structure, with_faults
 
 PLATE_RATE, PLATE_DURATION, PLATE_TESTS, PLATE_SEGMENT = 1000.0, 180.0, 4, 180.0 / 21
@@ -99,14 +99,14 @@ def identified_plate(runs: list[Recording]) -> Identification:
 def car_records(condition: str, *, seed: int) -> list[Recording]:
     """Return the drives of the car."""
     text = CONDITIONS[condition]
-    settings = DriveSettings(
-        "road",
+    settings = RoadDrive(
         duration=CAR_DURATION,
         sampling_rate=CAR_RATE,
         speed=CAR_SPEEDS,
         n_stops=1,
         faults=(parse_fault(text),) if text else (),
-        is_nonlinear=True,
+        road=RoadConditions(potholes=FEW_POTHOLES),
+        suspension=REALISTIC_SUSPENSION,
         snr=50.0,
     )
     number_ = list(CONDITIONS).index(condition)

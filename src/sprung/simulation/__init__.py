@@ -1,6 +1,18 @@
 """Simulated recordings with known truth: linear and nonlinear vehicles, and what sensors do to their signals."""
 
-from sprung.simulation.drives import Drive, DriveSettings, simulate_drive
+from sprung.simulation.drives import (
+    FEW_POTHOLES,
+    REALISTIC_SUSPENSION,
+    DriveSettings,
+    Payload,
+    RailDrive,
+    RigRun,
+    RoadConditions,
+    RoadDrive,
+    SimulatedDrive,
+    SuspensionConditions,
+    simulate_drive,
+)
 from sprung.simulation.force_laws import REALISTIC_FORCE_LAWS, ForceLaw, damping_factor
 from sprung.simulation.linear import response, settling_time, simulate, usual_excitation, with_linear_inputs, with_rises
 from sprung.simulation.nonlinear import integrate, simulate_nonlinear
@@ -26,11 +38,19 @@ from sprung.simulation.sensors import (
 from sprung.simulation.truth import truth
 
 __all__ = [
+    "FEW_POTHOLES",
     "REALISTIC_FORCE_LAWS",
-    "Drive",
+    "REALISTIC_SUSPENSION",
     "DriveSettings",
     "ForceLaw",
     "Imperfection",
+    "Payload",
+    "RailDrive",
+    "RigRun",
+    "RoadConditions",
+    "RoadDrive",
+    "SimulatedDrive",
+    "SuspensionConditions",
     "clipped",
     "damping_factor",
     "dead",
