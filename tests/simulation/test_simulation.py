@@ -186,7 +186,7 @@ def test_settling_time_is_the_decay_of_the_slowest_pole():
         ({"duration": 0.0}, "duration=0 must be above 0"),
         ({"sampling_rate": -5.0}, "sampling_rate=-5 must be above 0"),
         ({"snr": 0.0}, "snr=0 must be above 0"),
-        ({"excitation": RandomInputs(2)}, "the excitation has 2 inputs, but the vehicle 3: drive force_1, force_2"),
+        ({"excitation": RandomInputs(2)}, "the excitation has 2 inputs, but the vehicle 3: excite force_1, force_2"),
         ({"vehicle": chain(damping=0.0)}, "a free motion of the vehicle does not decay: give every coordinate"),
     ],
 )

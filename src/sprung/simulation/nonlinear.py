@@ -45,7 +45,7 @@ def simulate_nonlinear(
     lead_in: float | None = None,
     seed: int | np.random.Generator = 0,
 ) -> Recording:
-    """Simulate what the sensors of a nonlinear or time-varying vehicle record.
+    """Simulate the signals of the sensors of a nonlinear or time-varying vehicle.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def simulate_nonlinear(
     excitation
         Excitation of its inputs; sampled at the steps of the integration and linear between them.
     duration
-        Recorded time [s], after a lead-in that is cut off.
+        Recorded time [s], after a lead-in that is discarded.
     sampling_rate
         Sampling rate of the recording [Hz]; the integration takes at least 1000 steps per second, more where the
         vehicle needs them.
@@ -74,7 +74,7 @@ def simulate_nonlinear(
     Returns
     -------
     Recording
-        In SI units.
+        Signals in SI units.
 
     Raises
     ------
