@@ -1,6 +1,6 @@
 """Chapter 4: a chain of three masses, noise of two sizes, three methods."""
 
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from sprung.plotting import (
     stable_rates_figure,
 )
 from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Report, Section, Table, deviation, picture
-from sprung.reproduce.runs import Effort, Progress, over_seeds
+from sprung.reproduce.report import Block, Section, Table, picture
+from sprung.reproduce.tables import theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.simulation import simulate, usual_excitation, with_noise
 from sprung.vehicles import Structure, read_vehicle, structure
@@ -54,41 +55,30 @@ SUBSETS = {
 PUBLISHED_THEORY = ((7.01, 19.65, 28.39), (1.12, 3.15, 4.55))
 
 
-def report(effort: Effort, on_progress: Progress) -> Report:
-    """Return the report of the chapter."""
-    vehicle = structure(read_vehicle("chain3"))
-    truth = theoretical(vehicle)
-    on_progress("one set of records, as the thesis shows it", 0.0)
-    clean = records(vehicle, seed=0)
+class Example(NamedTuple):
+    """Records by SNR, with noise in 0.5 to 50 Hz, and what each method identifies in them."""
+
+    records: dict[float, list[Recording]]
+    identified: dict[tuple[str, float], Identification]
+
+
+def example() -> Example:
+    """Return the set of records that the figures show."""
+    clean = records(structure(read_vehicle("chain3")), seed=0)
     shown = {snr: noisy(clean, snr, BANDS["0.5 to 50 Hz"], seed=0) for snr in RATIOS}
-    found = {(name, snr): identified(name, shown[snr]) for name in METHODS for snr in RATIOS}
-    runs = np.array(
-        over_seeds(
-            experiment,
-            range(1, effort.n_seeds + 1),
-            n_processes=effort.n_processes,
-            on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
-        )
-    )
-    sections = (
+    return Example(shown, {(name, snr): identified(name, shown[snr]) for name in METHODS for snr in RATIOS})
+
+
+def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
+    """Return the verdict and the sections."""
+    truth, runs = theoretical(structure(read_vehicle("chain3"))), np.array(results)
+    return _verdict(runs), (
         Section("The model", (_theory(truth),)),
-        Section("What the sensors read", _signals(shown)),
-        Section("Stabilisation diagrams", _diagrams(found)),
-        Section("Modal parameters", _tables(found, runs, truth)),
-        Section("Mode shapes", _shapes(found, truth)),
+        Section("What the sensors read", _signals(example.records)),
+        Section("Stabilisation diagrams", _diagrams(example.identified)),
+        Section("Modal parameters", _tables(example.identified, runs, truth)),
+        Section("Mode shapes", _shapes(example.identified, truth)),
         Section(f"Spread over {len(runs)} sets of records", _spreads(runs, truth)),
-    )
-    return Report(
-        "Chapter 4: CoSS-SSI on a chain of three masses",
-        _verdict(runs, found),
-        sections,
-        (
-            f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; Cov-SSI has the first record, the others all.",
-            THRESHOLDS + " Block rows 12 to 45; delta 0.5 for Cov and ACS, 0.7 for CoSS with J = 3.",
-            f"Noise of RMS(signal) / RMS(noise) = 10 and 0.5 in each channel, white up to {RATE / 2:g} Hz or in 0.5 to 50 Hz.",
-            "Figures are of set 0 with noise in 0.5 to 50 Hz; the sets of the spread have the seeds 1 and up.",
-            "Command: sprung reproduce 4 --out DIR",
-        ),
     )
 
 
@@ -137,23 +127,13 @@ def experiment(seed: int) -> Real:
 
 def _theory(truth: Modes) -> Table:
     """Table 4-1."""
-    rows = [
-        (
-            f"Mode {k + 1}",
-            f"{PUBLISHED_THEORY[0][k]:.2f}",
-            f"{truth.natural_frequency[k]:.4f}",
-            deviation(truth.natural_frequency[k], PUBLISHED_THEORY[0][k]),
-            f"{PUBLISHED_THEORY[1][k]:.2f}",
-            f"{100 * truth.damping_ratio[k]:.4f}",
-            deviation(100 * truth.damping_ratio[k], PUBLISHED_THEORY[1][k]),
-        )
-        for k in range(len(truth))
-    ]
-    columns = ("", "f published [Hz]", "f ours [Hz]", "deviation", "ξ published [%]", "ξ ours [%]", "deviation")
-    remark = (
-        "m = 1 kg, k = 9800 N/m, c = 5 N s/m, recovered: figure 4-3 with the parameters is lost, the modes fix them."
+    return theory_table(
+        "Table 4-1: theoretical modal parameters",
+        [f"Mode {k + 1}" for k in range(len(truth))],
+        (PUBLISHED_THEORY[0], truth.natural_frequency),
+        (PUBLISHED_THEORY[1], 100 * truth.damping_ratio),
+        remark="m = 1 kg, k = 9800 N/m, c = 5 N s/m, recovered: figure 4-3 with the parameters is lost, the modes fix them.",
     )
-    return Table("Table 4-1: theoretical modal parameters", columns, tuple(rows), remark)
 
 
 def _signals(shown: dict[float, list[Recording]]) -> tuple[Block, ...]:
@@ -272,7 +252,7 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
-def _verdict(runs: Real, found: dict[tuple[str, float], Identification]) -> str:
+def _verdict(runs: Real) -> str:
     """Say what reproduces and what does not."""
     white = [[share(runs[:, i, 0, 0, m, 0, k]) for k in range(3)] for i in range(2) for m in range(3)]
     low = {m: [share(runs[:, 1, 1, 0, n, 0, k]) for k in range(3)] for n, m in enumerate(METHODS)}
@@ -296,3 +276,18 @@ def _verdict(runs: Real, found: dict[tuple[str, float], Identification]) -> str:
         f"which test whether a mode stands out of chance between channels, find the modes in {shares(default)} of the sets "
         f"in this hardest case, the median frequency within {100 * error:.2f} %."
     )
+
+
+CHAPTER = Chapter(
+    title="Chapter 4: CoSS-SSI on a chain of three masses",
+    example=example,
+    experiment=experiment,
+    contents=contents,
+    settings=(
+        f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; Cov-SSI has the first record, the others all.",
+        THRESHOLDS + " Block rows 12 to 45; delta 0.5 for Cov and ACS, 0.7 for CoSS with J = 3.",
+        f"Noise of RMS(signal) / RMS(noise) = 10 and 0.5 in each channel, white up to {RATE / 2:g} Hz or in 0.5 to 50 Hz.",
+        "Figures are of set 0 with noise in 0.5 to 50 Hz; the sets of the spread have the seeds 1 and up.",
+        "Command: sprung reproduce 4 --out DIR",
+    ),
+)

@@ -1,7 +1,5 @@
 """Chapter 5: harmonics, pulses and cepstrum editing on a quarter vehicle."""
 
-from functools import partial
-
 import numpy as np
 
 from sprung._arrays import Real
@@ -18,9 +16,10 @@ from sprung.plotting import (
     stabilisation_figure,
 )
 from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Report, Section, Table, deviation, picture
-from sprung.reproduce.runs import Effort, Progress, over_seeds
+from sprung.reproduce.report import Block, Section, Table, picture
+from sprung.reproduce.tables import theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.simulation import simulate
@@ -37,6 +36,8 @@ VARIANTS = (
     (3, True, "5-14", "5-15"),
     (4, True, "", "5-16"),
 )
+#: Theoretical frequencies [Hz] and damping [%] of body and wheel (section 5.3).
+PUBLISHED_THEORY = ((13.21, 56.35), (13.10, 6.33))
 #: Published frequency [Hz] and damping [%] of both modes, and false modes [Hz].
 PUBLISHED = (
     ((13.19, 56.42), (13.03, 6.66), ()),
@@ -49,36 +50,19 @@ PUBLISHED = (
 EXCITATIONS = {1: "random", 2: "random and pulses", 3: "random, pulses and a sine", 4: "random, pulses and two sines"}
 
 
-def report(effort: Effort, on_progress: Progress) -> Report:
-    """Return the report of the chapter."""
-    truth = _truth()
-    on_progress("one set of records, as the thesis shows it", 0.0)
-    found = [identified(records(case, seed=0), is_edited) for case, is_edited, _, _ in VARIANTS]
-    runs = np.array(
-        over_seeds(
-            experiment,
-            range(1, effort.n_seeds + 1),
-            n_processes=effort.n_processes,
-            on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
-        )
-    )
-    sections = (
+def example() -> list[Identification]:
+    """Return what is identified in each variant of the set of records that the figures show."""
+    return [identified(records(case, seed=0), is_edited) for case, is_edited, _, _ in VARIANTS]
+
+
+def contents(example: list[Identification], results: list[Real]) -> tuple[str, tuple[Section, ...]]:
+    """Return the verdict and the sections."""
+    truth, runs = _truth(), np.array(results)
+    return _verdict(runs), (
         Section("The model", (_response(truth), _theory(truth))),
-        Section("Raw signals", tuple(block for k in range(4) for block in _case(k, found[k]))),
-        Section("Cepstrum editing", (_cepstrum(), *(block for k in (4, 5) for block in _case(k, found[k])))),
-        Section("Modal parameters", (_table(found, runs, truth), *_spreads(runs, truth))),
-    )
-    return Report(
-        "Chapter 5: harmonics and cepstrum editing on a quarter vehicle",
-        _verdict(runs),
-        sections,
-        (
-            f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, acceleration of the body, J = 1 (as one subset).",
-            THRESHOLDS + " Block rows 12 to 50, delta 0.5.",
-            f"Short-pass lifter of {QUEFRENCY:g} s. Lines of the excitation are searched for and named; poles on them are no modes.",
-            "Figures are of set 0; the sets of the spread have the seeds 1 and up.",
-            "Command: sprung reproduce 5 --out DIR",
-        ),
+        Section("Raw signals", tuple(block for k in range(4) for block in _case(k, example[k]))),
+        Section("Cepstrum editing", (_cepstrum(), *(block for k in (4, 5) for block in _case(k, example[k])))),
+        Section("Modal parameters", (_table(example, runs, truth), *_spreads(runs, truth))),
     )
 
 
@@ -157,21 +141,12 @@ def _response(truth: Modes) -> Block:
 
 def _theory(truth: Modes) -> Table:
     """Theoretical modes."""
-    rows = tuple(
-        (
-            name,
-            f"{f:.2f}",
-            f"{truth.natural_frequency[k]:.4f}",
-            deviation(truth.natural_frequency[k], f),
-            f"{x:.2f}",
-            f"{100 * truth.damping_ratio[k]:.4f}",
-            deviation(100 * truth.damping_ratio[k], x),
-        )
-        for k, (name, f, x) in enumerate((("Body", 13.21, 13.10), ("Wheel", 56.35, 6.33)))
-    )
-    columns = ("", "f published [Hz]", "f ours [Hz]", "deviation", "ξ published [%]", "ξ ours [%]", "deviation")
-    return Table(
-        "Theoretical modes (section 5.3)", columns, rows, "Parameters per kilogram of body, recovered from the modes."
+    return theory_table(
+        "Theoretical modes (section 5.3)",
+        ("Body", "Wheel"),
+        (PUBLISHED_THEORY[0], truth.natural_frequency),
+        (PUBLISHED_THEORY[1], 100 * truth.damping_ratio),
+        remark="Parameters per kilogram of body, recovered from the modes.",
     )
 
 
@@ -283,3 +258,18 @@ def _verdict(runs: Real) -> str:
         f"{100 * share(runs[:, 5, 0, 0]):.0f} % (case 4) of the sets, and all medians lie within {100 * edited:.1f} % of the "
         "true frequencies: the chapter's main claim, that editing takes the harmonics out and leaves the modes, holds."
     )
+
+
+CHAPTER = Chapter(
+    title="Chapter 5: harmonics and cepstrum editing on a quarter vehicle",
+    example=example,
+    experiment=experiment,
+    contents=contents,
+    settings=(
+        f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, acceleration of the body, J = 1 (as one subset).",
+        THRESHOLDS + " Block rows 12 to 50, delta 0.5.",
+        f"Short-pass lifter of {QUEFRENCY:g} s. Lines of the excitation are searched for and named; poles on them are no modes.",
+        "Figures are of set 0; the sets of the spread have the seeds 1 and up.",
+        "Command: sprung reproduce 5 --out DIR",
+    ),
+)

@@ -1,7 +1,5 @@
 """Cov-SSI, ACS-Cov-SSI and CoSS-SSI on the same data with the same settings: where sorting the segments helps."""
 
-from functools import partial
-
 import numpy as np
 
 from sprung._arrays import Real
@@ -10,9 +8,9 @@ from sprung.identification import METHODS, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import Spread, runs_figure
 from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Paragraph, Report, Section, Table, picture
-from sprung.reproduce.runs import Effort, Progress, over_seeds
+from sprung.reproduce.report import Block, Paragraph, Section, Table, picture
 from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, worst_error
 from sprung.simulation import ForceLaw, simulate, simulate_nonlinear, with_noise
 from sprung.vehicles import Structure, read_vehicle, structure
@@ -34,33 +32,20 @@ NAMES = {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"}
 HOW = ("thesis", "default")
 
 
-def report(effort: Effort, on_progress: Progress) -> Report:
-    """Return the comparison."""
-    truth = theoretical(structure(read_vehicle("chain3")))
-    runs = np.array(
-        over_seeds(
-            experiment,
-            range(1, effort.n_seeds + 1),
-            n_processes=effort.n_processes,
-            on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
-        )
-    )
-    sections = tuple(
+def example() -> Modes:
+    """Return the true modes; the thesis shows no such comparison."""
+    return theoretical(structure(read_vehicle("chain3")))
+
+
+def contents(truth: Modes, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
+    """Return the verdict and the sections."""
+    runs = np.array(results)
+    cases = tuple(
         Section(f"Case: {case}", (Paragraph(text), *_case(runs[:, row], truth, case == "nonlinear")))
         for row, (case, text) in enumerate(CASES.items())
     )
-    return Report(
-        "Cov-SSI, ACS-Cov-SSI and CoSS-SSI compared",
-        _verdict(runs, truth),
-        (Section("CoSS-SSI against ACS-Cov-SSI, set by set", (_paired(runs, truth), _levels(runs))), *sections),
-        (
-            f"Chain of three masses; {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; all three methods have all records. Segments of {SEGMENT:g} s, J = 3 for CoSS.",
-            "Settings are the same for all methods. Thesis: "
-            + THRESHOLDS
-            + " Block rows 12 to 32, delta 0.5. Default: sprung's own.",
-            "Command: sprung reproduce comparison --out DIR",
-        ),
-    )
+    paired = Section("CoSS-SSI against ACS-Cov-SSI, set by set", (_paired(runs, truth), _levels(runs)))
+    return _verdict(runs, truth), (paired, *cases)
 
 
 def records(case: str, *, seed: int) -> list[Recording]:
@@ -247,3 +232,18 @@ def _verdict(runs: Real, truth: Modes) -> str:
         + f"with rubber beside the springs the frequency of mode 1 changes by {np.mean(change[np.isfinite(change)]):+.2f} % from the lowest to the highest subset (defaults), which an average cannot show."
         + f" Medians of frequency lie within {100 * worst_error(runs[:, :3, 1, :, 0], truth.natural_frequency):.2f} % of the truth in all linear cases (defaults)."
     )
+
+
+CHAPTER = Chapter(
+    title="Cov-SSI, ACS-Cov-SSI and CoSS-SSI compared",
+    example=example,
+    experiment=experiment,
+    contents=contents,
+    settings=(
+        f"Chain of three masses; {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; all three methods have all records. Segments of {SEGMENT:g} s, J = 3 for CoSS.",
+        "Settings are the same for all methods. Thesis: "
+        + THRESHOLDS
+        + " Block rows 12 to 32, delta 0.5. Default: sprung's own.",
+        "Command: sprung reproduce comparison --out DIR",
+    ),
+)

@@ -10,7 +10,7 @@ from sprung.identification.stabilisation import THESIS_CRITERIA
 from sprung.reproduce.report import found_in, spread
 from sprung.signals.cepstrum import Lifter
 
-BODY_MOTIONS = ("bounce", "pitch", "roll")
+BODY_MODES = ("bounce", "pitch", "roll")
 THRESHOLDS = (
     "Thresholds of the thesis: relative change of frequency 0.1, of damping 0.2, 1 - MAC 0.5 against the rung below; one "
     "realisation for each number of block rows, block Hankel matrix of correlations divided by the number of samples."
