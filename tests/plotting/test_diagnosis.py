@@ -55,7 +55,7 @@ def test_limits_of_the_baseline_onset_and_trend_stand_beside_the_components(soft
     np.testing.assert_allclose([band.y0, band.y1], expected)
     lines = {line.get_label(): line for line in axes.get_lines()}
     (finding,) = softening.findings
-    assert lines["onset, with 95 %"].get_xdata()[0] == finding.since / 60
+    assert lines["onset, with 95 % interval"].get_xdata()[0] == finding.since / 60
     trend = lines[f"{100 * finding.trend.per_hour:+.1f} % per hour"]
     minutes, values = np.array(trend.get_xdata()), np.log1p(np.array(trend.get_ydata()) / 100)
     slope = np.ptp(values) / np.ptp(minutes) * 60
@@ -132,7 +132,7 @@ def test_body_modes_are_what_the_finding_implies_beside_the_measured_ones(soften
 def test_where_no_window_tells_nothing_is_drawn(softening):
     mute = diagnose([Observation(0.0, (), np.zeros(0), np.zeros((0, 0)), {}, {}, (), "too short")])
     for draw in (evidence_figure, trends_figure, corner_changes_figure):
-        with pytest.raises(ParameterError, match="no window can tell"):
+        with pytest.raises(ParameterError, match="has no conclusive window"):
             draw(mute)
     evidence_figure(softening).draw_without_rendering()
 
