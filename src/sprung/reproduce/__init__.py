@@ -1,4 +1,4 @@
-"""The thesis' tables and figures, computed again: one report for each chapter, the published number beside ours.
+"""Tables and figures of the thesis, recomputed: a report for each chapter, published numbers next to ours.
 
 References
 ----------
@@ -39,25 +39,30 @@ def reproduce(
     n_processes: int | None = None,
     on_progress: Progress | None = None,
 ) -> list[Path]:
-    """Write a report for each chapter.
+    """Write an HTML page for each chapter.
 
     Parameters
     ----------
     chapters
-        Keys of `CHAPTERS`; none: all.
+        Names of chapters, keys of `CHAPTERS`; none: all.
     directory
-        Where to; made if it is not there.
+        Folder for the pages, created where it does not exist.
     n_seeds
-        Runs where the thesis shows one, at least 2.
+        Number of runs where the thesis shows one, at least 2.
     n_processes
-        Processes to use; None: one for each processor.
+        Number of processes; None: one for each processor.
     on_progress
-        Called with what is being done and how far it is (0 to 1).
+        Function called with the current step and the progress from 0 to 1.
 
     Returns
     -------
     list of pathlib.Path
-        The pages, self-contained HTML.
+        Paths of the pages, self-contained HTML.
+
+    Raises
+    ------
+    ParameterError
+        Where there is no chapter of a name.
     """
     wanted = tuple(chapters) or tuple(CHAPTERS)
     for chapter in wanted:
@@ -72,10 +77,10 @@ def reproduce(
         def on_chapter(doing: str, share: float, number: int = number, chapter: str = chapter) -> None:
             report(f"{_short(chapter)}: {doing}", (number + share) / len(wanted))
 
-        made = CHAPTERS[chapter].report(effort, on_chapter)
+        page = CHAPTERS[chapter].report(effort, on_chapter)
         path = folder / f"{_file(chapter)}.html"
         others = [(f"{_file(other)}.html", _short(other)) for other in wanted if other != chapter]
-        path.write_text(render(made, others=others), encoding="utf-8")
+        path.write_text(render(page, others=others), encoding="utf-8")
         paths.append(path)
     return paths
 

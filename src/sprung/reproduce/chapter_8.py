@@ -1,4 +1,4 @@
-"""Chapter 8: a Y25 bogie on a full-size roller rig, its harmonics taken out by cepstrum editing."""
+"""Chapter 8: a Y25 bogie on a full-size roller rig, its harmonics removed by cepstrum editing."""
 
 from typing import NamedTuple
 
@@ -55,7 +55,7 @@ def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section,
     truth, runs = _truth(), np.array(results)
     return _verdict(runs, truth), (
         Section("The model", (_theory(truth), _model_shapes(example.records[0], truth))),
-        Section("What the sensors read", _signals(example.records[0])),
+        Section("Sensor signals", _signals(example.records[0])),
         Section("Raw and edited", _diagrams(example.raw, example.edited)),
         Section("Modal parameters", _tables(example.edited, runs, truth)),
     )
@@ -73,11 +73,14 @@ def records(*, seed: int) -> list[Recording]:
         harmonics=(2e-5, 1e-5, 1e-5, 5e-6, 5e-6, 3e-6, 3e-6, 3e-6),
     )
     generators = [np.random.default_rng([seed, k]) for k in range(N_RECORDS)]
-    return [simulate(vehicle, rig, duration=DURATION, sampling_rate=RATE, snr=50.0, seed=one) for one in generators]
+    return [
+        simulate(vehicle, rig, duration=DURATION, sampling_rate=RATE, snr=50.0, seed=generator)
+        for generator in generators
+    ]
 
 
 def identified(runs: list[Recording], *, is_edited: bool) -> Identification:
-    """Return what CoSS-SSI finds in the frame's accelerations."""
+    """Return what CoSS-SSI identifies in the frame's accelerations."""
     settings = thesis_settings(
         rows=ROWS,
         stable_rate=0.5,
@@ -87,7 +90,7 @@ def identified(runs: list[Recording], *, is_edited: bool) -> Identification:
         lifter=ShortPass(QUEFRENCY) if is_edited else None,
         band=BAND,
     )
-    return coss_ssi([one.select(FRAME) for one in runs], settings=settings)
+    return coss_ssi([run.select(FRAME) for run in runs], settings=settings)
 
 
 def experiment(seed: int) -> Real:
@@ -102,17 +105,17 @@ def experiment(seed: int) -> Real:
 
 
 def _truth() -> Modes:
-    """Rigid modes of the frame as its four sensors see them."""
-    every = theoretical(structure(read_vehicle("y25")), labels=BODY_MODES)
-    columns = [every.channels.index(name) for name in FRAME]
+    """Return the rigid-body modes of the frame at its four sensors."""
+    modes = theoretical(structure(read_vehicle("y25")), labels=BODY_MODES)
+    columns = [modes.channels.index(name) for name in FRAME]
     return Modes(
-        every.poles,
-        every.mode_shapes[:, columns],
+        modes.poles,
+        modes.mode_shapes[:, columns],
         FRAME,
-        every.natural_frequency_std,
-        every.damping_ratio_std,
-        every.stable_rate,
-        every.labels,
+        modes.natural_frequency_std,
+        modes.damping_ratio_std,
+        modes.stable_rate,
+        modes.labels,
     )
 
 
@@ -128,7 +131,7 @@ def _theory(truth: Modes) -> Table:
     )
     remark = (
         "Geometry, vertical damping and the number of springs at an axle box are not printed: with a wheelbase of 1.8 m, springs 2.0 m apart and "
-        "two nests at each box the order bounce, roll, pitch comes out, bounce and pitch near, roll low."
+        "two nests at each box the order is bounce, roll, pitch, with bounce and pitch near the published values and roll below."
     )
     return column_table("Figure 8-3: rigid modes of the frame", columns, remark=remark)
 
@@ -188,7 +191,7 @@ def _diagrams(raw: Identification, edited: Identification) -> tuple[Block, ...]:
 
 
 def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ...]:
-    """Published and found modes."""
+    """Published and identified modes."""
     match = matched(edited.modes, truth)
     rows, spreads = [], []
     for k, label in enumerate(truth.labels):
@@ -217,7 +220,7 @@ def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ..
         "f edited",
         "ξ edited [%]",
     )
-    remark = f"Other modes in a set: {others[0]:.2f} raw, {others[1]:.2f} edited. Published values are of the real bogie, true ones of the model."
+    remark = f"Other modes per set: {others[0]:.2f} raw, {others[1]:.2f} edited. Published values are of the real bogie, true ones of the model."
     table = Table("Modes of the frame", columns, tuple(rows), remark)
     return (
         table,
@@ -226,19 +229,19 @@ def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ..
 
 
 def _verdict(runs: Real, truth: Modes) -> str:
-    """Say what reproduces and what does not."""
+    """Return what reproduces and what does not."""
     shares = [
         ", ".join(f"{label} {100 * share(runs[:, row, 0, k]):.0f} %" for k, label in enumerate(truth.labels))
         for row in range(2)
     ]
     return (
-        f"The printed data of the Y25 do not fix its geometry: the model gives {', '.join(f'{label} {f:.2f} Hz' for label, f in zip(truth.labels, truth.natural_frequency, strict=True))} "
-        "where 11.42 (bounce), 13.59 (roll) and 14.77 Hz (pitch) are published. The measured signals cannot be had. On the simulated rig the lines of "
+        f"The printed data of the Y25 do not determine its geometry: the model gives {', '.join(f'{label} {f:.2f} Hz' for label, f in zip(truth.labels, truth.natural_frequency, strict=True))} "
+        "where 11.42 (bounce), 13.59 (roll) and 14.77 Hz (pitch) are published. The measured signals are not available. On the simulated rig the harmonics of "
         f"joints and drum dominate as in the thesis. Found in the raw signals: {shares[0]} of the sets (published: none); after cepstrum editing: {shares[1]} "
-        "(published: three modes at 11.06, 15.0 and 18.3 Hz). That editing takes the lines out and lets modes appear holds. Bounce, damped by the load's "
-        f"damper ({100 * truth.damping_ratio[0]:.0f} %) and {truth.natural_frequency[1] - truth.natural_frequency[0]:.1f} Hz below roll, is hard to part from it here. "
+        "(published: three modes at 11.06, 15.0 and 18.3 Hz). That editing removes the harmonics and reveals modes holds. Bounce, damped by the load's "
+        f"damper ({100 * truth.damping_ratio[0]:.0f} %) and {truth.natural_frequency[1] - truth.natural_frequency[0]:.1f} Hz below roll, is hard to separate from it here. "
         f"The published frequencies lie within {100 * max(abs(f / (n * 4 * ROTATION) - 1) for n, f in zip((3, 4, 5), (11.06, 15.0, 18.3), strict=True)):.0f} % "
-        "of three, four and five times the 3.65 Hz of the joints, where a residue of the lines would lie too."
+        "of three, four and five times the 3.65 Hz of the joints, where a residue of the harmonics would lie too."
     )
 
 
@@ -248,8 +251,8 @@ CHAPTER = Chapter(
     experiment=experiment,
     contents=contents,
     settings=(
-        f"Simulated in the place of the rig: {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, the front wheelset on a drum that turns "
-        f"{60 * ROTATION:.0f} times a minute with four joints; the rear wheelset stands. Segments of 7168 samples, J = 2.",
+        f"Simulated instead of the rig: {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, the front wheelset on a drum that turns "
+        f"{60 * ROTATION:.0f} times a minute with four joints; the rear wheelset stands on fixed ground. Segments of 7168 samples, J = 2.",
         THRESHOLDS
         + f" Block rows {ROWS[0]} to {ROWS[1]} (the thesis does not say), delta 0.5, modes of {BAND[0]:g} to {BAND[1]:g} Hz.",
         f"Short-pass lifter of {QUEFRENCY:g} s. Geometry of the bogie: see the vehicle file y25.",

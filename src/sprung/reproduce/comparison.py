@@ -18,13 +18,13 @@ from sprung.vehicles import Structure, read_vehicle, structure
 RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 8, 20.0, 1.0
 #: Force of the records that differ in level: from 1 to 10 over the set.
 LEVELS = np.geomspace(1.0, 10.0, N_RECORDS)
-#: Rubber beside each spring: 15 % stiffer at small amplitudes than at large ones.
+#: Rubber in parallel with each spring: 15 % stiffer at small amplitudes than at large ones.
 RUBBER = {"suspension": ForceLaw(rubber_stiffness=0.15 * 9800.0, rubber_force=2.0)}
 CASES = {
     "white": "White noise in the sensors, RMS ratio 1, the same level throughout.",
     "in-band": "Noise in 0.5 to 50 Hz, where the modes are.",
     "level": "White noise of constant size; the excitation grows tenfold from the first record to the last.",
-    "nonlinear": "Rubber beside each spring that is stiff at small and soft at large amplitudes; the excitation grows tenfold; noise as before.",
+    "nonlinear": "Rubber in parallel with each spring, stiff at small and soft at large amplitudes; the excitation grows tenfold; noise as before.",
 }
 #: Cases with one truth at all levels.
 LINEAR = ("white", "in-band", "level")
@@ -51,23 +51,23 @@ def contents(truth: Modes, results: list[Real]) -> tuple[str, tuple[Section, ...
 def records(case: str, *, seed: int) -> list[Recording]:
     """Return one set of records of a case."""
     vehicle = structure(read_vehicle("chain3"))
-    made = []
-    for number_ in range(N_RECORDS):
-        generator = np.random.default_rng([seed, list(CASES).index(case), number_])
-        level = LEVELS[number_] if case in {"level", "nonlinear"} else 1.0
+    clean = []
+    for k in range(N_RECORDS):
+        generator = np.random.default_rng([seed, list(CASES).index(case), k])
+        level = LEVELS[k] if case in {"level", "nonlinear"} else 1.0
         excitation = RandomInputs(3, standard_deviation=level)
-        made.append(_simulated(vehicle, excitation, case, generator))
+        clean.append(_simulated(vehicle, excitation, case, generator))
     if case in {"white", "in-band"}:
         band = (0.5, 50.0) if case == "in-band" else None
         return [
-            with_noise(one, snr=RATIO, band=band, generator=np.random.default_rng([seed, 9, k]))
-            for k, one in enumerate(made)
+            with_noise(record, snr=RATIO, band=band, generator=np.random.default_rng([seed, 9, k]))
+            for k, record in enumerate(clean)
         ]
-    size = np.sqrt(np.mean([np.mean(one.samples**2, axis=1) for one in made], axis=0)) / RATIO
+    size = np.sqrt(np.mean([np.mean(record.samples**2, axis=1) for record in clean], axis=0)) / RATIO
     noise = np.random.default_rng([seed, 9])
     return [
-        one.changed("noise", samples=one.samples + size[:, None] * noise.standard_normal(one.samples.shape))
-        for one in made
+        record.changed("noise", samples=record.samples + size[:, None] * noise.standard_normal(record.samples.shape))
+        for record in clean
     ]
 
 
@@ -99,13 +99,13 @@ def experiment(seed: int) -> Real:
         for j, how in enumerate(HOW):
             for k, (name, method) in enumerate(METHODS.items()):
                 given = settings(how) if name != "cov" or how == "thesis" else IdentificationSettings()
-                found = method(runs, settings=given)
-                match = matched(found.modes, truth)
+                identification = method(runs, settings=given)
+                match = matched(identification.modes, truth)
                 results[i, j, k, :3] = match.natural_frequency, match.damping_ratio, match.mac
                 results[i, j, k, 3] = match.n_others
                 if name == "coss":
                     for end in (0, -1):
-                        subset = matched(found.subsets[end].modes, truth)
+                        subset = matched(identification.subsets[end].modes, truth)
                         results[i, j, k, 4 - end] = subset.natural_frequency
     return results
 
@@ -129,8 +129,10 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
     columns: list[str] = [""]
     for m in range(len(truth)):
         columns += [f"mode {m + 1} found", "f bias ± std [%]", "ξ bias ± std [%]"]
-    remark = "Against the linear chain without rubber: the bias holds what rubber adds." if is_nonlinear else ""
-    table = Table(f"{len(runs)} sets", (*columns, "other modes a set"), tuple(rows), remark)
+    remark = (
+        "Against the linear chain without rubber: the bias includes the effect of the rubber." if is_nonlinear else ""
+    )
+    table = Table(f"{len(runs)} sets", (*columns, "other modes per set"), tuple(rows), remark)
     names = tuple(f"{NAMES[name]}, {how}" for how in HOW for name in METHODS)
     spreads = [
         Spread(
@@ -149,8 +151,8 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
 
 def _bias_and_spread(relative: Real, *, digits: int = 2) -> str:
     """Return mean and standard deviation in percent."""
-    found = 100 * relative[np.isfinite(relative)]
-    return f"{found.mean():+.{digits}f} ± {found.std():.{digits}f}" if found.size else "–"
+    percent = 100 * relative[np.isfinite(relative)]
+    return f"{percent.mean():+.{digits}f} ± {percent.std():.{digits}f}" if percent.size else "–"
 
 
 def gain(runs: Real, truth: Real, *, row: int, how: int, quantity: int, mode: int) -> tuple[float, float]:

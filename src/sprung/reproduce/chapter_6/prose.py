@@ -32,11 +32,11 @@ from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, sha
 from sprung.vehicles import read_vehicle, structure
 
 SETTINGS = (
-    f"Plate: {PLATE_TESTS} tests of {PLATE_DURATION:g} s at {PLATE_RATE:g} Hz, hammer blows at random places and times, sensor noise at SNR 50; 21 segments a test, J = 1, "
-    "block rows 12 to 45 at 50 Hz, delta 0.7. Simulated in the place of the measured signals.",
+    f"Plate: {PLATE_TESTS} tests of {PLATE_DURATION:g} s at {PLATE_RATE:g} Hz, hammer blows at random positions and times, sensor noise at SNR 50; 21 segments per test, J = 1, "
+    "block rows 12 to 45 at 50 Hz, delta 0.7. Simulated instead of the measured signals.",
     f"Car: {CAR_RUNS} drives of {CAR_DURATION:g} s at 20 to 40 km/h with a stop on a class C road with potholes, nonlinear suspensions (asymmetric dampers, friction, "
-    f"progressive springs, bump stops), SNR 50, {CAR_RATE:g} Hz instead of 2000; segments of {CAR_SEGMENT:g} s, J = 3, block rows 12 to 48, delta 0.45 (ACS) and 0.7 (CoSS), modes of 0.5 to 30 Hz. "
-    "The fault is a front-right tyre 30 % softer, for 1.5 instead of 2.2 bar.",
+    f"progressive springs, bump stops), SNR 50, {CAR_RATE:g} Hz instead of 2000; segments of {CAR_SEGMENT:g} s, J = 3, block rows 12 to 48, delta 0.45 (ACS) and 0.7 (CoSS), modes in 0.5 to 30 Hz. "
+    "The fault is a front-right tyre with 30 % less stiffness, for 1.5 instead of 2.2 bar.",
     THRESHOLDS,
     "Command: sprung reproduce 6 --out DIR",
 )
@@ -61,7 +61,7 @@ def plate_table(truth: Modes, identification: Identification, plates: Real) -> T
         ("MAC ours", numbers(match.mac, digits=3)),
     )
     remark = (
-        "The printed 157.5 N/m would bounce at 3.05 Hz; the published frequencies need 126 N/m, which is taken here."
+        "With the printed 157.5 N/m bounce would be at 3.05 Hz; the published frequencies require 126 N/m, used here."
     )
     return column_table("Table 6-2: errors of the identified modes of the plate", columns, remark=remark)
 
@@ -77,7 +77,7 @@ def car_theory_table() -> Table:
         (len(models) * CAR_THEORY[0], np.concatenate([modes.natural_frequency for modes in models.values()])),
         (len(models) * CAR_THEORY[1], np.concatenate([100 * modes.damping_ratio for modes in models.values()])),
         digits=(2, 3, 1, 2),
-        remark="zafira-printed has the printed springs and dampers, which contradict the printed modes; zafira has those that fit them.",
+        remark="zafira-printed has the printed springs and dampers, which contradict the printed modes; zafira has springs and dampers that match them.",
     )
 
 
@@ -133,8 +133,8 @@ def null_table(speeds: tuple[int, ...] = (20, 25, 30, 35, 40)) -> Table:
 def null_paragraph() -> Paragraph:
     """Return why the road excites neither bounce nor pitch at some frequencies."""
     return Paragraph(
-        f"The rear wheels repeat the front ones' road after {wheelbase():.2f} m: both axles together lift the body by |cos(pi f wheelbase / v)| of one, which is nothing at f = v / (2 wheelbase), "
-        "and pitch it by |sin| of that, which is nothing at v / wheelbase. At 20 to 40 km/h the null of bounce lies at 1 to 2 Hz, on the mode itself, so that what output-only methods see there is pitch and roll. "
+        f"The rear wheels follow the road of the front wheels after {wheelbase():.2f} m: both axles together lift the body by |cos(pi f wheelbase / v)| times the height of the road, which is zero at f = v / (2 wheelbase), "
+        "and pitch it in proportion to |sin| of the same argument, which is zero at v / wheelbase. At 20 to 40 km/h the null of bounce lies at 1 to 2 Hz, on the mode itself, so that output-only methods find pitch and roll there. "
         "A method that knows wheelbase and speed has no such blind spot."
     )
 
@@ -142,7 +142,7 @@ def null_paragraph() -> Paragraph:
 def verdict(plates: Real, cars: Real) -> str:
     """Return what reproduces and what does not."""
 
-    def found(row: int, column: int) -> str:
+    def shares(row: int, column: int) -> str:
         return ", ".join(
             f"{label} {100 * share(cars[:, row, column, 0, k]):.0f} %" for k, label in enumerate(BODY_MODES)
         )
@@ -151,9 +151,9 @@ def verdict(plates: Real, cars: Real) -> str:
     error = 100 * worst_error(plates[:, 0], plate_truth().natural_frequency)
     return (
         f"The plate's modes are found in {of_plate:.0f} % of the sets, with medians within {error:.1f} % of the truth "
-        "(published: within 7.3 %, on a real plate); the printed spring of 157.5 N/m contradicts the published frequencies. The car's theoretical modes reproduce within 1.5 % with springs and dampers that fit them, "
-        "not with the printed ones. On simulated country roads in the place of the field test the thesis' settings find, of bounce, pitch and roll: "
-        f"ACS-Cov-SSI {found(0, 0)} of the sets (published: pitch only), CoSS-SSI {found(0, 1)} (published: bounce and pitch), sprung's default CoSS-SSI {found(0, 2)}; with the soft tyre CoSS-SSI {found(1, 1)}. "
-        "As in the field test, hardly ever all three: the input is not white, since the rear wheels repeat the front ones' road and left and right are partly alike. "
-        "A soft tyre changes the body's modes by less than their spread, so that this fault cannot be told from these modes; the published change of shapes is one run each."
+        "(published: within 7.3 %, on a real plate); the printed spring of 157.5 N/m contradicts the published frequencies. The car's theoretical modes reproduce within 1.5 % with springs and dampers that match them, "
+        "not with the printed ones. On simulated country roads instead of the field test, the thesis' settings find, of bounce, pitch and roll: "
+        f"ACS-Cov-SSI {shares(0, 0)} of the sets (published: pitch only), CoSS-SSI {shares(0, 1)} (published: bounce and pitch), sprung's default CoSS-SSI {shares(0, 2)}; with the soft tyre CoSS-SSI {shares(1, 1)}. "
+        "As in the field test, all three are hardly ever found together: the input is not white, since the rear wheels follow the road of the front wheels and left and right are partly coherent. "
+        "A soft tyre changes the body's modes by less than their spread, so that these modes do not reveal this fault; the published change of shapes rests on one run per condition."
     )
