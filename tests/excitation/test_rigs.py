@@ -36,7 +36,7 @@ def test_driven_wheelsets_only():
 
 
 def test_joints_pulse_at_their_rate():
-    rig = RollerRig((True,), constant_speed(0.9125), random=0.0, joints=4, joint=1e-3, unlikeness=0.2)
+    rig = RollerRig((True,), constant_speed(0.9125), random=0.0, joints=4, joint=1e-3, asymmetry=0.2)
     left, right = drawn(rig, n_samples=100_000)
     times = np.flatnonzero(left) / RATE
     assert times.size == pytest.approx(365, abs=1)
@@ -46,7 +46,7 @@ def test_joints_pulse_at_their_rate():
 
 def test_harmonics_follow_the_rotation_and_grow_with_it():
     rotation = SpeedProfile([0.0, 20.0], [1.0, 3.0])
-    rig = RollerRig((True,), rotation, random=0.0, harmonics=(0.0, 1e-4), unlikeness=0.0)
+    rig = RollerRig((True,), rotation, random=0.0, harmonics=(0.0, 1e-4), asymmetry=0.0)
     motion = drawn(rig)[0]
     crossings = np.flatnonzero(np.diff(np.signbit(motion)))
     assert crossings.size / 2 == pytest.approx(2 * rotation.distance(20.0), abs=1)

@@ -1,8 +1,10 @@
+import pickle
+
 import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.excitation import road_class
+from sprung.excitation import Potholes, road_class
 from sprung.signals.conditioning import while_moving
 from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import (
@@ -106,6 +108,29 @@ def test_same_seed_same_drive(car):
     first, again, other = (drive(car, seed=seed, **options).recording.samples for seed in (3, 3, 4))
     assert np.array_equal(first, again)
     assert not np.allclose(first, other)
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        {"road": RoadConditions("D")},
+        {"road": RoadConditions(potholes=Potholes(per_kilometre=50.0))},
+        {"payload": Payload(200.0)},
+        {"payload": Payload(200.0, y=0.3)},
+        {"suspension": SuspensionConditions(temperature=-10.0)},
+        {"suspension": REALISTIC_SUSPENSION},
+    ],
+    ids=str,
+)
+def test_each_condition_alone_changes_the_drive(car, condition):
+    plain, changed = drive(car).recording.samples, drive(car, **condition).recording.samples
+    assert np.abs(changed - plain)[:4].max() > 0.02 * plain[:4].std()
+    assert np.array_equal(changed[4], plain[4])
+
+
+def test_settings_can_be_sent_to_another_process():
+    settings = RoadDrive(suspension=REALISTIC_SUSPENSION, road=RoadConditions("B", potholes=FEW_POTHOLES))
+    assert pickle.loads(pickle.dumps(settings)) == settings
 
 
 def test_noise_is_on_the_sensors_but_not_on_the_speed(car):

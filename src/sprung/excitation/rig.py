@@ -28,7 +28,7 @@ class RollerRig:
         Amplitude of the first, second ... harmonic of the rotation under both wheels [m].
     speed_exponent
         Power of the rotation over its mean with which roughness and harmonics grow.
-    unlikeness
+    asymmetry
         Relative difference of joints and harmonics between left and right.
     """
 
@@ -39,7 +39,7 @@ class RollerRig:
     joint: float = 0.0
     harmonics: tuple[float, ...] = ()
     speed_exponent: float = 1.0
-    unlikeness: float = 0.1
+    asymmetry: float = 0.1
 
     def __post_init__(self) -> None:
         for name in ("random", "joints", "joint"):
@@ -71,6 +71,6 @@ class RollerRig:
             for order, amplitude in enumerate(self.harmonics, start=1):
                 regular += amplitude * growth * np.sin(2 * np.pi * order * turns + generator.uniform(0, 2 * np.pi))
             regular[1:] += self.joint * np.diff(np.floor(self.joints * turns))
-            sides = regular * np.array([[1 + self.unlikeness / 2], [1 - self.unlikeness / 2]])
+            sides = regular * np.array([[1 + self.asymmetry / 2], [1 - self.asymmetry / 2]])
             motion[2 * axle : 2 * axle + 2] = sides + self.random * growth * generator.standard_normal((2, n_samples))
         return motion

@@ -32,7 +32,7 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     """
     detection = diagnosis.detection
     if detection is None:
-        raise ParameterError("the diagnosis has no conclusive window and there is no evidence to draw: add windows")
+        raise ParameterError("the diagnosis has no conclusive window, but its evidence needs one: add windows")
     sentence = diagnosis.findings[0].sentence if diagnosis.findings else "no change detected"
     figure = new_figure("Evidence of a change", sentence[:1].upper() + sentence[1:], width=9.5, height=4.2)
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
@@ -81,7 +81,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     """
     detection = diagnosis.detection
     if detection is None:
-        raise ParameterError("the diagnosis has no conclusive window and there are no corners to draw: add windows")
+        raise ParameterError("the diagnosis has no conclusive window, but changes of corners need one: add windows")
     conclusive = _witnesses(diagnosis)
     since = diagnosis.findings[0].since if diagnosis.findings else conclusive[0].time
     conclusive = [window for window in conclusive if window.time >= since]
@@ -123,7 +123,7 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     scatter that corners share.
     """
     if diagnosis.detection is None:
-        raise ParameterError("the diagnosis has no conclusive window and there are no trends to draw: add windows")
+        raise ParameterError("the diagnosis has no conclusive window, but trends need one: add windows")
     conclusive = _witnesses(diagnosis)
     normal = baseline or nominal_baseline(conclusive[0].components, vehicle="")
     components = normal.components

@@ -231,7 +231,7 @@ def _verdict(runs: Real, truth: Modes) -> str:
         + f", and further from it in {len(losses)}"
         + (f" ({'; '.join(losses)})" if losses else "")
         + ". Sorting by level does not make an average less noisy, it leaves fewer segments in each. What it adds is a view of how modes change with the level, where they do: "
-        + f"with rubber beside the springs the frequency of mode 1 changes by {np.mean(change[np.isfinite(change)]):+.2f} % from the lowest to the highest subset (defaults), which an average cannot show."
+        + f"with rubber in parallel with the springs the frequency of mode 1 changes by {np.mean(change[np.isfinite(change)]):+.2f} % from the lowest to the highest subset (defaults), which an average cannot show."
         + f" Medians of frequency lie within {100 * worst_error(runs[:, :3, 1, :, 0], truth.natural_frequency):.2f} % of the truth in all linear cases (defaults)."
     )
 

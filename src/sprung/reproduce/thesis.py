@@ -1,4 +1,4 @@
-"""How the thesis identifies, as settings; and words for reports."""
+"""Settings of the thesis, and formatted numbers for its pages."""
 
 from dataclasses import replace
 
@@ -66,19 +66,19 @@ def number(value: float, *, digits: int = 2) -> str:
 
 
 def of_runs(values: ArrayLike, *, digits: int = 2) -> str:
-    """Return in how many runs there is a value, with median and range."""
+    """Return the number of runs with a value, their median and range."""
     return f"{found_in(values)}: {spread(values, digits=digits)}"
 
 
 def worst_error(values: ArrayLike, truth: ArrayLike) -> float:
-    """Return the largest relative error of the medians over the runs; columns that no run found do not count.
+    """Return the largest relative error of the medians over the runs; columns without values do not count.
 
     Parameters
     ----------
     values
-        Shape (runs, ..., modes), NaN where a run found none.
+        Values, shape (runs, ..., modes), NaN where a run has none.
     truth
-        Shape (modes,), above 0.
+        True values, shape (modes,), above 0.
     """
     relative = np.asarray(values) / np.asarray(truth)
     columns = relative.reshape(len(relative), -1).T
@@ -87,5 +87,5 @@ def worst_error(values: ArrayLike, truth: ArrayLike) -> float:
 
 
 def share(values: ArrayLike) -> float:
-    """Return the share of the runs in which there is a value."""
+    """Return the share of the runs with a value."""
     return float(np.isfinite(np.asarray(values)).mean())
