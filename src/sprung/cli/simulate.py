@@ -8,9 +8,28 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sprung.cli.documents import write_json
-from sprung.cli.files import OUTPUT, Json, check_file
+from sprung.cli.files import Json, check_file
 from sprung.cli.printing import console, notes, table
 from sprung.cli.progress import progress_bar
+from sprung.cli.simulate_options import (
+    CONDITION,
+    DRIVE,
+    ConstantFaults,
+    Faults,
+    Minutes,
+    NoiseBand,
+    Nonlinear,
+    Out,
+    PayloadMass,
+    Records,
+    SamplingRate,
+    Seed,
+    Snr,
+    Speed,
+    Stops,
+    Temperature,
+    VehicleName,
+)
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -18,7 +37,7 @@ if TYPE_CHECKING:
 
     from sprung.excitation import Excitation
     from sprung.recording import Recording
-    from sprung.simulation import DriveSettings
+    from sprung.simulation import DriveSettings, SuspensionConditions
     from sprung.vehicles import Chain, Fault, Quarter, Vehicle
 
     AnyVehicle = Chain | Quarter | Vehicle
@@ -26,83 +45,11 @@ if TYPE_CHECKING:
     Run = Callable[[int | list[int]], tuple[Recording, dict[str, Any]]]
 
 _MOST_SAMPLES = 1e8
-DRIVE, CONDITION = "Drive", "Condition"
 
 simulate = typer.Typer(
     help="Simulate recordings with known truth; FILE.truth.json and FILE.vehicle.toml are written next to FILE.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-Out = Annotated[
-    Path,
-    typer.Option(
-        metavar="FILE",
-        help="File to write: .csv, .parquet, .npz or .mat.",
-        show_default=False,
-        rich_help_panel=OUTPUT,
-    ),
-]
-Records = Annotated[
-    int,
-    typer.Option(
-        "--records",
-        metavar="N",
-        min=1,
-        max=1000,
-        help="Number of records; several are numbered -01, -02 ..",
-        rich_help_panel=OUTPUT,
-    ),
-]
-VehicleName = Annotated[str, typer.Option(metavar="V.toml|NAME", help="Vehicle file or name of a shipped one.")]
-Minutes = Annotated[float, typer.Option(metavar="M", help="Length of each record in minutes.")]
-SamplingRate = Annotated[float, typer.Option(metavar="HZ", help="Sampling rate in Hz.")]
-Snr = Annotated[
-    float | None,
-    typer.Option(metavar="S", help="RMS of the signal over RMS of the sensor noise. Default: no noise."),
-]
-Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Seed of all random numbers.")]
-NoiseBand = Annotated[
-    tuple[float, float] | None, typer.Option(metavar="LO HI", help="Band of the sensor noise in Hz. Default: white.")
-]
-Speed = Annotated[
-    tuple[float, float],
-    typer.Option(metavar="LO HI", help="Range of the steady speeds in m/s.", rich_help_panel=DRIVE),
-]
-Stops = Annotated[int, typer.Option(metavar="N", min=0, help="Number of stops on the way.", rich_help_panel=DRIVE)]
-Faults = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="CORNER.COMPONENT=-0.2",
-        help="Relative change of a spring, damper or tyre; append @ONSET+GROWTH in seconds for a change that begins"
-        " later and grows. May be repeated.",
-        rich_help_panel=CONDITION,
-    ),
-]
-ConstantFaults = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="OWNER.COMPONENT=-0.2",
-        help="Relative change of a spring or damper. May be repeated.",
-        rich_help_panel=CONDITION,
-    ),
-]
-PayloadMass = Annotated[
-    float, typer.Option(metavar="KG", min=0, help="Mass of a payload on the body in kg.", rich_help_panel=CONDITION)
-]
-Temperature = Annotated[
-    float,
-    typer.Option(
-        metavar="C", help="Temperature of the dampers in degrees Celsius; nominal at 20.", rich_help_panel=CONDITION
-    ),
-]
-Nonlinear = Annotated[
-    bool,
-    typer.Option(
-        "--nonlinear",
-        help="Asymmetric dampers, friction, progressive springs and bump stops.",
-        rich_help_panel=CONDITION,
-    ),
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,22 +116,19 @@ def road(
     json: Json = None,
 ) -> None:
     """Simulate a car that drives on a road."""
-    from sprung.simulation import FEW_POTHOLES, RoadConditions, RoadDrive
+    from sprung.simulation import FEW_POTHOLES, Payload, RoadConditions, RoadDrive
 
     output = Output(out, records, seed, json)
     settings = RoadDrive(
         road=RoadConditions(road_class, potholes=FEW_POTHOLES if nonlinear else None),
-        **_shared(
-            minutes=minutes,
-            sampling_rate=sampling_rate,
-            speed=speed,
-            stops=stops,
-            fault=fault,
-            payload=payload,
-            temperature=temperature,
-            nonlinear=nonlinear,
-            snr=snr,
-        ),
+        duration=60 * minutes,
+        sampling_rate=sampling_rate,
+        speed=speed,
+        n_stops=stops,
+        faults=_faults(fault),
+        payload=Payload(payload),
+        suspension=_suspension(temperature, nonlinear),
+        snr=snr,
     )
     _simulate_drives("road", vehicle, settings, output, road=road_class)
 
@@ -208,21 +152,18 @@ def rail(
     json: Json = None,
 ) -> None:
     """Simulate a bogie that runs on a track."""
-    from sprung.simulation import RailDrive
+    from sprung.simulation import Payload, RailDrive
 
     output = Output(out, records, seed, json)
     settings = RailDrive(
-        **_shared(
-            minutes=minutes,
-            sampling_rate=sampling_rate,
-            speed=speed,
-            stops=stops,
-            fault=fault,
-            payload=payload,
-            temperature=temperature,
-            nonlinear=nonlinear,
-            snr=snr,
-        )
+        duration=60 * minutes,
+        sampling_rate=sampling_rate,
+        speed=speed,
+        n_stops=stops,
+        faults=_faults(fault),
+        payload=Payload(payload),
+        suspension=_suspension(temperature, nonlinear),
+        snr=snr,
     )
     _simulate_drives("rail", vehicle, settings, output)
 
@@ -249,22 +190,19 @@ def rig(
     json: Json = None,
 ) -> None:
     """Simulate a bogie on a roller rig."""
-    from sprung.simulation import RigRun
+    from sprung.simulation import Payload, RigRun
 
     output = Output(out, records, seed, json)
     settings = RigRun(
         driven=driven,
-        **_shared(
-            minutes=minutes,
-            sampling_rate=sampling_rate,
-            speed=speed,
-            stops=stops,
-            fault=fault,
-            payload=payload,
-            temperature=temperature,
-            nonlinear=nonlinear,
-            snr=snr,
-        ),
+        duration=60 * minutes,
+        sampling_rate=sampling_rate,
+        speed=speed,
+        n_stops=stops,
+        faults=_faults(fault),
+        payload=Payload(payload),
+        suspension=_suspension(temperature, nonlinear),
+        snr=snr,
     )
     _simulate_drives("rig", vehicle, settings, output)
 
@@ -325,31 +263,10 @@ def quarter(
     _simulate_shaken(model, QUARTER_CASES[case - 1], _faults(fault), options, output)
 
 
-def _shared(
-    *,
-    minutes: float,
-    sampling_rate: float,
-    speed: tuple[float, float],
-    stops: int,
-    fault: Sequence[str] | None,
-    payload: float,
-    temperature: float,
-    nonlinear: bool,
-    snr: float | None,
-) -> dict[str, Any]:
-    """Return the settings that all drives share."""
-    from sprung.simulation import REALISTIC_FORCE_LAWS, Payload, SuspensionConditions
+def _suspension(temperature: float, nonlinear: bool) -> "SuspensionConditions":
+    from sprung.simulation import REALISTIC_FORCE_LAWS, SuspensionConditions
 
-    return {
-        "duration": 60 * minutes,
-        "sampling_rate": sampling_rate,
-        "speed": speed,
-        "n_stops": stops,
-        "faults": _faults(fault),
-        "payload": Payload(payload),
-        "suspension": SuspensionConditions(temperature, REALISTIC_FORCE_LAWS if nonlinear else {}),
-        "snr": snr,
-    }
+    return SuspensionConditions(temperature, REALISTIC_FORCE_LAWS if nonlinear else {})
 
 
 def _record_options(
