@@ -1,15 +1,10 @@
-import math
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from sprung.errors import ParameterError
 from sprung.reproduce import CHAPTERS, reproduce
-from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.report import Paragraph, Report, Section, Table, deviation, found_in, picture, render, spread
-from sprung.reproduce.runs import Effort, over_seeds
-from sprung.reproduce.tables import theory_table
 from sprung.reproduce.thesis import number, of_runs, worst_error
 
 
@@ -58,51 +53,8 @@ def test_words_for_numbers():
     assert worst_error([[1.1, np.nan], [1.1, np.nan]], [1.0, 2.0]) == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize("n_processes", [1, 2])
-def test_runs_come_in_the_order_of_their_seeds(n_processes):
-    shares = []
-    assert over_seeds(math.isqrt, [0, 1, 4, 9, 16], n_processes=n_processes, on_progress=shares.append) == [
-        0,
-        1,
-        2,
-        3,
-        4,
-    ]
-    assert shares == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
-
-
 def test_unknown_chapter_is_refused(tmp_path):
     with pytest.raises(ParameterError, match="chapter '9' is not one of 4, 5"):
         reproduce(["9"], directory=tmp_path / "out")
     assert not (tmp_path / "out").exists()
     assert list(CHAPTERS) == ["4", "5", "6", "7", "8", "comparison"]
-
-
-def test_tables_by_columns():
-    table = theory_table("T", ("bounce",), ([2.0], [2.02]), ([10.0], [np.nan]), digits=(1, 2, 0, 1), remark="R.")
-    assert table.columns == (
-        "",
-        "f published [Hz]",
-        "f ours [Hz]",
-        "deviation",
-        "ξ published [%]",
-        "ξ ours [%]",
-        "deviation",
-    )
-    assert table.rows == (("bounce", "2.0", "2.02", "+1.00 %", "10", "–", "–"),)
-    assert table.remark == "R."
-
-
-def test_a_chapter_runs_its_experiment_for_every_seed():
-    chapter = Chapter(
-        title="T",
-        example=lambda: "example",
-        experiment=math.isqrt,
-        contents=lambda example, results: (f"{example}: {results}", (Section("S", ()),)),
-        settings=("once",),
-    )
-    steps = []
-    report = chapter.report(Effort(n_seeds=4), lambda doing, share: steps.append((doing, share)))
-    assert (report.title, report.verdict, report.settings) == ("T", "example: [1, 1, 1, 2]", ("once",))
-    assert steps[0] == ("one set of records, as the thesis shows it", 0.0)
-    assert steps[-1] == ("4 sets of records", 1.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
+from sprung.excitation import RandomInputs
 from sprung.recording import Channel, Recording
 from sprung.simulation import (
     clipped,
@@ -15,13 +16,16 @@ from sprung.simulation import (
     noisy,
     quantised,
     scaled,
+    simulate,
     spiking,
     stuck,
     swapped,
     with_gap,
     with_hum,
     with_imperfections,
+    with_noise,
 )
+from sprung.vehicles import chain
 
 RATE = 200.0
 N = 20_000
@@ -142,3 +146,27 @@ def test_random_imperfections_draw_from_one_generator_in_their_order(run):
     by_hand = noisy(run, standard_deviation=0.1, generator=generator)
     by_hand = spiking(inverted(by_hand, channel="a"), channel="b", rate=1.0, height=9.0, generator=generator)
     assert np.array_equal(with_imperfections(run, steps, seed=7).samples, by_hand.samples)
+
+
+@pytest.mark.parametrize("snr", [10.0, 0.5])
+@pytest.mark.parametrize("band", [None, (0.5, 50.0)])
+def test_noise_has_the_amplitude_ratio(snr, band):
+    clean = simulate(chain(), RandomInputs(3), duration=20.0, sampling_rate=500.0)
+    noisy = with_noise(clean, snr=snr, generator=np.random.default_rng(1), band=band)
+    added = noisy.samples - clean.samples
+    ratio = np.sqrt(np.mean(clean.samples**2, axis=1) / np.mean(added**2, axis=1))
+    assert ratio == pytest.approx([snr] * 3, rel=1e-12)
+    assert np.abs(np.corrcoef(added) - np.eye(3)).max() < (0.06 if band is None else 0.15)
+    spectrum = np.abs(np.fft.rfft(added, axis=1)) ** 2
+    inside = spectrum[:, : 60 * 20].sum() / spectrum.sum()
+    assert inside == pytest.approx(0.24 if band is None else 0.97, abs=0.02)
+    assert noisy.history[-1].endswith(f"at SNR {snr:g}")
+
+
+def test_noise_keeps_gaps_missing_values_and_silence():
+    samples = np.vstack([np.sin(np.arange(100.0)), np.zeros(100)])
+    samples[0, 7] = np.nan
+    clean = Recording(samples, 10.0, (Channel("a"), Channel("b")))
+    noisy = with_noise(clean, snr=1.0, generator=np.random.default_rng(0))
+    assert np.flatnonzero(np.isnan(noisy.samples[0])).tolist() == [7]
+    np.testing.assert_array_equal(noisy.samples[1], 0.0)
