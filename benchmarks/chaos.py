@@ -35,7 +35,7 @@ from typing import Any
 
 from sprung.formats import write
 from sprung.link import Address, Link, checked_map, topic
-from sprung.simulation import DriveSettings, simulate_drive
+from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import parse_fault, read_vehicle
 
 VEHICLE = "car-1"
@@ -419,7 +419,7 @@ def drives(folder: Path, plan: Plan) -> list[Path]:
     start = BEGUN
     for number in range(plan.drives):
         faults = (parse_fault("front_left.spring=-0.4"),) if number == plan.drives - 1 else ()
-        settings = DriveSettings("road", duration=duration, snr=50.0, road="C", faults=faults)
+        settings = RoadDrive(duration=duration, snr=50.0, faults=faults)
         run = simulate_drive(car, settings, seed=number).recording
         paths.append(folder / f"drive-{number}.parquet")
         write(replace(run, start=start, history=()), paths[-1])

@@ -40,17 +40,20 @@ def main():
 
 
 def settings(case, seed):
-    """Return the options of a drive, and how the vehicle differs from its file."""
+    """Return the options of a drive."""
+    from dataclasses import replace
+
     import numpy as np
+
+    from sprung.simulation import FEW_POTHOLES, REALISTIC_SUSPENSION, Payload, RoadConditions
 
     generator = np.random.default_rng([seed, 1])
     options = {"n_stops": 1, "snr": 50.0}
     if case in {"A", "B", "C", "D"} or case.startswith("C,"):
         options |= {
-            "road": case[0],
-            "is_nonlinear": True,
-            "payload": float(generator.uniform(0, 300)),
-            "temperature": float(generator.uniform(0, 40)),
+            "road": RoadConditions(case[0], potholes=FEW_POTHOLES),
+            "payload": Payload(float(generator.uniform(0, 300))),
+            "suspension": replace(REALISTIC_SUSPENSION, temperature=float(generator.uniform(0, 40))),
         }
     return options
 
@@ -97,10 +100,10 @@ def drive(case, seed):
     import numpy as np
 
     from sprung.likelihood import fit_corners
-    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.simulation import RoadDrive, simulate_drive
 
     real, file = vehicle(case)
-    run = simulate_drive(real, DriveSettings("road", **settings(case, seed)), seed=[seed, 0])
+    run = simulate_drive(real, RoadDrive(**settings(case, seed)), seed=[seed, 0])
     fit = fit_corners(run.recording, file)
     true = [run.truth["components"][part.corner][part.kind]["value"] for part in fit.components]
     modes = fit.modes()
@@ -143,11 +146,11 @@ def row(case, runs):
 def one_fit():
     """Return seconds of one fit, and the peak memory of the process."""
     from sprung.likelihood import fit_corners
-    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.simulation import RoadDrive, simulate_drive
     from sprung.vehicles import read_vehicle
 
     car = read_vehicle("zafira")
-    run = simulate_drive(car, DriveSettings("road", snr=50.0), seed=1).recording
+    run = simulate_drive(car, RoadDrive(snr=50.0), seed=1).recording
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     times = []
     for _ in range(7):

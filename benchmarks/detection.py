@@ -95,20 +95,28 @@ def described(seed):
 
 def window(file, real, seed, number, faults):
     """Return what ten minutes of driving say: the observation, and the modes as the thesis finds them."""
+    from dataclasses import replace
+
     import numpy as np
 
     from sprung.diagnosis import observe
-    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.simulation import (
+        FEW_POTHOLES,
+        REALISTIC_SUSPENSION,
+        Payload,
+        RoadConditions,
+        RoadDrive,
+        simulate_drive,
+    )
 
     generator = np.random.default_rng([seed, 4, number])
-    settings = DriveSettings(
-        "road",
-        road=str(generator.choice(["A", "B", "C", "D"], p=[0.1, 0.35, 0.4, 0.15])),
+    road = RoadConditions(str(generator.choice(["A", "B", "C", "D"], p=[0.1, 0.35, 0.4, 0.15])), potholes=FEW_POTHOLES)
+    settings = RoadDrive(
+        road=road,
         n_stops=int(generator.integers(0, 3)),
-        payload=float(generator.uniform(0, 300)),
-        temperature=float(generator.uniform(0, 40)),
+        payload=Payload(float(generator.uniform(0, 300))),
+        suspension=replace(REALISTIC_SUSPENSION, temperature=float(generator.uniform(0, 40))),
         snr=float(generator.uniform(30, 80)),
-        is_nonlinear=True,
         faults=faults,
     )
     run = simulate_drive(real, settings, seed=[seed, 5, number]).recording

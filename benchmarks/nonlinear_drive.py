@@ -12,13 +12,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def main():
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--repeats", type=int, default=5)
-    arguments.add_argument("--one", choices=["linear", "nonlinear", "way"], help="run one case and print its seconds")
+    arguments.add_argument("--one", choices=["linear", "nonlinear", "road"], help="run one case and print its seconds")
     given = arguments.parse_args()
     if given.one:
         print(measured(given.one))
         return
-    print("| what | first call in a process, s | second call, s |\n|---|---|---|")
-    for case in ("way", "linear", "nonlinear"):
+    print("| case | first call in a process, s | second call, s |\n|---|---|---|")
+    for case in ("road", "linear", "nonlinear"):
         first, second = [], []
         for _ in range(given.repeats):
             output = subprocess.run(
@@ -31,11 +31,11 @@ def main():
 
 
 def measured(case):
-    """Seconds of the first and the second call, imports left out."""
+    """Return the seconds of the first and the second call, without imports."""
     import numpy as np
 
     from sprung.excitation import Potholes, SurfaceMotion, random_speed, road_class
-    from sprung.simulation import REALISTIC_LAWS, simulate, simulate_nonlinear
+    from sprung.simulation import REALISTIC_FORCE_LAWS, simulate, simulate_nonlinear
     from sprung.vehicles import read_vehicle, structure
 
     car = structure(read_vehicle("zafira"))
@@ -43,9 +43,9 @@ def measured(case):
     road = SurfaceMotion(road_class("C"), (1.22, -1.58), speed, obstacles=(Potholes(),))
     options = {"duration": 600.0, "sampling_rate": 200.0, "seed": 1}
     calls = {
-        "way": lambda: road.samples(600_000, sampling_rate=1000.0, generator=np.random.default_rng(1)),
+        "road": lambda: road.samples(600_000, sampling_rate=1000.0, generator=np.random.default_rng(1)),
         "linear": lambda: simulate(car, road, **options),
-        "nonlinear": lambda: simulate_nonlinear(car, road, laws=REALISTIC_LAWS, **options),
+        "nonlinear": lambda: simulate_nonlinear(car, road, force_laws=REALISTIC_FORCE_LAWS, **options),
     }
     times = []
     for _ in range(2):

@@ -583,10 +583,10 @@ def eight_channels(duration: float) -> object:
     import numpy as np
 
     from sprung.recording import Channel
-    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.simulation import RoadDrive, simulate_drive
     from sprung.vehicles import read_vehicle
 
-    settings = DriveSettings("road", duration=duration, sampling_rate=1000.0, snr=50.0)
+    settings = RoadDrive(duration=duration, sampling_rate=1000.0, snr=50.0)
     runs = [simulate_drive(read_vehicle("zafira"), settings, seed=seed).recording for seed in range(2)]
     return replace(
         runs[0],

@@ -210,13 +210,13 @@ def course(n_drives: int = 1) -> Course:
     """Simulate ten minutes on a road of class C, or several times that: 4 accelerations and speed at 200 Hz."""
     from sprung.box import blocks_of
     from sprung.link import Frame, checked_map, encode, quantised
-    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.simulation import RoadDrive, simulate_drive
     from sprung.vehicles import read_vehicle
 
     car, begin = read_vehicle("zafira"), time.time_ns() - 7200 * 10**9
     blocks = []
     for seed in range(n_drives):
-        run = simulate_drive(car, DriveSettings("road", snr=50.0), seed=seed).recording
+        run = simulate_drive(car, RoadDrive(snr=50.0), seed=seed).recording
         blocks += blocks_of(replace(run, start=begin + seed * 600 * 10**9), length=1.0)
     documents = []
     for block in blocks:

@@ -37,20 +37,27 @@ def main():
 
 def drive(seed):
     """Return a nonlinear drive under changing conditions."""
+    from dataclasses import replace
+
     import numpy as np
 
-    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.simulation import (
+        FEW_POTHOLES,
+        REALISTIC_SUSPENSION,
+        Payload,
+        RoadConditions,
+        RoadDrive,
+        simulate_drive,
+    )
     from sprung.vehicles import read_vehicle
 
     generator = np.random.default_rng([seed, 8])
-    settings = DriveSettings(
-        "road",
+    settings = RoadDrive(
         duration=60.0 * MINUTES,
-        road=str(generator.choice(["B", "C", "D"])),
-        payload=float(generator.uniform(0, 300)),
-        temperature=float(generator.uniform(0, 40)),
+        road=RoadConditions(str(generator.choice(["B", "C", "D"])), potholes=FEW_POTHOLES),
+        payload=Payload(float(generator.uniform(0, 300))),
+        suspension=replace(REALISTIC_SUSPENSION, temperature=float(generator.uniform(0, 40))),
         snr=50.0,
-        is_nonlinear=True,
     )
     return simulate_drive(read_vehicle("zafira"), settings, seed=seed).recording
 
@@ -66,17 +73,17 @@ def observed(seed):
 def faults(name, rms, generator):
     """Return a fault of each kind at a channel, of a random size."""
     from sprung.simulation import (
-        Clipped,
-        Dead,
-        Delayed,
-        Drifting,
-        Gained,
-        Hum,
-        Inverted,
-        Noisy,
-        Spiking,
-        Stuck,
-        Swapped,
+        clipped,
+        dead,
+        delayed,
+        drifting,
+        inverted,
+        noisy,
+        scaled,
+        spiking,
+        stuck,
+        swapped,
+        with_hum,
     )
 
     between = generator.uniform
@@ -84,29 +91,33 @@ def faults(name, rms, generator):
     gain = between(1.1, 1.5)
     return {
         "none": None,
-        "dead": Dead(name, between(0, 200)),
-        "stuck": Stuck(name, between(0, 200)),
-        "clipped": Clipped(name, between(1.5, 3) * rms),
-        "spiking": Spiking(name, between(0.02, 0.2), between(10, 40) * rms),
-        "noisy": Noisy(between(0.2, 1.0) * rms, name),
-        "drifting": Drifting(name, between(2, 10) * rms),
-        "inverted": Inverted(name),
-        "swapped": Swapped(name, str(generator.choice(others))),
-        "wrong_gain": Gained(name, gain if generator.random() < 0.5 else 1 / gain),
-        "time_shifted": Delayed(name, between(4e-3, 30e-3)),
-        "hum": Hum(name, between(0.05, 0.3) * rms),
+        "dead": partial(dead, channel=name, onset=between(0, 200)),
+        "stuck": partial(stuck, channel=name, onset=between(0, 200)),
+        "clipped": partial(clipped, channel=name, limit=between(1.5, 3) * rms),
+        "spiking": partial(spiking, channel=name, rate=between(0.02, 0.2), height=between(10, 40) * rms),
+        "noisy": partial(noisy, standard_deviation=between(0.2, 1.0) * rms, channel=name),
+        "drifting": partial(drifting, channel=name, per_hour=between(2, 10) * rms),
+        "inverted": partial(inverted, channel=name),
+        "swapped": partial(swapped, first=name, second=str(generator.choice(others))),
+        "wrong_gain": partial(scaled, channel=name, factor=gain if generator.random() < 0.5 else 1 / gain),
+        "time_shifted": partial(delayed, channel=name, delay=between(4e-3, 30e-3)),
+        "hum": partial(with_hum, channel=name, amplitude=between(0.05, 0.3) * rms),
     }
 
 
 def small_faults(rms):
     """Return faults of acc_fl by kind and size: gains, delays [ms], and noise over the signal."""
-    from sprung.simulation import Delayed, Gained, Noisy
+    from sprung.simulation import delayed, noisy, scaled
 
     name = "acc_fl"
     return {
-        "wrong_gain": {gain: Gained(name, gain) for gain in (1.02, 1.04, 1.06, 1.08, 1.1)},
-        "time_shifted": {delay: Delayed(name, 1e-3 * delay) for delay in (1.0, 1.5, 2.0, 3.0, 4.0)},
-        "noisy": {share: Noisy(share * rms, name) for share in (0.02, 0.05, 0.1, 0.2)},
+        "wrong_gain": {gain: partial(scaled, channel=name, factor=gain) for gain in (1.02, 1.04, 1.06, 1.08, 1.1)},
+        "time_shifted": {
+            delay: partial(delayed, channel=name, delay=1e-3 * delay) for delay in (1.0, 1.5, 2.0, 3.0, 4.0)
+        },
+        "noisy": {
+            share: partial(noisy, standard_deviation=share * rms, channel=name) for share in (0.02, 0.05, 0.1, 0.2)
+        },
     }
 
 

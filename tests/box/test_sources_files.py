@@ -13,7 +13,7 @@ from sprung.box import after, blocks_of, from_files, from_folder, from_simulator
 from sprung.errors import FormatError, ParameterError
 from sprung.formats import read, write
 from sprung.recording import Channel, Gap, Recording
-from sprung.simulation import DriveSettings
+from sprung.simulation import RoadDrive
 from sprung.vehicles import read_vehicle
 
 START = 1_700_000_000_000_000_000
@@ -266,7 +266,7 @@ def test_simulator_is_the_same_every_time_and_goes_on():
     vehicle = read_vehicle("zafira")
 
     def taken(n_blocks, seed=3):
-        settings = DriveSettings("road", duration=3.0)
+        settings = RoadDrive(duration=3.0)
         return list(
             itertools.islice(from_simulator(vehicle, lambda _number: settings, start=START, seed=seed), n_blocks)
         )

@@ -7,12 +7,12 @@ import pytest
 def drive(tmp_path_factory):
     """A drive of three minutes with a soft front-left spring."""
     from sprung.formats import write
-    from sprung.simulation import DriveSettings, simulate_drive
+    from sprung.simulation import RoadDrive, simulate_drive
     from sprung.vehicles import parse_fault, read_vehicle, write_vehicle
 
     folder = tmp_path_factory.mktemp("drive")
     faults = (parse_fault("front_left.spring=-0.4"),)
-    settings = DriveSettings("road", duration=180.0, faults=faults, snr=50.0)
+    settings = RoadDrive(duration=180.0, faults=faults, snr=50.0)
     one = simulate_drive(read_vehicle("zafira"), settings, seed=1)
     write(one.recording, folder / "run.parquet")
     write_vehicle(read_vehicle("zafira"), folder / "car.toml")

@@ -5,7 +5,7 @@ import pytest
 from sprung.cli.diagnose import _trend_words
 from sprung.diagnosis import Trend
 from sprung.formats import write
-from sprung.simulation import Dead, DriveSettings, simulate_drive, with_imperfections
+from sprung.simulation import RoadDrive, dead, simulate_drive
 from sprung.vehicles import MountedMass, parse_fault, read_vehicle
 
 
@@ -14,12 +14,12 @@ def drives(tmp_path_factory):
     """Half an hour of a healthy car, and ten minutes with a stiff rear-right spring."""
     folder = tmp_path_factory.mktemp("drives")
     car = read_vehicle("zafira")
-    settings = DriveSettings("road", duration=1800.0, snr=50.0)
+    settings = RoadDrive(duration=1800.0, snr=50.0)
     write(simulate_drive(car, settings, seed=1).recording, folder / "healthy.parquet")
     faults = (parse_fault("rear_right.spring=0.25"),)
-    broken = simulate_drive(car, DriveSettings("road", snr=50.0, faults=faults), seed=2).recording
+    broken = simulate_drive(car, RoadDrive(snr=50.0, faults=faults), seed=2).recording
     write(broken, folder / "broken.parquet")
-    write(with_imperfections(broken, [Dead("acc_fl")]), folder / "dead.parquet")
+    write(dead(broken, channel="acc_fl"), folder / "dead.parquet")
     return folder
 
 
@@ -100,7 +100,7 @@ def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
 
 
 def test_what_cannot_tell_is_not_called_healthy(sprung, drives, baseline, tmp_path):
-    short = simulate_drive(read_vehicle("zafira"), DriveSettings("road", duration=60.0), seed=3).recording
+    short = simulate_drive(read_vehicle("zafira"), RoadDrive(duration=60.0), seed=3).recording
     write(short, tmp_path / "short.parquet")
     words = ("--vehicle", "zafira", "--baseline", baseline, "--json", tmp_path / "d.json")
     outcome = sprung("diagnose", tmp_path / "short.parquet", *words)
@@ -114,7 +114,7 @@ def test_windows_that_are_set_aside_are_explained(sprung, baseline, tmp_path):
     """An engine on soft mounts that the file does not have."""
     car = read_vehicle("zafira")
     engine = MountedMass(mass=180.0, x=1.1, frequency=8.0, damping_ratio=0.08)
-    run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), DriveSettings("road", snr=50.0), seed=2)
+    run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), RoadDrive(snr=50.0), seed=2)
     write(run.recording, tmp_path / "engine.parquet")
     outcome = sprung("diagnose", tmp_path / "engine.parquet", "--vehicle", "zafira", "--json", "-")
     assert outcome.code == 3

@@ -110,15 +110,15 @@ def test_identify_explains_what_it_cannot_use(sprung, hostile, words, code, part
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["boat", "--out", "a.csv"], "'chain', 'quarter'"),
+        (["boat", "--out", "a.csv"], "No such command 'boat'"),
         (["chain"], "--out"),
         (["chain", "--out", "a.xyz", "--minutes", "0.1"], ".csv, .parquet, .npz, .mat"),
         (["chain", "--out", "nowhere/a.csv"], "nowhere"),
         (["chain", "--out", "."], "folder"),
         (["chain", "--out", "a.csv", "--noise-band", "1", "2"], "--snr"),
-        (["chain", "--out", "a.csv", "--case", "2"], "--case means nothing for chain"),
+        (["chain", "--out", "a.csv", "--case", "2"], "No such option: --case"),
         (["road", "--out", "a.csv", "--sampling-rate", "0"], "sampling_rate"),
-        (["rail", "--out", "a.csv", "--road", "C"], "--road means nothing for rail"),
+        (["rail", "--out", "a.csv", "--road", "C"], "No such option: --road"),
         (["road", "--out", "a.csv", "--fault", "front_left.spring"], "front_left.spring"),
         (["road", "--out", "a.csv", "--fault", "front_left.tire=-0.2"], "tire"),
         (["quarter", "--out", "a.csv", "--case", "5"], "--case"),

@@ -40,10 +40,10 @@ def test_help_tells_every_option_of_the_contract(sprung):
         "info": "--json",
         "identify": "--vehicle --method --channels --sampling-rate --band --decimate-to --segment --subsets --json"
         " --block-rows --max-order --cepstrum --references --stable-rate --figures",
-        "simulate": "--vehicle --minutes --sampling-rate --snr --seed --out --json",
+        "simulate road": "--vehicle --minutes --sampling-rate --speed --road --fault --snr --seed --out --json",
     }
     for command, options in contract.items():
-        shown = sprung(command, "--help").out
+        shown = sprung(*command.split(), "--help").out
         assert all(option in shown for option in options.split())
 
 

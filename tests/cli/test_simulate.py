@@ -1,10 +1,13 @@
+import inspect
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sprung.cli import simulate
 from sprung.formats import read
+from sprung.simulation import RailDrive, RigRun, RoadDrive
 from sprung.vehicles import read_vehicle
 
 SHORT = ("--minutes", "0.2", "--sampling-rate", "200")
@@ -118,16 +121,18 @@ def test_records_of_a_drive_differ_and_each_has_its_speed(sprung, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("chain", "--road", "C"), "--road means nothing for chain"),
-        (("rig", "--road", "C"), "--road means nothing for rig"),
-        (("road", "--case", "2"), "--case means nothing for road"),
-        (("road", "--driven", "front"), "--driven means nothing for road"),
+        (("chain", "--road", "C"), "No such option: --road"),
+        (("rig", "--road", "C"), "No such option: --road"),
+        (("road", "--case", "2"), "No such option: --case"),
+        (("road", "--driven", "front"), "No such option: --driven"),
         (("road", "--road", "K"), "road class 'K' is not one of A, B"),
         (("road", "--fault", "front_left.spring"), "is not of the form CORNER.COMPONENT=CHANGE"),
         (("road", "--fault", "front_left.sprong=-0.1"), "component 'front_left.sprong' is not one of"),
         (("road", "--vehicle", "chain3"), "vehicle 'chain3' is of kind chain, not road"),
         (("road", "--speed", "20", "10"), "highest speed=10 must be at least 20"),
-        (("quarter", "--fault", "corner.spring=-0.1@5"), "only drives have such faults"),
+        (("chain", "--noise-band", "1", "9"), "--noise-band needs --snr"),
+        (("road", "--noise-band", "1", "9"), "No such option: --noise-band"),
+        (("quarter", "--fault", "corner.spring=-0.1@5"), "as only faults of drives can"),
     ],
 )
 def test_options_of_drives_that_do_not_fit(sprung, tmp_path, words, message):
@@ -135,3 +140,25 @@ def test_options_of_drives_that_do_not_fit(sprung, tmp_path, words, message):
     assert outcome.code == 2
     assert message in outcome.err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("command", "settings"), [(simulate.road, RoadDrive()), (simulate.rail, RailDrive()), (simulate.rig, RigRun())]
+)
+def test_defaults_of_a_drive_are_those_of_its_settings(command, settings):
+    defaults = {name: parameter.default for name, parameter in inspect.signature(command).parameters.items()}
+    assert 60 * defaults["minutes"] == settings.duration
+    assert (defaults["sampling_rate"], defaults["speed"]) == (settings.sampling_rate, settings.speed)
+    assert (defaults["stops"], defaults["snr"]) == (settings.n_stops, settings.snr)
+    assert (defaults["payload"], defaults["temperature"]) == (settings.payload.mass, settings.suspension.temperature)
+    assert defaults.get("road_class", "C") == RoadDrive().road.road_class
+    assert defaults.get("driven", "all") == RigRun().driven
+
+
+def test_help_shows_only_the_options_of_the_kind(sprung):
+    shown = {kind: sprung("simulate", kind, "--help").out for kind in ("road", "rail", "rig", "chain", "quarter")}
+    assert {kind for kind, text in shown.items() if "--road" in text} == {"road"}
+    assert {kind for kind, text in shown.items() if "--driven" in text} == {"rig"}
+    assert {kind for kind, text in shown.items() if "--case" in text} == {"quarter"}
+    assert {kind for kind, text in shown.items() if "--noise-band" in text} == {"chain", "quarter"}
+    assert {kind for kind, text in shown.items() if "--payload" in text} == {"road", "rail", "rig"}

@@ -21,7 +21,15 @@ from sprung.diagnosis import (
 from sprung.diagnosis.baseline import usual_nuisance
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
-from sprung.simulation import DriveSettings, simulate_drive
+from sprung.simulation import (
+    FEW_POTHOLES,
+    REALISTIC_SUSPENSION,
+    Payload,
+    RigRun,
+    RoadConditions,
+    RoadDrive,
+    simulate_drive,
+)
 from sprung.vehicles import Component, parse_fault, read_vehicle
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -336,7 +344,7 @@ def test_conditions_of_a_window_that_cannot_tell():
         update={"channel": "yaw_rate", "quantity": "angular_velocity", "unit": "deg/s", "direction": (0.0, 0.0, -1.0)}
     )
     car = car.model_copy(update={"sensor": (*car.sensor, yaw)})
-    run = simulate_drive(car, DriveSettings("road", duration=30.0), seed=1).recording
+    run = simulate_drive(car, RoadDrive(duration=30.0), seed=1).recording
     samples = run.samples.copy()
     samples[run.index("speed"), : run.n_samples // 4] = 0.0
     samples[run.index("yaw_rate")] = 0.2
@@ -357,12 +365,10 @@ def test_simulated_drives(fault):
 
     def seen(seed, faults=()):
         generator = np.random.default_rng(seed)
-        settings = DriveSettings(
-            "road",
-            road=str(generator.choice(["B", "C", "D"])),
-            is_nonlinear=True,
-            payload=float(generator.uniform(0, 300)),
-            temperature=float(generator.uniform(0, 40)),
+        settings = RoadDrive(
+            road=RoadConditions(str(generator.choice(["B", "C", "D"])), potholes=FEW_POTHOLES),
+            payload=Payload(float(generator.uniform(0, 300))),
+            suspension=replace(REALISTIC_SUSPENSION, temperature=float(generator.uniform(0, 40))),
             snr=50.0,
             faults=faults,
         )
@@ -382,7 +388,7 @@ def test_mounts_of_the_bogie_on_its_rig(corner, change):
     bogie = read_vehicle("scale-bogie")
 
     def seen(seed, faults=()):
-        settings = DriveSettings("rig", duration=120.0, speed=(5.6, 5.8), snr=50.0, faults=faults)
+        settings = RigRun(duration=120.0, speed=(5.6, 5.8), snr=50.0, faults=faults)
         return observe(simulate_drive(bogie, settings, seed=seed).recording, bogie, time=600.0 * seed)
 
     normal = learn([seen(seed) for seed in range(6)], vehicle="bogie")

@@ -1,6 +1,7 @@
 """All eleven faults of a sensor, named with their channel; none in a healthy drive."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,22 +11,32 @@ from sprung.diagnosis.sensors import check_sensors
 from sprung.diagnosis.speed_check import speed_fault
 from sprung.errors import DataError
 from sprung.simulation import (
-    Clipped,
-    Dead,
-    Delayed,
-    Drifting,
-    DriveSettings,
-    Gained,
-    Hum,
-    Inverted,
-    Noisy,
-    Spiking,
-    Stuck,
-    Swapped,
+    FEW_POTHOLES,
+    REALISTIC_SUSPENSION,
+    Payload,
+    RoadConditions,
+    RoadDrive,
+    clipped,
+    dead,
+    delayed,
+    drifting,
+    inverted,
+    noisy,
+    scaled,
     simulate_drive,
+    spiking,
+    stuck,
+    swapped,
+    with_hum,
     with_imperfections,
 )
 from sprung.vehicles import MountedMass, Sensor, read_vehicle
+
+
+def nonlinear(road_class="C", **settings):
+    """A drive with realistic suspensions on a road with potholes."""
+    road = RoadConditions(road_class, potholes=FEW_POTHOLES)
+    return RoadDrive(road=road, suspension=REALISTIC_SUSPENSION, **settings)
 
 
 @pytest.fixture(scope="module")
@@ -35,22 +46,22 @@ def car():
 
 @pytest.fixture(scope="module")
 def run(car):
-    settings = DriveSettings("road", duration=300.0, snr=50.0, n_stops=1, is_nonlinear=True, payload=100.0)
+    settings = nonlinear(duration=300.0, snr=50.0, n_stops=1, payload=Payload(100.0))
     return simulate_drive(car, settings, seed=5).recording
 
 
 FAULTS = {
-    "dead": lambda rms, name: Dead(name, 60.0),
-    "stuck": lambda rms, name: Stuck(name, 60.0),
-    "clipped": lambda rms, name: Clipped(name, 2 * rms),
-    "spiking": lambda rms, name: Spiking(name, 0.05, 20 * rms),
-    "noisy": lambda rms, name: Noisy(0.4 * rms, name),
-    "drifting": lambda rms, name: Drifting(name, 4 * rms),
-    "inverted": lambda rms, name: Inverted(name),
-    "swapped": lambda rms, name: Swapped(name, "acc_rr" if name != "acc_rr" else "acc_fr"),
-    "wrong_gain": lambda rms, name: Gained(name, 1.15),
-    "time_shifted": lambda rms, name: Delayed(name, 0.01),
-    "hum": lambda rms, name: Hum(name, 0.1 * rms),
+    "dead": lambda rms, name: partial(dead, channel=name, onset=60.0),
+    "stuck": lambda rms, name: partial(stuck, channel=name, onset=60.0),
+    "clipped": lambda rms, name: partial(clipped, channel=name, limit=2 * rms),
+    "spiking": lambda rms, name: partial(spiking, channel=name, rate=0.05, height=20 * rms),
+    "noisy": lambda rms, name: partial(noisy, standard_deviation=0.4 * rms, channel=name),
+    "drifting": lambda rms, name: partial(drifting, channel=name, per_hour=4 * rms),
+    "inverted": lambda rms, name: partial(inverted, channel=name),
+    "swapped": lambda rms, name: partial(swapped, first=name, second="acc_rr" if name != "acc_rr" else "acc_fr"),
+    "wrong_gain": lambda rms, name: partial(scaled, channel=name, factor=1.15),
+    "time_shifted": lambda rms, name: partial(delayed, channel=name, delay=0.01),
+    "hum": lambda rms, name: partial(with_hum, channel=name, amplitude=0.1 * rms),
 }
 
 
@@ -74,21 +85,24 @@ def test_a_fault_is_named_with_its_channel(car, run, kind, channel):
 
 
 def test_noise_in_the_band_of_the_body_is_seen_in_the_residual(car, run):
-    noisy = with_imperfections(run, [Noisy(0.5 * run.samples[1].std(), "acc_fr", band=(1.0, 20.0))], seed=1)
-    (fault,) = sensor_faults(noisy, car)
+    half = 0.5 * run.samples[1].std()
+    generator = np.random.default_rng(1)
+    broken = noisy(run, standard_deviation=half, channel="acc_fr", band=(1.0, 20.0), generator=generator)
+    (fault,) = sensor_faults(broken, car)
     assert (fault.channel, fault.kind) == ("acc_fr", "noisy")
 
 
 @pytest.mark.parametrize(("gain", "delay"), [(0.8, 0.0), (1.3, 0.0), (1.0, 4e-3), (1.0, 30e-3)])
 def test_size_of_gain_and_delay(car, run, gain, delay):
-    change = Gained("acc_fl", gain) if delay == 0 else Delayed("acc_fl", delay)
-    (fault,) = sensor_faults(with_imperfections(run, [change]), car)
+    is_gain = delay == 0
+    wrong = scaled(run, channel="acc_fl", factor=gain) if is_gain else delayed(run, channel="acc_fl", delay=delay)
+    (fault,) = sensor_faults(wrong, car)
     number = float(fault.detail.split()[0])
     assert number == pytest.approx(gain if delay == 0 else 1e3 * delay, rel=0.07)
 
 
 def test_an_early_channel_is_called_early(car, run):
-    (fault,) = sensor_faults(with_imperfections(run, [Delayed("acc_fl", -0.01)]), car)
+    (fault,) = sensor_faults(delayed(run, channel="acc_fl", delay=-0.01), car)
     assert (fault.kind, fault.detail) == ("time_shifted", "10.0 ms early")
 
 
@@ -99,10 +113,10 @@ def test_a_recording_of_speed_alone_is_refused(car, run):
 
 
 CONTRADICTIONS = {
-    "diagonal inverted": [Inverted("acc_fl"), Inverted("acc_rr")],
-    "diagonal too large": [Gained("acc_fl", 1.3), Gained("acc_rr", 1.3)],
-    "front too large": [Gained("acc_fl", 1.2), Gained("acc_fr", 1.2)],
-    "front late": [Delayed("acc_fl", 0.01), Delayed("acc_fr", 0.01)],
+    "diagonal inverted": [partial(inverted, channel=name) for name in ("acc_fl", "acc_rr")],
+    "diagonal too large": [partial(scaled, channel=name, factor=1.3) for name in ("acc_fl", "acc_rr")],
+    "front too large": [partial(scaled, channel=name, factor=1.2) for name in ("acc_fl", "acc_fr")],
+    "front late": [partial(delayed, channel=name, delay=0.01) for name in ("acc_fl", "acc_fr")],
 }
 
 
@@ -128,7 +142,7 @@ def test_healthy_sensors_agree_on_a_smooth_road_with_noise(car, unknown):
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
     bars = tuple(axle.model_copy(update={"anti_roll_stiffness": 12e3}) for axle in car.axle)
     changes = {"engine": {"mounted_mass": (engine,)}, "anti-roll bars": {"axle": bars}}
-    settings = DriveSettings("road", duration=300.0, road="A", snr=30.0, n_stops=1, is_nonlinear=True)
+    settings = nonlinear("A", duration=300.0, snr=30.0, n_stops=1)
     drive = simulate_drive(car.model_copy(update=changes.get(unknown, {})), settings, seed=4).recording
     checked = check_sensors(wheel_lines(drive) if unknown == "wheel lines" else drive, car)
     assert checked.faults == ()
@@ -149,7 +163,7 @@ def test_a_speed_that_stays_while_the_delay_says_another_is_left_out(car, run, s
 
 @pytest.mark.parametrize(("speed", "road"), [(5.5, "A"), (30.0, "B")])
 def test_a_kept_speed_is_not_stuck(car, speed, road):
-    settings = DriveSettings("road", duration=180.0, road=road, speed=(speed, speed), snr=30.0, is_nonlinear=True)
+    settings = nonlinear(road, duration=180.0, speed=(speed, speed), snr=30.0)
     assert speed_fault(simulate_drive(car, settings, seed=2).recording, car) is None
 
 
@@ -165,7 +179,7 @@ def test_a_standing_car_and_a_rig_have_no_speed_to_be_wrong(car, run):
 
 @pytest.mark.slow
 def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run):
-    found = observe(with_imperfections(run, [Swapped("acc_fl", "acc_rr")]), car)
+    found = observe(swapped(run, first="acc_fl", second="acc_rr"), car)
     assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
     assert not found.is_conclusive
 
@@ -173,19 +187,19 @@ def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run):
 @pytest.mark.slow
 def test_diagonal_sensors_exchanged_are_seen_beside_an_unknown_engine(car):
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
-    settings = DriveSettings("road", duration=600.0, snr=50.0, is_nonlinear=True)
+    settings = nonlinear(duration=600.0, snr=50.0)
     run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), settings, seed=5).recording
     sound = observe(run, car)
     assert sound.conditions["model_error"] > 0.25
     assert sound.is_conclusive
     assert not sound.sensor_faults
-    found = observe(with_imperfections(run, [Swapped("acc_rl", "acc_fr")]), car)
+    found = observe(swapped(run, first="acc_rl", second="acc_fr"), car)
     assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
 
 
 @pytest.mark.slow
 def test_the_rest_goes_on_without_a_bad_channel(car, run):
-    found = observe(with_imperfections(run, [Dead("acc_rl")]), car)
+    found = observe(dead(run, channel="acc_rl"), car)
     assert [fault.kind for fault in found.sensor_faults] == ["dead"]
     assert found.is_conclusive
     assert len(found.components) == 12

@@ -52,7 +52,7 @@ def test_spectrum_is_that_of_the_class(class_c):
 
 
 def test_classes_are_a_factor_of_four_apart():
-    assert [road_class(name).level for name in "ABCDEFGH"] == pytest.approx([16e-6 * 4**k for k in range(8)])
+    assert [road_class(name).roughness for name in "ABCDEFGH"] == pytest.approx([16e-6 * 4**k for k in range(8)])
 
 
 def test_coherence_of_left_and_right(class_c):

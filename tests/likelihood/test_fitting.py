@@ -13,12 +13,23 @@ from sprung.likelihood import (
     fit_corners,
 )
 from sprung.recording import Channel
-from sprung.simulation import Dead, DriveSettings, simulate, simulate_drive, with_imperfections
+from sprung.simulation import (
+    FEW_POTHOLES,
+    REALISTIC_SUSPENSION,
+    Payload,
+    RailDrive,
+    RigRun,
+    RoadConditions,
+    RoadDrive,
+    dead,
+    simulate,
+    simulate_drive,
+)
 from sprung.vehicles import MountedMass, Sensor, parse_fault, read_vehicle, structure
 
 
-def drive(car, seed=0, **settings):
-    return simulate_drive(car, DriveSettings(**{"kind": "road", "snr": 50.0, "n_stops": 1, **settings}), seed=seed)
+def drive(car, seed=0, kind=RoadDrive, **settings):
+    return simulate_drive(car, kind(**{"snr": 50.0, "n_stops": 1, **settings}), seed=seed)
 
 
 def errors(fit, truth):
@@ -69,7 +80,11 @@ def test_a_perfect_model_has_no_model_error(fits):
 @pytest.mark.parametrize("fault", ["front_left.spring=-0.1", "rear_right.damper=-0.2", "front_right.tyre=-0.3"])
 def test_a_fault_stands_out_at_its_corner_only(car, fault):
     """A nonlinear drive with potholes, payload and warm dampers, against the same car healthy."""
-    options = {"is_nonlinear": True, "payload": 150.0, "temperature": 40.0}
+    options = {
+        "road": RoadConditions(potholes=FEW_POTHOLES),
+        "suspension": replace(REALISTIC_SUSPENSION, temperature=40.0),
+        "payload": Payload(150.0),
+    }
     before = fit_corners(drive(car, seed=1, **options).recording, car)
     after = fit_corners(drive(car, seed=2, faults=(parse_fault(fault),), **options).recording, car)
     change = dict(zip(after.components, after.log_ratios - before.log_ratios, strict=True))
@@ -117,7 +132,7 @@ def test_scale_bogie_on_its_rig(car):
     """Independent wheel inputs, faults of chapter 7: the changed corner's stiffness within 5 %."""
     bogie = read_vehicle("scale-bogie")
     for fault in ("front_left.spring=0.5", "rear_left.spring=-0.75"):
-        one = drive(bogie, kind="rig", n_stops=0, duration=400.0, speed=(5.7, 5.7), faults=(parse_fault(fault),))
+        one = drive(bogie, kind=RigRun, n_stops=0, duration=400.0, speed=(5.7, 5.7), faults=(parse_fault(fault),))
         fit = fit_corners(one.recording, bogie)
         springs = [k for k, component in enumerate(fit.components) if component.kind == "spring"]
         assert np.abs(errors(fit, one.truth)[springs]).max() < 0.05
@@ -148,8 +163,8 @@ def test_one_sensor_does_not_identify_all_corners(car):
 
 
 @pytest.mark.slow
-def test_a_payload_is_fitted_and_does_not_read_as_soft_springs(car):
-    one = drive(car, seed=6, payload=300.0)
+def test_a_payload_is_fitted_and_not_taken_for_soft_springs(car):
+    one = drive(car, seed=6, payload=Payload(300.0))
     fit = fit_corners(one.recording, car)
     assert np.abs(errors(fit, one.truth)).max() < 0.06
     load = fit.payload["payload_mass"]
@@ -186,8 +201,8 @@ def test_free_sensors_find_a_place_and_a_lag(car):
 @pytest.mark.parametrize("kind", ["rig", "rail"])
 def test_y25_on_its_rig_and_on_a_track(fault, kind):
     bogie = read_vehicle("y25")
-    speed = (10.0, 10.0) if kind == "rig" else None
-    one = drive(bogie, seed=4, kind=kind, n_stops=0, duration=300.0, speed=speed, faults=(parse_fault(fault),))
+    options = {"kind": RigRun, "speed": (10.0, 10.0)} if kind == "rig" else {"kind": RailDrive}
+    one = drive(bogie, seed=4, n_stops=0, duration=300.0, faults=(parse_fault(fault),), **options)
     fit = fit_corners(one.recording, bogie, settings=CornerSettings(kind=kind))
     springs = [k for k, component in enumerate(fit.components) if component.kind == "spring"]
     assert np.abs(errors(fit, one.truth)[springs]).max() < 0.05
@@ -253,7 +268,7 @@ def test_lines_of_wheels_are_named_and_left_out(car):
 
 @pytest.mark.slow
 def test_a_missing_speed_comes_from_the_delay(car):
-    one = drive(car, seed=4, faults=(parse_fault("front_left.spring=-0.3"),), payload=100.0)
+    one = drive(car, seed=4, faults=(parse_fault("front_left.spring=-0.3"),), payload=Payload(100.0))
     fit = fit_corners(one.recording.select(one.recording.names[:4]), car)
     assert np.abs(errors(fit, one.truth)).max() < 0.08
     assert "the speed was not recorded: " in fit.notes[-1]
@@ -282,7 +297,7 @@ def test_a_short_record_is_refused(car):
 
 
 def test_a_dead_sensor_is_refused_by_name(car):
-    run = with_imperfections(drive(car, duration=30.0).recording, [Dead("acc_rl")])
+    run = dead(drive(car, duration=30.0).recording, channel="acc_rl")
     with pytest.raises(DataError, match="'acc_rl' is constant"):
         fit_corners(run, car)
 
@@ -300,7 +315,7 @@ def test_impossible_settings_are_refused(settings, message):
 def test_identified_modes_are_a_check_and_another_start(car):
     bogie = read_vehicle("scale-bogie")
     fault = parse_fault("front_left.spring=0.5")
-    one = drive(bogie, kind="rig", n_stops=0, duration=200.0, speed=(5.7, 5.7), faults=(fault,))
+    one = drive(bogie, kind=RigRun, n_stops=0, duration=200.0, speed=(5.7, 5.7), faults=(fault,))
     fit = fit_corners(one.recording, bogie, modes=cov_ssi(one.recording, vehicle=bogie).modes)
     assert fit.from_modes[0] == pytest.approx(np.log(1.5), abs=0.25)
     assert fit.log_ratios[0] == pytest.approx(np.log(1.5), abs=0.05)

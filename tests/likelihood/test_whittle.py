@@ -11,7 +11,7 @@ from sprung.likelihood.spectra import onto_grid, through_window
 from sprung.likelihood.transfer import transfer
 from sprung.likelihood.whittle import TOO_FAR, inverse_and_logdet, minus_log_likelihood
 from sprung.signals.spectrum import spectral_matrix
-from sprung.simulation import DriveSettings, simulate_drive
+from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import frequency_response, structure
 
 
@@ -125,7 +125,7 @@ def test_transfer_is_the_frequency_response(car, road_model):
 def test_spectra_of_a_simulated_drive_are_those_of_the_model(car, road_model, classes):
     """Twenty minutes at 12 m/s: every entry of the spectral matrix, phases of the delay included, within chance."""
     speed = 12.0
-    run = simulate_drive(car, DriveSettings("road", duration=1200.0, speed=(speed, speed)), seed=3).recording
+    run = simulate_drive(car, RoadDrive(duration=1200.0, speed=(speed, speed)), seed=3).recording
     spectra = spectral_matrix(run.select(run.names[:4]), segment_length=5.12)
     model = road_model(car)
     rows = slice(4, 100)

@@ -8,7 +8,7 @@ from sprung.box import blocks_of
 from sprung.link import Frame, encode, quantised
 from sprung.monitor import Site, Station
 from sprung.monitor.workers import Opening, _opened, _worked
-from sprung.simulation import DriveSettings, simulate_drive
+from sprung.simulation import RoadDrive, simulate_drive
 from sprung.storage import open_store
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
@@ -30,7 +30,7 @@ def drive(car):
     def driven(number, fault=None):
         if (number, fault) not in kept:
             faults = () if fault is None else (parse_fault(fault),)
-            settings = DriveSettings("road", snr=50.0, road="C", faults=faults)
+            settings = RoadDrive(snr=50.0, faults=faults)
             run = simulate_drive(car, settings, seed=number).recording
             kept[number, fault] = replace(run, start=BEGUN + number * 600 * 10**9, history=())
         return kept[number, fault]

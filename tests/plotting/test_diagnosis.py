@@ -36,7 +36,7 @@ def softening(baseline):
     return diagnose(every, baseline)
 
 
-def test_limits_of_the_baseline_onset_and_trend_stand_beside_the_components(softening, baseline):
+def test_components_are_drawn_with_limits_onset_and_trend(softening, baseline):
     figure = trends_figure(softening, baseline)
     panels = np.reshape(figure.axes, (3, 4))
     assert [axes.get_title(loc="left") for axes in panels[0]] == [
@@ -55,7 +55,7 @@ def test_limits_of_the_baseline_onset_and_trend_stand_beside_the_components(soft
     np.testing.assert_allclose([band.y0, band.y1], expected)
     lines = {line.get_label(): line for line in axes.get_lines()}
     (finding,) = softening.findings
-    assert lines["onset, with 95 %"].get_xdata()[0] == finding.since / 60
+    assert lines["onset, with 95 % interval"].get_xdata()[0] == finding.since / 60
     trend = lines[f"{100 * finding.trend.per_hour:+.1f} % per hour"]
     minutes, values = np.array(trend.get_xdata()), np.log1p(np.array(trend.get_ydata()) / 100)
     slope = np.ptp(values) / np.ptp(minutes) * 60
@@ -110,7 +110,7 @@ def test_corners_leave_out_windows_whose_sensors_fail(softening, baseline):
         np.testing.assert_allclose(one, other)
 
 
-def test_body_modes_are_what_the_finding_implies_beside_the_measured_ones(softening):
+def test_body_modes_are_drawn_as_implied_and_as_measured(softening):
     (finding,) = softening.findings
     bare = mode_changes(read_vehicle("zafira"), finding)
     assert all(change.measured_before is None and change.measured_since is None for change in bare)
@@ -129,10 +129,10 @@ def test_body_modes_are_what_the_finding_implies_beside_the_measured_ones(soften
     assert f"measured: {np.median(before):.3g} to {np.median(since):.3g} Hz" in figure.axes[2].get_title()
 
 
-def test_where_no_window_tells_nothing_is_drawn(softening):
+def test_diagnosis_without_conclusive_window_is_refused(softening):
     mute = diagnose([Observation(0.0, (), np.zeros(0), np.zeros((0, 0)), {}, {}, (), "too short")])
     for draw in (evidence_figure, trends_figure, corner_changes_figure):
-        with pytest.raises(ParameterError, match="no window can tell"):
+        with pytest.raises(ParameterError, match="has no conclusive window"):
             draw(mute)
     evidence_figure(softening).draw_without_rendering()
 

@@ -1,6 +1,5 @@
 import subprocess
 import sys
-import time
 from dataclasses import replace
 
 import matplotlib
@@ -44,12 +43,9 @@ def test_without_modes_there_are_no_shapes(chain, tmp_path):
 
 
 @pytest.mark.slow
-def test_pictures_of_a_car_take_seconds(car, tmp_path):
+def test_figures_of_a_car_are_written(car, tmp_path):
     assert {"bounce", "pitch", "roll"} <= set(car.modes.labels)
-    start = time.process_time()
-    paths = save_figures(car, tmp_path)
-    assert time.process_time() - start < 5.0  # 2 s on a machine of its own
-    check(paths, tmp_path, ALWAYS | OF_MODES | {"subsets.png"})
+    check(save_figures(car, tmp_path), tmp_path, ALWAYS | OF_MODES | {"subsets.png"})
 
 
 def test_headings_name_the_source_and_the_method(chain):

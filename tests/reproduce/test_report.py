@@ -1,5 +1,3 @@
-import math
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -7,7 +5,6 @@ from matplotlib.figure import Figure
 from sprung.errors import ParameterError
 from sprung.reproduce import CHAPTERS, reproduce
 from sprung.reproduce.report import Paragraph, Report, Section, Table, deviation, found_in, picture, render, spread
-from sprung.reproduce.runs import over_seeds
 from sprung.reproduce.thesis import number, of_runs, worst_error
 
 
@@ -54,19 +51,6 @@ def test_words_for_numbers():
     assert of_runs([2.0, 2.0, np.nan]) == "2 of 3: 2.00 (2.00 to 2.00)"
     assert number(float("nan")) == "–"
     assert worst_error([[1.1, np.nan], [1.1, np.nan]], [1.0, 2.0]) == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize("n_processes", [1, 2])
-def test_runs_come_in_the_order_of_their_seeds(n_processes):
-    shares = []
-    assert over_seeds(math.isqrt, [0, 1, 4, 9, 16], n_processes=n_processes, on_progress=shares.append) == [
-        0,
-        1,
-        2,
-        3,
-        4,
-    ]
-    assert shares == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
 
 
 def test_unknown_chapter_is_refused(tmp_path):

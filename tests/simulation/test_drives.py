@@ -1,11 +1,23 @@
+import pickle
+
 import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.excitation import road_class
+from sprung.excitation import Potholes, road_class
 from sprung.signals.conditioning import while_moving
 from sprung.signals.spectrum import spectral_matrix
-from sprung.simulation import DriveSettings, simulate_drive
+from sprung.simulation import (
+    FEW_POTHOLES,
+    REALISTIC_SUSPENSION,
+    Payload,
+    RailDrive,
+    RigRun,
+    RoadConditions,
+    RoadDrive,
+    SuspensionConditions,
+    simulate_drive,
+)
 from sprung.vehicles import frequency_response, parse_fault, read_vehicle, structure
 
 
@@ -14,8 +26,8 @@ def car():
     return read_vehicle("zafira")
 
 
-def drive(vehicle, seed=1, **settings):
-    return simulate_drive(vehicle, DriveSettings(**{"kind": "road", "duration": 20.0, **settings}), seed=seed)
+def drive(vehicle, seed=1, kind=RoadDrive, **settings):
+    return simulate_drive(vehicle, kind(**{"duration": 20.0, **settings}), seed=seed)
 
 
 @pytest.mark.slow
@@ -56,15 +68,18 @@ def test_a_growing_fault_changes_nothing_before_its_onset(car):
     size = healthy.recording.samples[:4].std()
     assert faulty.recording.samples[:, before] == pytest.approx(healthy.recording.samples[:, before], abs=1e-4 * size)
     assert np.abs(faulty.recording.samples[2, 3000:] - healthy.recording.samples[2, 3000:]).max() > 0.05 * size
-    course = faulty.truth["modes_over_time"]
-    assert [instant["time"] for instant in course] == pytest.approx(np.linspace(0, 20, 11))
-    frequency = [instant["modes"][-1]["natural_frequency"] for instant in course]
+    instants = faulty.truth["modes_over_time"]
+    assert [instant["time"] for instant in instants] == pytest.approx(np.linspace(0, 20, 11))
+    frequency = [instant["modes"][-1]["natural_frequency"] for instant in instants]
     assert frequency[0] == frequency[5] == pytest.approx(healthy.truth["modes"][-1]["natural_frequency"])
     assert faulty.truth["fault_courses"] == {"rear_left.tyre": {"onset": 10.0, "growth": 5.0}}
 
 
 def test_payload_and_temperature_are_in_the_truth(car):
-    plain, loaded = drive(car), drive(car, payload=300.0, payload_x=-1.0, temperature=60.0)
+    plain, loaded = (
+        drive(car),
+        drive(car, payload=Payload(300.0, x=-1.0), suspension=SuspensionConditions(temperature=60.0)),
+    )
     assert loaded.truth["modes"][0]["natural_frequency"] < plain.truth["modes"][0]["natural_frequency"]
     for corner, owned in loaded.truth["components"].items():
         healthy = plain.truth["components"][corner]
@@ -81,17 +96,41 @@ def test_speed_is_recorded_and_in_the_truth(car):
     assert while_moving(found.recording, "speed").n_samples < speed.size
 
 
-@pytest.mark.parametrize("kind", ["rail", "rig"])
-def test_bogies_run_on_rails_and_rigs(kind):
-    found = drive(read_vehicle("y25"), kind=kind, duration=5.0, driven="front" if kind == "rig" else "all")
-    assert found.recording.sampling_rate == {"rail": 500.0, "rig": 1000.0}[kind]
+@pytest.mark.parametrize(("settings", "rate"), [(RailDrive(duration=5.0), 500.0), (RigRun(duration=5.0), 1000.0)])
+def test_bogies_run_on_rails_and_rigs(settings, rate):
+    found = simulate_drive(read_vehicle("y25"), settings, seed=1)
+    assert found.recording.sampling_rate == rate
     assert np.all(found.recording.samples.std(axis=1)[:4] > 1e-4)
 
 
 def test_same_seed_same_drive(car):
-    first, again, other = (drive(car, seed=seed, is_nonlinear=True).recording.samples for seed in (3, 3, 4))
+    options = {"road": RoadConditions(potholes=FEW_POTHOLES), "suspension": REALISTIC_SUSPENSION}
+    first, again, other = (drive(car, seed=seed, **options).recording.samples for seed in (3, 3, 4))
     assert np.array_equal(first, again)
     assert not np.allclose(first, other)
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        {"road": RoadConditions("D")},
+        {"road": RoadConditions(potholes=Potholes(per_kilometre=50.0))},
+        {"payload": Payload(200.0)},
+        {"payload": Payload(200.0, y=0.3)},
+        {"suspension": SuspensionConditions(temperature=-10.0)},
+        {"suspension": REALISTIC_SUSPENSION},
+    ],
+    ids=str,
+)
+def test_each_condition_alone_changes_the_drive(car, condition):
+    plain, changed = drive(car).recording.samples, drive(car, **condition).recording.samples
+    assert np.abs(changed - plain)[:4].max() > 0.02 * plain[:4].std()
+    assert np.array_equal(changed[4], plain[4])
+
+
+def test_settings_can_be_sent_to_another_process():
+    settings = RoadDrive(suspension=REALISTIC_SUSPENSION, road=RoadConditions("B", potholes=FEW_POTHOLES))
+    assert pickle.loads(pickle.dumps(settings)) == settings
 
 
 def test_noise_is_on_the_sensors_but_not_on_the_speed(car):
@@ -101,7 +140,11 @@ def test_noise_is_on_the_sensors_but_not_on_the_speed(car):
 
 
 def test_what_does_not_fit_is_refused(car):
-    with pytest.raises(ParameterError, match="kind 'water' is not one of"):
-        DriveSettings("water")
+    with pytest.raises(ParameterError, match="road class 'K' is not one of A, B"):
+        RoadConditions("K")
+    with pytest.raises(ParameterError, match="driven 'rear' is not one of all, front"):
+        RigRun(driven="rear")
+    with pytest.raises(ParameterError, match="mass of the payload=-1 must be at least 0"):
+        Payload(-1.0)
     with pytest.raises(ParameterError, match=r"component 'front_left.wing' is not one of"):
         drive(car, faults=(parse_fault("front_left.wing=-0.2"),))

@@ -9,7 +9,7 @@ from scipy.special import ellipk
 
 from sprung.errors import ParameterError
 from sprung.excitation import Potholes, SurfaceMotion, constant_speed, random_speed, road_class
-from sprung.simulation import REALISTIC_LAWS, Law, integrate, simulate, simulate_nonlinear
+from sprung.simulation import REALISTIC_FORCE_LAWS, ForceLaw, integrate, simulate, simulate_nonlinear
 from sprung.simulation.linear import response, with_linear_inputs, with_rises
 from sprung.vehicles import Component, chain, read_vehicle, structure
 
@@ -20,10 +20,12 @@ def oscillator(mass=1.0, stiffness=400.0, damping=0.0):
     return chain(1, mass=mass, stiffness=stiffness, damping=damping)
 
 
-def free(system, laws, *, seconds, place=0.0, speed=0.0, rate=RATE):
+def free(system, force_laws, *, seconds, place=0.0, speed=0.0, rate=RATE):
     """Coordinate and velocity of one mass that is let go."""
     steps = round(seconds * rate) + 1
-    motion = integrate(system, np.zeros((1, steps)), rate=rate, laws=laws, coordinates=[place], velocities=[speed])
+    motion = integrate(
+        system, np.zeros((1, steps)), rate=rate, force_laws=force_laws, coordinates=[place], velocities=[speed]
+    )
     return np.arange(steps) / rate, motion.coordinates[0], motion.velocities[0]
 
 
@@ -45,7 +47,7 @@ def bushed():
 
 
 @pytest.mark.parametrize("vehicle", [structure(read_vehicle("zafira")), bushed()], ids=["rigid", "bushed"])
-def test_without_laws_it_is_the_exact_linear_response(vehicle, drive):
+def test_without_force_laws_it_is_the_exact_linear_response(vehicle, drive):
     inputs = drive.samples(16_000, sampling_rate=8000.0, generator=np.random.default_rng(1))
     inputs = inputs - inputs[:, :1]
     discrete = with_linear_inputs(vehicle.state_space(), sampling_rate=8000.0)
@@ -54,7 +56,7 @@ def test_without_laws_it_is_the_exact_linear_response(vehicle, drive):
     assert found == pytest.approx(expected, abs=1e-6 * expected.std())
 
 
-def test_a_simulated_drive_without_laws_is_the_linear_one(car, drive):
+def test_a_simulated_drive_without_force_laws_is_the_linear_one(car, drive):
     linear = simulate(car, drive, duration=20.0, sampling_rate=200.0, seed=3)
     found = simulate_nonlinear(car, drive, duration=20.0, sampling_rate=200.0, seed=3)
     assert found.samples == pytest.approx(linear.samples, abs=1e-5 * linear.samples.std())
@@ -70,8 +72,10 @@ def test_forces_on_a_loaded_body_are_the_exact_linear_response():
 
 
 def test_error_falls_with_the_fourth_power_of_the_step():
-    law = {"suspension": Law(cubic=3e4)}
-    ends = [free(oscillator(), law, seconds=1.0, place=0.01, rate=rate)[1][-1] for rate in (1000, 2000, 4000, 64_000)]
+    force_law = {"suspension": ForceLaw(cubic=3e4)}
+    ends = [
+        free(oscillator(), force_law, seconds=1.0, place=0.01, rate=rate)[1][-1] for rate in (1000, 2000, 4000, 64_000)
+    ]
     errors = np.abs(np.array(ends[:-1]) - ends[-1])
     assert errors[:-1] / errors[1:] == pytest.approx([16, 16], rel=0.15)
 
@@ -79,8 +83,8 @@ def test_error_falls_with_the_fourth_power_of_the_step():
 def test_dry_friction_takes_the_same_amplitude_each_half_cycle():
     """Amplitude falls by 2 F / k in half a cycle (Coulomb)."""
     k, force = 400.0, 0.05
-    law = {"suspension": Law(friction=force, friction_velocity=1e-5)}
-    _, place, speed = free(oscillator(stiffness=k), law, seconds=2.0, place=0.01, rate=20_000)
+    force_law = {"suspension": ForceLaw(friction=force, friction_velocity=1e-5)}
+    _, place, speed = free(oscillator(stiffness=k), force_law, seconds=2.0, place=0.01, rate=20_000)
     peaks = np.abs(place[1:][np.diff(np.signbit(speed))])
     assert -np.diff(peaks[:5]) == pytest.approx(2 * force / k, rel=0.01)
 
@@ -88,7 +92,7 @@ def test_dry_friction_takes_the_same_amplitude_each_half_cycle():
 def test_hardening_spring_has_the_period_of_the_elliptic_integral():
     """x'' + w^2 (x + b x^3) = 0: T = 4 K(m) / (w sqrt(1 + b A^2)), m = b A^2 / (2 (1 + b A^2))."""
     amplitude, b, w = 0.05, 300.0, 20.0
-    time, place, _ = free(oscillator(), {"suspension": Law(cubic=b)}, seconds=5.0, place=amplitude)
+    time, place, _ = free(oscillator(), {"suspension": ForceLaw(cubic=b)}, seconds=5.0, place=amplitude)
     crossings = np.flatnonzero(np.diff(np.signbit(place)))
     at = time[crossings] + place[crossings] / (place[crossings] - place[crossings + 1]) / RATE
     hard = 1 + b * amplitude**2
@@ -99,8 +103,8 @@ def test_hardening_spring_has_the_period_of_the_elliptic_integral():
 def test_bump_stop_turns_a_mass_where_its_energy_is_used_up():
     """m v^2 = k x^2 + s (x - gap)^2 at the turning point."""
     m, k, s, gap, v = 1.0, 400.0, 5000.0, 0.02, 1.0
-    law = {"suspension": Law(gap=gap, stop_stiffness=s)}
-    _, place, _ = free(oscillator(m, k), law, seconds=0.3, speed=v, rate=20_000)
+    force_law = {"suspension": ForceLaw(gap=gap, stop_stiffness=s)}
+    _, place, _ = free(oscillator(m, k), force_law, seconds=0.3, speed=v, rate=20_000)
     turn = np.max(np.roots([k + s, -2 * s * gap, s * gap**2 - m * v**2]))
     assert place.max() == pytest.approx(turn, rel=1e-4)
     assert -place.min() == pytest.approx(turn, rel=1e-3)
@@ -109,25 +113,25 @@ def test_bump_stop_turns_a_mass_where_its_energy_is_used_up():
 def test_damper_is_stiffer_in_rebound_than_in_bump():
     """Without a spring v falls as exp(-c (1 +- a) t / m)."""
     soft = oscillator(stiffness=1e-9, damping=2.0)
-    law = {"suspension": Law(asymmetry=0.35, asymmetry_velocity=1e-6)}
+    force_law = {"suspension": ForceLaw(asymmetry=0.35, asymmetry_velocity=1e-6)}
     for sign in (1, -1):
-        time, _, speed = free(soft, law, seconds=0.5, speed=sign * 1.0)
+        time, _, speed = free(soft, force_law, seconds=0.5, speed=sign * 1.0)
         assert speed[-1] == pytest.approx(sign * math.exp(-2.0 * (1 + sign * 0.35) * time[-1]), rel=1e-5)
 
 
 def test_digressive_damper_has_less_force_beyond_its_knee():
     """Beyond the knee m v' = -c (knee + (v - knee) slope)."""
-    law = {"suspension": Law(knee=0.1, knee_slope=0.25)}
-    time, _, speed = free(oscillator(stiffness=1e-9, damping=2.0), law, seconds=0.2, speed=2.0)
+    force_law = {"suspension": ForceLaw(knee=0.1, knee_slope=0.25)}
+    time, _, speed = free(oscillator(stiffness=1e-9, damping=2.0), force_law, seconds=0.2, speed=2.0)
     rest = 0.1 - 0.1 / 0.25
     assert speed[-1] == pytest.approx(rest + (2.0 - rest) * math.exp(-2.0 * 0.25 * time[-1]), rel=1e-6)
 
 
 def test_rubber_is_stiff_at_small_and_soft_at_large_amplitudes():
     """Frequencies sqrt((k + s) / m) and sqrt(k / m) at the two ends."""
-    law = {"suspension": Law(rubber_stiffness=1200.0, rubber_force=1.0)}
+    force_law = {"suspension": ForceLaw(rubber_stiffness=1200.0, rubber_force=1.0)}
     for start, stiffness in ((1e-6, 1600.0), (2.0, 400.0)):
-        time, _, speed = free(oscillator(), law, seconds=0.2, speed=start)
+        time, _, speed = free(oscillator(), force_law, seconds=0.2, speed=start)
         quarter = time[np.flatnonzero(np.diff(np.signbit(speed)))[0]]
         assert quarter == pytest.approx(math.pi / 2 / math.sqrt(stiffness), rel=0.03)
 
@@ -136,9 +140,9 @@ def test_work_of_the_road_is_stored_and_dissipated(car, drive):
     """Balance of power: foot forces times foot velocities = change of energy + dissipation, to 1e-6 of the work."""
     inputs = drive.samples(20_000, sampling_rate=4000.0, generator=np.random.default_rng(1))
     inputs = inputs - inputs[:, :1]
-    laws = {"suspension": replace(REALISTIC_LAWS["suspension"], gap=math.inf, stop_stiffness=0.0)}
-    motion = integrate(car, inputs, rate=4000.0, laws=laws)
-    q, v, law = motion.coordinates, motion.velocities, laws["suspension"]
+    force_laws = {"suspension": replace(REALISTIC_FORCE_LAWS["suspension"], gap=math.inf, stop_stiffness=0.0)}
+    motion = integrate(car, inputs, rate=4000.0, force_laws=force_laws)
+    q, v, force_law = motion.coordinates, motion.velocities, force_laws["suspension"]
     stored = np.einsum("it,ij,jt->t", v, car.mass, v) / 2
     dissipated, work = np.zeros_like(stored), np.zeros_like(stored)
     slopes = np.gradient(inputs, 1 / 4000.0, axis=1, edge_order=2)
@@ -150,16 +154,18 @@ def test_work_of_the_road_is_stored_and_dissipated(car, drive):
             work -= element.stiffness * e * slopes[foot]
             stored += element.stiffness * e**2 / 2
         else:
-            stored += element.stiffness * (e**2 / 2 + law.cubic * e**4 / 4)
-            damper = element.damping * (1 + law.asymmetry * rate / np.hypot(rate, law.asymmetry_velocity)) * rate
-            dissipated += (damper + law.friction * rate / np.hypot(rate, law.friction_velocity)) * rate
+            stored += element.stiffness * (e**2 / 2 + force_law.cubic * e**4 / 4)
+            damper = (
+                element.damping * (1 + force_law.asymmetry * rate / np.hypot(rate, force_law.asymmetry_velocity)) * rate
+            )
+            dissipated += (damper + force_law.friction * rate / np.hypot(rate, force_law.friction_velocity)) * rate
     total = np.trapezoid(work) / 4000.0
     assert total == pytest.approx(stored[-1] + np.trapezoid(dissipated) / 4000.0, rel=2e-4)
     assert total > 10 * stored[-1]
 
 
 def test_nothing_moves_a_vehicle_at_rest(car):
-    motion = integrate(car, np.zeros((4, 1000)), rate=1000.0, laws=REALISTIC_LAWS)
+    motion = integrate(car, np.zeros((4, 1000)), rate=1000.0, force_laws=REALISTIC_FORCE_LAWS)
     assert not motion.outputs.any()
 
 
@@ -171,7 +177,7 @@ def test_a_course_changes_a_component_in_time():
         np.zeros((1, steps)),
         rate=RATE,
         coordinates=[0.01],
-        courses={Component("mass_1", "spring"): ([1.0, 1.0 + 1e-9], [1.0, 0.25])},
+        time_histories={Component("mass_1", "spring"): ([1.0, 1.0 + 1e-9], [1.0, 0.25])},
     )
     crossings = np.flatnonzero(np.diff(np.signbit(motion.coordinates[0]))) / RATE
     before, after = crossings[crossings < 1.0], crossings[crossings > 1.2]
@@ -181,7 +187,7 @@ def test_a_course_changes_a_component_in_time():
 
 def test_same_seed_same_drive(car):
     motion = SurfaceMotion(road_class("C"), (1.22, -1.58), constant_speed(10.0))
-    options = {"duration": 2.0, "sampling_rate": 200.0, "laws": REALISTIC_LAWS}
+    options = {"duration": 2.0, "sampling_rate": 200.0, "force_laws": REALISTIC_FORCE_LAWS}
     first, again, other = (simulate_nonlinear(car, motion, **options, seed=seed).samples for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.allclose(first, other)
@@ -190,10 +196,12 @@ def test_same_seed_same_drive(car):
 def test_what_does_not_fit_is_refused(car):
     with pytest.raises(ParameterError, match=r"inputs has shape \(3, 10\), but must be \(4, steps\)"):
         integrate(car, np.zeros((3, 10)), rate=100.0)
-    with pytest.raises(ParameterError, match="law of 'springs' is not one of"):
-        integrate(car, np.zeros((4, 10)), rate=100.0, laws={"springs": Law()})
+    with pytest.raises(ParameterError, match="force law of 'springs' is not one of"):
+        integrate(car, np.zeros((4, 10)), rate=100.0, force_laws={"springs": ForceLaw()})
     with pytest.raises(ParameterError, match=r"component 'front_left.sprung' is not one of"):
-        integrate(car, np.zeros((4, 10)), rate=100.0, courses={Component("front_left", "sprung"): ([0.0], [1.0])})
-    course = {Component("front_left", "spring"): ([0.0, 1.0], [1.0, -1.0])}
-    with pytest.raises(ParameterError, match="needs rising times"):
-        integrate(car, np.zeros((4, 10)), rate=100.0, courses=course)
+        integrate(
+            car, np.zeros((4, 10)), rate=100.0, time_histories={Component("front_left", "sprung"): ([0.0], [1.0])}
+        )
+    time_history = {Component("front_left", "spring"): ([0.0, 1.0], [1.0, -1.0])}
+    with pytest.raises(ParameterError, match="must have rising times"):
+        integrate(car, np.zeros((4, 10)), rate=100.0, time_histories=time_history)

@@ -1,25 +1,31 @@
+from functools import partial
+
 import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
+from sprung.excitation import RandomInputs
 from sprung.recording import Channel, Recording
 from sprung.simulation import (
-    Clipped,
-    Dead,
-    Delayed,
-    Drifting,
-    Gained,
-    Hum,
-    Inverted,
-    Jittered,
-    Noisy,
-    Quantised,
-    Spiking,
-    Stuck,
-    Swapped,
-    WithGap,
+    clipped,
+    dead,
+    delayed,
+    drifting,
+    inverted,
+    jittered,
+    noisy,
+    quantised,
+    scaled,
+    simulate,
+    spiking,
+    stuck,
+    swapped,
+    with_gap,
+    with_hum,
     with_imperfections,
+    with_noise,
 )
+from sprung.vehicles import chain
 
 RATE = 200.0
 N = 20_000
@@ -33,12 +39,12 @@ def run():
     return Recording(samples, RATE, channels)
 
 
-def applied(recording, *imperfections):
-    return with_imperfections(recording, imperfections, seed=1)
+def random():
+    return np.random.default_rng(1)
 
 
 def test_quantisation_error_has_the_variance_of_a_step(run):
-    found = applied(run, Quantised(full_scale=2.0, bits=10))
+    found = quantised(run, full_scale=2.0, bits=10)
     error = found.samples[:2] - run.samples[:2]
     step = 4.0 / 1024
     assert error.var(axis=1) == pytest.approx(step**2 / 12, rel=0.05)
@@ -47,20 +53,20 @@ def test_quantisation_error_has_the_variance_of_a_step(run):
 
 
 def test_quantisation_clips_at_full_scale(run):
-    found = applied(run, Quantised(full_scale=0.5, bits=8))
+    found = quantised(run, full_scale=0.5, bits=8)
     assert [found.samples[0].min(), found.samples[0].max()] == pytest.approx([-0.5, 0.5 - 1 / 256])
 
 
 def test_noise_has_its_size_on_its_channels(run):
-    found = applied(run, Noisy(0.1)).samples - run.samples
+    found = noisy(run, standard_deviation=0.1, generator=random()).samples - run.samples
     assert found.std(axis=1) == pytest.approx([0.1, 0.1, 0], rel=0.03)
     assert abs(np.corrcoef(found[:2])[0, 1]) < 0.03
-    one = applied(run, Noisy(0.1, channel="b", band=(1.0, 20.0))).samples - run.samples
+    one = noisy(run, standard_deviation=0.1, channel="b", band=(1.0, 20.0), generator=random()).samples - run.samples
     assert one.std(axis=1) == pytest.approx([0, 0.1, 0], rel=0.1)
 
 
 def test_delay_moves_one_channel_by_a_fraction_of_a_sample(run):
-    found = applied(run, Delayed("a", 0.0123)).samples
+    found = delayed(run, channel="a", delay=0.0123).samples
     inside = slice(400, -400)
     assert found[0][inside] == pytest.approx(np.sin(2 * np.pi * 1.3 * (TIME - 0.0123))[inside], abs=2e-4)
     assert np.array_equal(found[1], run.samples[1])
@@ -68,61 +74,99 @@ def test_delay_moves_one_channel_by_a_fraction_of_a_sample(run):
 
 def test_drift_after_an_hour(run):
     ends = [
-        with_imperfections(run, [Drifting("a", 2.0)], seed=seed).samples[0, -1] - run.samples[0, -1]
+        drifting(run, channel="a", per_hour=2.0, generator=np.random.default_rng(seed)).samples[0, -1]
+        - run.samples[0, -1]
         for seed in range(200)
     ]
     assert np.std(ends) == pytest.approx(2.0 * np.sqrt(N / RATE / 3600), rel=0.15)
 
 
 def test_jitter_is_the_slope_times_the_error_in_time(run):
-    error = applied(run, Jittered(1e-4)).samples[0] - run.samples[0]
+    error = jittered(run, standard_deviation=1e-4, generator=random()).samples[0] - run.samples[0]
     assert error.std() == pytest.approx(1e-4 * 2 * np.pi * 1.3 / np.sqrt(2), rel=0.05)
 
 
 def test_hum_has_its_frequency_and_amplitude(run):
-    error = applied(run, Hum("a", 0.2)).samples[0] - run.samples[0]
+    error = with_hum(run, channel="a", amplitude=0.2, generator=random()).samples[0] - run.samples[0]
     spectrum = np.abs(np.fft.rfft(error)) * 2 / N
     assert np.argmax(spectrum) * RATE / N == pytest.approx(50.0)
     assert spectrum.max() == pytest.approx(0.2)
 
 
 def test_channels_fail_from_their_onset_on(run):
-    for model_error, value in ((Dead("a", onset=10.0), 0.0), (Stuck("a", onset=10.0), run.samples[0, 1999])):
-        found = applied(run, model_error).samples
+    for fail, value in ((dead, 0.0), (stuck, run.samples[0, 1999])):
+        found = fail(run, channel="a", onset=10.0).samples
         assert np.array_equal(found[0, :2000], run.samples[0, :2000])
         assert np.all(found[0, 2000:] == value)
         assert np.array_equal(found[1:], run.samples[1:])
 
 
 def test_signs_gains_and_cables(run):
-    found = applied(run, Inverted("a"), Gained("b", 0.5), Swapped("a", "b")).samples
+    found = swapped(scaled(inverted(run, channel="a"), channel="b", factor=0.5), first="a", second="b").samples
     assert np.array_equal(found[0], 0.5 * run.samples[1])
     assert np.array_equal(found[1], -run.samples[0])
 
 
 def test_clipping_and_spikes(run):
-    assert np.abs(applied(run, Clipped("a", 0.7)).samples[0]).max() == 0.7
-    error = applied(run, Spiking("b", rate=2.0, height=30.0)).samples[1] - run.samples[1]
+    assert np.abs(clipped(run, channel="a", limit=0.7).samples[0]).max() == 0.7
+    error = spiking(run, channel="b", rate=2.0, height=30.0, generator=random()).samples[1] - run.samples[1]
     assert np.count_nonzero(error) == pytest.approx(200, abs=50)
     assert np.unique(np.abs(error[error != 0]).round(9)).tolist() == [30.0]
 
 
 def test_gap_takes_the_samples_out_and_is_marked(run):
-    found = applied(run, WithGap(20.0, 3.0))
+    found = with_gap(run, onset=20.0, duration=3.0)
     assert found.n_samples == N - 600
     assert (found.gaps[0].index, found.gaps[0].duration) == (4000, pytest.approx(3.0))
     assert np.array_equal(found.samples[:, 4000:], run.samples[:, 4600:])
 
 
 def test_every_step_is_in_the_history(run):
-    found = applied(run, Inverted("a"), Dead("b", onset=3.0), Quantised(2.0))
+    steps = [partial(inverted, channel="a"), partial(dead, channel="b", onset=3.0), partial(quantised, full_scale=2.0)]
+    found = with_imperfections(run, steps)
     assert found.history == ("a: inverted", "b: dead from 3 s on", "quantised to 16 bits of +-2")
 
 
 def test_what_does_not_fit_is_refused(run):
     with pytest.raises(ParameterError, match="there is no channel 'c'"):
-        applied(run, Inverted("c"))
+        inverted(run, channel="c")
     with pytest.raises(ParameterError, match="must lie inside the recording"):
-        applied(run, WithGap(99.0, 5.0))
+        with_gap(run, onset=99.0, duration=5.0)
     with pytest.raises(ParameterError, match="bits=40 must be"):
-        applied(run, Quantised(1.0, bits=40))
+        quantised(run, full_scale=1.0, bits=40)
+
+
+def test_random_imperfections_draw_from_one_generator_in_their_order(run):
+    steps = [
+        partial(noisy, standard_deviation=0.1),
+        partial(inverted, channel="a"),
+        partial(spiking, channel="b", rate=1.0, height=9.0),
+    ]
+    generator = np.random.default_rng(7)
+    by_hand = noisy(run, standard_deviation=0.1, generator=generator)
+    by_hand = spiking(inverted(by_hand, channel="a"), channel="b", rate=1.0, height=9.0, generator=generator)
+    assert np.array_equal(with_imperfections(run, steps, seed=7).samples, by_hand.samples)
+
+
+@pytest.mark.parametrize("snr", [10.0, 0.5])
+@pytest.mark.parametrize("band", [None, (0.5, 50.0)])
+def test_noise_has_the_amplitude_ratio(snr, band):
+    clean = simulate(chain(), RandomInputs(3), duration=20.0, sampling_rate=500.0)
+    noisy = with_noise(clean, snr=snr, generator=np.random.default_rng(1), band=band)
+    added = noisy.samples - clean.samples
+    ratio = np.sqrt(np.mean(clean.samples**2, axis=1) / np.mean(added**2, axis=1))
+    assert ratio == pytest.approx([snr] * 3, rel=1e-12)
+    assert np.abs(np.corrcoef(added) - np.eye(3)).max() < (0.06 if band is None else 0.15)
+    spectrum = np.abs(np.fft.rfft(added, axis=1)) ** 2
+    inside = spectrum[:, : 60 * 20].sum() / spectrum.sum()
+    assert inside == pytest.approx(0.24 if band is None else 0.97, abs=0.02)
+    assert noisy.history[-1].endswith(f"at SNR {snr:g}")
+
+
+def test_noise_keeps_gaps_missing_values_and_silence():
+    samples = np.vstack([np.sin(np.arange(100.0)), np.zeros(100)])
+    samples[0, 7] = np.nan
+    clean = Recording(samples, 10.0, (Channel("a"), Channel("b")))
+    noisy = with_noise(clean, snr=1.0, generator=np.random.default_rng(0))
+    assert np.flatnonzero(np.isnan(noisy.samples[0])).tolist() == [7]
+    np.testing.assert_array_equal(noisy.samples[1], 0.0)

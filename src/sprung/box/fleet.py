@@ -11,7 +11,7 @@ from sprung.box.box import Box, BoxSettings
 from sprung.box.sources import blocks_of
 from sprung.link import Address, Spool
 from sprung.recording import Recording
-from sprung.simulation import DriveSettings, simulate_drive
+from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
 from sprung.vehicles import Vehicle, parse_fault, vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
 
@@ -50,8 +50,12 @@ def drives(car: Vehicle, member: Member, start: int) -> Iterator[Recording]:
     while True:
         is_bad = number >= member.after
         faults = (parse_fault(member.fault),) if is_bad and member.fault else ()
-        settings = DriveSettings(
-            "road", duration=PIECE, snr=50.0, road="BCD"[(member.seed + number) % 3], faults=faults, n_stops=number % 2
+        settings = RoadDrive(
+            duration=PIECE,
+            snr=50.0,
+            road=RoadConditions("BCD"[(member.seed + number) % 3]),
+            faults=faults,
+            n_stops=number % 2,
         )
         run = simulate_drive(car, settings, seed=[member.seed, number]).recording
         if is_bad and member.dead_channel:

@@ -69,7 +69,6 @@ def _application() -> typer.Typer:
         corners.corners,
         baseline.baseline,
         diagnose.diagnose,
-        simulate.simulate,
         reproduce.reproduce,
         monitor.monitor,
         box.box,
@@ -80,6 +79,7 @@ def _application() -> typer.Typer:
     )
     for command in commands:
         application.command()(command)
+    application.add_typer(simulate.simulate, name="simulate")
     return application
 
 

@@ -164,9 +164,12 @@ def _blocks(
         return from_files(files, start=start, sampling_rate=sampling_rate, channels=channels)
     if kind == "simulator":
         from sprung.box import from_simulator as simulated
-        from sprung.simulation import DriveSettings
+        from sprung.simulation import RoadConditions, RoadDrive
 
-        return simulated(vehicle, lambda number: DriveSettings("road", snr=50.0, road="BCD"[number % 3]), start=start)
+        def settings(number: int) -> RoadDrive:
+            return RoadDrive(snr=50.0, road=RoadConditions("BCD"[number % 3]))
+
+        return simulated(vehicle, settings, start=start)
     if kind == "folder" and rest:
 
         def finish(name: str, said: str) -> None:

@@ -14,22 +14,36 @@ from sprung.cli.progress import progress_bar
 def reproduce(
     chapters: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[CHAPTER]", help="4, 5, 6, 7, 8 or comparison. Default: all.", show_default=False),
+        typer.Argument(
+            metavar="[CHAPTER]", help="Chapters: 4, 5, 6, 7, 8 or comparison. Default: all.", show_default=False
+        ),
     ] = None,
     *,
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for the pages.", show_default=False, rich_help_panel=OUTPUT)
+        Path,
+        typer.Option(
+            metavar="DIR",
+            help="Folder for the pages; created where it does not exist.",
+            show_default=False,
+            rich_help_panel=OUTPUT,
+        ),
     ],
-    seeds: Annotated[int, typer.Option(metavar="N", min=2, max=10_000, help="Runs where the thesis shows one.")] = 50,
+    seeds: Annotated[
+        int, typer.Option(metavar="N", min=2, max=10_000, help="Number of runs where the thesis shows one.")
+    ] = 50,
     processes: Annotated[
         int | None,
         typer.Option(
-            metavar="N", min=1, max=1000, help="Processes. Default: one for each processor.", show_default=False
+            metavar="N",
+            min=1,
+            max=1000,
+            help="Number of processes. Default: one for each processor.",
+            show_default=False,
         ),
     ] = None,
     json: Json = None,
 ) -> None:
-    """Compute the tables and figures of F. Liu's thesis again: an HTML page for each chapter, published beside ours."""
+    """Recompute the tables and figures of F. Liu's thesis: a page for each chapter, published values next to ours."""
     from sprung.errors import ParameterError
     from sprung.reproduce import reproduce
 

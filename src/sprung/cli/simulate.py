@@ -1,189 +1,282 @@
-"""The command `sprung simulate`."""
+"""The commands `sprung simulate road`, `rail`, `rig`, `chain` and `quarter`."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from sprung.cli.documents import write_json
-from sprung.cli.files import OUTPUT, Json, check_file
+from sprung.cli.files import Json, check_file
 from sprung.cli.printing import console, notes, table
 from sprung.cli.progress import progress_bar
+from sprung.cli.simulate_options import (
+    CONDITION,
+    DRIVE,
+    ConstantFaults,
+    Faults,
+    Minutes,
+    NoiseBand,
+    Nonlinear,
+    Out,
+    PayloadMass,
+    Records,
+    SamplingRate,
+    Seed,
+    Snr,
+    Speed,
+    Stops,
+    Temperature,
+    VehicleName,
+)
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sprung.excitation import Excitation
     from sprung.recording import Recording
-    from sprung.vehicles import Chain, Quarter, Vehicle
+    from sprung.simulation import DriveSettings, SuspensionConditions
+    from sprung.vehicles import Chain, Fault, Quarter, Vehicle
 
     AnyVehicle = Chain | Quarter | Vehicle
+    #: Simulates one record with a seed; returns it with its truth.
+    Run = Callable[[int | list[int]], tuple[Recording, dict[str, Any]]]
 
-#: Vehicle of each kind where none is given, and sampling rate [Hz] where the library has no usual one.
-_USUAL_VEHICLE = {"chain": "chain3", "quarter": "quarter", "road": "zafira", "rail": "y25", "rig": "scale-bogie"}
-_USUAL_RATE = {"chain": 500.0, "quarter": 1000.0}
 _MOST_SAMPLES = 1e8
-WAY, FAULTS = "Drive", "Condition"
+
+simulate = typer.Typer(
+    help="Simulate recordings with known truth; FILE.truth.json and FILE.vehicle.toml are written next to FILE.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 
 
-def simulate(
-    kind: Annotated[
-        Literal["road", "rail", "rig", "chain", "quarter"],
-        typer.Argument(
-            help="road: a car on a road. rail: a bogie on a track. rig: a bogie on rollers. chain: random forces on"
-            " masses above one another. quarter: one wheel on a roller."
-        ),
-    ],
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Where the records of a command go.
+
+    Parameters
+    ----------
+    out
+        File to write.
+    n_records
+        Number of records.
+    seed
+        Seed of the first record.
+    json
+        File for a copy of the truth, "-" for standard output, None for none.
+    """
+
+    out: Path
+    n_records: int
+    seed: int
+    json: str | None
+
+    def __post_init__(self) -> None:
+        check_file("--out", self.out)
+        check_file("--json", self.json)
+        if self.json is not None and Path(self.json).resolve() == self.out.resolve():
+            raise ParameterError(f"--json {self.json} would be written over --out: give another name")
+
+    @property
+    def paths(self) -> list[Path]:
+        """File of every record."""
+        if self.n_records == 1:
+            return [self.out]
+        return [self.out.with_stem(f"{self.out.stem}-{k:02d}") for k in range(1, self.n_records + 1)]
+
+
+@simulate.command()
+def road(
     *,
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            help="File to write: .csv, .parquet, .npz or .mat.",
-            show_default=False,
-            rich_help_panel=OUTPUT,
-        ),
-    ],
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            metavar="V.toml|NAME",
-            help="Vehicle file or name. Default: zafira, y25, scale-bogie, chain3, quarter.",
-            show_default=False,
-        ),
-    ] = None,
-    minutes: Annotated[float, typer.Option(metavar="M", help="Length of a record.")] = 10.0,
-    sampling_rate: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ", help="Default: 200 on a road, 500 on rails or for a chain, 1000 on a rig or quarter."
-        ),
-    ] = None,
-    speed: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="LO HI",
-            help="Range of the speed in m/s. Default: 5.5 20 on a road, 15 30 on rails, 5.5 5.9 on a rig.",
-            rich_help_panel=WAY,
-        ),
-    ] = None,
-    road: Annotated[
-        str | None, typer.Option(metavar="A..H", help="Class of the road, ISO 8608. Default: C.", rich_help_panel=WAY)
-    ] = None,
-    stops: Annotated[int, typer.Option(metavar="N", min=0, help="Stops on the way.", rich_help_panel=WAY)] = 0,
-    driven: Annotated[
-        Literal["all", "front"] | None,
-        typer.Option(help="Wheelsets that a rig drives. Default: all.", rich_help_panel=WAY),
-    ] = None,
-    case: Annotated[
-        int | None,
-        typer.Option(
-            metavar="1..4",
-            min=1,
-            max=4,
-            help="Base motion of the quarter vehicle. 1: random (default). 2: and pulses. 3: and a sine of 3.65 Hz."
-            " 4: and one of 17 Hz.",
-            rich_help_panel=WAY,
-        ),
-    ] = None,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="CORNER.COMPONENT=-0.2",
-            help="Change of a spring, damper or tyre; with @ONSET+GROWTH in seconds one that begins later and grows."
-            " Can be repeated.",
-            rich_help_panel=FAULTS,
-        ),
-    ] = None,
-    payload: Annotated[
-        float, typer.Option(metavar="KG", min=0, help="Mass on the body.", rich_help_panel=FAULTS)
-    ] = 0.0,
-    temperature: Annotated[
-        float, typer.Option(metavar="C", help="Of the dampers, nominal at 20.", rich_help_panel=FAULTS)
-    ] = 20.0,
+    out: Out,
+    vehicle: VehicleName = "zafira",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 200.0,
+    speed: Speed = (5.5, 20.0),
+    road_class: Annotated[
+        str, typer.Option("--road", metavar="A..H", help="Roughness class of ISO 8608.", rich_help_panel=DRIVE)
+    ] = "C",
+    stops: Stops = 0,
+    fault: Faults = None,
+    payload: PayloadMass = 0.0,
+    temperature: Temperature = 20.0,
     nonlinear: Annotated[
         bool,
         typer.Option(
             "--nonlinear",
-            help="Asymmetric dampers, friction, progressive springs, bump stops; potholes on the road.",
-            rich_help_panel=FAULTS,
+            help="Asymmetric dampers, friction, progressive springs and bump stops; potholes on the road.",
+            rich_help_panel=CONDITION,
         ),
     ] = False,
-    snr: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="RMS of the signal over that of the sensor noise. Default: no noise."),
-    ] = None,
-    noise_band: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="LO HI", help="Band of the noise in Hz. Default: white.")
-    ] = None,
-    n_records: Annotated[
-        int,
-        typer.Option(
-            "--records",
-            metavar="N",
-            min=1,
-            max=1000,
-            help="Records; several end in -01, -02 ...",
-            rich_help_panel=OUTPUT,
-        ),
-    ] = 1,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of all randomness.")] = 0,
+    snr: Snr = None,
+    records: Records = 1,
+    seed: Seed = 0,
     json: Json = None,
 ) -> None:
-    """Simulate recordings with known truth; FILE.truth.json and FILE.vehicle.toml are written beside them."""
-    check_file("--out", out)
-    check_file("--json", json)
-    if json is not None and Path(json).resolve() == out.resolve():
-        raise ParameterError(f"--json {json} would be written over --out: give another name")
+    """Simulate a car that drives on a road."""
+    from sprung.simulation import FEW_POTHOLES, Payload, RoadConditions, RoadDrive
+
+    output = Output(out, records, seed, json)
+    settings = RoadDrive(
+        road=RoadConditions(road_class, potholes=FEW_POTHOLES if nonlinear else None),
+        duration=60 * minutes,
+        sampling_rate=sampling_rate,
+        speed=speed,
+        n_stops=stops,
+        faults=_faults(fault),
+        payload=Payload(payload),
+        suspension=_suspension(temperature, nonlinear),
+        snr=snr,
+    )
+    _simulate_drives("road", vehicle, settings, output, road=road_class)
+
+
+@simulate.command()
+def rail(
+    *,
+    out: Out,
+    vehicle: VehicleName = "y25",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 500.0,
+    speed: Speed = (15.0, 30.0),
+    stops: Stops = 0,
+    fault: Faults = None,
+    payload: PayloadMass = 0.0,
+    temperature: Temperature = 20.0,
+    nonlinear: Nonlinear = False,
+    snr: Snr = None,
+    records: Records = 1,
+    seed: Seed = 0,
+    json: Json = None,
+) -> None:
+    """Simulate a bogie that runs on a track."""
+    from sprung.simulation import Payload, RailDrive
+
+    output = Output(out, records, seed, json)
+    settings = RailDrive(
+        duration=60 * minutes,
+        sampling_rate=sampling_rate,
+        speed=speed,
+        n_stops=stops,
+        faults=_faults(fault),
+        payload=Payload(payload),
+        suspension=_suspension(temperature, nonlinear),
+        snr=snr,
+    )
+    _simulate_drives("rail", vehicle, settings, output)
+
+
+@simulate.command()
+def rig(
+    *,
+    out: Out,
+    vehicle: VehicleName = "scale-bogie",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 1000.0,
+    speed: Speed = (5.5, 5.9),
+    stops: Stops = 0,
+    driven: Annotated[
+        Literal["all", "front"], typer.Option(help="Wheelsets on driven rollers.", rich_help_panel=DRIVE)
+    ] = "all",
+    fault: Faults = None,
+    payload: PayloadMass = 0.0,
+    temperature: Temperature = 20.0,
+    nonlinear: Nonlinear = False,
+    snr: Snr = None,
+    records: Records = 1,
+    seed: Seed = 0,
+    json: Json = None,
+) -> None:
+    """Simulate a bogie on a roller rig."""
+    from sprung.simulation import Payload, RigRun
+
+    output = Output(out, records, seed, json)
+    settings = RigRun(
+        driven=driven,
+        duration=60 * minutes,
+        sampling_rate=sampling_rate,
+        speed=speed,
+        n_stops=stops,
+        faults=_faults(fault),
+        payload=Payload(payload),
+        suspension=_suspension(temperature, nonlinear),
+        snr=snr,
+    )
+    _simulate_drives("rig", vehicle, settings, output)
+
+
+@simulate.command()
+def chain(
+    *,
+    out: Out,
+    vehicle: VehicleName = "chain3",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 500.0,
+    fault: ConstantFaults = None,
+    snr: Snr = None,
+    noise_band: NoiseBand = None,
+    records: Records = 1,
+    seed: Seed = 0,
+    json: Json = None,
+) -> None:
+    """Simulate a chain of masses, springs and dampers under random forces."""
+    from sprung.simulation import usual_excitation
+    from sprung.vehicles import structure
+
+    output, model = Output(out, records, seed, json), _vehicle("chain", vehicle)
+    options = _record_options(minutes, sampling_rate, snr, noise_band)
+    _simulate_shaken(model, usual_excitation(structure(model)), _faults(fault), options, output)
+
+
+@simulate.command()
+def quarter(
+    *,
+    out: Out,
+    vehicle: VehicleName = "quarter",
+    minutes: Minutes = 10.0,
+    sampling_rate: SamplingRate = 1000.0,
+    case: Annotated[
+        int,
+        typer.Option(
+            metavar="1..4",
+            min=1,
+            max=4,
+            help="Base motion. 1: random. 2: random plus pulses. 3: random plus pulses and a 3.65 Hz sine."
+            " 4: as 3, plus a 17 Hz sine.",
+            rich_help_panel=DRIVE,
+        ),
+    ] = 1,
+    fault: ConstantFaults = None,
+    snr: Snr = None,
+    noise_band: NoiseBand = None,
+    records: Records = 1,
+    seed: Seed = 0,
+    json: Json = None,
+) -> None:
+    """Simulate a quarter vehicle: one wheel on a roller."""
+    from sprung.excitation import QUARTER_CASES
+
+    output, model = Output(out, records, seed, json), _vehicle("quarter", vehicle)
+    options = _record_options(minutes, sampling_rate, snr, noise_band)
+    _simulate_shaken(model, QUARTER_CASES[case - 1], _faults(fault), options, output)
+
+
+def _suspension(temperature: float, nonlinear: bool) -> "SuspensionConditions":
+    from sprung.simulation import REALISTIC_FORCE_LAWS, SuspensionConditions
+
+    return SuspensionConditions(temperature, REALISTIC_FORCE_LAWS if nonlinear else {})
+
+
+def _record_options(
+    minutes: float, sampling_rate: float, snr: float | None, noise_band: tuple[float, float] | None
+) -> dict[str, Any]:
+    """Return the length and noise of a record without a drive."""
     if noise_band is not None and snr is None:
         raise ParameterError("--noise-band needs --snr: state how strong the noise is")
-    is_drive = kind in {"road", "rail", "rig"}
-    _check_options(
-        kind,
-        {
-            "--case": (case is not None, kind == "quarter"),
-            "--speed": (speed is not None, is_drive),
-            "--road": (road is not None, kind == "road"),
-            "--stops": (stops > 0, is_drive),
-            "--driven": (driven is not None, kind == "rig"),
-            "--payload": (payload > 0, is_drive),
-            "--temperature": (temperature != 20.0, is_drive),
-            "--nonlinear": (nonlinear, is_drive),
-        },
-    )
-    description = _vehicle(kind, vehicle)
-    given = {
-        "speed": speed,
-        "road": road or "C",
-        "n_stops": stops,
-        "payload": payload,
-        "temperature": temperature,
-        "is_nonlinear": nonlinear,
-        "driven": driven or "all",
-    }
-    options = {"duration": 60 * minutes, "sampling_rate": sampling_rate, "snr": snr, "noise_band": noise_band}
-    run, said = (
-        _drive(kind, description, fault or [], options, given)
-        if is_drive
-        else _shaken(description, fault or [], options, case)
-    )
-    paths = [out] if n_records == 1 else [out.with_stem(f"{out.stem}-{k:02d}") for k in range(1, n_records + 1)]
-    document = {**_simulated(run, paths, seed), **options, **said, "files": [str(path) for path in paths]}
-    beside = [Path(f"{out}.truth.json"), Path(f"{out}.vehicle.toml")]
-    write_json(document, str(beside[0]))
-    _write_vehicle(description, beside[1])
-    if json is not None:
-        write_json(document, json)
-    if json != "-":
-        _show(document, [*paths, *beside])
-
-
-def _check_options(kind: str, options: "dict[str, tuple[bool, bool]]") -> None:
-    """Refuse options that are given but mean nothing for the kind."""
-    for name, (is_given, is_used) in options.items():
-        if is_given and not is_used:
-            raise ParameterError(f"{name} means nothing for {kind}: leave it out")
+    _check_length(60 * minutes, sampling_rate)
+    return {"duration": 60 * minutes, "sampling_rate": sampling_rate, "snr": snr, "noise_band": noise_band}
 
 
 def _check_length(duration: float, sampling_rate: float) -> None:
@@ -196,97 +289,112 @@ def _check_length(duration: float, sampling_rate: float) -> None:
     check_number("samples in a record", n_samples, at_most=_MOST_SAMPLES, advice="lower --minutes, or use --records")
 
 
-def _vehicle(kind: str, path_or_name: str | None) -> "AnyVehicle":
-    """Return the vehicle to simulate."""
+def _faults(texts: Sequence[str] | None) -> "tuple[Fault, ...]":
+    from sprung.vehicles import parse_fault
+
+    return tuple(parse_fault(text) for text in texts or ())
+
+
+def _vehicle(kind: str, path_or_name: str) -> Any:
+    """Return the vehicle to simulate, of a type that suits the kind of simulation."""
     from sprung.vehicles import Vehicle, read_vehicle
 
-    vehicle = read_vehicle(_USUAL_VEHICLE[kind] if path_or_name is None else path_or_name)
-    if isinstance(vehicle, Vehicle) != (kind in {"road", "rail", "rig"}) or (
-        not isinstance(vehicle, Vehicle) and vehicle.kind != kind
-    ):
+    vehicle = read_vehicle(path_or_name)
+    is_drive = kind in {"road", "rail", "rig"}
+    if isinstance(vehicle, Vehicle) != is_drive or (not is_drive and vehicle.kind != kind):
         raise ParameterError(f"vehicle {path_or_name!r} is of kind {vehicle.kind}, not {kind}: give another one")
     return vehicle
 
 
-def _drive(
-    kind: Any, vehicle: Any, faults: Sequence[str], options: dict[str, Any], given: dict[str, Any]
-) -> "tuple[Callable[[int | list[int]], tuple[Recording, dict[str, Any]]], dict[str, Any]]":
-    """Return what simulates one drive for a seed, and its settings as the truth has them."""
-    from sprung.simulation import DriveSettings, simulate_drive
-    from sprung.vehicles import parse_fault
+def _simulate_drives(
+    kind: str, vehicle_name: str, settings: "DriveSettings", output: Output, *, road: str | None = None
+) -> None:
+    """Simulate and write drives."""
+    from sprung.simulation import simulate_drive
 
-    if options["noise_band"] is not None:
-        raise ParameterError(f"--noise-band means nothing for {kind}, whose sensor noise is white: leave it out")
-    parsed = tuple(parse_fault(text) for text in faults)
-    sizes = {"duration": options["duration"], "sampling_rate": options["sampling_rate"], "snr": options["snr"]}
-    settings = DriveSettings(kind=kind, faults=parsed, **sizes, **given)
-    _check_length(settings.duration, max(settings.rate, 1000.0))
-    options["sampling_rate"] = settings.rate
+    vehicle = _vehicle(kind, vehicle_name)
+    _check_length(settings.duration, max(settings.sampling_rate, 1000.0))
 
     def run(seed: "int | list[int]") -> "tuple[Recording, dict[str, Any]]":
         drive = simulate_drive(vehicle, settings, seed=seed)
         return drive.recording, drive.truth
 
-    named = {"nonlinear": given["is_nonlinear"], "payload": given["payload"], "temperature": given["temperature"]}
-    return run, {"kind": kind, "road": given["road"] if kind == "road" else None, **named}
+    described = {
+        "duration": settings.duration,
+        "sampling_rate": settings.sampling_rate,
+        "snr": settings.snr,
+        "noise_band": None,
+        "kind": kind,
+        "road": road,
+        "nonlinear": bool(settings.suspension.force_laws),
+        "payload": settings.payload.mass,
+        "temperature": settings.suspension.temperature,
+    }
+    _write(run, vehicle, described, output)
 
 
-def _shaken(
-    vehicle: Any, faults: Sequence[str], options: dict[str, Any], case: int | None
-) -> "tuple[Callable[[int | list[int]], tuple[Recording, dict[str, Any]]], dict[str, Any]]":
-    """Return what simulates a chain or quarter vehicle for a seed, and its excitation in words."""
-    from sprung.excitation import QUARTER_CASES
-    from sprung.simulation import simulate, truth, usual_excitation
-    from sprung.vehicles import parse_fault, structure, with_faults
+def _simulate_shaken(
+    vehicle: Any, excitation: "Excitation", faults: "Sequence[Fault]", options: dict[str, Any], output: Output
+) -> None:
+    """Simulate and write records of a chain or a quarter vehicle."""
+    from sprung.simulation import simulate, truth
+    from sprung.vehicles import structure, with_faults
 
-    if options["sampling_rate"] is None:
-        options["sampling_rate"] = _USUAL_RATE[vehicle.kind]
-    _check_length(options["duration"], options["sampling_rate"])
-    parsed = tuple(parse_fault(text) for text in faults)
-    for one in parsed:
-        if not one.is_constant:
-            raise ParameterError(f"the fault of {one.component} begins later or grows: only drives have such faults")
+    for fault in faults:
+        if not fault.is_constant:
+            raise ParameterError(
+                f"the fault of {fault.component} begins later or grows, as only faults of drives can: give its change"
+            )
     healthy = structure(vehicle)
-    model = with_faults(healthy, parsed)
-    excitation = usual_excitation(model) if vehicle.kind == "chain" else QUARTER_CASES[(case or 1) - 1]
+    faulty = with_faults(healthy, faults)
 
     def run(seed: "int | list[int]") -> "tuple[Recording, dict[str, Any]]":
         import numpy as np
 
-        recording = simulate(model, excitation, **options, seed=np.random.default_rng(seed))
-        return recording, truth(healthy, faults=parsed)
+        recording = simulate(faulty, excitation, **options, seed=np.random.default_rng(seed))
+        return recording, truth(healthy, faults=faults)
 
-    return run, {"excitation": str(excitation)}
+    _write(run, vehicle, {**options, "excitation": str(excitation)}, output)
 
 
-def _simulated(
-    run: "Callable[[int | list[int]], tuple[Recording, dict[str, Any]]]", paths: Sequence[Path], seed: int
-) -> dict[str, Any]:
-    """Write the recordings and return what they hold."""
+def _write(run: "Run", vehicle: "AnyVehicle", described: dict[str, Any], output: Output) -> None:
+    """Write the recordings, and the truth and the vehicle file next to them; print what was written."""
+    from sprung.vehicles import write_vehicle
+
+    document = {
+        **_write_recordings(run, output),
+        **described,
+        "files": [str(path) for path in output.paths],
+    }
+    truth_path, vehicle_path = Path(f"{output.out}.truth.json"), Path(f"{output.out}.vehicle.toml")
+    write_json(document, str(truth_path))
+    write_vehicle(vehicle, vehicle_path)
+    if output.json is not None:
+        write_json(document, output.json)
+    if output.json != "-":
+        _show(document, [*output.paths, truth_path, vehicle_path])
+
+
+def _write_recordings(run: "Run", output: Output) -> dict[str, Any]:
+    """Write the recordings and return their truth."""
     from sprung.formats import write
 
     documents = []
+    paths = output.paths
     with progress_bar() as report:
         for k, path in enumerate(paths):
             report(f"simulating {path.name}", k / len(paths))
-            recording, document = run(seed if len(paths) == 1 else [seed, k])
+            recording, document = run(output.seed if len(paths) == 1 else [output.seed, k])
             write(recording, path)
             documents.append(document)
-    first = {**documents[0], "seed": seed}
+    first = {**documents[0], "seed": output.seed}
     if len(documents) > 1 and first["speed"] is not None:
         first["speeds"] = [document["speed"] for document in documents]
     return first
 
 
-def _write_vehicle(vehicle: "AnyVehicle", path: Path) -> None:
-    """Write the vehicle file."""
-    from sprung.vehicles import write_vehicle
-
-    write_vehicle(vehicle, path)
-
-
 def _show(document: dict[str, Any], paths: Sequence[Path]) -> None:
-    """Print the true modes and what was written."""
+    """Print the true modes and the files that were written."""
     rows = [
         (f"{mode['natural_frequency']:.4g}", f"{100 * mode['damping_ratio']:.4g}", mode["label"] or "")
         for mode in document["modes"]

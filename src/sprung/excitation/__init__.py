@@ -1,4 +1,4 @@
-"""What drives a vehicle: random forces, hammer blows, base motions, roads, rails, roller rigs, lines."""
+"""Excitation of a vehicle: random forces, hammer blows, base motions, roads, tracks, roller rigs, harmonics."""
 
 from sprung.excitation.base_motion import QUARTER_CASES, BaseMotion, pulse_indices
 from sprung.excitation.hammer import HammerBlows

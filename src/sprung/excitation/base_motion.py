@@ -22,11 +22,11 @@ class BaseMotion:
     harmonic
         Amplitude of every sine, A2 [m].
     frequencies, phases
-        Of the sines [Hz, rad]; as many phases as frequencies.
+        Frequencies [Hz] and phases [rad] of the sines, one phase for each frequency.
     pulse
         Height of the pulses, A3 [m], each one sample long.
     pulse_frequency
-        Of the pulse train [Hz], above 0.
+        Frequency of the pulse train [Hz], above 0.
 
     Notes
     -----
@@ -57,12 +57,12 @@ class BaseMotion:
 
     @property
     def n_inputs(self) -> int:
-        """One base moves."""
+        """Number of inputs: one base."""
         return 1
 
     @property
     def is_smooth(self) -> bool:
-        """Noise and pulses are held from sample to sample."""
+        """False: noise and pulses are held from sample to sample."""
         return False
 
     def samples(
@@ -88,7 +88,7 @@ QUARTER_CASES = (
 
 
 def pulse_indices(n_samples: int, pulses_per_sample: float, *, first: int = 0) -> Indices:
-    """Return which of the samples `first` to `first + n_samples - 1` are nearest to a pulse, counted from `first`."""
+    """Return the samples nearest to a pulse among `first` to `first + n_samples - 1`, counted from `first`."""
     earliest = math.floor((first - 1) * pulses_per_sample)
     latest = math.ceil((first + n_samples) * pulses_per_sample)
     indices = np.rint(np.arange(earliest, latest + 1) / pulses_per_sample).astype(np.intp) - first

@@ -1,4 +1,4 @@
-"""Hammer blows at random places and times."""
+"""Hammer blows at random positions and times."""
 
 import math
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ class HammerBlows:
     strength
         Smallest and largest peak force [N].
     duration
-        Of a half-sine blow [s].
+        Duration of a half-sine blow [s].
 
     Notes
     -----
-    A blow at a random place between the corners is shared among them by bilinear weights, which have its force and
-    both its moments exactly. Inputs: front left, front right, rear left, rear right.
+    A blow at a random position between the corners is distributed over them by bilinear weights, which preserve its
+    force and both its moments exactly. Inputs: front left, front right, rear left, rear right.
     """
 
     rate: float = 0.7
@@ -38,12 +38,12 @@ class HammerBlows:
 
     @property
     def n_inputs(self) -> int:
-        """Four corners."""
+        """Number of inputs: four corners."""
         return 4
 
     @property
     def is_smooth(self) -> bool:
-        """Forces run on between samples."""
+        """True: forces are continuous between samples."""
         return True
 
     def samples(
@@ -63,11 +63,11 @@ class HammerBlows:
 
 
 def corner_weights(forward: float, left: float) -> Real:
-    """Return the shares of the four corners in a force at a place between them, shape (4,).
+    """Return the shares of the four corners in a force at a position between them, shape (4,).
 
     Parameters
     ----------
     forward, left
-        0 at the rear and on the right, 1 at the front and on the left.
+        Relative position: 0 at the rear and on the right, 1 at the front and on the left.
     """
     return np.array([forward * left, forward * (1 - left), (1 - forward) * left, (1 - forward) * (1 - left)])

@@ -19,7 +19,7 @@ _LOWEST_EDGE = 1e-6
 
 
 class Excitation(Protocol):
-    """What drives a vehicle: rows of forces [N] or base displacements [m]."""
+    """Excitation of a vehicle: rows of forces [N] or base displacements [m]."""
 
     @property
     def n_inputs(self) -> int:
@@ -27,7 +27,7 @@ class Excitation(Protocol):
 
     @property
     def is_smooth(self) -> bool:
-        """Tell whether the inputs run on between samples (first-order hold) instead of being held (zero-order)."""
+        """Whether the inputs are linear between samples (first-order hold) instead of held (zero-order hold)."""
 
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
@@ -44,7 +44,7 @@ class RandomInputs:
     n_inputs
         Number of rows, at least 1.
     standard_deviation
-        Of each sample, in N (or m for base displacements), above 0.
+        Standard deviation of each sample [N, or m for base displacements], above 0.
     band
         Lower and upper edge [Hz]; None for white noise up to half the sampling rate.
     """
@@ -55,7 +55,7 @@ class RandomInputs:
 
     @property
     def is_smooth(self) -> bool:
-        """Noise is held from sample to sample."""
+        """False: noise is held from sample to sample."""
         return False
 
     def __post_init__(self) -> None:
@@ -83,12 +83,12 @@ def noise(
     Parameters
     ----------
     shape
-        The last axis is time.
+        Shape of the result; the last axis is time.
     band
-        Lower and upper edge [Hz], at -3 dB; None for white noise. A lower edge of 0 or an upper edge from half
-        the sampling rate on is no edge.
+        Lower and upper edge [Hz], at -3 dB; None for white noise. A lower edge of 0, or an upper edge at or
+        above half the sampling rate, means no limit on that side.
     sampling_rate
-        In Hz.
+        Sampling rate [Hz], above 0.
     generator
         Source of the randomness.
 
@@ -100,7 +100,7 @@ def noise(
     Notes
     -----
     Band-limited noise is white noise through a causal Butterworth filter of order `BAND_ORDER` at each edge,
-    its transient cut off, divided by the filter's gain for white noise: the standard deviation is 1 in
+    with its transient removed, divided by the filter's gain for white noise: the standard deviation is 1 in
     expectation.
     """
     check_number("sampling_rate", sampling_rate, above=0)

@@ -1,4 +1,4 @@
-"""Lines that follow a speed, such as of wheels and engine; and sums of excitations."""
+"""Harmonics that follow a speed, such as those of wheels and engine; and sums of excitations."""
 
 from dataclasses import dataclass
 
@@ -18,19 +18,19 @@ class Lines:
     Parameters
     ----------
     speed
-        In m/s (or revolutions per second).
+        Speed over time [m/s, or revolutions per second].
     orders
-        Periods per metre (or revolution): 1 / (2 pi 0.3) for the first order of a wheel of 0.3 m.
+        Periods per metre (or revolution): 1 / (2 pi 0.3) for the first order of a wheel of 0.3 m radius.
     amplitudes
-        Of each order at the reference speed [N, or m for base displacements].
+        Amplitude of each order at the reference speed [N, or m for base displacements].
     shares
-        What of it acts on each input, shape (inputs,).
+        Factor with which the lines act on each input, shape (inputs,).
     reference_speed, speed_exponent
-        amplitude = amplitudes (speed / reference_speed)^speed_exponent; unbalance grows with the square.
+        Growth with the speed: amplitudes (speed / reference_speed)^speed_exponent; 2 for unbalance.
 
     Notes
     -----
-    The phase is 2 pi order distance(t): the integral of the frequency, so that it runs on when the speed changes.
+    The phase is 2 pi order distance(t): the integral of the frequency, so that it is continuous when the speed changes.
     """
 
     speed: SpeedProfile
@@ -49,12 +49,12 @@ class Lines:
 
     @property
     def n_inputs(self) -> int:
-        """As many as there are shares."""
+        """Number of inputs: one for each share."""
         return len(self.shares)
 
     @property
     def is_smooth(self) -> bool:
-        """Sines run on between samples."""
+        """True: sines are continuous between samples."""
         return True
 
     def samples(
@@ -72,12 +72,12 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class Sum:
-    """Excitations of the same inputs together.
+    """Sum of excitations of the same inputs.
 
     Parameters
     ----------
     parts
-        At least one, all with the same number of inputs, drawn one after the other.
+        Excitations with the same number of inputs, at least one, drawn one after the other.
     """
 
     parts: tuple[Excitation, ...]
@@ -85,16 +85,16 @@ class Sum:
     def __post_init__(self) -> None:
         if len({part.n_inputs for part in self.parts}) != 1:
             counts = ", ".join(str(part.n_inputs) for part in self.parts)
-            raise ParameterError(f"parts have {counts or 'no'} inputs, but must all have the same number: correct it")
+            raise ParameterError(f"parts have {counts or 'no'} inputs, but must all have the same number: correct them")
 
     @property
     def n_inputs(self) -> int:
-        """Of each part."""
+        """Number of inputs of each part."""
         return self.parts[0].n_inputs
 
     @property
     def is_smooth(self) -> bool:
-        """Smooth where all parts are."""
+        """Whether all parts are linear between samples."""
         return all(part.is_smooth for part in self.parts)
 
     def samples(

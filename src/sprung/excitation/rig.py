@@ -12,23 +12,23 @@ from sprung.excitation.speed import SpeedProfile
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RollerRig:
-    """Rollers under some or all wheelsets: roughness, rail joints on the drum, harmonics of its rotation.
+    """Rollers under some or all wheelsets: roughness, rail joints on the rollers, harmonics of their rotation.
 
     Parameters
     ----------
     is_driven
-        For each wheelset, front to rear, whether it stands on a roller; the others stand on ground that does not move.
+        Whether each wheelset, front to rear, stands on driven rollers; the others stand on fixed ground.
     rotation
-        Of the rollers over time [revolutions per second].
+        Rotation of the rollers over time [revolutions per second].
     random
         Standard deviation of the roughness under each wheel at the mean speed [m], independent between wheels.
     joints, joint
-        Number on a revolution, and height of the pulse that each gives to both wheels [m], one sample long.
+        Number of joints in a revolution, and height of the pulse under both wheels at each [m], one sample long.
     harmonics
         Amplitude of the first, second ... harmonic of the rotation under both wheels [m].
     speed_exponent
-        Roughness and harmonics grow with this power of the rotation over its mean.
-    unlikeness
+        Power of the rotation over its mean with which roughness and harmonics grow.
+    asymmetry
         Relative difference of joints and harmonics between left and right.
     """
 
@@ -39,22 +39,22 @@ class RollerRig:
     joint: float = 0.0
     harmonics: tuple[float, ...] = ()
     speed_exponent: float = 1.0
-    unlikeness: float = 0.1
+    asymmetry: float = 0.1
 
     def __post_init__(self) -> None:
         for name in ("random", "joints", "joint"):
             check_number(name, getattr(self, name), at_least=0)
         if not any(self.is_driven):
-            raise ParameterError("no wheelset is driven: is_driven must hold at least one True")
+            raise ParameterError(f"is_driven={self.is_driven} must have at least one driven wheelset: set one to True")
 
     @property
     def n_inputs(self) -> int:
-        """Two wheels on each wheelset."""
+        """Number of inputs: two wheels on each wheelset."""
         return 2 * len(self.is_driven)
 
     @property
     def is_smooth(self) -> bool:
-        """Roughness and pulses are held from sample to sample."""
+        """False: roughness and pulses are held from sample to sample."""
         return False
 
     def samples(
@@ -71,6 +71,6 @@ class RollerRig:
             for order, amplitude in enumerate(self.harmonics, start=1):
                 regular += amplitude * growth * np.sin(2 * np.pi * order * turns + generator.uniform(0, 2 * np.pi))
             regular[1:] += self.joint * np.diff(np.floor(self.joints * turns))
-            sides = regular * np.array([[1 + self.unlikeness / 2], [1 - self.unlikeness / 2]])
+            sides = regular * np.array([[1 + self.asymmetry / 2], [1 - self.asymmetry / 2]])
             motion[2 * axle : 2 * axle + 2] = sides + self.random * growth * generator.standard_normal((2, n_samples))
         return motion

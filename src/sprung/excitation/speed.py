@@ -1,4 +1,4 @@
-"""Speed over time: of a drive, or the rotation of a roller."""
+"""Speed over time, of a vehicle or of the rotation of a roller."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from sprung._arrays import Real
 from sprung._checks import check_number, freeze
 from sprung.errors import ParameterError
 
-#: Accelerations of a drive and of braking to a stop [m/s^2], times of steady speed and of standing still [s].
+#: Ranges of the accelerations [m/s^2], and of the durations of steady speed and of standstill [s].
 _ACCELERATIONS, _STEADY, _STANDING = (0.4, 1.5), (8.0, 40.0), (5.0, 15.0)
 
 
@@ -20,9 +20,9 @@ class SpeedProfile:
     Parameters
     ----------
     times
-        Rising, shape (knots,) [s].
+        Times of the knots, rising, shape (knots,) [s].
     speeds
-        At the knots, at least 0, shape (knots,) [m/s, or revolutions per second].
+        Speeds at the knots, at least 0, shape (knots,) [m/s, or revolutions per second].
 
     Raises
     ------
@@ -37,17 +37,17 @@ class SpeedProfile:
         freeze(self, times=1, speeds=1)
         if self.times.size == 0 or self.times.shape != self.speeds.shape or np.any(np.diff(self.times) <= 0):
             raise ParameterError(
-                f"times of a speed profile must rise, one for each of {self.speeds.size} speeds: correct"
+                f"times of a speed profile must rise, one for each of {self.speeds.size} speeds: correct them"
             )
         if not np.all(np.isfinite(self.speeds)) or np.any(self.speeds < 0):
-            raise ParameterError("speeds must be finite and at least 0: vehicles drive forward here")
+            raise ParameterError("speeds of a speed profile must be finite and at least 0: vehicles drive forward only")
 
     def speed(self, time: ArrayLike) -> Real:
         """Return the speed at times [s]."""
         return np.interp(np.asarray(time), self.times, self.speeds)
 
     def distance(self, time: ArrayLike) -> Real:
-        """Return the distance from time 0, the exact integral of the speed; negative before.
+        """Return the distance travelled since time 0 [m], the exact integral of the speed; negative before.
 
         Examples
         --------
@@ -57,7 +57,7 @@ class SpeedProfile:
         return self._since_first(time) - self._since_first(0.0)
 
     def _since_first(self, time: ArrayLike) -> Real:
-        """Distance from the first knot."""
+        """Return the distance travelled since the first knot."""
         t = np.asarray(time, dtype=np.float64)
         steps = np.diff(self.times) * (self.speeds[1:] + self.speeds[:-1]) / 2
         passed = np.concatenate([[0.0], np.cumsum(steps)])
@@ -66,7 +66,7 @@ class SpeedProfile:
 
 
 def constant_speed(speed: float) -> SpeedProfile:
-    """Return the same speed at all times."""
+    """Return a constant speed profile."""
     check_number("speed", speed, at_least=0)
     return SpeedProfile(np.zeros(1), np.array([speed]))
 
@@ -74,16 +74,16 @@ def constant_speed(speed: float) -> SpeedProfile:
 def random_speed(
     duration: float, *, low: float, high: float, n_stops: int = 0, generator: np.random.Generator
 ) -> SpeedProfile:
-    """Return the speed of a drive: stretches of steady speed, changes between them, stops.
+    """Return the random speed of a drive: stretches of steady speed, changes between them, stops.
 
     Parameters
     ----------
     duration
-        In s; the last stretch goes beyond it.
+        Duration of the drive [s]; the last stretch extends beyond it.
     low, high
         Range of the steady speeds [m/s].
     n_stops
-        Stops, spread over the drive; fewer where it is too short for them.
+        Number of stops, spread over the drive; a drive that is too short has fewer.
     generator
         Source of the randomness.
     """

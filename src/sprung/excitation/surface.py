@@ -1,4 +1,4 @@
-"""Roads and rails: random unevenness, potholes, joints, and how the wheels of a vehicle follow them."""
+"""Roads and tracks: random unevenness, potholes, joints, and the height that the wheels of a vehicle follow."""
 
 import math
 from collections.abc import Sequence
@@ -16,18 +16,18 @@ from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
 from sprung.excitation.speed import SpeedProfile
 
-#: Level of the road classes at 0.1 cycles/m, geometric mean [m^3] (ISO 8608:2016, table C.1).
+#: Roughness G(n0) of the road classes at n0 = 0.1 cycles/m, geometric mean [m^3] (ISO 8608:2016, table C.1).
 ROAD_CLASSES: MappingProxyType[str, float] = MappingProxyType({name: 16e-6 * 4**k for k, name in enumerate("ABCDEFGH")})
-#: Spatial frequency at which the level of a road is given [1/m], and the range in which it is uneven.
+#: Spatial frequency at which the roughness of a road is given, and the range in which it is uneven [1/m].
 REFERENCE, LOWEST, HIGHEST = 0.1, 0.01, 10.0
 #: Distance between the points of a profile [m], and its shortest length.
 SPACING, _SHORTEST = 0.02, 1000.0
-#: Points that a profile may have.
+#: Largest number of points of a profile.
 _MOST_POINTS = 2e8
 
 
 class Surface(Protocol):
-    """Unevenness of a left and a right track as a common and a differing part."""
+    """Unevenness of a left and a right track: spectra of its common and its differing part."""
 
     def common(self, spatial_frequency: Real) -> Real:
         """Return the one-sided spectral density of (left + right) / 2 over cycles/m [m^3]."""
@@ -38,56 +38,82 @@ class Surface(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Road:
-    """A road by ISO 8608 with coherence of left and right.
+    """Road of ISO 8608 with coherence between the left and the right track.
 
     Parameters
     ----------
-    level
-        G(n0): one-sided displacement spectral density at n0 = 0.1 cycles/m [m^3].
-    exponent
-        w; 2 in the standard.
+    roughness
+        One-sided displacement spectral density G(n0) at n0 = 0.1 cycles/m [m^3], above 0.
+    waviness
+        Exponent w of the spectral density, 0 to 5; 2 in the standard.
     coherence_length
-        In m: left and right have the coherence function g = exp(-coherence_length n).
+        Length [m], at least 0, in the function g = exp(-coherence_length n) of the spatial frequency n.
 
     Notes
     -----
-    G(n) = level (n / n0)^-exponent between 0.01 and 10 cycles/m, and the cross spectrum of left and right is G g:
-    their half sum has G (1 + g) / 2 and their half difference G (1 - g) / 2.
+    G(n) = roughness (n / n0)^-waviness between 0.01 and 10 cycles/m, for both tracks. Their cross spectrum is G g, so
+    that their half sum has the density G (1 + g) / 2 and their half difference G (1 - g) / 2; g^2 is the
+    magnitude-squared coherence. An isotropic surface would have another g, fixed by G alone (Kamash and Robson).
+
+    References
+    ----------
+    ISO 8608:2016, Mechanical vibration - Road surface profiles - Reporting of measured data.
+
+    C. J. Dodds and J. D. Robson, The description of road surface roughness, Journal of Sound and Vibration 31 (1973),
+    175-183.
+
+    K. M. A. Kamash and J. D. Robson, The application of isotropy in road surface modelling, Journal of Sound and
+    Vibration 57 (1978), 89-100.
     """
 
-    level: float
-    exponent: float = 2.0
+    roughness: float
+    waviness: float = 2.0
     coherence_length: float = 1.5
 
     def __post_init__(self) -> None:
-        check_number("level", self.level, above=0)
-        check_number("exponent", self.exponent, at_least=0, at_most=5)
+        check_number("roughness", self.roughness, above=0)
+        check_number("waviness", self.waviness, at_least=0, at_most=5)
         check_number("coherence_length", self.coherence_length, at_least=0)
 
     def density(self, spatial_frequency: Real) -> Real:
-        """Return G(n) of one track [m^3]; 0 outside the range."""
+        """Return the density G(n) of one track over cycles/m [m^3]; 0 outside 0.01 to 10 cycles/m."""
         inside = (spatial_frequency >= LOWEST) & (spatial_frequency <= HIGHEST)
-        return np.where(inside, self.level * (np.maximum(spatial_frequency, LOWEST) / REFERENCE) ** -self.exponent, 0.0)
+        density = self.roughness * (np.maximum(spatial_frequency, LOWEST) / REFERENCE) ** -self.waviness
+        return np.where(inside, density, 0.0)
 
     def coherence(self, spatial_frequency: Real) -> Real:
-        """Return g(n), the cross over the auto spectrum of the tracks."""
+        """Return g(n), the cross spectrum of the tracks over their auto spectrum."""
         return np.exp(-self.coherence_length * spatial_frequency)
 
     def common(self, spatial_frequency: Real) -> Real:
-        """Return the density of the half sum."""
+        """Return the density of the half sum [m^3]."""
         return self.density(spatial_frequency) * (1 + self.coherence(spatial_frequency)) / 2
 
     def differing(self, spatial_frequency: Real) -> Real:
-        """Return the density of the half difference."""
+        """Return the density of the half difference [m^3]."""
         return self.density(spatial_frequency) * (1 - self.coherence(spatial_frequency)) / 2
 
 
 def road_class(name: str) -> Road:
-    """Return the road of a class of ISO 8608, A (very good) to H.
+    """Return the road of a roughness class of ISO 8608, A (very good) to H (very poor).
+
+    Parameters
+    ----------
+    name
+        Letter of the class, in either case.
+
+    Raises
+    ------
+    ParameterError
+        Where there is no such class.
+
+    References
+    ----------
+    ISO 8608:2016, Mechanical vibration - Road surface profiles - Reporting of measured data, table C.1.
 
     Examples
     --------
-    >>> road_class("C").level
+    >>> road_class("C").roughness
     0.000256
     """
     return Road(ROAD_CLASSES[check_one_of("road class", name.upper(), ROAD_CLASSES)])
@@ -95,17 +121,18 @@ def road_class(name: str) -> Road:
 
 @dataclass(frozen=True, slots=True)
 class Rail:
-    """A track by the spectra of ERRI B176.
+    """Track with the irregularity spectra of ERRI B176.
 
     Parameters
     ----------
-    level
-        A [m rad]: 4.032e-7 for a good track, 1.080e-6 for a bad one.
+    roughness
+        Scale factor A of the spectra [m rad], above 0: 4.032e-7 for a good track, 1.080e-6 for a bad one.
 
     Notes
     -----
-    Over the pulsation W [rad/m], one-sided: vertical A Wc^2 / ((W^2 + Wr^2)(W^2 + Wc^2)); half the cross level that
-    times W^2 / (W^2 + Ws^2); Wc = 0.8246, Wr = 0.0206, Ws = 0.4380 rad/m. Over cycles they are 2 pi times larger.
+    One-sided densities over the angular spatial frequency W [rad/m]: A Wc^2 / ((W^2 + Wr^2)(W^2 + Wc^2)) of the
+    vertical irregularity, and W^2 / (W^2 + Ws^2) times that of half the cross level, with Wc = 0.8246, Wr = 0.0206
+    and Ws = 0.4380 rad/m. Over cycles/m they are 2 pi times larger.
 
     References
     ----------
@@ -113,38 +140,38 @@ class Rail:
     railway bogie structural vibrations, Vehicle System Dynamics 29 (1998), supplement, 538-552.
     """
 
-    level: float
+    roughness: float
 
     def __post_init__(self) -> None:
-        check_number("level", self.level, above=0)
+        check_number("roughness", self.roughness, above=0)
 
     def common(self, spatial_frequency: Real) -> Real:
-        """Return the density of the vertical unevenness."""
+        """Return the density of the vertical irregularity [m^3]."""
         squared = (2 * np.pi * spatial_frequency) ** 2
-        return 2 * np.pi * self.level * 0.8246**2 / ((squared + 0.0206**2) * (squared + 0.8246**2))
+        return 2 * np.pi * self.roughness * 0.8246**2 / ((squared + 0.0206**2) * (squared + 0.8246**2))
 
     def differing(self, spatial_frequency: Real) -> Real:
-        """Return the density of half the cross level as a height."""
+        """Return the density of half the cross level, as a height [m^3]."""
         squared = (2 * np.pi * spatial_frequency) ** 2
         return self.common(spatial_frequency) * squared / (squared + 0.4380**2)
 
 
 def rail_quality(name: str) -> Rail:
-    """Return a "good" or a "bad" track of ERRI B176."""
-    levels = {"good": 4.032e-7, "bad": 1.080e-6}
-    return Rail(levels[check_one_of("rail quality", name, levels)])
+    """Return a "good" or a "bad" track of ERRI B176, see `Rail`."""
+    roughness = {"good": 4.032e-7, "bad": 1.080e-6}
+    return Rail(roughness[check_one_of("rail quality", name, roughness)])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Profile:
-    """Heights of a left and a right track along the way.
+    """Heights of a left and a right track along the road.
 
     Parameters
     ----------
     first
-        Place of the first height [m].
+        Position of the first height [m].
     heights
-        Shape (2, points): left and right [m], `SPACING` apart.
+        Heights of the left and the right track [m], shape (2, points), `SPACING` apart.
     """
 
     first: float
@@ -152,40 +179,42 @@ class Profile:
     _splines: CubicSpline = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        places = self.first + SPACING * np.arange(self.heights.shape[1])
-        object.__setattr__(self, "_splines", CubicSpline(places, self.heights, axis=1))
+        positions = self.first + SPACING * np.arange(self.heights.shape[1])
+        object.__setattr__(self, "_splines", CubicSpline(positions, self.heights, axis=1))
 
-    def height(self, is_left: bool, place: ArrayLike) -> Real:
-        """Return the height of a track at places [m], by a cubic spline through its points."""
+    def height(self, is_left: bool, position: ArrayLike) -> Real:
+        """Return the height of a track at positions [m], by a cubic spline through its points."""
         side = 0 if is_left else 1
-        return CubicSpline.construct_fast(self._splines.c[..., side], self._splines.x)(np.asarray(place))
+        return CubicSpline.construct_fast(self._splines.c[..., side], self._splines.x)(np.asarray(position))
 
 
 class Obstacle(Protocol):
-    """Something on the way that is not random unevenness."""
+    """Deterministic or rare unevenness of a road or track, added to its random profile."""
 
-    def heights(self, places: Real, generator: np.random.Generator) -> Real:
-        """Return the height of left and right at rising places, shape (2, points) [m]."""
+    def heights(self, positions: Real, generator: np.random.Generator) -> Real:
+        """Return the heights of left and right at rising positions [m], shape (2, points) [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Potholes:
-    """Potholes and bumps at random places.
+    """Potholes and bumps at random positions.
 
     Parameters
     ----------
     per_kilometre
-        Mean number, on either side.
+        Mean number per kilometre, on either side.
     depth
-        Smallest and largest [m]; a share of them are bumps of that height.
+        Smallest and largest depth [m]; a share of them are bumps of that height.
     length
-        Shortest and longest [m].
-    share_of_bumps, share_of_both_sides
-        0 to 1.
+        Shortest and longest length [m].
+    share_of_bumps
+        Share that are bumps, 0 to 1.
+    share_of_both_sides
+        Share that extend over both tracks, 0 to 1; the others are on one side at random.
 
     Notes
     -----
-    Each has the form depth (1 - cos(2 pi x / length)) / 2.
+    Each has the shape depth (1 - cos(2 pi x / length)) / 2.
     """
 
     per_kilometre: float = 5.0
@@ -199,17 +228,17 @@ class Potholes:
         for name in ("share_of_bumps", "share_of_both_sides"):
             check_number(name, getattr(self, name), at_least=0, at_most=1)
 
-    def heights(self, places: Real, generator: np.random.Generator) -> Real:
-        """Return their heights."""
-        found = np.zeros((2, places.size))
-        span = places[-1] - places[0]
+    def heights(self, positions: Real, generator: np.random.Generator) -> Real:
+        """Return the heights of left and right at rising positions [m], shape (2, points) [m]."""
+        heights = np.zeros((2, positions.size))
+        span = positions[-1] - positions[0]
         for _ in range(generator.poisson(self.per_kilometre * span / 1000)):
-            start, length = places[0] + generator.uniform(0, span), generator.uniform(*self.length)
+            start, length = positions[0] + generator.uniform(0, span), generator.uniform(*self.length)
             height = generator.uniform(*self.depth) * (1 if generator.random() < self.share_of_bumps else -1)
             sides = [0, 1] if generator.random() < self.share_of_both_sides else [int(generator.integers(2))]
-            inside = slice(*np.searchsorted(places, [start, start + length]))
-            found[sides, inside] += height * (1 - np.cos(2 * np.pi * (places[inside] - start) / length)) / 2
-        return found
+            inside = slice(*np.searchsorted(positions, [start, start + length]))
+            heights[sides, inside] += height * (1 - np.cos(2 * np.pi * (positions[inside] - start) / length)) / 2
+        return heights
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,9 +248,13 @@ class Joints:
     Parameters
     ----------
     rail_length
-        In m.
+        Distance between joints [m].
     depth, length
-        Of a dip [m]; it falls off exponentially to both sides, with a kink at the joint.
+        Depth and length of a dip [m]; it decays exponentially to both sides, with a kink at the joint.
+
+    Notes
+    -----
+    Height -depth exp(-3 distance / length) at a distance from the nearest joint.
     """
 
     rail_length: float = 18.0
@@ -232,11 +265,11 @@ class Joints:
         for name in ("rail_length", "depth", "length"):
             check_number(name, getattr(self, name), above=0)
 
-    def heights(self, places: Real, generator: np.random.Generator) -> Real:
-        """Return their heights: -depth exp(-3 distance / length)."""
+    def heights(self, positions: Real, generator: np.random.Generator) -> Real:
+        """Return the heights of left and right at positions [m], shape (2, points) [m]."""
         del generator  # joints are regular
-        distance = np.abs((places + self.rail_length / 2) % self.rail_length - self.rail_length / 2)
-        return np.broadcast_to(-self.depth * np.exp(-3 * distance / self.length), (2, places.size))
+        distance = np.abs((positions + self.rail_length / 2) % self.rail_length - self.rail_length / 2)
+        return np.broadcast_to(-self.depth * np.exp(-3 * distance / self.length), (2, positions.size))
 
 
 def random_profile(
@@ -248,28 +281,33 @@ def random_profile(
     contact_length: float = 0.0,
     obstacles: Sequence[Obstacle] = (),
 ) -> Profile:
-    """Return the profile of a way drawn at random.
+    """Return a random profile of a road or track.
 
     Parameters
     ----------
     surface
-        Its spectra.
+        Spectra of the unevenness.
     first, last
-        Where it begins and ends [m].
+        Positions where the profile begins and ends [m].
     generator
         Source of the randomness.
     contact_length
-        Over which a wheel averages [m]; 0 for none.
+        Length of the contact patch over which a wheel averages the profile [m]; 0 for none.
     obstacles
         Potholes, joints.
 
+    Raises
+    ------
+    ParameterError
+        Where the profile is too long to be held in memory.
+
     Notes
     -----
-    Every Fourier coefficient of the half sum and the half difference is Gaussian with the variance that the spectra
-    ask for; the average over the contact is their factor sin(pi n a) / (pi n a).
+    The Fourier coefficients of the half sum and the half difference are independent and Gaussian, with the variances
+    that the spectra prescribe; the average over a contact patch of length a multiplies them by sin(pi n a) / (pi n a).
     """
     n_points = next_fast_len(math.ceil(max(last - first, _SHORTEST) / SPACING) + 2, real=True)
-    check_number("points of the way", n_points, at_most=_MOST_POINTS, advice="simulate a shorter drive")
+    check_number("points of the profile", n_points, at_most=_MOST_POINTS, advice="simulate a shorter drive")
     n = np.arange(n_points // 2 + 1) / (n_points * SPACING)
     draws = generator.standard_normal((2, 2, n.size))
     densities = np.stack([surface.common(n), surface.differing(n)])
@@ -277,15 +315,15 @@ def random_profile(
     # one-sided density G: each coefficient of the real transform has E|X|^2 = G n_points / (2 spacing)
     common, differing = (draws[:, 0] + 1j * draws[:, 1]) * np.sqrt(densities * n_points / (4 * SPACING))
     heights = irfft(np.stack([common + differing, common - differing]), n=n_points, axis=1)
-    places = np.asarray(first + SPACING * np.arange(n_points), dtype=np.float64)
+    positions = np.asarray(first + SPACING * np.arange(n_points), dtype=np.float64)
     for obstacle in obstacles:
-        heights = heights + obstacle.heights(places, generator)
+        heights = heights + obstacle.heights(positions, generator)
     return Profile(first, irfft(rfft(heights, axis=1) * np.sinc(n * contact_length), n=n_points, axis=1))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SurfaceMotion:
-    """Height of a road or track under each wheel of a vehicle that drives along it.
+    """Height of a road or track under each wheel of a vehicle that travels along it.
 
     Parameters
     ----------
@@ -294,16 +332,16 @@ class SurfaceMotion:
     axle_positions
         Distance of each axle ahead of the centre of gravity, front to rear [m].
     speed
-        Of the drive [m/s].
+        Speed over time [m/s].
     contact_length
-        Over which a wheel averages the way [m].
+        Length of the contact patch over which a wheel averages the profile [m], at least 0.
     obstacles
         Potholes, joints.
 
     Notes
     -----
-    The wheel of axle j reads its track at distance(t) - (x_1 - x_j): what the front wheel passed, later by however
-    long the vehicle needs at its speed. Inputs are the corners front to rear, left before right.
+    The wheel of axle j follows its track at distance(t) - (x_1 - x_j): what the front wheel has passed, delayed by
+    the time that the vehicle takes at its speed. Inputs are the corners front to rear, left before right.
     """
 
     surface: Surface
@@ -314,7 +352,7 @@ class SurfaceMotion:
 
     def __post_init__(self) -> None:
         if not self.axle_positions or list(self.axle_positions) != sorted(self.axle_positions, reverse=True):
-            raise ParameterError(f"axle_positions {self.axle_positions} must fall from front to rear: order them")
+            raise ParameterError(f"axle_positions {self.axle_positions} must fall from front to rear: sort them")
         check_number("contact_length", self.contact_length, at_least=0)
 
     @property
@@ -324,7 +362,7 @@ class SurfaceMotion:
 
     @property
     def is_smooth(self) -> bool:
-        """The way runs on between samples."""
+        """True: the profile is continuous between samples."""
         return True
 
     def samples(

@@ -1,4 +1,4 @@
-"""Pictures: one function for each, which takes values and returns a matplotlib figure."""
+"""Figures: one function for each, from values to a matplotlib figure."""
 
 from sprung.plotting.corners import corners_figure, correlation_figure, fitted_spectra_figure
 from sprung.plotting.diagnosis import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure

@@ -1,4 +1,4 @@
-"""Mode shapes on the body: a plate through the sensors that moves as the rigid body does."""
+"""Mode shapes on the body: a plate through the sensors with the rigid-body motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from sprung.recording import Channel
 from sprung.vehicles import sensor_outputs
 from sprung.vehicles.labels import MOTIONS, rigid_body_participation
 
-#: Direction of the camera from the body: to the right and a little ahead, and this far above it [degrees].
+#: Azimuth and elevation of the view: from the right and slightly ahead, above the body [degrees].
 _AZIMUTH, _ELEVATION = -62.0, 24.0
 #: Largest displacement over the mean of the plate's length and width.
 _AMPLITUDE = 0.28
-#: Shortest arrow drawn, and height of two lines of text, over the same.
+#: Shortest arrow drawn, and height of two lines of text, over the same mean.
 _SHORTEST, _TEXT_HEIGHT = 0.05, 0.15
 #: Half length and half width of a plate whose sensors do not span one [m].
 NOMINAL_EXTENT = (1.3, 0.75)
@@ -32,17 +32,17 @@ class BodyShapes:
     Parameters
     ----------
     corners
-        Of the plate, shape (4, 3) [m]: front left, front right, rear right, rear left.
+        Corners of the plate [m], shape (4, 3): front left, front right, rear right, rear left.
     corner_motions
-        Vertical acceleration of the corners in each mode, relative to the channel of modulus 1, as the rigid body has
-        it, shape (modes, 4), complex.
+        Vertical acceleration of the corners in the rigid-body motion of each mode, relative to the channel of modulus
+        1, shape (modes, 4), complex.
     sensor_motions
         Acceleration of each sensor along its direction, shape (modes, channels), complex; NaN for a sensor of
         rotations.
     explained
         Share of each shape's sum of squares that the rigid body explains, shape (modes,).
     is_nominal
-        The sensors do not span the plate: its outline is nominal.
+        Whether the outline of the plate is nominal, since the sensors do not span it.
     """
 
     corners: Real
@@ -58,15 +58,20 @@ def body_shapes(modes: Modes, channels: Sequence[Channel]) -> BodyShapes | None:
     Parameters
     ----------
     modes
-        Of `channels`.
+        Modes of `channels`.
     channels
-        With quantity, position and direction; otherwise, or where they leave bounce, pitch or roll open, None.
+        Channels with quantity, position and direction.
+
+    Returns
+    -------
+    BodyShapes or None
+        None where the channels do not determine bounce, pitch and roll.
 
     Notes
     -----
-    Least squares of each shape on what the sensors read of bounce z, pitch p and roll r at its pole; the point (x, y)
-    then moves by z - x p + y r. Velocities, displacements and angles are turned into accelerations with powers of the
-    pole, so that one picture holds all of them.
+    Each shape is fitted by least squares with the signals that bounce z, pitch p and roll r cause in the sensors at
+    its pole; the point (x, y) then moves by z - x p + y r. Velocities, displacements and angles are converted to
+    accelerations with powers of the pole, so that one figure shows all of them.
     """
     shares, explained = rigid_body_participation(modes, channels)
     if not len(modes) or np.isnan(shares).any():
@@ -110,13 +115,13 @@ def draw_body(axes: Axes, shapes: BodyShapes, index: int, channels: Sequence[Cha
     Parameters
     ----------
     axes
-        Empty.
+        Empty axes.
     shapes, index
-        The mode.
+        Shapes of all modes, and index of the one to draw.
     channels
-        Of the shapes.
+        Channels of the shapes.
     values
-        The mode shape, shape (channels,): amplitudes and phases written at the sensors.
+        Mode shape, shape (channels,), whose amplitudes and phases are written at the sensors.
     """
     axes.set_axis_off()
     axes.set_aspect("equal")
@@ -154,7 +159,7 @@ def _draw_plate(axes: Axes, rest: Real, motion: Real, colour: str) -> None:
 
 
 def _draw_front(axes: Axes, rest: Real) -> None:
-    """Show with an arrow on the body where the front is."""
+    """Draw an arrow to the front of the body."""
     front, rear = rest[:2].mean(axis=0), rest[2:].mean(axis=0)
     tail, tip = projected(np.array([0.75 * front + 0.25 * rear, 0.96 * front + 0.04 * rear]))
     arrow = {"arrowstyle": "->", "color": FAINT, "linewidth": 1.2, "shrinkA": 1, "shrinkB": 0}
@@ -172,7 +177,7 @@ def _draw_front(axes: Axes, rest: Real) -> None:
 
 
 def _with_room(channels: Sequence[Channel], sensed: Real) -> set[int]:
-    """Return the channels whose readings can be written at their places: few, and none at the place of another."""
+    """Return the channels whose values fit next to their sensors: few, and no two at one position."""
     placed = [int(k) for k in np.flatnonzero(np.isfinite(sensed))]
     places = {channels[k].position for k in placed}
     return set(placed) if len(places) == len(placed) <= _MOST_TEXTS else set()
@@ -202,7 +207,7 @@ def _draw_sensor(axes: Axes, channel: Channel, length: float, text: str, shortes
 
 
 def amplitude_and_phase(value: complex) -> str:
-    """Return a complex amplitude in words, such as "0.82, −12°".
+    """Return amplitude and phase of a complex number as text, such as "0.82, −12°".
 
     Examples
     --------

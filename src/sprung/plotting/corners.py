@@ -1,4 +1,4 @@
-"""Pictures of a fit of the corners: spectra, the vehicle from above, correlations."""
+"""Figures of a corner fit: spectra, the vehicle from above, correlations of the estimates."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from sprung.likelihood import CornerFit
-from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.plotting.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 from sprung.vehicles import Component
 
 _UNITS = {"bounce": "(m/s²)²/Hz", "pitch": "(rad/s²)²/Hz", "roll": "(rad/s²)²/Hz"}
@@ -21,7 +21,7 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
     Parameters
     ----------
     fit
-        Any.
+        Result of a corner fit.
     source
         Name of the recording, for the heading.
     """
@@ -32,7 +32,7 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
     where = f"{spectra.n_segments} segments of {spectra.segment_length:.3g} s in {spectra.counts.size} speed classes"
     figure = new_figure(what, where, width=9.5, height=1.3 + 1.9 * len(names))
     panels = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
-    chance = 1.96 * np.sqrt(1.06 / spectra.n_segments)
+    chance = HALF_WIDTH_95 * np.sqrt(1.06 / spectra.n_segments)
     for row, name in enumerate(names):
         left, right = panels[row]
         for axes in (left, right):
@@ -46,7 +46,7 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
         right.axhline(0, color=INK, linewidth=0.8)
         right.set_ylabel("misfit [%]", fontsize=SMALL)
     panels[0, 0].legend(fontsize=SMALL, frameon=False)
-    panels[0, 1].set_title("measured over fitted, less 1; grey: 95 % by chance", fontsize=SMALL)
+    panels[0, 1].set_title("measured over fitted, minus 1; grey: 95 % range of chance", fontsize=SMALL)
     for axes in panels[-1]:
         axes.set_xlabel("Frequency [Hz]", fontsize=NORMAL)
     return figure
@@ -61,7 +61,7 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
         As for `fitted_spectra_figure`.
     """
     what = f"Corners against nominal: {source}" if source else "Corners against nominal"
-    where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: this run cannot tell."
+    where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: not identifiable from this run."
     return corner_bars(
         fit.components, fit.log_ratios, fit.log_ratios_std, is_identifiable=fit.is_identifiable, heading=(what, where)
     )
@@ -83,21 +83,25 @@ def corner_bars(
     components
         Springs, dampers and tyres of the corners.
     log_ratios, deviations
-        ln of value over reference, and its standard deviation, shape (components,).
+        ln(value / reference) of each component, and its standard deviation, shape (components,).
     is_identifiable
-        Which are known well enough to be coloured.
+        Whether each component is known well enough to be coloured, shape (components,).
     heading
-        And what stands below it.
+        Heading of the figure, and the line below it.
     by_chance
-        The part of the deviations that every component has for itself, drawn as a thicker line; None: not drawn.
+        Part of the deviations that is independent between components, drawn as a thicker line; None: not drawn.
     """
     corners = list(dict.fromkeys(component.corner for component in components))
     n_axles = len(corners) // 2
     figure = new_figure(*heading, width=9.5, height=1.4 + 2.1 * n_axles)
     panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
-    change, low, high = (100 * np.expm1(log_ratios + sign * 1.96 * deviations) for sign in (0, -1, 1))
+    change, low, high = (100 * np.expm1(log_ratios + sign * HALF_WIDTH_95 * deviations) for sign in (0, -1, 1))
     reach = max(10.0, 1.3 * np.abs(np.concatenate([low[is_identifiable], high[is_identifiable], [5.0]])).max())
-    thick = None if by_chance is None else [100 * np.expm1(log_ratios + sign * 1.96 * by_chance) for sign in (-1, 1)]
+    thick = (
+        None
+        if by_chance is None
+        else [100 * np.expm1(log_ratios + sign * HALF_WIDTH_95 * by_chance) for sign in (-1, 1)]
+    )
     for axes, corner in zip(panels.ravel(), corners, strict=True):
         rows = [row for row, component in enumerate(components) if component.corner == corner]
         words = [components[row].kind for row in rows]
@@ -112,14 +116,14 @@ def corner_bars(
 
 
 def _draw_corner(axes: Axes, names: list[str], is_identifiable: np.ndarray, *changes: np.ndarray) -> None:
-    """Draw the bars of one corner: components, whether a run can tell them, change and its interval [%]."""
+    """Draw the bars of one corner: change of each component and its interval [%], grey where not identifiable."""
     plain(axes)
     axes.axhline(0, color=INK, linewidth=1)
-    for place, (name, told, change, low, high) in enumerate(zip(names, is_identifiable, *changes, strict=True)):
-        colour = MODE_COLOURS[_COMPONENTS.index(name) % 3] if told else "#C8C8C8"
+    for place, (name, is_known, change, low, high) in enumerate(zip(names, is_identifiable, *changes, strict=True)):
+        colour = MODE_COLOURS[_COMPONENTS.index(name) % 3] if is_known else "#C8C8C8"
         axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change, color=colour, alpha=0.75, linewidth=0))
         axes.vlines(place, low, high, color=INK, linewidth=1.3)
-        if told:
+        if is_known:
             above = change >= 0
             axes.annotate(
                 f"{change:+.1f} %",

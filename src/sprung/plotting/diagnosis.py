@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis: evidence of the hypotheses, corners, components over time, modes as a finding implies."""
+"""Figures of a diagnosis: evidence, changes of the corners, components over time, modes as a finding implies."""
 
 from collections.abc import Sequence
 
@@ -11,30 +11,30 @@ from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Finding, ModeChange, Observation, nominal_baseline
 from sprung.errors import ParameterError
 from sprung.plotting.corners import corner_bars
-from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.plotting.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 from sprung.vehicles import Component
 
 _MOST = 8
 _KINDS = ("spring", "damper", "tyre")
-#: Colours of what is usual, with and without what moves corners together.
+#: Colours of the usual range, with and without the scatter that corners share.
 _BANDS = ("#EDEDED", "#D5D5D5")
-#: Colour of the interval of an onset, and quantile of a 95 % interval.
-_ONSET, _Z = "#F3D9C9", 1.96
+#: Colour of the interval of an onset.
+_ONSET = "#F3D9C9"
 
 
 def evidence_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the evidence of a change after every window beside its limit, and the likeliest hypotheses.
+    """Draw the evidence of a change after every window with its threshold, and the most likely hypotheses.
 
     Parameters
     ----------
     diagnosis
-        With a window that can tell.
+        Diagnosis with at least one conclusive window.
     """
     detection = diagnosis.detection
     if detection is None:
-        raise ParameterError("no window can tell: there is no evidence to draw")
-    said = diagnosis.findings[0].sentence if diagnosis.findings else "nothing has changed"
-    figure = new_figure("Evidence of a change", said[:1].upper() + said[1:], width=9.5, height=4.2)
+        raise ParameterError("the diagnosis has no conclusive window, but its evidence needs one: add windows")
+    sentence = diagnosis.findings[0].sentence if diagnosis.findings else "no change detected"
+    figure = new_figure("Evidence of a change", sentence[:1].upper() + sentence[1:], width=9.5, height=4.2)
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     for axes in (left, right):
         plain(axes)
@@ -42,7 +42,7 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     left.plot(minutes, detection.evidence, marker="o", markersize=3, color=MODE_COLOURS[0])
     left.axhline(detection.threshold, color=MODE_COLOURS[1], linewidth=1.2)
     left.annotate(
-        "alarm",
+        "threshold",
         (minutes[0], detection.threshold),
         xytext=(0, 3),
         textcoords="offset points",
@@ -51,17 +51,17 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     )
     if diagnosis.findings:
         left.axvspan(*(time / 60 for time in diagnosis.findings[0].since_interval), color=_ONSET, zorder=0)
-        left.axvline(diagnosis.findings[0].since / 60, color=FAINT, linewidth=1, label="onset, with 95 %")
+        left.axvline(diagnosis.findings[0].since / 60, color=FAINT, linewidth=1, label="onset, with 95 % interval")
         left.legend(fontsize=SMALL, frameon=False)
     left.set_xlim(*_span(minutes))
-    left.set_xlabel("begin of the window [min]", fontsize=NORMAL)
+    left.set_xlabel("start of the window [min]", fontsize=NORMAL)
     left.set_ylabel("ln evidence of any change", fontsize=NORMAL)
     best = detection.candidates[:_MOST][::-1]
     named = diagnosis.findings[0].hypothesis if diagnosis.findings else best[-1].hypothesis.name
     right.barh(
-        [one.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every ") for one in best],
-        [one.log_evidence for one in best],
-        color=[MODE_COLOURS[0] if one.hypothesis.name == named else FAINT for one in best],
+        [candidate.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every ") for candidate in best],
+        [candidate.log_evidence for candidate in best],
+        color=[MODE_COLOURS[0] if candidate.hypothesis.name == named else FAINT for candidate in best],
     )
     right.axvline(0, color=INK, linewidth=0.8)
     right.set_xlabel("ln evidence of each hypothesis", fontsize=NORMAL)
@@ -70,27 +70,27 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Figure:
-    """Draw every corner's components against the baseline, in the mean of the windows since the onset.
+    """Draw the components of every corner against the baseline, averaged over the windows since the onset.
 
     Parameters
     ----------
     diagnosis
-        With a window that can tell.
+        Diagnosis with at least one conclusive window.
     baseline
-        None: against the vehicle file.
+        Baseline of the vehicle; None: its vehicle file.
     """
     detection = diagnosis.detection
     if detection is None:
-        raise ParameterError("no window can tell: there are no corners to draw")
-    telling = _witnesses(diagnosis)
-    since = diagnosis.findings[0].since if diagnosis.findings else telling[0].time
-    telling = [one for one in telling if one.time >= since]
-    normal = baseline or nominal_baseline(telling[0].components, vehicle="")
-    mean = np.mean([normal.residual(one) for one in telling], axis=0)
-    own = np.mean([one.covariance for one in telling], axis=0) / len(telling)
+        raise ParameterError("the diagnosis has no conclusive window, but changes of corners need one: add windows")
+    conclusive = _witnesses(diagnosis)
+    since = diagnosis.findings[0].since if diagnosis.findings else conclusive[0].time
+    conclusive = [window for window in conclusive if window.time >= since]
+    normal = baseline or nominal_baseline(conclusive[0].components, vehicle="")
+    mean = np.mean([normal.residual(window) for window in conclusive], axis=0)
+    own = np.mean([window.covariance for window in conclusive], axis=0) / len(conclusive)
     if normal.n_windows:
-        own = normal.covariance * (1 / len(telling) + 1 / normal.n_windows)
-    # What moves corners together may stay, as a payload does: a mean over windows does not take it out.
+        own = normal.covariance * (1 / len(conclusive) + 1 / normal.n_windows)
+    # What corners share may stay, such as the effect of a payload: averaging over windows does not remove it.
     spread = own + normal.nuisance
     against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
     return corner_bars(
@@ -99,43 +99,44 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         np.sqrt(np.diag(spread)),
         is_identifiable=np.ones(len(mean), dtype=np.bool_),
         heading=(
-            f"Corners against {against}: mean of {len(telling)} windows since {since / 60:.0f} min",
-            "95 % intervals: thick by chance, thin with what moves corners together, such as payload",
+            f"Corners against {against}: mean of {len(conclusive)} windows since {since / 60:.0f} min",
+            "95 % intervals: thick: independent scatter; thin: with common effects such as payload",
         ),
         by_chance=np.sqrt(np.diag(own)),
     )
 
 
 def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Figure:
-    """Draw every component over the windows beside what is usual, with onset and trend of a finding.
+    """Draw every component over the windows with its usual range, and onset and trend of a finding.
 
     Parameters
     ----------
     diagnosis
-        With a window that can tell.
+        Diagnosis with at least one conclusive window.
     baseline
-        None: the vehicle file.
+        Baseline of the vehicle; None: its vehicle file.
 
     Notes
     -----
-    Values are those in the middle of the baseline's conditions. The line is the baseline's mean (without one 0, as the
-    file says), the grey band holds 95 % of usual single windows, the darker one is without what moves corners together.
+    Values are corrected to the mean conditions of the baseline. The line is the mean of the baseline (0, the value of
+    the vehicle file, without one); the grey band holds 95 % of usual single windows, the darker one without the
+    scatter that corners share.
     """
     if diagnosis.detection is None:
-        raise ParameterError("no window can tell: there are no trends to draw")
-    telling = _witnesses(diagnosis)
-    normal = baseline or nominal_baseline(telling[0].components, vehicle="")
+        raise ParameterError("the diagnosis has no conclusive window, but trends need one: add windows")
+    conclusive = _witnesses(diagnosis)
+    normal = baseline or nominal_baseline(conclusive[0].components, vehicle="")
     components = normal.components
     corners = list(dict.fromkeys(component.corner for component in components))
     against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
     what = "Components over time against the vehicle file, with 95 % intervals"
-    where = f"Grey: 95 % of usual windows by {against}; darker: without what moves corners together"
+    where = f"Grey: 95 % of usual windows by {against}; darker: without common effects"
     figure = new_figure(what, where, width=max(9.5, 2.4 * len(corners)), height=7)
     panels = figure.subplots(len(_KINDS), len(corners), sharex=True, sharey="row", squeeze=False)
-    minutes = np.array([one.time for one in telling]) / 60
-    values = np.array([normal.mean + normal.residual(one) for one in telling])
-    bars = _Z * np.sqrt([np.diag(one.covariance) for one in telling])
-    own, usual = (_Z * np.sqrt(np.diag(c)) for c in (normal.covariance, normal.covariance + normal.nuisance))
+    minutes = np.array([window.time for window in conclusive]) / 60
+    values = np.array([normal.mean + normal.residual(window) for window in conclusive])
+    bars = HALF_WIDTH_95 * np.sqrt([np.diag(window.covariance) for window in conclusive])
+    own, usual = (HALF_WIDTH_95 * np.sqrt(np.diag(c)) for c in (normal.covariance, normal.covariance + normal.nuisance))
     for line, kind in zip(panels, _KINDS, strict=True):
         line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
         for axes, corner in zip(line, corners, strict=True):
@@ -153,12 +154,12 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
         axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
     panels[0, 0].set_xlim(*_span(minutes))
     for axes in panels[-1]:
-        axes.set_xlabel("begin of the window [min]", fontsize=NORMAL)
+        axes.set_xlabel("start of the window [min]", fontsize=NORMAL)
     return figure
 
 
 def _draw_limits(axes: Axes, mean: float, halves: tuple[float, float]) -> None:
-    """Draw what is usual: its mean, and a light and a dark band of which half the widths are given [ln]."""
+    """Draw the usual range: its mean, and a light and a dark band of given half widths [ln]."""
     for half, colour in zip(halves, _BANDS, strict=True):
         axes.axhspan(*_percent([mean - half, mean + half]), color=colour, zorder=0)
     axes.axhline(float(_percent(mean)), color=INK, linewidth=0.8)
@@ -167,7 +168,7 @@ def _draw_limits(axes: Axes, mean: float, halves: tuple[float, float]) -> None:
 def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> None:
     """Draw the onset of a finding with its interval, and its trend through the values [ln] since then."""
     axes.axvspan(*(time / 60 for time in finding.since_interval), color=_ONSET, zorder=0.5)
-    axes.axvline(finding.since / 60, color=MODE_COLOURS[1], linewidth=1.2, label="onset, with 95 %")
+    axes.axvline(finding.since / 60, color=MODE_COLOURS[1], linewidth=1.2, label="onset, with 95 % interval")
     if finding.trend is not None:
         later = minutes >= finding.since / 60
         away = minutes[later] - minutes[later].mean()
@@ -178,19 +179,19 @@ def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> No
 
 
 def _witnesses(diagnosis: Diagnosis) -> list[Observation]:
-    """Return the windows that the test has seen: without those whose sensors fail or that were set aside."""
-    seen = set() if diagnosis.detection is None else set(diagnosis.detection.times.tolist())
-    return [one for one in diagnosis.observations if one.time in seen]
+    """Return the windows of the change test, without those set aside or with failed sensors."""
+    tested = set() if diagnosis.detection is None else set(diagnosis.detection.times.tolist())
+    return [window for window in diagnosis.observations if window.time in tested]
 
 
 def _parts(diagnosis: Diagnosis, finding: Finding, components: tuple[Component, ...]) -> tuple[Component, ...]:
-    """Return the components that a finding is about."""
+    """Return the components that a finding concerns."""
     candidates = () if diagnosis.detection is None else diagnosis.detection.candidates
     return next((c.hypothesis.parts(components) for c in candidates if c.hypothesis.name == finding.hypothesis), ())
 
 
 def _span(minutes: Real) -> tuple[float, float]:
-    """Return the ends of an axis of time, also of a single window."""
+    """Return the limits of a time axis, also for a single window."""
     room = max(1.0, 0.05 * float(np.ptp(minutes)))
     return float(minutes[0]) - room, float(minutes[-1]) + room
 
@@ -201,17 +202,17 @@ def _percent(log_ratio: ArrayLike) -> Real:
 
 
 def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> Figure:
-    """Draw the shapes of the body's modes before and after a change as the finding implies, with frequencies and MAC.
+    """Draw the body modes before and after a change as the finding implies, with frequencies and MAC.
 
     Parameters
     ----------
     changes
-        One or more.
+        Changes of modes, at least one.
     heading
-        Such as the finding's sentence.
+        Line below the heading, such as the finding's sentence.
     """
     if not changes:
-        raise ParameterError("there is no change of a mode to draw")
+        raise ParameterError("changes is empty, but must hold at least one change of a mode: draw it only for findings")
     figure = new_figure("Body modes before and after, as the finding implies", heading, width=9.5, height=3.4)
     panels = figure.subplots(1, len(changes), sharey=True, squeeze=False)[0]
     for axes, change in zip(panels, changes, strict=True):

@@ -1,4 +1,4 @@
-"""The frequency axis that several pictures share: its range, the harmonics and the modes on it."""
+"""Frequency axis common to several figures: its range, and the harmonics and modes marked on it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,11 +51,11 @@ class FrequencyRange:
     Parameters
     ----------
     low, high
-        Its ends [Hz].
+        Ends of the range [Hz].
     passed
-        What filters against aliasing surely pass [Hz]: the heights of curves beyond say nothing.
+        Frequency up to which anti-aliasing filters pass everything [Hz]; levels beyond are meaningless.
     is_logarithmic
-        Whether equal distances are equal ratios.
+        Whether the axis is logarithmic.
     """
 
     low: float
@@ -64,7 +64,7 @@ class FrequencyRange:
     is_logarithmic: bool
 
     def holds(self, frequencies: Real) -> Booleans:
-        """Tell which frequencies lie in the range and below the roll-off of filters against aliasing."""
+        """Return which frequencies lie in the range and below the roll-off of anti-aliasing filters."""
         return (frequencies > 0) & (frequencies >= self.low) & (frequencies <= min(self.high, self.passed))
 
     def put_on(self, axes: Axes) -> None:
@@ -78,7 +78,7 @@ class FrequencyRange:
 
 
 def frequency_range(identification: Identification) -> FrequencyRange:
-    """Return the range to show: the band that was asked for, otherwise everything up to half the sampling rate.
+    """Return the range to show: the band of the settings, otherwise everything up to half the sampling rate.
 
     Notes
     -----
@@ -94,7 +94,7 @@ def frequency_range(identification: Identification) -> FrequencyRange:
 
 
 def harmonic_label(harmonic: Harmonic) -> str:
-    """Return what a harmonic's line is called: its frequency, or how often it comes in a metre.
+    """Return the label of a harmonic: its frequency, or its number of periods per metre.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def harmonic_label(harmonic: Harmonic) -> str:
 
 
 def harmonic_handles(harmonics: Sequence[Harmonic]) -> list[Line2D | Patch]:
-    """Return legend entries for lines and bands of harmonics, which name the families of multiples."""
+    """Return legend entries for lines and bands of harmonics, with their families of multiples."""
     handles: list[Line2D | Patch] = []
     constant = [line for line in harmonics if line.kind == "constant"]
     if constant:
@@ -128,7 +128,7 @@ def harmonic_handles(harmonics: Sequence[Harmonic]) -> list[Line2D | Patch]:
 
 
 def _families(harmonics: Sequence[Harmonic], unit: str) -> str:
-    """Return in words which fundamentals harmonics are multiples of."""
+    """Return the fundamentals of harmonics and their multiples in words."""
     orders: dict[str, list[int]] = {}
     for line in harmonics:
         if line.fundamental is not None:
@@ -144,7 +144,7 @@ def curve_limits(values: Real, *, dynamic_range: float, room: float) -> tuple[fl
     Parameters
     ----------
     values
-        Levels of the curves that are to be seen.
+        Levels of the curves to show [dB].
     dynamic_range
         Values further below the highest one are cut off [dB].
     room
@@ -176,15 +176,15 @@ def mark_harmonics(
     Parameters
     ----------
     axes
-        With its frequency range set.
+        Axes with the frequency range set.
     harmonics
-        Those outside the range are left out.
+        Values to mark; those outside the range are omitted.
     width
-        Of the axes [in], about: labels that would overlap are left out, the most prominent are kept.
+        Approximate width of the axes [in]: of labels that would overlap, the most prominent are kept.
     channel
-        Harmonics that this channel does not show are drawn fainter. None: all alike.
+        Channel of the axes: harmonics that it does not show are drawn fainter. None: all alike.
     has_labels
-        False: lines and bands only.
+        Whether to label the harmonics.
     """
     low, high = axes.get_xlim()
     seen = [line for line in harmonics if low <= _place(line) <= high]
@@ -202,7 +202,7 @@ def mark_harmonics(
 
 
 def _fading(places: Sequence[float]) -> Real:
-    """Return for each line how strongly it is drawn: fainter where its neighbours on the axis are near."""
+    """Return the opacity of each line: lower where its neighbours on the axis are near."""
     order = np.argsort(places)
     gaps = np.diff(np.asarray(places)[order], prepend=-1.0, append=2.0)
     nearest = np.empty(len(places))
@@ -211,12 +211,12 @@ def _fading(places: Sequence[float]) -> Real:
 
 
 def _place(harmonic: Harmonic) -> float:
-    """Return where a harmonic's label stands [Hz]."""
+    """Return the frequency at which the label of a harmonic is written [Hz]."""
     return sum(harmonic.band) / 2 if harmonic.kind == "speed" else harmonic.frequency
 
 
 def _label_harmonics(axes: Axes, harmonics: Sequence[Harmonic], distance: float) -> None:
-    """Write upright labels under the upper edge, fundamentals and prominent lines first, none over another."""
+    """Write vertical labels below the upper edge, fundamentals and prominent lines first, without overlap."""
     taken: list[float] = [-distance / 4, 1 + distance / 4]
     for line in sorted(harmonics, key=lambda line: (line.order != 1, -line.prominence)):
         place = axes_fraction(axes, _place(line))
@@ -239,7 +239,7 @@ def _label_harmonics(axes: Axes, harmonics: Sequence[Harmonic], distance: float)
 
 
 def axes_fraction(axes: Axes, frequency: float) -> float:
-    """Return where a frequency lies on the axis, from 0 to 1."""
+    """Return the position of a frequency on the axis, from 0 to 1."""
     return float((axes.transScale + axes.transLimits).transform((frequency, axes.get_ylim()[1]))[0])
 
 
@@ -251,15 +251,15 @@ def mark_modes(
     Parameters
     ----------
     axes
-        With its frequency range set.
+        Axes with the frequency range set.
     modes
-        Those outside the range are left out.
+        Values to mark; those outside the range are omitted.
     width, height
-        Of the axes [in], about.
+        Approximate size of the axes [in].
     has_labels
-        False: lines only.
+        Whether to label the modes.
     is_short
-        True: labels with number and frequency only.
+        Whether labels hold number and frequency only.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""The MAC matrix of the modes, and between the subsets."""
+"""MAC matrices of the modes, and between the subsets."""
 
 from collections.abc import Sequence
 
@@ -33,7 +33,7 @@ def mac_figure(identification: Identification, *, source: str = "") -> Figure:
     Parameters
     ----------
     identification
-        With any number of modes.
+        Identification with any number of modes.
     source
         Name of the recording, for the heading.
     """
@@ -94,7 +94,7 @@ def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: Indices) -> None:
 
 
 def _colour_ticks(axes: Axes, modes: Sequence[int | None]) -> None:
-    """Write the names in the modes' colours, grey for what is in too few subsets to be a mode."""
+    """Write the names in the modes' colours, grey for those in too few subsets to be a mode."""
     for labels in (axes.get_xticklabels(), axes.get_yticklabels()):
         for label, mode in zip(labels, modes, strict=True):
             label.set_color("#777777" if mode is None else mode_colour(mode))
@@ -102,16 +102,16 @@ def _colour_ticks(axes: Axes, modes: Sequence[int | None]) -> None:
 
 
 def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *, title: str) -> Figure:
-    """Draw the modal assurance criterion between found and reference modes, a panel for each part.
+    """Draw the modal assurance criterion between identified and reference modes, a panel for each part.
 
     Parameters
     ----------
     parts
-        Found modes with the name of what they were found in, such as a subset.
+        Identified modes with the name of their origin, such as a subset.
     reference
-        Modes of the same channels.
+        Reference modes of the same channels.
     title
-        Heading.
+        Heading of the figure.
     """
     width = max(7.5, 1.0 + sum(max(_CELL * len(modes), 1.2) + 1.2 for _, modes in parts))
     figure = new_figure(title, "", width=min(width, 12.0), height=1.9 + _CELL * len(reference))
@@ -136,6 +136,6 @@ def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *
 
 
 def say_nothing(axes: Axes) -> None:
-    """Write into an empty panel that nothing was found."""
+    """Write into an empty panel that no mode was identified."""
     axes.set_axis_off()
     axes.text(0.5, 0.5, NO_MODE, ha="center", va="center", fontsize=SMALL, color=INK, transform=axes.transAxes)

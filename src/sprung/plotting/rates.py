@@ -1,4 +1,4 @@
-"""Rate of stable points over frequency: what the thesis chooses modes by."""
+"""Rate of stable points over frequency, by which the thesis selects modes."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,11 +14,11 @@ def stable_rates_figure(identification: Identification, *, source: str = "", thr
     Parameters
     ----------
     identification
-        Of any method.
+        Result of any method.
     source
         Name of the recording, for the heading.
     threshold
-        Rate from which on an alignment is a mode; None: that of the settings.
+        Smallest rate of a mode; None: that of the settings.
     """
     wanted = identification.settings.criteria.stable_rate if threshold is None else threshold
     subsets = identification.subsets

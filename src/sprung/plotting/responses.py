@@ -1,4 +1,4 @@
-"""Frequency responses, and cepstra."""
+"""Frequency responses and cepstra."""
 
 from collections.abc import Sequence
 
@@ -18,22 +18,22 @@ def response_figure(
     marked: Sequence[tuple[str, float]] = (),
     has_phase: bool = False,
 ) -> Figure:
-    """Draw the magnitude of frequency responses, and their phase where asked for.
+    """Draw the magnitude of frequency responses, and optionally their phase.
 
     Parameters
     ----------
     frequencies
-        Shape (frequencies,) [Hz].
+        Frequencies [Hz], shape (frequencies,).
     responses
-        With their names; shape (frequencies,) each.
+        Names and frequency responses, shape (frequencies,) each.
     title
-        Heading.
+        Heading of the figure.
     unit
-        Of the magnitude.
+        Unit of the magnitude.
     marked
         Names and frequencies [Hz] of vertical lines.
     has_phase
-        Draw the phase too.
+        Whether to draw the phase.
     """
     figure = new_figure(title, "", width=9.5, height=5.5 if has_phase else 3.8)
     panels = figure.subplots(2 if has_phase else 1, 1, sharex=True, squeeze=False)[:, 0]
@@ -75,18 +75,18 @@ def cepstrum_figure(
     title: str,
     pulse_period: float | None = None,
 ) -> Figure:
-    """Draw a cepstrum before and after editing with the lifter that does it.
+    """Draw a cepstrum before and after editing, with the lifter.
 
     Parameters
     ----------
     quefrencies
-        Shape (quefrencies,) [s].
+        Quefrencies [s], shape (quefrencies,).
     cepstrum, lifter
-        At the quefrencies.
+        Cepstrum and weights of the lifter at the quefrencies, shape (quefrencies,).
     title
-        Heading.
+        Heading of the figure.
     pulse_period
-        Of a pulse train [s]: its rahmonics are marked.
+        Period of a pulse train [s], whose rahmonics are marked; None: none.
     """
     figure = new_figure(title, "", width=9.5, height=4.2)
     panels = figure.subplots(2, 1, sharex=True)

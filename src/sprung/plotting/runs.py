@@ -1,4 +1,4 @@
-"""Spread of a quantity over many runs, beside what is true and what was published."""
+"""Spread of a quantity over many runs, with its true and its published value."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ class Spread:
     Parameters
     ----------
     name
-        Of the quantity, with its unit.
+        Name of the quantity, with its unit.
     rows
         Names of the methods.
     values
-        Shape (rows, runs); NaN where a run gave none.
+        Values, shape (rows, runs); NaN where a run has none.
     truth
-        NaN where unknown.
+        True value; NaN where it is unknown.
     published
-        One for each row; NaN where nothing is.
+        Published value of each row; NaN where there is none.
     """
 
     name: str
@@ -42,9 +42,9 @@ def runs_figure(spreads: Sequence[Spread], *, title: str) -> Figure:
     Parameters
     ----------
     spreads
-        At least one.
+        Quantities, at least one.
     title
-        Heading.
+        Heading of the figure.
     """
     n_rows, n_columns = panel_grid(len(spreads), most_columns=3)
     longest = max(len(name) for spread in spreads for name in spread.rows)
@@ -63,14 +63,13 @@ def runs_figure(spreads: Sequence[Spread], *, title: str) -> Figure:
 
 def _draw(axes: Axes, spread: Spread) -> None:
     """Draw one quantity."""
-
     for row, values in enumerate(spread.values):
-        found = values[np.isfinite(values)]
-        offsets = 0.22 * np.sin(np.arange(found.size) * 2.399)  # the golden angle spreads them evenly
-        axes.plot(found, row + offsets, ".", color=MODE_COLOURS[0], markersize=3, alpha=0.5)
-        if found.size:
-            axes.plot([np.median(found)] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1.5)
-        remark = f"{found.size} of {values.size}"
+        finite = values[np.isfinite(values)]
+        offsets = 0.22 * np.sin(np.arange(finite.size) * 2.399)  # the golden angle spreads them evenly
+        axes.plot(finite, row + offsets, ".", color=MODE_COLOURS[0], markersize=3, alpha=0.5)
+        if finite.size:
+            axes.plot([np.median(finite)] * 2, [row - 0.35, row + 0.35], color=INK, linewidth=1.5)
+        remark = f"{finite.size} of {values.size}"
         axes.annotate(remark, (0.995, row), xycoords=("axes fraction", "data"), fontsize=SMALL, ha="right", va="center")
         if row < len(spread.published) and np.isfinite(spread.published[row]):
             axes.plot(spread.published[row], row, "D", color=MODE_COLOURS[1], markersize=5)

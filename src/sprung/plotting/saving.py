@@ -1,4 +1,4 @@
-"""All pictures of an identification, as files."""
+"""All figures of an identification, as files."""
 
 from os import PathLike
 from pathlib import Path
@@ -12,27 +12,27 @@ from sprung.plotting.spectra import spectra_figure
 from sprung.plotting.stabilisation import stabilisation_figure
 from sprung.plotting.subsets import subsets_figure
 
-#: Resolution of saved pictures [dots per inch].
+#: Resolution of saved figures [dots per inch].
 RESOLUTION = 150
 
 
 def save_figures(identification: Identification, directory: str | PathLike[str], *, source: str = "") -> list[Path]:
-    """Write all pictures that apply to an identification as PNG files.
+    """Write all figures that apply to an identification as PNG files.
 
     Parameters
     ----------
     identification
-        Of any method.
+        Result of any method.
     directory
-        Where to; made if it is not there. Files of the same names are overwritten.
+        Folder for the files, created where it does not exist. Files of the same names are overwritten.
     source
         Name of the recording, for the headings.
 
     Returns
     -------
     list of pathlib.Path
-        Always stabilisation.png and spectra.png; with modes of several channels mode_shapes.png, complexity.png and
-        mac.png; with segments sorted by level subsets.png.
+        Paths of the files: always stabilisation.png and spectra.png; with modes of several channels mode_shapes.png,
+        complexity.png and mac.png; with segments sorted by level subsets.png.
     """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
@@ -45,16 +45,16 @@ def save_figures(identification: Identification, directory: str | PathLike[str],
 
 
 def figures(identification: Identification, *, source: str = "") -> dict[str, Figure]:
-    """Return all pictures that apply to an identification, by the name of their file."""
-    found = {
+    """Return all figures that apply to an identification, by the name of their file."""
+    figures_by_name = {
         "stabilisation": stabilisation_figure(identification, source=source),
         "spectra": spectra_figure(identification, source=source),
     }
     modes, channels = identification.modes, identification.channels
     if len(modes) and len(channels) > 1:
-        found["mode_shapes"] = shapes_figure(modes, channels, source=source)
-        found["complexity"] = complexity_figure(modes, source=source)
-        found["mac"] = mac_figure(identification, source=source)
+        figures_by_name["mode_shapes"] = shapes_figure(modes, channels, source=source)
+        figures_by_name["complexity"] = complexity_figure(modes, source=source)
+        figures_by_name["mac"] = mac_figure(identification, source=source)
     if all(subset.level is not None for subset in identification.subsets):
-        found["subsets"] = subsets_figure(identification, source=source)
-    return found
+        figures_by_name["subsets"] = subsets_figure(identification, source=source)
+    return figures_by_name

@@ -41,17 +41,17 @@ def shapes_figure(modes: Modes, channels: Sequence[Channel], *, source: str = ""
     Parameters
     ----------
     modes
-        Any number.
+        Modes to draw, in any number.
     channels
-        Of `modes`, in its order. Where their quantities, positions and directions determine bounce, pitch and roll, the
-        body is drawn; otherwise real and imaginary parts of each channel.
+        Channels of `modes`, in their order. Where their quantities, positions and directions determine bounce, pitch
+        and roll, the body is drawn; otherwise real and imaginary parts of each channel.
     source
         Name of the recording, for the heading.
 
     Notes
     -----
-    Shapes are 1 at their largest channel; the body is drawn at the instant at which that peaks: the plate moves as the
-    rigid body of least squares, arrows are what each sensor reads.
+    Shapes are 1 at their largest channel, and the body is drawn at the instant at which that channel peaks: the plate
+    shows the rigid-body motion fitted by least squares, the arrows the signals of the sensors.
     """
     what = f"Mode shapes: {source}" if source else "Mode shapes"
     if not len(modes):
@@ -63,7 +63,7 @@ def shapes_figure(modes: Modes, channels: Sequence[Channel], *, source: str = ""
 def _bodies(modes: Modes, channels: Sequence[Channel], shapes: BodyShapes, what: str) -> Figure:
     """Draw the body in each mode."""
     n_rows, n_columns = panel_grid(len(modes), most_columns=3)
-    where = "Grey: at rest. Plate: rigid-body motion. Arrows: what the sensors read (amplitude, phase)."
+    where = "Grey: at rest. Plate: rigid-body motion. Arrows: sensor signals (amplitude, phase)."
     if shapes.is_nominal:
         where += " The outline is nominal."
     width = max(1.28 * _COLUMN * n_columns, 8.5)
@@ -111,7 +111,7 @@ def _draw_bars(axes: Axes, shape: Complex, colour: str) -> None:
 
 
 def _label_channels(axes: Axes, names: Sequence[str], width: float) -> None:
-    """Write the channels' names under the axis, upright where they are long, and every n-th of very many."""
+    """Write the names of the channels below the axis, vertically where they are long, and every n-th of very many."""
     step = -(-len(names) // _MOST_TICKS)
     longest = max(len(name) for name in names)
     is_upright = longest * len(names) * 0.6 * SMALL / 72 > width
@@ -125,7 +125,7 @@ def complexity_figure(modes: Modes, *, source: str = "") -> Figure:
     Parameters
     ----------
     modes
-        Any number. Arrows on one line: all channels move in phase or against each other (MPC 1).
+        Modes to draw, in any number. Arrows on one line mean that all channels move in phase or in antiphase (MPC 1).
     source
         Name of the recording, for the heading.
     """
@@ -169,7 +169,7 @@ def _panels(figure: Figure, n_rows: int, n_columns: int, n_used: int) -> list[Ax
 
 
 def _name(axes: Axes, modes: Modes, index: int, remark: str) -> None:
-    """Write number, name, frequency and damping of a mode over its panel, and a remark under them."""
+    """Write number, name, frequency and damping of a mode above its panel, and a remark below them."""
     axes.set_title(
         f"{mode_name(modes, index)}: {mode_values(modes, index)}\n{remark}",
         fontsize=NORMAL,

@@ -20,11 +20,11 @@ def histories_figure(recordings: Sequence[tuple[str, Recording]], *, title: str,
     Parameters
     ----------
     recordings
-        With their names in the legend; all with the channels of the first, the largest one first.
+        Names in the legend and recordings, all with the channels of the first; the largest recording first.
     title
-        Heading.
+        Heading of the figure.
     window
-        Length shown [s]; None: all. Of long records the largest and smallest value in each of 2000 intervals is drawn.
+        Length shown [s]; None: all. Long records are drawn by the largest and smallest value in each of 2000 intervals.
     """
     first = recordings[0][1]
     figure, panels = _panels(title, len(first.channels))
@@ -84,9 +84,9 @@ def densities_figure(
     Parameters
     ----------
     recordings
-        With their names in the legend; all with the channels of the first.
+        Names in the legend and recordings, all with the channels of the first.
     title
-        Heading.
+        Heading of the figure.
     highest, lowest
         Range of frequencies [Hz].
     segment
@@ -127,7 +127,7 @@ def densities_figure(
 
 
 def _panels(title: str, n_channels: int) -> tuple[Figure, list[Axes]]:
-    """Figure with a panel for each channel, over one another; two columns where there are many."""
+    """Return a figure with a panel for each channel, one below another; two columns where there are many."""
     n_rows, n_columns = panel_grid(n_channels, most_columns=1 if n_channels <= 3 else 2)
     figure = new_figure(title, "", width=9.5, height=1.1 + 1.75 * n_rows)
     panels = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False).ravel()
@@ -144,7 +144,7 @@ def _name_axis(panels: Sequence[Axes], name: str) -> None:
 
 
 def _colour(number: int, count: int) -> str:
-    """Colour of a curve; a single one is blue."""
+    """Return the colour of a curve; a single one is blue."""
     return MODE_COLOURS[number % len(MODE_COLOURS)] if count > 1 else MODE_COLOURS[0]
 
 
@@ -157,7 +157,7 @@ def _name_curves(figure: Figure, names: Sequence[str]) -> None:
 
 
 def _envelope(time: Real, values: Real) -> tuple[Real, Real]:
-    """Largest and smallest value of each interval, where there are too many samples to draw."""
+    """Return the largest and smallest value of each interval where there are too many samples to draw."""
     per = -(-values.size * 2 // _MOST_POINTS)
     if per <= 2:
         return time, values

@@ -46,14 +46,14 @@ def spectra_figure(identification: Identification, *, source: str = "") -> Figur
     Parameters
     ----------
     identification
-        Without editing, there is one curve for each channel.
+        Identification; without cepstrum editing there is one curve for each channel.
     source
         Name of the recording, for the heading.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A panel for each of the first 24 channels. Harmonics are marked in the channels that show them.
+        Figure with a panel for each of the first 24 channels; harmonics are marked in the channels that show them.
     """
     n_channels = min(len(identification.channels), MOST_CHANNELS)
     n_rows, n_columns = panel_grid(n_channels, most_columns=1 if n_channels <= 4 else 2 if n_channels <= 10 else 3)
@@ -121,7 +121,7 @@ def _decibels(spectra: SpectralMatrix, row: int) -> Real:
 
 
 def _legend(identification: Identification) -> list[Line2D | Patch]:
-    """Return an entry for each kind of line."""
+    """Return a legend entry for each kind of line."""
     after = Line2D([], [], color=INK, linewidth=1.3, label="power spectral density")
     handles: list[Line2D | Patch] = [after]
     if identification.edited_spectra is not None:

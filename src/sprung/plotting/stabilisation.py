@@ -1,4 +1,4 @@
-"""The stabilisation diagram over the spectrum."""
+"""Stabilisation diagram over the spectrum."""
 
 from types import MappingProxyType
 from typing import Any
@@ -40,13 +40,13 @@ _WIDTH, _PANEL_HEIGHT = 11.0, 4.6
 #: The spectrum is shown down to this far below its maximum [dB].
 _DYNAMIC_RANGE = 80.0
 
-#: What became of a pole, in few words, and how it is drawn; filled, large and dark ones are nearer to a mode.
+#: Status of a pole in few words, and its marker; filled, large and dark markers are closer to a mode.
 _WORDS_AND_MARKERS: MappingProxyType[PoleStatus, tuple[str, dict[str, Any]]] = MappingProxyType(
     {
         PoleStatus.SELECTED: ("selected: part of a mode", {"marker": "o", "markersize": 5.5}),
         PoleStatus.UNCONFIRMED: ("stable, but not confirmed", {"marker": "v", "markersize": 4.5}),
         PoleStatus.RARE: ("stable, but on too few rungs", {"marker": "^", "markersize": 4.5}),
-        PoleStatus.INSIGNIFICANT: ("stable, but no more than chance", {"marker": "s", "markersize": 4}),
+        PoleStatus.INSIGNIFICANT: ("stable, but not significant", {"marker": "s", "markersize": 4}),
         PoleStatus.UNCERTAIN: ("stable, but too uncertain", {"marker": "D", "markersize": 4}),
         PoleStatus.HARMONIC: ("at a harmonic", {"marker": "x", "markersize": 4.5}),
         PoleStatus.SHAPE_CHANGED: ("shape changes", {"marker": "+", "markersize": 4.5}),
@@ -61,12 +61,12 @@ _STABLE = (PoleStatus.INSIGNIFICANT, PoleStatus.UNCONFIRMED, PoleStatus.RARE, Po
 
 
 def stabilisation_figure(identification: Identification, *, source: str = "") -> Figure:
-    """Draw the poles of all rungs over the spectrum, with what became of each, harmonics and modes.
+    """Draw the poles of all rungs over the spectrum, with their status, harmonics and modes.
 
     Parameters
     ----------
     identification
-        Of any method.
+        Result of any method.
     source
         Name of the recording, for the heading.
 
@@ -138,7 +138,7 @@ def _mode_numbers(diagram: StabilisationDiagram, alignments: Indices, members: I
 
 
 def _marker(status: PoleStatus, colour: str = INK) -> dict[str, Any]:
-    """Return how a pole of this status is drawn; `colour` is that of a selected one."""
+    """Return the marker of a pole of this status; `colour` is that of a selected pole."""
     style = {"linestyle": "none", "zorder": 2.0, "markeredgewidth": 0.8, **_WORDS_AND_MARKERS[status][1]}
     if status == PoleStatus.SELECTED:
         return style | {"color": colour, "markeredgecolor": "white", "markeredgewidth": 0.5, "zorder": 4.0}
@@ -181,7 +181,7 @@ def first_singular_value(spectra: SpectralMatrix, *, like: SpectralMatrix) -> Re
 
 
 def _legend(identification: Identification) -> list[Line2D | Patch]:
-    """Return an entry with its count for each status that occurs, and for the lines."""
+    """Return a legend entry with its count for each status that occurs, and for the lines."""
     statuses = [diagram.status for subset in identification.subsets for diagram in subset.diagrams]
     counts = np.bincount(np.concatenate(statuses), minlength=len(PoleStatus))
     handles: list[Line2D | Patch] = []

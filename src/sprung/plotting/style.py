@@ -1,4 +1,4 @@
-"""What all pictures share: colours, words, the layout of panels, and labels that do not overlap."""
+"""Style common to all figures: colours, number formats, layout of panels, labels that do not overlap."""
 
 import math
 import textwrap
@@ -16,14 +16,16 @@ from sprung._arrays import Real
 from sprung.identification import Identification
 from sprung.modal import Modes
 
-#: Colours of the modes by rising frequency, the same in all pictures (Okabe and Ito; told apart by colour-blind
-#: readers), and used for nothing else.
+#: Colours of the modes by rising frequency, the same in all figures (after Okabe and Ito: distinguishable for
+#: colour-blind readers).
 MODE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#C0609A", "#3FA0DC", "#7F4909", "#5B2C8A", "#8A8A00")
-#: Colours of harmonics, of what is text or frame, of what is behind, and of what counts less.
+#: Colours of harmonics, of text and frames, of curves in the background, and of secondary elements.
 HARMONIC_COLOUR, INK, BACKGROUND_CURVE, FAINT = "#C08A00", "#222222", "#9FB4C7", "#8C8C8C"
 SMALL, NORMAL, LARGE = 8.0, 9.5, 12.0
 METHOD_NAMES = MappingProxyType({"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"})
 NO_MODE = "No mode was identified."
+#: Half width of a 95 % interval in standard deviations.
+HALF_WIDTH_95 = 1.96
 AnyFigure = TypeVar("AnyFigure", bound=FigureBase)
 #: Width of a character over the size of the font.
 _CHARACTER = 0.6
@@ -58,19 +60,19 @@ def mode_values(modes: Modes, index: int) -> str:
 
 
 def pretty_unit(unit: str) -> str:
-    """Return a unit as it is set in print; "unit unknown" for an empty one."""
+    """Return a unit with superscripts; "unit unknown" for an empty one."""
     return unit.replace("^2", "²").replace("^3", "³") or "unit unknown"
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return names in a row, the first few of many."""
+    """Return names separated by commas, only the first few of many."""
     if len(names) <= _MOST_NAMES:
         return ", ".join(names)
     return ", ".join(names[: _MOST_NAMES - 1]) + f" and {len(names) - _MOST_NAMES + 1} more"
 
 
 def origin(identification: Identification) -> str:
-    """Return in words where the modes come from: method, channels, rate."""
+    """Return the origin of the modes in words: method, channels, sampling rate."""
     names = listed([channel.name for channel in identification.channels])
     method = METHOD_NAMES.get(identification.method, identification.method)
     remark = "" if len(identification.modes) else f". {NO_MODE}"
@@ -78,7 +80,7 @@ def origin(identification: Identification) -> str:
 
 
 def new_figure(what: str, where: str, *, width: float, height: float) -> Figure:
-    """Return an empty figure of a size [in] whose heading says what it shows, and below it where that comes from."""
+    """Return an empty figure of a size [in] with a heading and the origin of its data below."""
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     n_characters = int(width / (_CHARACTER * LARGE / 72))
     lines = [line for part in (what, where) for line in textwrap.wrap(part, n_characters)]
@@ -87,7 +89,7 @@ def new_figure(what: str, where: str, *, width: float, height: float) -> Figure:
 
 
 def say(figure: AnyFigure, sentence: str) -> AnyFigure:
-    """Write a sentence where a picture would have been."""
+    """Write a sentence in place of the panels of a figure."""
     axes = figure.add_subplot()
     axes.set_axis_off()
     axes.text(0.5, 0.5, sentence, ha="center", va="center", fontsize=LARGE, color=INK, transform=axes.transAxes)
@@ -95,7 +97,7 @@ def say(figure: AnyFigure, sentence: str) -> AnyFigure:
 
 
 def panel_grid(n_panels: int, *, most_columns: int) -> tuple[int, int]:
-    """Return rows and columns for a number of panels, as few rows as possible and no row nearly empty."""
+    """Return rows and columns for a number of panels: as few rows as possible, filled evenly."""
     n_rows = math.ceil(n_panels / most_columns)
     return n_rows, math.ceil(n_panels / n_rows)
 
@@ -109,14 +111,14 @@ def plain(axes: Axes) -> None:
 
 
 def spread(wanted: ArrayLike, distance: float) -> Real:
-    """Return places in 0 to 1 at least `distance` apart, as near as possible to the wanted ones.
+    """Return positions in 0 to 1 at least `distance` apart, as close as possible to the desired ones.
 
     Parameters
     ----------
     wanted
-        Rising, shape (labels,).
+        Desired positions, rising, shape (labels,).
     distance
-        At most 1 / labels; a larger one is lowered to it.
+        Smallest distance; one above 1 / labels is reduced to that.
 
     Notes
     -----
@@ -137,5 +139,5 @@ def spread(wanted: ArrayLike, distance: float) -> Real:
 
 
 def text_width(text: str, size: float) -> float:
-    """Return about how wide the longest line of a text is [in]."""
+    """Return the approximate width of the longest line of a text [in]."""
     return max(len(line) for line in text.split("\n")) * _CHARACTER * size / 72

@@ -12,6 +12,7 @@ from sprung._arrays import Real
 from sprung.identification import Identification
 from sprung.plotting.style import (
     FAINT,
+    HALF_WIDTH_95,
     INK,
     NO_MODE,
     NORMAL,
@@ -28,26 +29,24 @@ from sprung.plotting.style import (
 
 #: Width of a mode's panels and height of both [in].
 _COLUMN, _BAND, _MOST_COLUMNS = 2.7, 4.2, 5
-#: Standard deviations to either side of a 95 % interval.
-_INTERVAL = 1.96
 #: Least range shown around a value, relative to it: smaller changes of frequency and damping should look small.
 _LEAST_RANGE = (0.02, 0.2)
 
 
 def subsets_figure(identification: Identification, *, source: str = "") -> Figure:
-    """Draw frequency and damping of each mode against the level of the subset they were found in.
+    """Draw frequency and damping of each mode against the level of the subset they are identified in.
 
     Parameters
     ----------
     identification
-        By CoSS-SSI.
+        Identification by CoSS-SSI.
     source
         Name of the recording, for the heading.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Two panels for each mode, and below them how many segments each subset holds.
+        Figure with two panels for each mode, and below them the number of segments in each subset.
     """
     what = "Modes against the level of the subsets"
     what = f"{what}: {source}" if source else what
@@ -68,7 +67,7 @@ def subsets_figure(identification: Identification, *, source: str = "") -> Figur
 
 
 def _draw_modes(figure: SubFigure, identification: Identification, n_bands: int, n_columns: int) -> None:
-    """Draw two panels for each mode, bands of them one under another."""
+    """Draw two panels for each mode, in rows one below another."""
     panels = figure.subplots(2 * n_bands, n_columns, squeeze=False)
     for k in range(n_bands * n_columns):
         band, column = divmod(k, n_columns)
@@ -84,11 +83,11 @@ def _draw_modes(figure: SubFigure, identification: Identification, n_bands: int,
 
 
 def _legend() -> list[Line2D]:
-    """Return entries for value, merged value and what was not found."""
+    """Return legend entries for values, merged values and missing ones."""
     value: dict[str, Any] = {"color": FAINT, "marker": "o", "linewidth": 1.2}
     cross: dict[str, Any] = {"color": FAINT, "marker": "X", "linestyle": "none"}
     return [
-        Line2D([], [], **value, label="in one subset; upright: 95 % interval, along: range of levels"),
+        Line2D([], [], **value, label="in one subset; vertical: 95 % interval, horizontal: range of levels"),
         Line2D([], [], color=FAINT, linestyle=(0, (5, 3)), label="merged over the subsets"),
         Line2D([], [], **cross, label="on the axis: not found in that subset"),
     ]
@@ -109,7 +108,7 @@ def _draw_mode(upper: Axes, lower: Axes, identification: Identification, index: 
         values = [factor * getattr(part, name)[m] if m >= 0 else np.nan for part, m in rows]
         spreads = [factor * getattr(part, f"{name}_std")[m] if m >= 0 else np.nan for part, m in rows]
         axes.axhline(whole, color=colour, linestyle=(0, (5, 3)), linewidth=1.0, gid="merged")
-        _draw_values(axes, _levels(identification), np.array(values), _INTERVAL * np.array(spreads), colour)
+        _draw_values(axes, _levels(identification), np.array(values), HALF_WIDTH_95 * np.array(spreads), colour)
         _widen(axes, whole, least * whole)
     upper.tick_params(labelbottom=False)
     lower.xaxis.set_major_locator(MaxNLocator(4))
@@ -157,7 +156,7 @@ def _draw_values(
 
 
 def _widen(axes: Axes, centre: float, half: float) -> None:
-    """Show at least `half` to either side of the merged value, in plain numbers."""
+    """Show at least `half` on either side of the merged value, in plain numbers."""
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, centre - half), max(high, centre + half))
     axes.yaxis.set_major_locator(MaxNLocator(5))
@@ -165,7 +164,7 @@ def _widen(axes: Axes, centre: float, half: float) -> None:
 
 
 def _draw_counts(axes: Axes, identification: Identification) -> None:
-    """Draw how many segments each subset holds."""
+    """Draw the number of segments in each subset."""
     plain(axes)
     levels = _levels(identification)
     counts = [subset.n_segments for subset in identification.subsets]

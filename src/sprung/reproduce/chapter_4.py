@@ -1,6 +1,6 @@
 """Chapter 4: a chain of three masses, noise of two sizes, three methods."""
 
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from sprung.plotting import (
     stable_rates_figure,
 )
 from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Report, Section, Table, deviation, picture
-from sprung.reproduce.runs import Effort, Progress, over_seeds
+from sprung.reproduce.report import Block, Section, Table, picture
+from sprung.reproduce.tables import theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.simulation import simulate, usual_excitation, with_noise
 from sprung.vehicles import Structure, read_vehicle, structure
@@ -54,41 +55,30 @@ SUBSETS = {
 PUBLISHED_THEORY = ((7.01, 19.65, 28.39), (1.12, 3.15, 4.55))
 
 
-def report(effort: Effort, on_progress: Progress) -> Report:
-    """Return the report of the chapter."""
-    vehicle = structure(read_vehicle("chain3"))
-    truth = theoretical(vehicle)
-    on_progress("one set of records, as the thesis shows it", 0.0)
-    clean = records(vehicle, seed=0)
+class Example(NamedTuple):
+    """Records by SNR, with noise in 0.5 to 50 Hz, and what each method identifies in them."""
+
+    records: dict[float, list[Recording]]
+    identified: dict[tuple[str, float], Identification]
+
+
+def example() -> Example:
+    """Return the set of records that the figures show."""
+    clean = records(structure(read_vehicle("chain3")), seed=0)
     shown = {snr: noisy(clean, snr, BANDS["0.5 to 50 Hz"], seed=0) for snr in RATIOS}
-    found = {(name, snr): identified(name, shown[snr]) for name in METHODS for snr in RATIOS}
-    runs = np.array(
-        over_seeds(
-            experiment,
-            range(1, effort.n_seeds + 1),
-            n_processes=effort.n_processes,
-            on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
-        )
-    )
-    sections = (
+    return Example(shown, {(name, snr): identified(name, shown[snr]) for name in METHODS for snr in RATIOS})
+
+
+def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
+    """Return the verdict and the sections."""
+    truth, runs = theoretical(structure(read_vehicle("chain3"))), np.array(results)
+    return _verdict(runs), (
         Section("The model", (_theory(truth),)),
-        Section("What the sensors read", _signals(shown)),
-        Section("Stabilisation diagrams", _diagrams(found)),
-        Section("Modal parameters", _tables(found, runs, truth)),
-        Section("Mode shapes", _shapes(found, truth)),
+        Section("Sensor signals", _signals(example.records)),
+        Section("Stabilisation diagrams", _diagrams(example.identified)),
+        Section("Modal parameters", _tables(example.identified, runs, truth)),
+        Section("Mode shapes", _shapes(example.identified, truth)),
         Section(f"Spread over {len(runs)} sets of records", _spreads(runs, truth)),
-    )
-    return Report(
-        "Chapter 4: CoSS-SSI on a chain of three masses",
-        _verdict(runs, found),
-        sections,
-        (
-            f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; Cov-SSI has the first record, the others all.",
-            THRESHOLDS + " Block rows 12 to 45; delta 0.5 for Cov and ACS, 0.7 for CoSS with J = 3.",
-            f"Noise of RMS(signal) / RMS(noise) = 10 and 0.5 in each channel, white up to {RATE / 2:g} Hz or in 0.5 to 50 Hz.",
-            "Figures are of set 0 with noise in 0.5 to 50 Hz; the sets of the spread have the seeds 1 and up.",
-            "Command: sprung reproduce 4 --out DIR",
-        ),
     )
 
 
@@ -96,13 +86,15 @@ def records(vehicle: Structure, *, seed: int) -> list[Recording]:
     """Return one set of records without noise."""
     excitation = usual_excitation(vehicle)
     generators = [np.random.default_rng([seed, k]) for k in range(N_RECORDS)]
-    return [simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=one) for one in generators]
+    return [
+        simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=generator) for generator in generators
+    ]
 
 
 def noisy(clean: list[Recording], snr: float, band: tuple[float, float] | None, *, seed: int) -> list[Recording]:
-    """Return the records with sensor noise."""
+    """Return the records with sensor noise in a band [Hz]; None: white."""
     generators = [np.random.default_rng([seed, k, 1]) for k in range(len(clean))]
-    return [with_noise(one, snr=snr, band=band, generator=g) for one, g in zip(clean, generators, strict=True)]
+    return [with_noise(record, snr=snr, band=band, generator=g) for record, g in zip(clean, generators, strict=True)]
 
 
 def settings(method: str) -> IdentificationSettings:
@@ -114,7 +106,7 @@ def settings(method: str) -> IdentificationSettings:
 
 
 def identified(method: str, runs: list[Recording], *, is_default: bool = False) -> Identification:
-    """Return what a method finds: Cov-SSI in the first record, the others in all."""
+    """Return what a method identifies: Cov-SSI in the first record, the other methods in all."""
     chosen = runs[:1] if method == "cov" else runs
     return METHODS[method](chosen, settings=None if is_default else settings(method))
 
@@ -137,23 +129,13 @@ def experiment(seed: int) -> Real:
 
 def _theory(truth: Modes) -> Table:
     """Table 4-1."""
-    rows = [
-        (
-            f"Mode {k + 1}",
-            f"{PUBLISHED_THEORY[0][k]:.2f}",
-            f"{truth.natural_frequency[k]:.4f}",
-            deviation(truth.natural_frequency[k], PUBLISHED_THEORY[0][k]),
-            f"{PUBLISHED_THEORY[1][k]:.2f}",
-            f"{100 * truth.damping_ratio[k]:.4f}",
-            deviation(100 * truth.damping_ratio[k], PUBLISHED_THEORY[1][k]),
-        )
-        for k in range(len(truth))
-    ]
-    columns = ("", "f published [Hz]", "f ours [Hz]", "deviation", "ξ published [%]", "ξ ours [%]", "deviation")
-    remark = (
-        "m = 1 kg, k = 9800 N/m, c = 5 N s/m, recovered: figure 4-3 with the parameters is lost, the modes fix them."
+    return theory_table(
+        "Table 4-1: theoretical modal parameters",
+        [f"Mode {k + 1}" for k in range(len(truth))],
+        (PUBLISHED_THEORY[0], truth.natural_frequency),
+        (PUBLISHED_THEORY[1], 100 * truth.damping_ratio),
+        remark="m = 1 kg, k = 9800 N/m, c = 5 N s/m, recovered from the modes: figure 4-3 with the parameters is lost.",
     )
-    return Table("Table 4-1: theoretical modal parameters", columns, tuple(rows), remark)
 
 
 def _signals(shown: dict[float, list[Recording]]) -> tuple[Block, ...]:
@@ -170,21 +152,21 @@ def _signals(shown: dict[float, list[Recording]]) -> tuple[Block, ...]:
     )
 
 
-def _diagrams(found: dict[tuple[str, float], Identification]) -> tuple[Block, ...]:
+def _diagrams(identifications: dict[tuple[str, float], Identification]) -> tuple[Block, ...]:
     """Figures 4-7 to 4-11."""
     blocks: list[Block] = []
     for figure, method in (("4-7", "cov"), ("4-8", "acs"), ("4-9", "coss")):
         for letter, snr in zip("ab", RATIOS, strict=True):
             source = f"SNR {snr:g}"
             caption = f"Figure {figure}({letter}): stabilisation diagram of {NAMES[method]} at SNR {snr:g}."
-            blocks.append(picture(stabilisation_figure(found[method, snr], source=source), caption))
+            blocks.append(picture(stabilisation_figure(identifications[method, snr], source=source), caption))
     for figure, method, snr in (("4-10(a)", "cov", 10.0), ("4-10(b)", "acs", 10.0), ("4-11", "coss", 0.5)):
         caption = f"Figure {figure}: rate of stable points of {NAMES[method]} at SNR {snr:g}; dashed: threshold."
-        blocks.append(picture(stable_rates_figure(found[method, snr], source=f"SNR {snr:g}"), caption))
+        blocks.append(picture(stable_rates_figure(identifications[method, snr], source=f"SNR {snr:g}"), caption))
     return tuple(blocks)
 
 
-def _tables(found: dict[tuple[str, float], Identification], runs: Real, truth: Modes) -> tuple[Block, ...]:
+def _tables(identifications: dict[tuple[str, float], Identification], runs: Real, truth: Modes) -> tuple[Block, ...]:
     """Tables 4-2 to 4-4."""
     blocks: list[Block] = []
     columns = ("", "f published [Hz]", "f ours [Hz]", "ξ published [%]", "ξ ours [%]")
@@ -192,7 +174,7 @@ def _tables(found: dict[tuple[str, float], Identification], runs: Real, truth: M
     for table, method in (("4-2", "cov"), ("4-3", "acs")):
         rows = []
         for i, snr in enumerate(RATIOS):
-            match = matched(found[method, snr].modes, truth)
+            match = matched(identifications[method, snr].modes, truth)
             for k in range(len(truth)):
                 frequency, damping = PUBLISHED[method, snr]
                 values = runs[:, i, :, 0, list(METHODS).index(method), 0, k]
@@ -211,11 +193,11 @@ def _tables(found: dict[tuple[str, float], Identification], runs: Real, truth: M
         blocks.append(Table(title, (*columns, *spreads), tuple(rows), "–: not found."))
     lines = []
     for snr in RATIOS:
-        subsets = found["coss", snr].subsets
+        subsets = identifications["coss", snr].subsets
         for s, published in enumerate(SUBSETS[snr]):
-            one = matched(subsets[s].modes, truth) if s < len(subsets) else None
+            subset = matched(subsets[s].modes, truth) if s < len(subsets) else None
             for k in range(len(truth)):
-                ours = (np.nan, np.nan) if one is None else (one.natural_frequency[k], one.damping_ratio[k])
+                ours = (np.nan, np.nan) if subset is None else (subset.natural_frequency[k], subset.damping_ratio[k])
                 lines.append(
                     (
                         f"SNR {snr:g}, S{s + 1}, mode {k + 1}",
@@ -225,18 +207,18 @@ def _tables(found: dict[tuple[str, float], Identification], runs: Real, truth: M
                         number(100 * ours[1]),
                     )
                 )
-    remark = "Subsets with fewer than two segments are joined with their neighbour, so there can be fewer than three."
+    remark = "Subsets with fewer than two segments are merged with a neighbour, so that there can be fewer than three."
     blocks.append(Table("Table 4-4: modes found by CoSS-SSI in each subset", columns, tuple(lines), remark))
     return tuple(blocks)
 
 
-def _shapes(found: dict[tuple[str, float], Identification], truth: Modes) -> tuple[Block, ...]:
+def _shapes(identifications: dict[tuple[str, float], Identification], truth: Modes) -> tuple[Block, ...]:
     """Figures 4-12 to 4-14."""
     blocks: list[Block] = []
     for figure, method in (("4-12", "cov"), ("4-13", "acs"), ("4-14", "coss")):
         parts = []
         for snr in RATIOS:
-            for s, subset in enumerate(found[method, snr].subsets):
+            for s, subset in enumerate(identifications[method, snr].subsets):
                 name = f"SNR {snr:g}" + (f", S{s + 1}" if method == "coss" else "")
                 parts.append((name, subset.modes))
         title = f"MAC of theory (rows) and {NAMES[method]} (columns)"
@@ -272,8 +254,8 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     return tuple(blocks)
 
 
-def _verdict(runs: Real, found: dict[tuple[str, float], Identification]) -> str:
-    """Say what reproduces and what does not."""
+def _verdict(runs: Real) -> str:
+    """Return what reproduces and what does not."""
     white = [[share(runs[:, i, 0, 0, m, 0, k]) for k in range(3)] for i in range(2) for m in range(3)]
     low = {m: [share(runs[:, 1, 1, 0, n, 0, k]) for k in range(3)] for n, m in enumerate(METHODS)}
     default = [share(runs[:, 1, 1, 1, 2, 0, k]) for k in range(3)]
@@ -286,13 +268,28 @@ def _verdict(runs: Real, found: dict[tuple[str, float], Identification]) -> str:
 
     return (
         "The theoretical modes reproduce to every printed digit. Tables 4-2 and 4-3 depend on the band of the noise, which the "
-        f"thesis does not state: with noise white up to half the sampling rate the thesis' settings find each mode in "
+        f"thesis does not state: with white noise up to half the sampling rate the thesis' settings find each mode in "
         f"{100 * np.min(white):.0f} % of the sets or more with all three methods, at both noise levels. With noise in the "
-        f"modes' own band at SNR 0.5 the published pattern appears for Cov-SSI (modes 1, 2, 3 in {shares(low['cov'])} of the "
+        f"modes' own band at SNR 0.5 the published pattern emerges for Cov-SSI (modes 1, 2, 3 in {shares(low['cov'])} of the "
         f"sets; published: none) and ACS-Cov-SSI ({shares(low['acs'])}; published: the first two). What does not reproduce "
         f"is CoSS-SSI's advantage there: with its published threshold of 0.7 it finds the modes in {shares(low['coss'])} of "
-        "the sets, since splitting the segments leaves fewer of them in each average. Nor do its published damping errors "
-        f"of up to 360 %: where modes are found, the median damping of CoSS-SSI is within {100 * damping:.0f} %. Sprung's own defaults, "
-        f"which test whether a mode stands out of chance between channels, find the modes in {shares(default)} of the sets "
+        "the sets, since splitting the segments leaves fewer of them in each average. Its published damping errors "
+        f"of up to 360 % do not reproduce either: where modes are found, the median damping of CoSS-SSI is within {100 * damping:.0f} %. Sprung's own defaults, "
+        f"which test whether a mode contributes significantly to the correlations between channels, find the modes in {shares(default)} of the sets "
         f"in this hardest case, the median frequency within {100 * error:.2f} %."
     )
+
+
+CHAPTER = Chapter(
+    title="Chapter 4: CoSS-SSI on a chain of three masses",
+    example=example,
+    experiment=experiment,
+    contents=contents,
+    settings=(
+        f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; Cov-SSI uses the first record, the other methods use all.",
+        THRESHOLDS + " Block rows 12 to 45; delta 0.5 for Cov and ACS, 0.7 for CoSS with J = 3.",
+        f"Noise of RMS(signal) / RMS(noise) = 10 and 0.5 in each channel, white up to {RATE / 2:g} Hz or in 0.5 to 50 Hz.",
+        "Figures are of set 0 with noise in 0.5 to 50 Hz; the sets of the spread have the seeds 1 and up.",
+        "Command: sprung reproduce 4 --out DIR",
+    ),
+)

@@ -1,7 +1,5 @@
 """Chapter 5: harmonics, pulses and cepstrum editing on a quarter vehicle."""
 
-from functools import partial
-
 import numpy as np
 
 from sprung._arrays import Real
@@ -18,9 +16,10 @@ from sprung.plotting import (
     stabilisation_figure,
 )
 from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Report, Section, Table, deviation, picture
-from sprung.reproduce.runs import Effort, Progress, over_seeds
+from sprung.reproduce.report import Block, Section, Table, picture
+from sprung.reproduce.tables import theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.simulation import simulate
@@ -37,6 +36,8 @@ VARIANTS = (
     (3, True, "5-14", "5-15"),
     (4, True, "", "5-16"),
 )
+#: Theoretical frequencies [Hz] and damping [%] of body and wheel (section 5.3).
+PUBLISHED_THEORY = ((13.21, 56.35), (13.10, 6.33))
 #: Published frequency [Hz] and damping [%] of both modes, and false modes [Hz].
 PUBLISHED = (
     ((13.19, 56.42), (13.03, 6.66), ()),
@@ -49,36 +50,19 @@ PUBLISHED = (
 EXCITATIONS = {1: "random", 2: "random and pulses", 3: "random, pulses and a sine", 4: "random, pulses and two sines"}
 
 
-def report(effort: Effort, on_progress: Progress) -> Report:
-    """Return the report of the chapter."""
-    truth = _truth()
-    on_progress("one set of records, as the thesis shows it", 0.0)
-    found = [identified(records(case, seed=0), is_edited) for case, is_edited, _, _ in VARIANTS]
-    runs = np.array(
-        over_seeds(
-            experiment,
-            range(1, effort.n_seeds + 1),
-            n_processes=effort.n_processes,
-            on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
-        )
-    )
-    sections = (
+def example() -> list[Identification]:
+    """Return what is identified in each variant of the set of records that the figures show."""
+    return [identified(records(case, seed=0), is_edited) for case, is_edited, _, _ in VARIANTS]
+
+
+def contents(example: list[Identification], results: list[Real]) -> tuple[str, tuple[Section, ...]]:
+    """Return the verdict and the sections."""
+    truth, runs = _truth(), np.array(results)
+    return _verdict(runs), (
         Section("The model", (_response(truth), _theory(truth))),
-        Section("Raw signals", tuple(block for k in range(4) for block in _case(k, found[k]))),
-        Section("Cepstrum editing", (_cepstrum(), *(block for k in (4, 5) for block in _case(k, found[k])))),
-        Section("Modal parameters", (_table(found, runs, truth), *_spreads(runs, truth))),
-    )
-    return Report(
-        "Chapter 5: harmonics and cepstrum editing on a quarter vehicle",
-        _verdict(runs),
-        sections,
-        (
-            f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, acceleration of the body, J = 1 (as one subset).",
-            THRESHOLDS + " Block rows 12 to 50, delta 0.5.",
-            f"Short-pass lifter of {QUEFRENCY:g} s. Lines of the excitation are searched for and named; poles on them are no modes.",
-            "Figures are of set 0; the sets of the spread have the seeds 1 and up.",
-            "Command: sprung reproduce 5 --out DIR",
-        ),
+        Section("Raw signals", tuple(block for k in range(4) for block in _case(k, example[k]))),
+        Section("Cepstrum editing", (_cepstrum(), *(block for k in (4, 5) for block in _case(k, example[k])))),
+        Section("Modal parameters", (_table(example, runs, truth), *_spreads(runs, truth))),
     )
 
 
@@ -88,13 +72,13 @@ def records(case: int, *, seed: int) -> list[Recording]:
     generators = [np.random.default_rng([seed, case, k]) for k in range(N_RECORDS)]
     excitation = QUARTER_CASES[case - 1]
     return [
-        simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=one).select(["acc_body"])
-        for one in generators
+        simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=generator).select(["acc_body"])
+        for generator in generators
     ]
 
 
 def identified(runs: list[Recording], is_edited: bool) -> Identification:
-    """Return what CoSS-SSI with one subset finds."""
+    """Return what CoSS-SSI with one subset identifies."""
     lifter = ShortPass(QUEFRENCY) if is_edited else None
     settings = thesis_settings(
         rows=(12, 50), stable_rate=0.5, segment=DURATION, n_subsets=1, sampling_rate=RATE, lifter=lifter
@@ -115,26 +99,26 @@ def experiment(seed: int) -> Real:
     results = np.empty((len(VARIANTS), 4, 2))
     sets = {case: records(case, seed=seed) for case in (1, 2, 3, 4)}
     for row, (case, is_edited, _, _) in enumerate(VARIANTS):
-        found = identified(sets[case], is_edited)
-        match = matched(found.modes, truth)
+        identification = identified(sets[case], is_edited)
+        match = matched(identification.modes, truth)
         results[row, :2] = match.natural_frequency, match.damping_ratio
         results[row, 2] = match.n_others
-        results[row, 3] = line_rate(found, PULSES), line_rate(found, TONE)
+        results[row, 3] = line_rate(identification, PULSES), line_rate(identification, TONE)
     return results
 
 
 def _truth() -> Modes:
-    """True modes as the body's accelerometer sees them."""
-    every = theoretical(structure(read_vehicle("quarter")))
-    column = every.channels.index("acc_body")
+    """Return the true modes in the acceleration of the body."""
+    modes = theoretical(structure(read_vehicle("quarter")))
+    column = modes.channels.index("acc_body")
     return Modes(
-        every.poles,
-        np.ones((len(every), 1), dtype=complex),
-        (every.channels[column],),
-        every.natural_frequency_std,
-        every.damping_ratio_std,
-        every.stable_rate,
-        every.labels,
+        modes.poles,
+        np.ones((len(modes), 1), dtype=complex),
+        (modes.channels[column],),
+        modes.natural_frequency_std,
+        modes.damping_ratio_std,
+        modes.stable_rate,
+        modes.labels,
     )
 
 
@@ -157,25 +141,16 @@ def _response(truth: Modes) -> Block:
 
 def _theory(truth: Modes) -> Table:
     """Theoretical modes."""
-    rows = tuple(
-        (
-            name,
-            f"{f:.2f}",
-            f"{truth.natural_frequency[k]:.4f}",
-            deviation(truth.natural_frequency[k], f),
-            f"{x:.2f}",
-            f"{100 * truth.damping_ratio[k]:.4f}",
-            deviation(100 * truth.damping_ratio[k], x),
-        )
-        for k, (name, f, x) in enumerate((("Body", 13.21, 13.10), ("Wheel", 56.35, 6.33)))
-    )
-    columns = ("", "f published [Hz]", "f ours [Hz]", "deviation", "ξ published [%]", "ξ ours [%]", "deviation")
-    return Table(
-        "Theoretical modes (section 5.3)", columns, rows, "Parameters per kilogram of body, recovered from the modes."
+    return theory_table(
+        "Theoretical modes (section 5.3)",
+        ("Body", "Wheel"),
+        (PUBLISHED_THEORY[0], truth.natural_frequency),
+        (PUBLISHED_THEORY[1], 100 * truth.damping_ratio),
+        remark="Parameters per kilogram of body, recovered from the modes.",
     )
 
 
-def _case(index: int, found: Identification) -> tuple[Block, ...]:
+def _case(index: int, identification: Identification) -> tuple[Block, ...]:
     """Signals and stabilisation diagram of one variant."""
     case, is_edited, signals, diagram = VARIANTS[index]
     runs = records(case, seed=0)
@@ -191,7 +166,7 @@ def _case(index: int, found: Identification) -> tuple[Block, ...]:
             picture(densities_figure(curves, title=what, highest=100.0), f"{caption}, power spectral density.")
         )
     caption = f"Figure {diagram}: stabilisation diagram, {what.lower()}."
-    blocks.append(picture(stabilisation_figure(found, source=what), caption))
+    blocks.append(picture(stabilisation_figure(identification, source=what), caption))
     return tuple(blocks)
 
 
@@ -212,11 +187,11 @@ def _cepstrum() -> Block:
     return picture(figure, "Figure 5-13: cepstrum, short-pass lifter and edited cepstrum.")
 
 
-def _table(found: list[Identification], runs: Real, truth: Modes) -> Table:
-    """Published and found modes of all variants."""
+def _table(identifications: list[Identification], runs: Real, truth: Modes) -> Table:
+    """Published and identified modes of all variants."""
     rows = []
     for index, (case, is_edited, _, diagram) in enumerate(VARIANTS):
-        match = matched(found[index].modes, truth)
+        match = matched(identifications[index].modes, truth)
         frequency, damping, false = PUBLISHED[index]
         for k in range(2):
             rows.append(
@@ -231,7 +206,7 @@ def _table(found: list[Identification], runs: Real, truth: Modes) -> Table:
                 )
             )
         lines = " and ".join(f"{100 * np.median(runs[:, index, 3, m]):.0f} %" for m in range(2))
-        others = f"{np.mean(runs[:, index, 2, 0]):.2f} a set"
+        others = f"{np.mean(runs[:, index, 2, 0]):.2f} per set"
         rows.append(
             (
                 "– false modes",
@@ -262,24 +237,39 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     for quantity, name, factor in ((0, "frequency [Hz]", 1.0), (1, "damping [%]", 100.0)):
         for k in range(2):
             true = (truth.natural_frequency, 100 * truth.damping_ratio)[quantity][k]
-            published = tuple(one[quantity][k] for one in PUBLISHED)
+            published = tuple(variant[quantity][k] for variant in PUBLISHED)
             spreads.append(Spread(f"Mode {k + 1}: {name}", rows, factor * runs[:, :, quantity, k].T, true, published))
     figure = runs_figure(spreads, title="Both modes in all sets")
     return (picture(figure, f"Spread over {len(runs)} sets of records."),)
 
 
 def _verdict(runs: Real) -> str:
-    """Say what reproduces and what does not."""
+    """Return what reproduces and what does not."""
     truth = _truth().natural_frequency
     pulses, edited = (worst_error(runs[:, rows, 0], truth) for rows in (slice(1, 2), slice(4, 6)))
     rungs = 100 * np.median(runs[:, :, 3], axis=0)
     return (
-        "Case 1 reproduces: random excitation alone gives both modes. Pulses (case 2) do no harm to frequencies "
-        f"(medians within {100 * pulses:.1f} %), as published. Published are false modes at 3.56 Hz (cases 3 and 4) and 17.37 Hz (case 4), "
-        f"where sines are: here poles lie near 3.65 Hz on {rungs[2, 0]:.0f} % of the rungs in case 3, near 17 Hz on {rungs[3, 1]:.0f} % in case 4, "
-        "and since lines of the excitation are searched for first, none is reported as a mode. In case 4 the mode at 13.21 Hz, whose "
-        f"bandwidth holds the sine of 17 Hz, is found in {100 * share(runs[:, 3, 0, 0]):.0f} % of the sets (published: lost). "
+        "Case 1 reproduces: random excitation alone gives both modes. Pulses (case 2) do not affect the frequencies "
+        f"(medians within {100 * pulses:.1f} %), as published. The thesis reports false modes at 3.56 Hz (cases 3 and 4) and 17.37 Hz (case 4), "
+        f"near the sines: here poles lie near 3.65 Hz on {rungs[2, 0]:.0f} % of the rungs in case 3, near 17 Hz on {rungs[3, 1]:.0f} % in case 4, "
+        "and none is reported as a mode, since harmonics of the excitation are detected first. In case 4 the mode at 13.21 Hz, whose "
+        f"bandwidth contains the 17 Hz sine, is found in {100 * share(runs[:, 3, 0, 0]):.0f} % of the sets (published: lost). "
         f"After cepstrum editing it is found in {100 * share(runs[:, 4, 0, 0]):.0f} % (case 3) and "
         f"{100 * share(runs[:, 5, 0, 0]):.0f} % (case 4) of the sets, and all medians lie within {100 * edited:.1f} % of the "
-        "true frequencies: the chapter's main claim, that editing takes the harmonics out and leaves the modes, holds."
+        "true frequencies: the chapter's main claim, that editing removes the harmonics and preserves the modes, holds."
     )
+
+
+CHAPTER = Chapter(
+    title="Chapter 5: harmonics and cepstrum editing on a quarter vehicle",
+    example=example,
+    experiment=experiment,
+    contents=contents,
+    settings=(
+        f"{N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, acceleration of the body, J = 1 (as one subset).",
+        THRESHOLDS + " Block rows 12 to 50, delta 0.5.",
+        f"Short-pass lifter of {QUEFRENCY:g} s. Harmonics of the excitation are detected and named; poles on them are not taken for modes.",
+        "Figures are of set 0; the sets of the spread have the seeds 1 and up.",
+        "Command: sprung reproduce 5 --out DIR",
+    ),
+)

@@ -1,7 +1,7 @@
 """Chapter 7: a bogie at a scale of 1 to 5 on a roller rig, healthy and with two faults."""
 
-from functools import partial
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,11 @@ from sprung.plotting import (
     stable_rates_figure,
 )
 from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Paragraph, Report, Section, Table, deviation, picture
-from sprung.reproduce.runs import Effort, Progress, over_seeds
-from sprung.reproduce.thesis import BODY_MOTIONS, THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.reproduce.report import Block, Paragraph, Section, Table, picture
+from sprung.reproduce.tables import theory_table
+from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.simulation import simulate
 from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
 
@@ -44,43 +45,36 @@ PUBLISHED = {"cov": (19.97, 21.12, np.nan), "acs": (np.nan, 20.55, 25.59)}
 NAMES = {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"}
 
 
-def report(effort: Effort, on_progress: Progress) -> Report:
-    """Return the report of the chapter."""
-    on_progress("one set of records, as the thesis shows it", 0.0)
-    truths = {name: theoretical(bogie(name), labels=BODY_MOTIONS) for name in CONDITIONS}
+class Example(NamedTuple):
+    """Records and CoSS-SSI by condition, the other methods in the normal condition, and the time of a CoSS-SSI [s]."""
+
+    records: dict[str, list[Recording]]
+    single: dict[str, Identification]
+    coss: dict[str, Identification]
+    seconds: float
+
+
+def example() -> Example:
+    """Return the set of records that the figures show, identified and timed."""
     shown = {name: records(name, seed=0) for name in CONDITIONS}
-    found = {method: identified(method, shown["normal"]) for method in ("cov", "acs")}
+    single = {method: identified(method, shown["normal"]) for method in ("cov", "acs")}
     begin = perf_counter()
     coss = {name: identified("coss", runs) for name, runs in shown.items()}
-    seconds = (perf_counter() - begin) / len(shown)
-    runs = np.array(
-        over_seeds(
-            experiment,
-            range(1, effort.n_seeds + 1),
-            n_processes=effort.n_processes,
-            on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
-        )
-    )
-    sections = (
-        Section("The model", (_theory(truths["normal"]), _model_shapes(shown["normal"][0], truths["normal"]))),
-        Section("What the sensors read", _signals(shown["normal"])),
-        Section("Cov-SSI and ACS-Cov-SSI", _single(found, truths["normal"])),
-        Section("CoSS-SSI", _subsets(coss, truths)),
-        Section("Modal parameters", (*_tables(runs, truths), _time(seconds))),
+    return Example(shown, single, coss, (perf_counter() - begin) / len(shown))
+
+
+def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
+    """Return the verdict and the sections."""
+    runs = np.array(results)
+    truths = {name: theoretical(bogie(name), labels=BODY_MODES) for name in CONDITIONS}
+    healthy, normal = truths["normal"], example.records["normal"]
+    return _verdict(runs, truths, example.seconds), (
+        Section("The model", (_theory(healthy), _model_shapes(normal[0], healthy))),
+        Section("Sensor signals", _signals(normal)),
+        Section("Cov-SSI and ACS-Cov-SSI", _single(example.single, healthy)),
+        Section("CoSS-SSI", _subsets(example.coss, truths)),
+        Section("Modal parameters", (*_tables(runs, truths), _time(example.seconds))),
         Section("Faults", _faults(runs, truths)),
-    )
-    return Report(
-        "Chapter 7: bogie at a scale of 1 to 5 on a roller rig",
-        _verdict(runs, truths, seconds),
-        sections,
-        (
-            f"Simulated in the place of the rig: {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, rollers of varying speed under all "
-            f"wheels, independent roughness at each, sensor noise at SNR {SNR:g}; segments of 4096 samples, J = 3.",
-            THRESHOLDS + " Block rows 12 to 82; delta 0.6 for Cov and ACS, 0.8 for CoSS.",
-            f"The runs of the spread are decimated to {FAST_RATE:g} Hz with {FAST_ROWS[0]} to {FAST_ROWS[1]} block rows, "
-            "half the work; figures and run time are of the full rate. Modes wanted: 10 to 60 Hz.",
-            "Command: sprung reproduce 7 --out DIR",
-        ),
     )
 
 
@@ -91,13 +85,13 @@ def bogie(condition: str) -> Structure:
 
 def records(condition: str, *, seed: int) -> list[Recording]:
     """Return one set of records with rollers of varying speed."""
-    made = []
-    for number_ in range(N_RECORDS):
-        generator = np.random.default_rng([seed, list(CONDITIONS).index(condition), number_])
+    runs = []
+    for row in range(N_RECORDS):
+        generator = np.random.default_rng([seed, list(CONDITIONS).index(condition), row])
         rotation = random_speed(DURATION, low=1.0, high=4.0, generator=generator)
         rig = RollerRig((True, True), rotation, random=2e-6)
-        made.append(simulate(bogie(condition), rig, duration=DURATION, sampling_rate=RATE, snr=SNR, seed=generator))
-    return made
+        runs.append(simulate(bogie(condition), rig, duration=DURATION, sampling_rate=RATE, snr=SNR, seed=generator))
+    return runs
 
 
 def settings(method: str, *, is_fast: bool = False) -> IdentificationSettings:
@@ -112,17 +106,17 @@ def settings(method: str, *, is_fast: bool = False) -> IdentificationSettings:
 
 
 def identified(method: str, runs: list[Recording], *, is_fast: bool = False) -> Identification:
-    """Return what a method finds: Cov-SSI in the first record, the others in all."""
+    """Return what a method identifies: Cov-SSI in the first record, the other methods in all."""
     chosen = runs[:1] if method == "cov" else runs
     return METHODS[method](chosen, settings=settings(method, is_fast=is_fast), vehicle=read_vehicle("scale-bogie"))
 
 
 def experiment(seed: int) -> Real:
-    """Return frequency, damping and MAC of the body's modes and number of others, (condition, method, 4, modes)."""
-    healthy = theoretical(bogie("normal"), labels=BODY_MOTIONS)
+    """Return frequency, damping, MAC of the body's modes and number of others, (conditions, methods, 4, modes)."""
+    healthy = theoretical(bogie("normal"), labels=BODY_MODES)
     results = np.full((len(CONDITIONS), len(METHODS), 4, len(healthy)), np.nan)
     for row, condition in enumerate(CONDITIONS):
-        truth = theoretical(bogie(condition), labels=BODY_MOTIONS)
+        truth = theoretical(bogie(condition), labels=BODY_MODES)
         runs = records(condition, seed=seed)
         for column, method in enumerate(METHODS):
             if condition != "normal" and method != "coss":
@@ -135,21 +129,14 @@ def experiment(seed: int) -> Real:
 
 def _theory(truth: Modes) -> Table:
     """Theoretical modes."""
-    rows = tuple(
-        (
-            label.capitalize(),
-            f"{f:.2f}",
-            f"{truth.natural_frequency[k]:.3f}",
-            deviation(truth.natural_frequency[k], f),
-            f"{x:.2f}",
-            f"{100 * truth.damping_ratio[k]:.3f}",
-            deviation(100 * truth.damping_ratio[k], x),
-        )
-        for k, (label, f, x) in enumerate(zip(BODY_MOTIONS, *PUBLISHED_THEORY, strict=True))
+    return theory_table(
+        "Figure 7-7: theoretical modes, from the geometry and table 7-1",
+        [label.capitalize() for label in BODY_MODES],
+        (PUBLISHED_THEORY[0], truth.natural_frequency),
+        (PUBLISHED_THEORY[1], 100 * truth.damping_ratio),
+        digits=(2, 3, 2, 3),
+        remark="The 24.03 Hz given for pitch in the text contradict the parameters of table 7-1.",
     )
-    columns = ("", "f published [Hz]", "f ours [Hz]", "deviation", "ξ published [%]", "ξ ours [%]", "deviation")
-    remark = "The 24.03 Hz that the running text gives for pitch contradict the parameters of table 7-1."
-    return Table("Figure 7-7: theoretical modes, from the geometry and table 7-1", columns, rows, remark)
 
 
 def _model_shapes(recording: Recording, truth: Modes) -> Block:
@@ -160,7 +147,7 @@ def _model_shapes(recording: Recording, truth: Modes) -> Block:
 
 def _signals(runs: list[Recording]) -> tuple[Block, ...]:
     """Figure 7-9."""
-    marked = list(zip(BODY_MOTIONS, PUBLISHED_THEORY[0], strict=True))
+    marked = list(zip(BODY_MODES, PUBLISHED_THEORY[0], strict=True))
     return (
         picture(
             histories_figure([("", runs[0])], title="Accelerations of the frame"),
@@ -175,19 +162,22 @@ def _signals(runs: list[Recording]) -> tuple[Block, ...]:
     )
 
 
-def _single(found: dict[str, Identification], truth: Modes) -> tuple[Block, ...]:
+def _single(identifications: dict[str, Identification], truth: Modes) -> tuple[Block, ...]:
     """Figures 7-10 to 7-13."""
     blocks: list[Block] = []
     for method, first, second in (("cov", "7-10", "7-11"), ("acs", "7-12", "7-13")):
-        one, name = found[method], NAMES[method]
+        identification, name = identifications[method], NAMES[method]
         blocks += [
-            picture(stabilisation_figure(one), f"Figure {first}(a): stabilisation diagram of {name}."),
-            picture(stable_rates_figure(one), f"Figure {first}(b): rate of stable points of {name}."),
+            picture(stabilisation_figure(identification), f"Figure {first}(a): stabilisation diagram of {name}."),
+            picture(stable_rates_figure(identification), f"Figure {first}(b): rate of stable points of {name}."),
             picture(
-                shapes_figure(one.modes, one.channels, source=name), f"Figure {second}(a): modes identified by {name}."
+                shapes_figure(identification.modes, identification.channels, source=name),
+                f"Figure {second}(a): modes identified by {name}.",
             ),
             picture(
-                reference_mac_figure([(name, one.modes)], truth, title="MAC of theory (rows) and identified shapes"),
+                reference_mac_figure(
+                    [(name, identification.modes)], truth, title="MAC of theory (rows) and identified shapes"
+                ),
                 f"Figure {second}(b): MAC of {name}.",
             ),
         ]
@@ -201,12 +191,12 @@ def _subsets(coss: dict[str, Identification], truths: dict[str, Modes]) -> tuple
         picture(stabilisation_figure(normal), "Figure 7-14(a): stabilisation diagrams of CoSS-SSI, normal suspension."),
         picture(stable_rates_figure(normal), "Figure 7-14(b): rates of stable points."),
     ]
-    for condition, one in coss.items():
-        parts = [(f"subset {k + 1}", subset.modes) for k, subset in enumerate(one.subsets)]
+    for condition, identification in coss.items():
+        parts = [(f"subset {k + 1}", subset.modes) for k, subset in enumerate(identification.subsets)]
         title = f"MAC of theory of the healthy bogie (rows) and subsets, {condition}"
         blocks += [
             picture(
-                shapes_figure(one.modes, one.channels, source=condition),
+                shapes_figure(identification.modes, identification.channels, source=condition),
                 f"Figure {FIGURES[condition]}: modes identified by CoSS-SSI, {condition}.",
             ),
             picture(
@@ -218,7 +208,7 @@ def _subsets(coss: dict[str, Identification], truths: dict[str, Modes]) -> tuple
 
 
 def _tables(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
-    """Published and found frequencies."""
+    """Published and identified frequencies."""
     blocks: list[Block] = []
     nothing = (np.nan, np.nan, np.nan)
     for row, condition in enumerate(CONDITIONS):
@@ -227,7 +217,7 @@ def _tables(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
             if condition != "normal" and method != "coss":
                 continue
             published = PUBLISHED.get(method, nothing) if condition == "normal" else nothing
-            for k, label in enumerate(BODY_MOTIONS):
+            for k, label in enumerate(BODY_MODES):
                 values = runs[:, row, column]
                 rows.append(
                     (
@@ -254,7 +244,7 @@ def _tables(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
 
 
 def _time(seconds: float) -> Table:
-    """Run time beside the published one."""
+    """Run time next to the published one."""
     rows = (
         (
             "CoSS-SSI of 400 s in four channels, thesis' ladder",
@@ -268,27 +258,27 @@ def _time(seconds: float) -> Table:
         "Run time",
         columns,
         rows,
-        "Published: MATLAB on a desktop of the 2010s; ours: this machine, all steps, one thread if so set.",
+        "Published: MATLAB on a desktop computer of the 2010s; ours: all steps on the machine that wrote this page.",
     )
 
 
 def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
-    """What the faults move, in theory and as found."""
+    """Changes of frequency with the faults, in theory and as identified."""
     rows = []
     healthy = truths["normal"]
     coss = list(METHODS).index("coss")
-    for number_, condition in enumerate(list(CONDITIONS)[1:], start=1):
-        for k, label in enumerate(BODY_MOTIONS):
+    for row, condition in enumerate(list(CONDITIONS)[1:], start=1):
+        for k, label in enumerate(BODY_MODES):
             shift = truths[condition].natural_frequency[k] - healthy.natural_frequency[k]
-            found = runs[:, number_, coss, 0, k] - runs[:, 0, coss, 0, k]
-            rows.append((f"{condition}, {label}", f"{shift:+.2f}", of_runs(found)))
+            shifts = runs[:, row, coss, 0, k] - runs[:, 0, coss, 0, k]
+            rows.append((f"{condition}, {label}", f"{shift:+.2f}", of_runs(shifts)))
     table = Table(
         "Change of frequency with the fault [Hz]",
         ("", "theory", "CoSS-SSI: both found in, median (5 to 95 %)"),
         tuple(rows),
     )
     spreads = []
-    for k, label in enumerate(BODY_MOTIONS):
+    for k, label in enumerate(BODY_MODES):
         spreads.append(
             Spread(
                 f"{label}: frequency [Hz]",
@@ -300,24 +290,40 @@ def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
         )
     figure = runs_figure(spreads, title="Frequencies in the three conditions (diamonds: theory)")
     text = (
-        "A change of one corner's spring moves all three frequencies by little and turns the shapes towards the softer corner; "
-        "which corner it was cannot be read from the frequencies alone."
+        "A change of one corner's spring shifts all three frequencies slightly and turns the shapes towards the softer corner; "
+        "the frequencies alone do not show which corner it is."
     )
     return (Paragraph(text), table, picture(figure, "Found by CoSS-SSI in all sets."))
 
 
 def _verdict(runs: Real, truths: dict[str, Modes], seconds: float) -> str:
-    """Say what reproduces and what does not."""
+    """Return what reproduces and what does not."""
     shares = {
-        m: ", ".join(f"{label} {100 * share(runs[:, 0, n, 0, k]):.0f} %" for k, label in enumerate(BODY_MOTIONS))
+        m: ", ".join(f"{label} {100 * share(runs[:, 0, n, 0, k]):.0f} %" for k, label in enumerate(BODY_MODES))
         for n, m in enumerate(METHODS)
     }
     error = worst_error(runs[:, 0, :, 0], truths["normal"].natural_frequency)
     return (
-        "The theoretical modes reproduce within 0.5 % from geometry. The measured signals cannot be had; on a simulated rig of varying speed, "
+        "The theoretical modes reproduce within 0.5 % from the geometry. The measured signals are not available; on a simulated rig of varying speed, "
         f"Cov-SSI finds {shares['cov']} of the sets (published: bounce and pitch), ACS-Cov-SSI {shares['acs']} (published: pitch and roll), "
         f"CoSS-SSI at its stricter threshold {shares['coss']} (published: all three), with median frequencies within {100 * error:.1f} % of the truth. "
-        "So the superiority of CoSS-SSI does not follow from varying speed alone: averaging correlations weights loud stretches but does not "
-        "distort them. The real rig's nonlinear mounts and unequal excitation are not in this simulation. Both faults are seen as a change of "
+        "So the superiority of CoSS-SSI does not follow from varying speed alone: averaging correlations gives weight to strong stretches but does not "
+        "distort them. The real rig's nonlinear mounts and unequal excitation are not in this simulation. Both faults appear as a change of "
         f"frequencies and shapes. One identification with the thesis' ladder took {seconds:.1f} s here (published: {PUBLISHED_TIME} s)."
     )
+
+
+CHAPTER = Chapter(
+    title="Chapter 7: bogie at a scale of 1 to 5 on a roller rig",
+    example=example,
+    experiment=experiment,
+    contents=contents,
+    settings=(
+        f"Simulated instead of the rig: {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, rollers of varying speed under all "
+        f"wheels, independent roughness at each, sensor noise at SNR {SNR:g}; segments of 4096 samples, J = 3.",
+        THRESHOLDS + " Block rows 12 to 82; delta 0.6 for Cov and ACS, 0.8 for CoSS.",
+        f"The runs of the spread are decimated to {FAST_RATE:g} Hz with {FAST_ROWS[0]} to {FAST_ROWS[1]} block rows, "
+        "half the work; figures and run time are of the full rate. Modes are sought in 10 to 60 Hz.",
+        "Command: sprung reproduce 7 --out DIR",
+    ),
+)

@@ -1,6 +1,6 @@
-"""Chapter 8: a Y25 bogie on a full-size roller rig, its harmonics taken out by cepstrum editing."""
+"""Chapter 8: a Y25 bogie on a full-size roller rig, its harmonics removed by cepstrum editing."""
 
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from sprung.plotting import (
     stable_rates_figure,
 )
 from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Report, Section, Table, deviation, picture
-from sprung.reproduce.runs import Effort, Progress, over_seeds
-from sprung.reproduce.thesis import BODY_MOTIONS, THRESHOLDS, number, of_runs, share, thesis_settings
+from sprung.reproduce.report import Block, Section, Table, picture
+from sprung.reproduce.tables import column_table, deviations, numbers
+from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.simulation import simulate
 from sprung.vehicles import read_vehicle, structure
@@ -35,38 +36,28 @@ PUBLISHED_THEORY = {"bounce": 11.42, "pitch": 14.77, "roll": 13.59}
 PUBLISHED = {"bounce": 11.06, "pitch": 15.00, "roll": 18.3}
 
 
-def report(effort: Effort, on_progress: Progress) -> Report:
-    """Return the report of the chapter."""
-    on_progress("one set of records, as the thesis shows it", 0.0)
-    truth = _truth()
+class Example(NamedTuple):
+    """One set of records, and what CoSS-SSI identifies in the raw and the edited signals."""
+
+    records: list[Recording]
+    raw: Identification
+    edited: Identification
+
+
+def example() -> Example:
+    """Return the set of records that the figures show."""
     shown = records(seed=0)
-    raw, edited = identified(shown, is_edited=False), identified(shown, is_edited=True)
-    runs = np.array(
-        over_seeds(
-            experiment,
-            range(1, effort.n_seeds + 1),
-            n_processes=effort.n_processes,
-            on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
-        )
-    )
-    sections = (
-        Section("The model", (_theory(truth), _model_shapes(shown[0], truth))),
-        Section("What the sensors read", _signals(shown[0])),
-        Section("Raw and edited", _diagrams(raw, edited)),
-        Section("Modal parameters", _tables(edited, runs, truth)),
-    )
-    return Report(
-        "Chapter 8: Y25 bogie on a full-size roller rig",
-        _verdict(runs, truth),
-        sections,
-        (
-            f"Simulated in the place of the rig: {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, the front wheelset on a drum that turns "
-            f"{60 * ROTATION:.0f} times a minute with four joints; the rear wheelset stands. Segments of 7168 samples, J = 2.",
-            THRESHOLDS
-            + f" Block rows {ROWS[0]} to {ROWS[1]} (the thesis does not say), delta 0.5, modes of {BAND[0]:g} to {BAND[1]:g} Hz.",
-            f"Short-pass lifter of {QUEFRENCY:g} s. Geometry of the bogie: see the vehicle file y25.",
-            "Command: sprung reproduce 8 --out DIR",
-        ),
+    return Example(shown, identified(shown, is_edited=False), identified(shown, is_edited=True))
+
+
+def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
+    """Return the verdict and the sections."""
+    truth, runs = _truth(), np.array(results)
+    return _verdict(runs, truth), (
+        Section("The model", (_theory(truth), _model_shapes(example.records[0], truth))),
+        Section("Sensor signals", _signals(example.records[0])),
+        Section("Raw and edited", _diagrams(example.raw, example.edited)),
+        Section("Modal parameters", _tables(example.edited, runs, truth)),
     )
 
 
@@ -82,11 +73,14 @@ def records(*, seed: int) -> list[Recording]:
         harmonics=(2e-5, 1e-5, 1e-5, 5e-6, 5e-6, 3e-6, 3e-6, 3e-6),
     )
     generators = [np.random.default_rng([seed, k]) for k in range(N_RECORDS)]
-    return [simulate(vehicle, rig, duration=DURATION, sampling_rate=RATE, snr=50.0, seed=one) for one in generators]
+    return [
+        simulate(vehicle, rig, duration=DURATION, sampling_rate=RATE, snr=50.0, seed=generator)
+        for generator in generators
+    ]
 
 
 def identified(runs: list[Recording], *, is_edited: bool) -> Identification:
-    """Return what CoSS-SSI finds in the frame's accelerations."""
+    """Return what CoSS-SSI identifies in the frame's accelerations."""
     settings = thesis_settings(
         rows=ROWS,
         stable_rate=0.5,
@@ -96,7 +90,7 @@ def identified(runs: list[Recording], *, is_edited: bool) -> Identification:
         lifter=ShortPass(QUEFRENCY) if is_edited else None,
         band=BAND,
     )
-    return coss_ssi([one.select(FRAME) for one in runs], settings=settings)
+    return coss_ssi([run.select(FRAME) for run in runs], settings=settings)
 
 
 def experiment(seed: int) -> Real:
@@ -111,41 +105,35 @@ def experiment(seed: int) -> Real:
 
 
 def _truth() -> Modes:
-    """Rigid modes of the frame as its four sensors see them."""
-    every = theoretical(structure(read_vehicle("y25")), labels=BODY_MOTIONS)
-    columns = [every.channels.index(name) for name in FRAME]
+    """Return the rigid-body modes of the frame at its four sensors."""
+    modes = theoretical(structure(read_vehicle("y25")), labels=BODY_MODES)
+    columns = [modes.channels.index(name) for name in FRAME]
     return Modes(
-        every.poles,
-        every.mode_shapes[:, columns],
+        modes.poles,
+        modes.mode_shapes[:, columns],
         FRAME,
-        every.natural_frequency_std,
-        every.damping_ratio_std,
-        every.stable_rate,
-        every.labels,
+        modes.natural_frequency_std,
+        modes.damping_ratio_std,
+        modes.stable_rate,
+        modes.labels,
     )
 
 
 def _theory(truth: Modes) -> Table:
     """Theoretical modes."""
-    rows = []
-    for k, label in enumerate(truth.labels):
-        published = PUBLISHED_THEORY[label or ""]
-        ours = truth.natural_frequency[k]
-        rows.append(
-            (
-                str(label).capitalize(),
-                f"{published:.2f}",
-                f"{ours:.2f}",
-                deviation(ours, published),
-                f"{100 * truth.damping_ratio[k]:.1f}",
-            )
-        )
-    columns = ("", "f published [Hz]", "f ours [Hz]", "deviation", "ξ ours [%]")
+    published = [PUBLISHED_THEORY[label or ""] for label in truth.labels]
+    columns = (
+        ("", [str(label).capitalize() for label in truth.labels]),
+        ("f published [Hz]", numbers(published)),
+        ("f ours [Hz]", numbers(truth.natural_frequency)),
+        ("deviation", deviations(truth.natural_frequency, published)),
+        ("ξ ours [%]", numbers(100 * truth.damping_ratio, digits=1)),
+    )
     remark = (
         "Geometry, vertical damping and the number of springs at an axle box are not printed: with a wheelbase of 1.8 m, springs 2.0 m apart and "
-        "two nests at each box the order bounce, roll, pitch comes out, bounce and pitch near, roll low."
+        "two nests at each box the order is bounce, roll, pitch, with bounce and pitch near the published values and roll below."
     )
-    return Table("Figure 8-3: rigid modes of the frame", columns, tuple(rows), remark)
+    return column_table("Figure 8-3: rigid modes of the frame", columns, remark=remark)
 
 
 def _model_shapes(recording: Recording, truth: Modes) -> Block:
@@ -203,7 +191,7 @@ def _diagrams(raw: Identification, edited: Identification) -> tuple[Block, ...]:
 
 
 def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ...]:
-    """Published and found modes."""
+    """Published and identified modes."""
     match = matched(edited.modes, truth)
     rows, spreads = [], []
     for k, label in enumerate(truth.labels):
@@ -232,7 +220,7 @@ def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ..
         "f edited",
         "ξ edited [%]",
     )
-    remark = f"Other modes in a set: {others[0]:.2f} raw, {others[1]:.2f} edited. Published values are of the real bogie, true ones of the model."
+    remark = f"Other modes per set: {others[0]:.2f} raw, {others[1]:.2f} edited. Published values are of the real bogie, true ones of the model."
     table = Table("Modes of the frame", columns, tuple(rows), remark)
     return (
         table,
@@ -241,17 +229,33 @@ def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ..
 
 
 def _verdict(runs: Real, truth: Modes) -> str:
-    """Say what reproduces and what does not."""
+    """Return what reproduces and what does not."""
     shares = [
         ", ".join(f"{label} {100 * share(runs[:, row, 0, k]):.0f} %" for k, label in enumerate(truth.labels))
         for row in range(2)
     ]
     return (
-        f"The printed data of the Y25 do not fix its geometry: the model gives {', '.join(f'{label} {f:.2f} Hz' for label, f in zip(truth.labels, truth.natural_frequency, strict=True))} "
-        "where 11.42 (bounce), 13.59 (roll) and 14.77 Hz (pitch) are published. The measured signals cannot be had. On the simulated rig the lines of "
+        f"The printed data of the Y25 do not determine its geometry: the model gives {', '.join(f'{label} {f:.2f} Hz' for label, f in zip(truth.labels, truth.natural_frequency, strict=True))} "
+        "where 11.42 (bounce), 13.59 (roll) and 14.77 Hz (pitch) are published. The measured signals are not available. On the simulated rig the harmonics of "
         f"joints and drum dominate as in the thesis. Found in the raw signals: {shares[0]} of the sets (published: none); after cepstrum editing: {shares[1]} "
-        "(published: three modes at 11.06, 15.0 and 18.3 Hz). That editing takes the lines out and lets modes appear holds. Bounce, damped by the load's "
-        f"damper ({100 * truth.damping_ratio[0]:.0f} %) and {truth.natural_frequency[1] - truth.natural_frequency[0]:.1f} Hz below roll, is hard to part from it here. "
+        "(published: three modes at 11.06, 15.0 and 18.3 Hz). That editing removes the harmonics and reveals modes holds. Bounce, damped by the load's "
+        f"damper ({100 * truth.damping_ratio[0]:.0f} %) and {truth.natural_frequency[1] - truth.natural_frequency[0]:.1f} Hz below roll, is hard to separate from it here. "
         f"The published frequencies lie within {100 * max(abs(f / (n * 4 * ROTATION) - 1) for n, f in zip((3, 4, 5), (11.06, 15.0, 18.3), strict=True)):.0f} % "
-        "of three, four and five times the 3.65 Hz of the joints, where a residue of the lines would lie too."
+        "of three, four and five times the 3.65 Hz of the joints, where a residue of the harmonics would lie too."
     )
+
+
+CHAPTER = Chapter(
+    title="Chapter 8: Y25 bogie on a full-size roller rig",
+    example=example,
+    experiment=experiment,
+    contents=contents,
+    settings=(
+        f"Simulated instead of the rig: {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz, the front wheelset on a drum that turns "
+        f"{60 * ROTATION:.0f} times a minute with four joints; the rear wheelset stands on fixed ground. Segments of 7168 samples, J = 2.",
+        THRESHOLDS
+        + f" Block rows {ROWS[0]} to {ROWS[1]} (the thesis does not say), delta 0.5, modes of {BAND[0]:g} to {BAND[1]:g} Hz.",
+        f"Short-pass lifter of {QUEFRENCY:g} s. Geometry of the bogie: see the vehicle file y25.",
+        "Command: sprung reproduce 8 --out DIR",
+    ),
+)

@@ -1,7 +1,5 @@
 """Cov-SSI, ACS-Cov-SSI and CoSS-SSI on the same data with the same settings: where sorting the segments helps."""
 
-from functools import partial
-
 import numpy as np
 
 from sprung._arrays import Real
@@ -10,23 +8,23 @@ from sprung.identification import METHODS, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import Spread, runs_figure
 from sprung.recording import Recording
+from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Paragraph, Report, Section, Table, picture
-from sprung.reproduce.runs import Effort, Progress, over_seeds
+from sprung.reproduce.report import Block, Paragraph, Section, Table, picture
 from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, worst_error
-from sprung.simulation import Law, simulate, simulate_nonlinear, with_noise
+from sprung.simulation import ForceLaw, simulate, simulate_nonlinear, with_noise
 from sprung.vehicles import Structure, read_vehicle, structure
 
 RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 8, 20.0, 1.0
 #: Force of the records that differ in level: from 1 to 10 over the set.
 LEVELS = np.geomspace(1.0, 10.0, N_RECORDS)
-#: Rubber beside each spring: 15 % stiffer at small amplitudes than at large ones.
-RUBBER = {"suspension": Law(rubber_stiffness=0.15 * 9800.0, rubber_force=2.0)}
+#: Rubber in parallel with each spring: 15 % stiffer at small amplitudes than at large ones.
+RUBBER = {"suspension": ForceLaw(rubber_stiffness=0.15 * 9800.0, rubber_force=2.0)}
 CASES = {
     "white": "White noise in the sensors, RMS ratio 1, the same level throughout.",
     "in-band": "Noise in 0.5 to 50 Hz, where the modes are.",
     "level": "White noise of constant size; the excitation grows tenfold from the first record to the last.",
-    "nonlinear": "Rubber beside each spring that is stiff at small and soft at large amplitudes; the excitation grows tenfold; noise as before.",
+    "nonlinear": "Rubber in parallel with each spring, stiff at small and soft at large amplitudes; the excitation grows tenfold; noise as before.",
 }
 #: Cases with one truth at all levels.
 LINEAR = ("white", "in-band", "level")
@@ -34,55 +32,42 @@ NAMES = {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"}
 HOW = ("thesis", "default")
 
 
-def report(effort: Effort, on_progress: Progress) -> Report:
-    """Return the comparison."""
-    truth = theoretical(structure(read_vehicle("chain3")))
-    runs = np.array(
-        over_seeds(
-            experiment,
-            range(1, effort.n_seeds + 1),
-            n_processes=effort.n_processes,
-            on_progress=partial(on_progress, f"{effort.n_seeds} sets of records"),
-        )
-    )
-    sections = tuple(
+def example() -> Modes:
+    """Return the true modes; the thesis shows no such comparison."""
+    return theoretical(structure(read_vehicle("chain3")))
+
+
+def contents(truth: Modes, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
+    """Return the verdict and the sections."""
+    runs = np.array(results)
+    cases = tuple(
         Section(f"Case: {case}", (Paragraph(text), *_case(runs[:, row], truth, case == "nonlinear")))
         for row, (case, text) in enumerate(CASES.items())
     )
-    return Report(
-        "Cov-SSI, ACS-Cov-SSI and CoSS-SSI compared",
-        _verdict(runs, truth),
-        (Section("CoSS-SSI against ACS-Cov-SSI, set by set", (_paired(runs, truth), _levels(runs))), *sections),
-        (
-            f"Chain of three masses; {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; all three methods have all records. Segments of {SEGMENT:g} s, J = 3 for CoSS.",
-            "Settings are the same for all methods. Thesis: "
-            + THRESHOLDS
-            + " Block rows 12 to 32, delta 0.5. Default: sprung's own.",
-            "Command: sprung reproduce comparison --out DIR",
-        ),
-    )
+    paired = Section("CoSS-SSI against ACS-Cov-SSI, set by set", (_paired(runs, truth), _levels(runs)))
+    return _verdict(runs, truth), (paired, *cases)
 
 
 def records(case: str, *, seed: int) -> list[Recording]:
     """Return one set of records of a case."""
     vehicle = structure(read_vehicle("chain3"))
-    made = []
-    for number_ in range(N_RECORDS):
-        generator = np.random.default_rng([seed, list(CASES).index(case), number_])
-        level = LEVELS[number_] if case in {"level", "nonlinear"} else 1.0
+    clean = []
+    for k in range(N_RECORDS):
+        generator = np.random.default_rng([seed, list(CASES).index(case), k])
+        level = LEVELS[k] if case in {"level", "nonlinear"} else 1.0
         excitation = RandomInputs(3, standard_deviation=level)
-        made.append(_simulated(vehicle, excitation, case, generator))
+        clean.append(_simulated(vehicle, excitation, case, generator))
     if case in {"white", "in-band"}:
         band = (0.5, 50.0) if case == "in-band" else None
         return [
-            with_noise(one, snr=RATIO, band=band, generator=np.random.default_rng([seed, 9, k]))
-            for k, one in enumerate(made)
+            with_noise(record, snr=RATIO, band=band, generator=np.random.default_rng([seed, 9, k]))
+            for k, record in enumerate(clean)
         ]
-    size = np.sqrt(np.mean([np.mean(one.samples**2, axis=1) for one in made], axis=0)) / RATIO
+    size = np.sqrt(np.mean([np.mean(record.samples**2, axis=1) for record in clean], axis=0)) / RATIO
     noise = np.random.default_rng([seed, 9])
     return [
-        one.changed("noise", samples=one.samples + size[:, None] * noise.standard_normal(one.samples.shape))
-        for one in made
+        record.changed("noise", samples=record.samples + size[:, None] * noise.standard_normal(record.samples.shape))
+        for record in clean
     ]
 
 
@@ -90,7 +75,7 @@ def _simulated(vehicle: Structure, excitation: RandomInputs, case: str, generato
     """Return one record without noise."""
     if case == "nonlinear":
         return simulate_nonlinear(
-            vehicle, excitation, duration=DURATION, sampling_rate=RATE, laws=RUBBER, lead_in=20.0, seed=generator
+            vehicle, excitation, duration=DURATION, sampling_rate=RATE, force_laws=RUBBER, lead_in=20.0, seed=generator
         )
     return simulate(vehicle, excitation, duration=DURATION, sampling_rate=RATE, seed=generator)
 
@@ -114,13 +99,13 @@ def experiment(seed: int) -> Real:
         for j, how in enumerate(HOW):
             for k, (name, method) in enumerate(METHODS.items()):
                 given = settings(how) if name != "cov" or how == "thesis" else IdentificationSettings()
-                found = method(runs, settings=given)
-                match = matched(found.modes, truth)
+                identification = method(runs, settings=given)
+                match = matched(identification.modes, truth)
                 results[i, j, k, :3] = match.natural_frequency, match.damping_ratio, match.mac
                 results[i, j, k, 3] = match.n_others
                 if name == "coss":
                     for end in (0, -1):
-                        subset = matched(found.subsets[end].modes, truth)
+                        subset = matched(identification.subsets[end].modes, truth)
                         results[i, j, k, 4 - end] = subset.natural_frequency
     return results
 
@@ -144,8 +129,10 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
     columns: list[str] = [""]
     for m in range(len(truth)):
         columns += [f"mode {m + 1} found", "f bias ± std [%]", "ξ bias ± std [%]"]
-    remark = "Against the linear chain without rubber: the bias holds what rubber adds." if is_nonlinear else ""
-    table = Table(f"{len(runs)} sets", (*columns, "other modes a set"), tuple(rows), remark)
+    remark = (
+        "Against the linear chain without rubber: the bias includes the effect of the rubber." if is_nonlinear else ""
+    )
+    table = Table(f"{len(runs)} sets", (*columns, "other modes per set"), tuple(rows), remark)
     names = tuple(f"{NAMES[name]}, {how}" for how in HOW for name in METHODS)
     spreads = [
         Spread(
@@ -164,8 +151,8 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
 
 def _bias_and_spread(relative: Real, *, digits: int = 2) -> str:
     """Return mean and standard deviation in percent."""
-    found = 100 * relative[np.isfinite(relative)]
-    return f"{found.mean():+.{digits}f} ± {found.std():.{digits}f}" if found.size else "–"
+    percent = 100 * relative[np.isfinite(relative)]
+    return f"{percent.mean():+.{digits}f} ± {percent.std():.{digits}f}" if percent.size else "–"
 
 
 def gain(runs: Real, truth: Real, *, row: int, how: int, quantity: int, mode: int) -> tuple[float, float]:
@@ -244,6 +231,21 @@ def _verdict(runs: Real, truth: Modes) -> str:
         + f", and further from it in {len(losses)}"
         + (f" ({'; '.join(losses)})" if losses else "")
         + ". Sorting by level does not make an average less noisy, it leaves fewer segments in each. What it adds is a view of how modes change with the level, where they do: "
-        + f"with rubber beside the springs the frequency of mode 1 changes by {np.mean(change[np.isfinite(change)]):+.2f} % from the lowest to the highest subset (defaults), which an average cannot show."
+        + f"with rubber in parallel with the springs the frequency of mode 1 changes by {np.mean(change[np.isfinite(change)]):+.2f} % from the lowest to the highest subset (defaults), which an average cannot show."
         + f" Medians of frequency lie within {100 * worst_error(runs[:, :3, 1, :, 0], truth.natural_frequency):.2f} % of the truth in all linear cases (defaults)."
     )
+
+
+CHAPTER = Chapter(
+    title="Cov-SSI, ACS-Cov-SSI and CoSS-SSI compared",
+    example=example,
+    experiment=experiment,
+    contents=contents,
+    settings=(
+        f"Chain of three masses; {N_RECORDS} records of {DURATION:g} s at {RATE:g} Hz in a set; all three methods have all records. Segments of {SEGMENT:g} s, J = 3 for CoSS.",
+        "Settings are the same for all methods. Thesis: "
+        + THRESHOLDS
+        + " Block rows 12 to 32, delta 0.5. Default: sprung's own.",
+        "Command: sprung reproduce comparison --out DIR",
+    ),
+)

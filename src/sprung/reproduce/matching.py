@@ -1,4 +1,4 @@
-"""Found modes beside the true ones."""
+"""Assignment of identified modes to the true ones."""
 
 from dataclasses import dataclass
 
@@ -9,20 +9,20 @@ from sprung._arrays import Real
 from sprung.modal import Modes, mac
 from sprung.vehicles import Structure
 
-# Cost of leaving a mode out; a match costs 1 - MAC plus its distance over the reach.
+# Cost of an unmatched mode; a match costs 1 - MAC plus its relative distance over the reach.
 _UNMATCHED = 2.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Match:
-    """What was found of each true mode.
+    """Identified modes of each true mode.
 
     Parameters
     ----------
     natural_frequency, damping_ratio, mac
-        Shape (true modes,); NaN where the mode was not found.
+        Values of the identified modes, shape (true modes,); NaN where a mode was not found.
     n_others
-        Found modes that are none of the true ones.
+        Number of identified modes that match no true one.
     """
 
     natural_frequency: Real
@@ -32,18 +32,18 @@ class Match:
 
 
 def matched(modes: Modes, truth: Modes, *, reach: float = 0.12) -> Match:
-    """Return for each true mode the found one that is nearest in shape and frequency.
+    """Return for each true mode the identified one that is nearest in shape and frequency.
 
     Parameters
     ----------
     modes
-        Found.
+        Identified modes.
     truth
-        Of the same channels.
+        True modes of the same channels.
     reach
-        Largest relative difference of frequency; with several channels the MAC must also be above 0.5.
+        Largest relative difference of frequency; the MAC must also be above 0.5.
     """
-    found = np.full((3, len(truth)), np.nan)
+    values = np.full((3, len(truth)), np.nan)
     if len(modes):
         apart = np.abs(modes.natural_frequency / truth.natural_frequency[:, None] - 1)
         alike = mac(truth.mode_shapes, modes.mode_shapes)
@@ -51,19 +51,19 @@ def matched(modes: Modes, truth: Modes, *, reach: float = 0.12) -> Match:
         cost = np.where(is_possible, 1 - alike + apart / reach, _UNMATCHED)
         for row, column in zip(*linear_sum_assignment(cost), strict=True):
             if is_possible[row, column]:
-                found[:, row] = modes.natural_frequency[column], modes.damping_ratio[column], alike[row, column]
-    return Match(found[0], found[1], found[2], len(modes) - int(np.isfinite(found[0]).sum()))
+                values[:, row] = modes.natural_frequency[column], modes.damping_ratio[column], alike[row, column]
+    return Match(values[0], values[1], values[2], len(modes) - int(np.isfinite(values[0]).sum()))
 
 
 def theoretical(structure: Structure, *, labels: tuple[str, ...] = ()) -> Modes:
-    """Return the exact modes of a structure in the form of found ones.
+    """Return the exact modes of a structure in the form of identified ones.
 
     Parameters
     ----------
     structure
-        With sensors.
+        Structure with sensors.
     labels
-        Only modes of these labels; none given: all.
+        Labels of the modes to return; none: all modes.
     """
     exact = structure.modes()
     n = exact.poles.size

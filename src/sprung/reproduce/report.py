@@ -28,18 +28,18 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of words and numbers, already written as they are to be read.
+    """A table of words and formatted numbers.
 
     Parameters
     ----------
     title
-        What it shows, with the number of the thesis' table where it is one.
+        Title, with the number of the thesis' table where there is one.
     columns
         Headings with units; the first column holds words.
     rows
-        As many cells each as there are columns.
+        Cells of each row, as many as there are columns.
     remark
-        Below the table.
+        Sentence below the table.
     """
 
     title: str
@@ -62,9 +62,9 @@ class Picture:
     Parameters
     ----------
     png
-        The picture itself.
+        PNG file.
     caption
-        What it shows, with the number of the thesis' figure where it is one.
+        Caption, with the number of the thesis' figure where there is one.
     """
 
     png: bytes
@@ -72,7 +72,7 @@ class Picture:
 
     @property
     def encoded(self) -> str:
-        """The picture as text for a page."""
+        """PNG file in Base64."""
         return base64.b64encode(self.png).decode("ascii")
 
 
@@ -89,18 +89,18 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What one page shows.
+    """Contents of one page.
 
     Parameters
     ----------
     title
         Heading.
     verdict
-        In one paragraph: what reproduces, what does not, and why.
+        What reproduces, what does not, and why, in one paragraph.
     sections
-        In reading order.
+        Sections in reading order.
     settings
-        What was run: seeds, lengths, noise; one sentence each.
+        Seeds, lengths and noise of the runs, one sentence each.
     """
 
     title: str
@@ -117,7 +117,7 @@ def picture(figure: "Figure", caption: str) -> Picture:
 
 
 def deviation(ours: float, published: float) -> str:
-    """Return by how much a number differs from the published one, in percent of that; a dash where there is none.
+    """Return the relative deviation from a published number in percent; a dash where there is none.
 
     Examples
     --------
@@ -130,23 +130,23 @@ def deviation(ours: float, published: float) -> str:
 
 
 def spread(values: ArrayLike, *, digits: int = 2) -> str:
-    """Return the median of runs with the range that holds 90 % of them; a dash where none gave a value.
+    """Return the median of runs with the range of 90 % of them; a dash where none has a value.
 
     Examples
     --------
     >>> spread([1.0, 2.0, 3.0, float("nan")])
     '2.00 (1.10 to 2.90)'
     """
-    found = np.asarray(values, dtype=np.float64)
-    found = found[np.isfinite(found)]
-    if not found.size:
+    finite = np.asarray(values, dtype=np.float64)
+    finite = finite[np.isfinite(finite)]
+    if not finite.size:
         return "–"
-    low, middle, high = np.percentile(found, [5, 50, 95])
+    low, middle, high = np.percentile(finite, [5, 50, 95])
     return f"{middle:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
 
 def found_in(values: ArrayLike) -> str:
-    """Return in how many of the runs there is a value.
+    """Return the number of runs with a value.
 
     Examples
     --------
@@ -163,9 +163,9 @@ def render(report: Report, *, others: Sequence[tuple[str, str]] = ()) -> str:
     Parameters
     ----------
     report
-        What to show.
+        Report to render.
     others
-        File name and title of the pages to link to.
+        File names and titles of the pages to link to.
     """
     from jinja2 import Environment
 

@@ -1,4 +1,4 @@
-"""Many runs of one experiment, each with a seed of its own, spread over processes."""
+"""Runs of one experiment with many seeds, distributed over processes."""
 
 import multiprocessing
 import os
@@ -15,14 +15,14 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much is run for a report.
+    """Computing effort for a report.
 
     Parameters
     ----------
     n_seeds
-        Runs where the thesis shows one, at least 2.
+        Number of runs where the thesis shows one, at least 2.
     n_processes
-        Processes to spread them over.
+        Number of processes, at least 1.
     """
 
     n_seeds: int = 50
@@ -40,18 +40,19 @@ def over_seeds(
     n_processes: int = 1,
     on_progress: Callable[[float], None] | None = None,
 ) -> list[Result]:
-    """Return what an experiment gives for each seed, in the order of the seeds.
+    """Return the result of an experiment for each seed, in the order of the seeds.
 
     Parameters
     ----------
     experiment
-        A function of a module (it is sent to other processes), or a `functools.partial` of one, that takes a seed.
+        Function of a seed, defined in a module or a `functools.partial` of such a function: it is sent to other
+        processes.
     seeds
-        One run for each.
+        Seeds of the runs.
     n_processes
-        At least 1; with 1 everything runs in this process. More give the same results.
+        Number of processes, at least 1; with 1 everything runs in this process. The results are the same.
     on_progress
-        Called with the share of the runs that is done.
+        Function called with the share of the runs that are done.
     """
     check_number("n_processes", n_processes, at_least=1)
     report = on_progress or (lambda share: None)
@@ -71,7 +72,7 @@ def over_seeds(
 
 
 def usual_processes() -> int:
-    """Return how many processes this one may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -1,4 +1,4 @@
-"""How the thesis identifies, as settings; and words for reports."""
+"""Settings of the thesis, and formatted numbers for its pages."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,7 +7,7 @@ from sprung.identification import IdentificationSettings, as_in_thesis
 from sprung.reproduce.report import found_in, spread
 from sprung.signals.cepstrum import Lifter
 
-BODY_MOTIONS = ("bounce", "pitch", "roll")
+BODY_MODES = ("bounce", "pitch", "roll")
 THRESHOLDS = (
     "Thresholds of the thesis: relative change of frequency 0.1, of damping 0.2, 1 - MAC 0.5 against the rung below; one "
     "realisation for each number of block rows, block Hankel matrix of correlations divided by the number of samples."
@@ -55,19 +55,19 @@ def number(value: float, *, digits: int = 2) -> str:
 
 
 def of_runs(values: ArrayLike, *, digits: int = 2) -> str:
-    """Return in how many runs there is a value, with median and range."""
+    """Return the number of runs with a value, their median and range."""
     return f"{found_in(values)}: {spread(values, digits=digits)}"
 
 
 def worst_error(values: ArrayLike, truth: ArrayLike) -> float:
-    """Return the largest relative error of the medians over the runs; columns that no run found do not count.
+    """Return the largest relative error of the medians over the runs; columns without values do not count.
 
     Parameters
     ----------
     values
-        Shape (runs, ..., modes), NaN where a run found none.
+        Values, shape (runs, ..., modes), NaN where a run has none.
     truth
-        Shape (modes,), above 0.
+        True values, shape (modes,), above 0.
     """
     relative = np.asarray(values) / np.asarray(truth)
     columns = relative.reshape(len(relative), -1).T
@@ -76,5 +76,5 @@ def worst_error(values: ArrayLike, truth: ArrayLike) -> float:
 
 
 def share(values: ArrayLike) -> float:
-    """Return the share of the runs in which there is a value."""
+    """Return the share of the runs with a value."""
     return float(np.isfinite(np.asarray(values)).mean())

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-# Columns of the table of laws; the order of the fields of `sprung.simulation.laws.Law`.
+# Columns of the table of force laws; in the order of the fields of `sprung.simulation.force_laws.ForceLaw`.
 ASYMMETRY, ASYMMETRY_VELOCITY, KNEE, KNEE_SLOPE, FRICTION, FRICTION_VELOCITY = 0, 1, 2, 3, 4, 5
 CUBIC, GAP, STOP_STIFFNESS, RUBBER_STIFFNESS, RUBBER_FORCE = 6, 7, 8, 9, 10
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def forces(e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, laws: Any, row: Any) -> Any:
+def forces(e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, force_laws: Any, row: Any) -> Any:
     """Return the tension of an element, and the rates of its damper's elongation and of its rubber's force."""
-    tension = k * (e + laws[row, CUBIC] * e * e * e) + r
-    if abs(e) > laws[row, GAP]:
-        tension += laws[row, STOP_STIFFNESS] * (e - laws[row, GAP] if e > 0 else e + laws[row, GAP])
+    tension = k * (e + force_laws[row, CUBIC] * e * e * e) + r
+    if abs(e) > force_laws[row, GAP]:
+        tension += force_laws[row, STOP_STIFFNESS] * (e - force_laws[row, GAP] if e > 0 else e + force_laws[row, GAP])
     if bushing > 0 and c > 0:
         arm = bushing * (e - z)
         tension += arm
@@ -28,19 +28,21 @@ def forces(e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, laws
         z_rate = 0.0
         speed = abs(rate)
         bent = rate
-        if speed > laws[row, KNEE]:
-            beyond = (speed - laws[row, KNEE]) * laws[row, KNEE_SLOPE] + laws[row, KNEE]
+        if speed > force_laws[row, KNEE]:
+            beyond = (speed - force_laws[row, KNEE]) * force_laws[row, KNEE_SLOPE] + force_laws[row, KNEE]
             bent = beyond if rate > 0 else -beyond
         damping = c
-        if laws[row, ASYMMETRY] != 0:
-            damping = c * (1 + laws[row, ASYMMETRY] * rate / np.sqrt(rate * rate + laws[row, ASYMMETRY_VELOCITY] ** 2))
+        if force_laws[row, ASYMMETRY] != 0:
+            damping = c * (
+                1 + force_laws[row, ASYMMETRY] * rate / np.sqrt(rate * rate + force_laws[row, ASYMMETRY_VELOCITY] ** 2)
+            )
         tension += damping * bent
-    if laws[row, FRICTION] > 0:
-        tension += laws[row, FRICTION] * rate / np.sqrt(rate * rate + laws[row, FRICTION_VELOCITY] ** 2)
+    if force_laws[row, FRICTION] > 0:
+        tension += force_laws[row, FRICTION] * rate / np.sqrt(rate * rate + force_laws[row, FRICTION_VELOCITY] ** 2)
     r_rate = 0.0
-    if laws[row, RUBBER_STIFFNESS] > 0:
+    if force_laws[row, RUBBER_STIFFNESS] > 0:
         sign = 1.0 if rate > 0 else -1.0
-        r_rate = laws[row, RUBBER_STIFFNESS] * rate * (1 - sign * r / laws[row, RUBBER_FORCE])
+        r_rate = force_laws[row, RUBBER_STIFFNESS] * rate * (1 - sign * r / force_laws[row, RUBBER_FORCE])
     return tension, z_rate, r_rate
 
 
@@ -55,7 +57,7 @@ def rates(
     k: Any,
     c: Any,
     bushings: Any,
-    laws: Any,
+    force_laws: Any,
     force: Any,
     out: Any,
 ) -> None:
@@ -75,7 +77,7 @@ def rates(
         if feet[row] >= 0:
             e -= u[feet[row]]
         tension, z_rate, r_rate = forces(
-            e, rate, state[2 * n + row], state[2 * n + m + row], k[row], c[row], bushings[row], laws, row
+            e, rate, state[2 * n + row], state[2 * n + m + row], k[row], c[row], bushings[row], force_laws, row
         )
         out[2 * n + row] = z_rate
         out[2 * n + m + row] = r_rate
@@ -98,7 +100,7 @@ def integrate(
     stiffness: Any,
     damping: Any,
     bushings: Any,
-    laws: Any,
+    force_laws: Any,
     knots: Any,
     factors: Any,
     inputs: Any,
@@ -139,7 +141,7 @@ def integrate(
                 k[row] = stiffness[row] * (factors[row, 0, knot] * (1 - share) + factors[row, 0, knot + 1] * share)
                 c[row] = damping[row] * (factors[row, 1, knot] * (1 - share) + factors[row, 1, knot + 1] * share)
         u = inputs[number]
-        rates(state, u, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, force, first)
+        rates(state, u, inverse_mass, elongations, feet, input_forces, k, c, bushings, force_laws, force, first)
         for channel in range(n_channels):
             reading = 0.0
             for i in range(n):
@@ -159,13 +161,13 @@ def integrate(
             between[j] = (u[j] + later[j]) / 2
         for i in range(state.size):
             trial[i] = state[i] + step / 2 * first[i]
-        rates(trial, between, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, force, second)
+        rates(trial, between, inverse_mass, elongations, feet, input_forces, k, c, bushings, force_laws, force, second)
         for i in range(state.size):
             trial[i] = state[i] + step / 2 * second[i]
-        rates(trial, between, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, force, third)
+        rates(trial, between, inverse_mass, elongations, feet, input_forces, k, c, bushings, force_laws, force, third)
         for i in range(state.size):
             trial[i] = state[i] + step * third[i]
-        rates(trial, later, inverse_mass, elongations, feet, input_forces, k, c, bushings, laws, force, fourth)
+        rates(trial, later, inverse_mass, elongations, feet, input_forces, k, c, bushings, force_laws, force, fourth)
         for i in range(state.size):
             state[i] += step / 6 * (first[i] + 2 * second[i] + 2 * third[i] + fourth[i])
     return outputs, places, speeds

@@ -25,20 +25,25 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
     Parameters
     ----------
     discrete
-        A sampled state space; it may be unstable or have repeated eigenvalues.
+        Sampled state space; it may be unstable or have repeated eigenvalues.
     inputs
-        Shape (inputs, samples).
+        Inputs at the samples, shape (inputs, samples).
 
     Returns
     -------
     ndarray
-        Shape (channels, samples).
+        Outputs, shape (channels, samples).
+
+    Raises
+    ------
+    ParameterError
+        Where the inputs have another shape.
 
     Notes
     -----
-    In the coordinates of the complex Schur form A = Q T Q^H of the balanced A, the states follow one after the
-    other from the last, each by a filter of first order over all samples: exact, without a loop over time, and
-    unlike a modal transformation well conditioned for every A.
+    In the coordinates of the complex Schur form A = Q T Q^H of the balanced A, the states are computed one after the
+    other from the last to the first, each by a first-order filter over all samples: exact, without a loop over time,
+    and unlike a modal transformation well conditioned for every A.
     """
     if inputs.ndim != 2 or inputs.shape[0] != discrete.input_matrix.shape[1]:
         raise ParameterError(
@@ -55,12 +60,13 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
 
 
 def with_linear_inputs(continuous: StateSpace, *, sampling_rate: float) -> StateSpace:
-    """Return the state space sampled at `sampling_rate` [Hz] for inputs that run straight between samples.
+    """Return the state space sampled at `sampling_rate` [Hz] for inputs that are linear between samples.
 
     Returns
     -------
     StateSpace
-        With twice the inputs: those at the sample, and by how much they rise to the next one (see `with_rises`).
+        Sampled state space with twice the inputs: their values, and their rises to the next sample (see
+        `with_rises`).
 
     Notes
     -----
@@ -88,7 +94,7 @@ def with_linear_inputs(continuous: StateSpace, *, sampling_rate: float) -> State
 
 
 def with_rises(inputs: Real) -> Real:
-    """Return inputs (inputs, samples) with their rises to the next sample below them, the last one 0."""
+    """Return inputs, shape (inputs, samples), stacked on their rises to the next sample, the last of which is 0."""
     return np.vstack([inputs, np.diff(inputs, axis=1, append=inputs[:, -1:])])
 
 
@@ -102,13 +108,13 @@ def settling_time(vehicle: Structure, *, remainder: float = 1e-4) -> float:
 
 
 def check_fits(vehicle: Structure, excitation: Excitation) -> None:
-    """Refuse a vehicle without sensors, and an excitation of other inputs than it has."""
+    """Refuse a vehicle without sensors, and an excitation with another number of inputs."""
     if not vehicle.outputs.channels:
         raise ParameterError("the vehicle has no motion sensors: add [[sensor]] tables to its file")
     if excitation.n_inputs != len(vehicle.inputs):
         raise ParameterError(
             f"the excitation has {excitation.n_inputs} inputs, but the vehicle {len(vehicle.inputs)}: "
-            f"drive {', '.join(vehicle.inputs)}"
+            f"excite {', '.join(vehicle.inputs)}"
         )
 
 
@@ -123,36 +129,36 @@ def simulate(
     lead_in: float | None = None,
     seed: int | np.random.Generator = 0,
 ) -> Recording:
-    """Simulate what the sensors of a linear vehicle record in the steady state.
+    """Simulate the signals of the sensors of a linear vehicle in the steady state.
 
     Parameters
     ----------
     vehicle
         Structure with at least one sensor.
     excitation
-        What drives its inputs. Noise and pulses are held from each sample to the next (zero-order hold); a smooth one
-        runs straight between samples (first-order hold) and is simulated at 1000 Hz at least, then decimated.
+        Excitation of its inputs. Noise and pulses are held from each sample to the next (zero-order hold); a smooth
+        excitation is linear between samples (first-order hold) and is simulated at 1000 Hz or more, then decimated.
     duration
-        Recorded time [s], after a lead-in that is cut off.
+        Recorded time [s], after a lead-in that is discarded.
     sampling_rate
-        In Hz.
+        Sampling rate of the recording [Hz].
     snr, noise_band
-        Sensor noise, see `with_noise`; none by default.
+        Signal-to-noise ratio and band [Hz] of sensor noise, see `with_noise`; None: no noise, white noise.
     lead_in
-        Time before the recording [s]; None: the vehicle's settling time. With a given one, vehicles that differ a
-        little drive over the same way.
+        Time before the recording [s]; None: the vehicle's settling time. With the same lead-in, vehicles that differ
+        slightly drive on the same road.
     seed
-        A seed, or a generator to draw from.
+        Seed of the random numbers, or their generator.
 
     Returns
     -------
     Recording
-        In SI units.
+        Signals in SI units.
 
     Raises
     ------
     ParameterError
-        Where the vehicle has no sensors or other inputs than the excitation.
+        Where the vehicle has no sensors, or another number of inputs than the excitation.
     """
     check_number("duration", duration, above=0)
     check_number("sampling_rate", sampling_rate, above=0)

@@ -13,20 +13,20 @@ from sprung.errors import ParameterError
 from sprung.excitation import Excitation
 from sprung.recording import Recording
 from sprung.signals.conditioning import decimate
-from sprung.simulation.laws import Law
+from sprung.simulation.force_laws import ForceLaw
 from sprung.simulation.linear import SMOOTH_RATE, check_fits, settling_time
 from sprung.simulation.sensors import with_noise
 from sprung.vehicles import Component, Structure
 
-#: Times [s] and the factors of a component at them; straight between, constant outside.
-Course = tuple[ArrayLike, ArrayLike]
+#: Times [s] and the factors of a component at them; linear between them, constant outside.
+TimeHistory = tuple[ArrayLike, ArrayLike]
 
 #: Step times the fastest rate of the vehicle: the limit of stability of the method is near 2.8.
 _STEP = 0.5
 
 
 class Motion(NamedTuple):
-    """What an integration gives at every step: sensors (channels, steps), coordinates and velocities (n, steps)."""
+    """Motion at every step: sensor signals (channels, steps), coordinates and velocities (n, steps)."""
 
     outputs: Real
     coordinates: Real
@@ -39,56 +39,62 @@ def simulate_nonlinear(
     *,
     duration: float,
     sampling_rate: float,
-    laws: Mapping[str, Law] | None = None,
-    courses: Mapping[Component, Course] | None = None,
+    force_laws: Mapping[str, ForceLaw] | None = None,
+    time_histories: Mapping[Component, TimeHistory] | None = None,
     snr: float | None = None,
     lead_in: float | None = None,
     seed: int | np.random.Generator = 0,
 ) -> Recording:
-    """Simulate what the sensors of a nonlinear or time-varying vehicle record.
+    """Simulate the signals of the sensors of a nonlinear or time-varying vehicle.
 
     Parameters
     ----------
     vehicle
         Structure with at least one sensor.
     excitation
-        What drives its inputs; drawn at the steps of the integration and straight between them.
+        Excitation of its inputs; sampled at the steps of the integration and linear between them.
     duration
-        Recorded time [s], after a lead-in that is cut off.
+        Recorded time [s], after a lead-in that is discarded.
     sampling_rate
-        Of the recording [Hz]; the integration takes 1000 steps a second or more, as many as the vehicle needs.
-    laws
-        By part ("suspension", "tyre", "mount") or by owner and part ("front_left.suspension"); without one linear.
-    courses
-        Factors over time by owner and component, such as {"front_left.spring": ([60, 120], [1.0, 0.8])}.
+        Sampling rate of the recording [Hz]; the integration takes at least 1000 steps per second, more where the
+        vehicle needs them.
+    force_laws
+        Force laws by part ("suspension", "tyre", "mount") or by owner and part ("front_left.suspension"); parts
+        without one are linear.
+    time_histories
+        Factors of components over time, such as {Component("front_left", "spring"): ([60, 120], [1.0, 0.8])}.
     snr
-        Sensor noise, see `with_noise`; none by default.
+        Signal-to-noise ratio of the sensors, see `with_noise`; None: no noise.
     lead_in
-        Time before the recording [s]; None: the vehicle's settling time. With a given one, vehicles that differ a
-        little drive over the same way.
+        Time before the recording [s]; None: the vehicle's settling time. With the same lead-in, vehicles that differ
+        slightly drive on the same road.
     seed
-        A seed, or a generator to draw from.
+        Seed of the random numbers, or their generator.
 
     Returns
     -------
     Recording
-        In SI units.
+        Signals in SI units.
 
     Raises
     ------
+    ParameterError
+        Where the vehicle has no sensors, other inputs than the excitation, or no part or component of a given name.
     MissingPackageError
-        Without numba.
+        Where numba is not installed.
     """
     check_number("duration", duration, above=0)
     check_number("sampling_rate", sampling_rate, above=0)
     check_fits(vehicle, excitation)
     generator = np.random.default_rng(seed)
-    oversampling = math.ceil(max(SMOOTH_RATE, steps_needed(vehicle, laws or {})) / sampling_rate)
+    oversampling = math.ceil(max(SMOOTH_RATE, steps_needed(vehicle, force_laws or {})) / sampling_rate)
     rate = oversampling * sampling_rate
     n_samples = max(1, round(duration * sampling_rate)) * oversampling
     n_lead = math.ceil((settling_time(vehicle) if lead_in is None else lead_in) * sampling_rate) * oversampling
     inputs = excitation.samples(n_lead + n_samples, sampling_rate=rate, generator=generator, start=-n_lead / rate)
-    motion = integrate(vehicle, inputs, rate=rate, laws=laws, courses=courses, start=-n_lead / rate)
+    motion = integrate(
+        vehicle, inputs, rate=rate, force_laws=force_laws, time_histories=time_histories, start=-n_lead / rate
+    )
     recording = Recording(
         samples=motion.outputs[:, n_lead:],
         sampling_rate=rate,
@@ -100,18 +106,18 @@ def simulate_nonlinear(
     return recording if snr is None else with_noise(recording, snr=snr, generator=generator)
 
 
-def steps_needed(vehicle: Structure, laws: Mapping[str, Law]) -> float:
-    """Return the steps per second that an integration of a vehicle with laws needs."""
+def steps_needed(vehicle: Structure, force_laws: Mapping[str, ForceLaw]) -> float:
+    """Return the steps per second that the integration of a vehicle with force laws needs."""
     stiffest, fastest = vehicle, 0.0
     for element in vehicle.elements:
-        law = _law(laws, element.owner, element.part)
-        if law is not None:
-            fastest = max(fastest, law.fastest)
-            stiffness, damping = law.steepest
+        force_law = _force_law(force_laws, element.owner, element.part)
+        if force_law is not None:
+            fastest = max(fastest, force_law.fastest)
+            stiffness, damping = force_law.steepest
             spring, damper = element.components
             factors = {spring: 1 + stiffness / max(element.stiffness, 1e-300)}
             if damper is not None and element.damping > 0:
-                factors[damper] = 1 + law.asymmetry + damping / element.damping
+                factors[damper] = 1 + force_law.asymmetry + damping / element.damping
             stiffest = stiffest.changed(factors)
     return max(float(np.max(np.abs(np.linalg.eigvals(stiffest.system.state_matrix())))), fastest) / _STEP
 
@@ -121,8 +127,8 @@ def integrate(
     inputs: Real,
     *,
     rate: float,
-    laws: Mapping[str, Law] | None = None,
-    courses: Mapping[Component, Course] | None = None,
+    force_laws: Mapping[str, ForceLaw] | None = None,
+    time_histories: Mapping[Component, TimeHistory] | None = None,
     start: float = 0.0,
     coordinates: ArrayLike | None = None,
     velocities: ArrayLike | None = None,
@@ -132,31 +138,39 @@ def integrate(
     Parameters
     ----------
     vehicle
-        Any structure.
+        Structure with any sensors.
     inputs
-        At every step, shape (inputs, steps); straight between them.
+        Inputs at every step, shape (inputs, steps); linear between them.
     rate
-        Steps per second.
-    laws, courses
+        Number of steps per second.
+    force_laws, time_histories
         As for `simulate_nonlinear`.
     start
-        Time of the first step, for the courses [s].
+        Time of the first step [s], from which the time histories count.
     coordinates, velocities
-        At the first step, shape (n,); at rest by default.
+        Coordinates and velocities at the first step, shape (n,); None: zero.
 
     Returns
     -------
     Motion
+        Sensor signals, coordinates and velocities at every step.
+
+    Raises
+    ------
+    ParameterError
+        Where inputs have another shape, or a force law or a time history names no part of the vehicle.
+    MissingPackageError
+        Where numba is not installed.
     """
     n = len(vehicle.coordinates)
     if inputs.ndim != 2 or inputs.shape[0] != len(vehicle.inputs):
         raise ParameterError(f"inputs has shape {inputs.shape}, but must be ({len(vehicle.inputs)}, steps)")
     check_number("rate", rate, above=0)
     elements = vehicle.elements
-    _check_laws(vehicle, laws or {})
+    _check_force_laws(vehicle, force_laws or {})
     feet = [vehicle.inputs.index(e.foot) if e.foot is not None else -1 for e in elements]
-    numbers = [(_law(laws or {}, e.owner, e.part) or Law()).numbers for e in elements]
-    times, factors = _factors(vehicle, courses or {})
+    numbers = [(_force_law(force_laws or {}, e.owner, e.part) or ForceLaw()).numbers for e in elements]
+    times, factors = _factors(vehicle, time_histories or {})
     state = [
         np.zeros(n) if values is None else np.array(values, dtype=np.float64) for values in (coordinates, velocities)
     ]
@@ -183,32 +197,35 @@ def integrate(
     return Motion(*(np.ascontiguousarray(result.T) for result in results))
 
 
-def _check_laws(vehicle: Structure, laws: Mapping[str, Law]) -> None:
-    """Refuse laws of parts that the vehicle does not have."""
+def _check_force_laws(vehicle: Structure, force_laws: Mapping[str, ForceLaw]) -> None:
+    """Refuse force laws of parts that the vehicle does not have."""
     known = {e.part for e in vehicle.elements} | {f"{e.owner}.{e.part}" for e in vehicle.elements}
-    for name in laws:
-        check_one_of("law of", name, known)
+    for name in force_laws:
+        check_one_of("force law of", name, known)
 
 
-def _law(laws: Mapping[str, Law], owner: str, part: str) -> Law | None:
-    """Law of an element, its own before that of its part."""
-    return laws.get(f"{owner}.{part}", laws.get(part))
+def _force_law(force_laws: Mapping[str, ForceLaw], owner: str, part: str) -> ForceLaw | None:
+    """Return the force law of an element, its own before that of its part."""
+    return force_laws.get(f"{owner}.{part}", force_laws.get(part))
 
 
-def _factors(vehicle: Structure, courses: Mapping[Component, Course]) -> tuple[Real, Real]:
-    """Common knots of all courses (knots,), and the factors of stiffness and damping there (elements, 2, knots)."""
+def _factors(vehicle: Structure, time_histories: Mapping[Component, TimeHistory]) -> tuple[Real, Real]:
+    """Return the common knots (knots,) and the factors of stiffness and damping there (elements, 2, knots)."""
     known = {str(component) for component in vehicle.components()}
-    for component, (times, values) in courses.items():
+    for component, (times, values) in time_histories.items():
         check_one_of("component", str(component), known)
         if np.shape(times) != np.shape(values) or np.any(np.diff(np.asarray(times)) < 0) or np.min(values) < 0:
-            raise ParameterError(f"the course of {component} needs rising times and factors of at least 0")
-    knots = np.unique(np.concatenate([[0.0], *(np.asarray(times, dtype=np.float64) for times, _ in courses.values())]))
+            raise ParameterError(
+                f"the time history of {component} must have rising times and factors of at least 0: correct it"
+            )
+    every = [np.asarray(times, dtype=np.float64) for times, _ in time_histories.values()]
+    knots = np.unique(np.concatenate([[0.0], *every]))
     factors = np.ones((len(vehicle.elements), 2, knots.size))
     for number, element in enumerate(vehicle.elements):
         for row, part in enumerate(element.components):
-            course = None if part is None else courses.get(part)
-            if course is not None:
-                factors[number, row] = np.interp(knots, np.asarray(course[0]), np.asarray(course[1]))
+            time_history = None if part is None else time_histories.get(part)
+            if time_history is not None:
+                factors[number, row] = np.interp(knots, np.asarray(time_history[0]), np.asarray(time_history[1]))
     return knots, factors
 
 

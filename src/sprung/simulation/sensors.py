@@ -1,11 +1,11 @@
 """What sensors and recorders do to signals: noise, resolution, range, and the ways in which they fail."""
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Iterable
+from inspect import signature
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from sprung._arrays import Real
 from sprung._checks import check_number
@@ -13,12 +13,9 @@ from sprung.errors import ParameterError
 from sprung.excitation import noise
 from sprung.recording import Gap, Recording
 
-
-class Imperfection(Protocol):
-    """Something that a sensor or recorder does to a recording."""
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with it."""
+#: Something that a sensor or recorder does to a recording: a function of this module with its options bound by
+#: `functools.partial`. A random one keeps its parameter `generator` free.
+Imperfection = Callable[..., Recording]
 
 
 def with_imperfections(
@@ -29,15 +26,25 @@ def with_imperfections(
     Parameters
     ----------
     recording
-        As the vehicle moved.
+        Recording of ideal sensors.
     imperfections
-        In the order in which they act: those of the sensor before those of the recorder.
+        Functions that return a changed recording, in the order in which they act: those of the sensor before those
+        of the recorder. Functions with a parameter `generator` draw from one common generator.
     seed
-        A seed, or a generator to draw from.
+        Seed of the generator, or the generator itself.
+
+    Examples
+    --------
+    >>> from functools import partial
+    >>> from sprung.recording import Channel, Recording
+    >>> run = Recording(np.ones((1, 4)), 100.0, (Channel("acc", "acceleration"),))
+    >>> with_imperfections(run, [partial(clipped, channel="acc", limit=0.5)]).samples.tolist()
+    [[0.5, 0.5, 0.5, 0.5]]
     """
     generator = np.random.default_rng(seed)
     for imperfection in imperfections:
-        recording = imperfection.applied(recording, generator=generator)
+        options = {"generator": generator} if "generator" in signature(imperfection).parameters else {}
+        recording = imperfection(recording, **options)
     return recording
 
 
@@ -48,7 +55,7 @@ def with_noise(
     generator: np.random.Generator,
     band: tuple[float, float] | None = None,
 ) -> Recording:
-    """Return the recording with sensor noise, independent between channels.
+    """Return the recording with sensor noise at a signal-to-noise ratio, independent between channels.
 
     Parameters
     ----------
@@ -63,8 +70,7 @@ def with_noise(
     """
     check_number("snr", snr, above=0)
     added = noise(recording.samples.shape, band=band, sampling_rate=recording.sampling_rate, generator=generator)
-    missing = np.isnan(recording.samples)
-    added[missing] = np.nan
+    added[np.isnan(recording.samples)] = np.nan
     scale = _rms(recording.samples) / (snr * _rms(added))
     where = "white" if band is None else f"in {band[0]:g} to {band[1]:g} Hz"
     return recording.changed(
@@ -72,292 +78,218 @@ def with_noise(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Noisy:
-    """Noise of a given size on one channel, or on all of a quantity.
+def noisy(
+    recording: Recording,
+    *,
+    standard_deviation: float,
+    generator: np.random.Generator,
+    channel: str | None = None,
+    quantity: str = "acceleration",
+    band: tuple[float, float] | None = None,
+) -> Recording:
+    """Return the recording with noise of a given size on one channel, or on all channels of a quantity.
 
     Parameters
     ----------
+    recording
+        Signals without the noise.
     standard_deviation
-        In the unit of the samples.
+        Standard deviation of the noise, in the unit of the samples.
+    generator
+        Source of the randomness.
     channel
-        Name; None: all channels of `quantity`.
+        Name of the channel; None: all channels of `quantity`.
     quantity
-        Of the channels that get it.
+        Quantity of the channels where `channel` is None.
     band
-        Lower and upper edge [Hz]; None: white.
+        Lower and upper edge of the noise [Hz]; None for white noise.
     """
-
-    standard_deviation: float
-    channel: str | None = None
-    quantity: str = "acceleration"
-    band: tuple[float, float] | None = None
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the noise."""
-        check_number("standard_deviation", self.standard_deviation, at_least=0)
-        rows = _rows(recording, self.channel, self.quantity)
-        samples = recording.samples.copy()
-        shape = (len(rows), recording.n_samples)
-        added = noise(shape, band=self.band, sampling_rate=recording.sampling_rate, generator=generator)
-        samples[rows] += self.standard_deviation * added
-        return recording.changed(f"added noise of {self.standard_deviation:g}", samples=samples)
+    check_number("standard_deviation", standard_deviation, at_least=0)
+    rows = _rows(recording, quantity) if channel is None else [recording.index(channel)]
+    samples = recording.samples.copy()
+    shape = (len(rows), recording.n_samples)
+    added = noise(shape, band=band, sampling_rate=recording.sampling_rate, generator=generator)
+    samples[rows] += standard_deviation * added
+    return recording.changed(f"added noise of {standard_deviation:g}", samples=samples)
 
 
-@dataclass(frozen=True, slots=True)
-class Quantised:
-    """Resolution and range of a recorder.
+def quantised(recording: Recording, *, full_scale: float, bits: int = 16, quantity: str = "acceleration") -> Recording:
+    """Return the recording with the resolution and range of a recorder.
 
     Parameters
     ----------
+    recording
+        Signals of unlimited resolution.
     full_scale
-        Range is -full_scale to full_scale, in the unit of the samples.
+        Half the range, which is -full_scale to full_scale, in the unit of the samples.
     bits
-        1 to 32: steps of 2 full_scale / 2^bits.
+        Number of bits, 1 to 32: steps of 2 full_scale / 2^bits.
     quantity
-        Of the channels that it applies to.
+        Quantity of the channels that are quantised.
     """
-
-    full_scale: float
-    bits: int = 16
-    quantity: str = "acceleration"
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording in steps, clipped at the ends of the range."""
-        del generator  # rounding is no chance
-        check_number("full_scale", self.full_scale, above=0)
-        check_number("bits", self.bits, at_least=1, at_most=32)
-        rows = _rows(recording, None, self.quantity)
-        step = 2 * self.full_scale / 2**self.bits
-        samples = recording.samples.copy()
-        highest = 2 ** (self.bits - 1)
-        samples[rows] = np.clip(np.rint(samples[rows] / step), -highest, highest - 1) * step
-        return recording.changed(f"quantised to {self.bits} bits of +-{self.full_scale:g}", samples=samples)
+    check_number("full_scale", full_scale, above=0)
+    check_number("bits", bits, at_least=1, at_most=32)
+    rows = _rows(recording, quantity)
+    step, highest = 2 * full_scale / 2**bits, 2 ** (bits - 1)
+    samples = recording.samples.copy()
+    samples[rows] = np.clip(np.rint(samples[rows] / step), -highest, highest - 1) * step
+    return recording.changed(f"quantised to {bits} bits of +-{full_scale:g}", samples=samples)
 
 
-@dataclass(frozen=True, slots=True)
-class Clipped:
-    """A channel that ends at a limit, in the unit of the samples."""
-
-    channel: str
-    limit: float
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the channel clipped."""
-        del generator
-        check_number("limit", self.limit, above=0)
-        clipped = np.clip(_row(recording, self.channel), -self.limit, self.limit)
-        return _changed(recording, self.channel, clipped, f"clipped at +-{self.limit:g}")
+def clipped(recording: Recording, *, channel: str, limit: float) -> Recording:
+    """Return the recording with a channel clipped at +-limit, in the unit of the samples."""
+    check_number("limit", limit, above=0)
+    return _changed(recording, channel, np.clip(_row(recording, channel), -limit, limit), f"clipped at +-{limit:g}")
 
 
-@dataclass(frozen=True, slots=True)
-class Drifting:
-    """A channel with a random walk, whose standard deviation after an hour is `per_hour`."""
+def drifting(recording: Recording, *, channel: str, per_hour: float, generator: np.random.Generator) -> Recording:
+    """Return the recording with a random walk on a channel, whose standard deviation after an hour is `per_hour`."""
+    check_number("per_hour", per_hour, at_least=0)
+    steps = generator.standard_normal(recording.n_samples)
+    walk = np.cumsum(steps) * per_hour / math.sqrt(3600 * recording.sampling_rate)
+    return _changed(recording, channel, _row(recording, channel) + walk, f"drift {per_hour:g} per hour")
 
-    channel: str
-    per_hour: float
 
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the drift."""
-        check_number("per_hour", self.per_hour, at_least=0)
-        steps = generator.standard_normal(recording.n_samples)
-        walk = np.cumsum(steps) * self.per_hour / math.sqrt(3600 * recording.sampling_rate)
-        return _changed(
-            recording, self.channel, _row(recording, self.channel) + walk, f"drift {self.per_hour:g} per hour"
+def dead(recording: Recording, *, channel: str, onset: float = 0.0, value: float = 0.0) -> Recording:
+    """Return the recording with a channel that reads a constant `value` from `onset` [s] on."""
+    samples = _row(recording, channel).copy()
+    samples[_sample(recording, onset) :] = value
+    return _changed(recording, channel, samples, f"dead from {onset:g} s on")
+
+
+def stuck(recording: Recording, *, channel: str, onset: float) -> Recording:
+    """Return the recording with a channel that stays at its last value from `onset` [s] on."""
+    samples = _row(recording, channel).copy()
+    first = _sample(recording, onset)
+    samples[first:] = samples[max(first - 1, 0)]
+    return _changed(recording, channel, samples, f"stuck from {onset:g} s on")
+
+
+def scaled(recording: Recording, *, channel: str, factor: float) -> Recording:
+    """Return the recording with the gain of a channel wrong by a factor."""
+    return _changed(recording, channel, factor * _row(recording, channel), f"gain {factor:g}")
+
+
+def inverted(recording: Recording, *, channel: str) -> Recording:
+    """Return the recording with the sign of a channel reversed."""
+    return _changed(recording, channel, -_row(recording, channel), "inverted")
+
+
+def swapped(recording: Recording, *, first: str, second: str) -> Recording:
+    """Return the recording with the cables of two channels exchanged."""
+    rows = [recording.index(first), recording.index(second)]
+    samples = recording.samples.copy()
+    samples[rows] = samples[rows[::-1]]
+    return recording.changed(f"{first} and {second} swapped", samples=samples)
+
+
+def spiking(
+    recording: Recording, *, channel: str, rate: float, height: float, generator: np.random.Generator
+) -> Recording:
+    """Return the recording with spikes of one sample, up and down, at random times on a channel.
+
+    Parameters
+    ----------
+    recording
+        Signals without spikes.
+    channel
+        Name of the channel.
+    rate
+        Mean number of spikes per second, at most the sampling rate.
+    height
+        Height of a spike, in the unit of the samples.
+    generator
+        Source of the randomness.
+    """
+    check_number("rate", rate, at_least=0, at_most=recording.sampling_rate)
+    samples = _row(recording, channel).copy()
+    places = generator.random(samples.size) < rate / recording.sampling_rate
+    samples[places] += height * generator.choice([-1.0, 1.0], size=int(places.sum()))
+    return _changed(recording, channel, samples, f"{rate:g} spikes per second")
+
+
+def with_hum(
+    recording: Recording, *, channel: str, amplitude: float, generator: np.random.Generator, frequency: float = 50.0
+) -> Recording:
+    """Return the recording with mains hum of a frequency [Hz] and a random phase on a channel."""
+    phase = 2 * np.pi * frequency * np.arange(recording.n_samples) / recording.sampling_rate
+    hum = amplitude * np.sin(phase + generator.uniform(0, 2 * np.pi))
+    return _changed(recording, channel, _row(recording, channel) + hum, f"hum of {frequency:g} Hz")
+
+
+def delayed(recording: Recording, *, channel: str, delay: float) -> Recording:
+    """Return the recording with a channel late by `delay` [s], negative for early, as wireless channels are.
+
+    Notes
+    -----
+    Each stretch between gaps is shifted by the phase of its Fourier transform, continued by its odd reflection at
+    both ends.
+    """
+    shifted = _row(recording, channel).copy()
+    for stretch in recording.stretches():
+        n = stretch.stop - stretch.start
+        padded = np.pad(shifted[stretch], (n, n), mode="reflect", reflect_type="odd") if n > 1 else shifted[stretch]
+        phase = np.exp(-2j * np.pi * np.fft.rfftfreq(padded.size, 1 / recording.sampling_rate) * delay)
+        late = np.fft.irfft(np.fft.rfft(padded) * phase, n=padded.size)
+        shifted[stretch] = late[(padded.size - n) // 2 :][:n]
+    return _changed(recording, channel, shifted, f"delayed by {delay:g} s")
+
+
+def jittered(recording: Recording, *, standard_deviation: float, generator: np.random.Generator) -> Recording:
+    """Return the recording as sampled at times that scatter by `standard_deviation` [s], the same in all channels.
+
+    Notes
+    -----
+    The values between samples are those of a cubic spline through each stretch between gaps.
+    """
+    check_number("standard_deviation", standard_deviation, at_least=0)
+    samples = recording.samples.copy()
+    for stretch in recording.stretches():
+        n = stretch.stop - stretch.start
+        if n < 4:
+            continue
+        time = np.arange(n) + recording.sampling_rate * standard_deviation * generator.standard_normal(n)
+        samples[:, stretch] = CubicSpline(np.arange(n), samples[:, stretch], axis=1)(np.clip(time, 0, n - 1))
+    return recording.changed(f"jitter of {standard_deviation:g} s", samples=samples)
+
+
+def with_gap(recording: Recording, *, onset: float, duration: float) -> Recording:
+    """Return the recording without the samples of `duration` [s] from `onset` [s] on, with the gap marked."""
+    first, last = (_sample(recording, time) for time in (onset, onset + duration))
+    if recording.gaps:
+        raise ParameterError("the recording has gaps already: add them from the last to the first")
+    if first == 0 or last >= recording.n_samples or last == first:
+        raise ParameterError(
+            f"a gap from {onset:g} s for {duration:g} s must lie inside the recording of "
+            f"{recording.n_samples / recording.sampling_rate:g} s: move or shorten it"
         )
+    samples = np.delete(recording.samples, slice(first, last), axis=1)
+    gap = Gap(first, (last - first) / recording.sampling_rate)
+    return recording.changed(f"lost {duration:g} s at {onset:g} s", samples=samples, gaps=(gap,))
 
 
-@dataclass(frozen=True, slots=True)
-class Dead:
-    """A channel that reads a constant from `onset` [s] on, with no trace of motion."""
-
-    channel: str
-    onset: float = 0.0
-    value: float = 0.0
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the channel dead."""
-        del generator
-        samples = _row(recording, self.channel).copy()
-        samples[_onset(recording, self.onset) :] = self.value
-        return _changed(recording, self.channel, samples, f"dead from {self.onset:g} s on")
-
-
-@dataclass(frozen=True, slots=True)
-class Stuck:
-    """A channel that stays at its last value from `onset` [s] on."""
-
-    channel: str
-    onset: float
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the channel stuck."""
-        del generator
-        samples = _row(recording, self.channel).copy()
-        first = _onset(recording, self.onset)
-        samples[first:] = samples[max(first - 1, 0)]
-        return _changed(recording, self.channel, samples, f"stuck from {self.onset:g} s on")
-
-
-@dataclass(frozen=True, slots=True)
-class Gained:
-    """A channel whose gain is wrong by a factor."""
-
-    channel: str
-    factor: float
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the wrong gain."""
-        del generator
-        return _changed(recording, self.channel, self.factor * _row(recording, self.channel), f"gain {self.factor:g}")
-
-
-@dataclass(frozen=True, slots=True)
-class Inverted:
-    """A channel with the wrong sign."""
-
-    channel: str
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the channel inverted."""
-        del generator
-        return _changed(recording, self.channel, -_row(recording, self.channel), "inverted")
-
-
-@dataclass(frozen=True, slots=True)
-class Swapped:
-    """Two channels whose cables are exchanged."""
-
-    first: str
-    second: str
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the samples of the two channels exchanged."""
-        del generator
-        rows = [recording.index(self.first), recording.index(self.second)]
-        samples = recording.samples.copy()
-        samples[rows] = samples[rows[::-1]]
-        return recording.changed(f"{self.first} and {self.second} swapped", samples=samples)
-
-
-@dataclass(frozen=True, slots=True)
-class Spiking:
-    """A channel with spikes of one sample at random times: `rate` per second, `height` in the unit of the samples."""
-
-    channel: str
-    rate: float
-    height: float
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the spikes, up and down."""
-        check_number("rate", self.rate, at_least=0, at_most=recording.sampling_rate)
-        samples = _row(recording, self.channel).copy()
-        places = generator.random(samples.size) < self.rate / recording.sampling_rate
-        samples[places] += self.height * generator.choice([-1.0, 1.0], size=int(places.sum()))
-        return _changed(recording, self.channel, samples, f"{self.rate:g} spikes per second")
-
-
-@dataclass(frozen=True, slots=True)
-class Hum:
-    """A channel with mains hum of an amplitude and a frequency [Hz]."""
-
-    channel: str
-    amplitude: float
-    frequency: float = 50.0
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the hum, at a random phase."""
-        phase = 2 * np.pi * self.frequency * np.arange(recording.n_samples) / recording.sampling_rate
-        hum = self.amplitude * np.sin(phase + generator.uniform(0, 2 * np.pi))
-        return _changed(recording, self.channel, _row(recording, self.channel) + hum, f"hum of {self.frequency:g} Hz")
-
-
-@dataclass(frozen=True, slots=True)
-class Delayed:
-    """A channel that comes late, as wireless ones do: `delay` in s, negative for early."""
-
-    channel: str
-    delay: float
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording with the channel moved in time, by its Fourier transform over each stretch."""
-        del generator
-        moved = _row(recording, self.channel).copy()
-        for stretch in recording.stretches():
-            n = stretch.stop - stretch.start
-            padded = np.pad(moved[stretch], (n, n), mode="reflect", reflect_type="odd") if n > 1 else moved[stretch]
-            phase = np.exp(-2j * np.pi * np.fft.rfftfreq(padded.size, 1 / recording.sampling_rate) * self.delay)
-            shifted = np.fft.irfft(np.fft.rfft(padded) * phase, n=padded.size)
-            moved[stretch] = shifted[(padded.size - n) // 2 :][:n]
-        return _changed(recording, self.channel, moved, f"delayed by {self.delay:g} s")
-
-
-@dataclass(frozen=True, slots=True)
-class Jittered:
-    """Samples of all channels at times that scatter by `standard_deviation` [s] about the even ones."""
-
-    standard_deviation: float
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording as read at the jittered times, by a cubic spline over each stretch."""
-        from scipy.interpolate import CubicSpline
-
-        check_number("standard_deviation", self.standard_deviation, at_least=0)
-        samples = recording.samples.copy()
-        for stretch in recording.stretches():
-            n = stretch.stop - stretch.start
-            if n < 4:
-                continue
-            time = np.arange(n) + recording.sampling_rate * self.standard_deviation * generator.standard_normal(n)
-            samples[:, stretch] = CubicSpline(np.arange(n), samples[:, stretch], axis=1)(np.clip(time, 0, n - 1))
-        return recording.changed(f"jitter of {self.standard_deviation:g} s", samples=samples)
-
-
-@dataclass(frozen=True, slots=True)
-class WithGap:
-    """Samples lost for `duration` [s] from `onset` [s] on, in all channels."""
-
-    onset: float
-    duration: float
-
-    def applied(self, recording: Recording, *, generator: np.random.Generator) -> Recording:
-        """Return the recording without the samples, with the gap marked."""
-        del generator
-        first, last = (_onset(recording, t) for t in (self.onset, self.onset + self.duration))
-        if recording.gaps:
-            raise ParameterError("the recording has gaps already: add them from the last to the first")
-        if first == 0 or last >= recording.n_samples or last == first:
-            raise ParameterError(f"a gap from {self.onset:g} s for {self.duration:g} s must lie inside the recording")
-        samples = np.delete(recording.samples, slice(first, last), axis=1)
-        gap = Gap(first, (last - first) / recording.sampling_rate)
-        return recording.changed(f"lost {self.duration:g} s at {self.onset:g} s", samples=samples, gaps=(gap,))
-
-
-def _rows(recording: Recording, channel: str | None, quantity: str) -> list[int]:
-    """Rows of one channel, or of all channels of a quantity."""
-    if channel is not None:
-        return [recording.index(channel)]
-    return [row for row, one in enumerate(recording.channels) if one.quantity == quantity]
+def _rows(recording: Recording, quantity: str) -> list[int]:
+    """Return the rows of all channels of a quantity."""
+    return [row for row, channel in enumerate(recording.channels) if channel.quantity == quantity]
 
 
 def _row(recording: Recording, channel: str) -> Real:
-    """Samples of a channel."""
     return recording.samples[recording.index(channel)]
 
 
-def _changed(recording: Recording, channel: str, samples: Real, what: str) -> Recording:
-    """Return the recording with other samples of one channel."""
-    every = recording.samples.copy()
-    every[recording.index(channel)] = samples
-    return recording.changed(f"{channel}: {what}", samples=every)
+def _changed(recording: Recording, channel: str, values: Real, what: str) -> Recording:
+    """Return the recording with other samples of one channel, and a line in its history."""
+    samples = recording.samples.copy()
+    samples[recording.index(channel)] = values
+    return recording.changed(f"{channel}: {what}", samples=samples)
 
 
-def _onset(recording: Recording, time: float) -> int:
-    """Sample at a time [s], within the recording."""
+def _sample(recording: Recording, time: float) -> int:
+    """Return the index of the sample at a time [s], at most the number of samples."""
     check_number("onset", time, at_least=0)
     return min(round(time * recording.sampling_rate), recording.n_samples)
 
 
 def _rms(samples: Real) -> Real:
-    """RMS of each channel over the samples that are there."""
+    """Return the RMS of each channel over the samples that are not missing."""
     return np.sqrt(np.nanmean(samples**2, axis=1))

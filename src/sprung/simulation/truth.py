@@ -1,4 +1,4 @@
-"""What a simulated recording holds, as JSON."""
+"""Truth of a simulated recording as JSON: modes, components, speed and faults."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from sprung.excitation import SpeedProfile
 from sprung.vehicles import ExactModes, Fault, Structure, with_faults
 
-#: Instants at which changing modes are given.
+#: Number of instants at which changing modes are given.
 _INSTANTS = 11
 
 
@@ -20,27 +20,28 @@ def truth(
     duration: float = 0.0,
     faults: Sequence[Fault] = (),
 ) -> dict[str, Any]:
-    """Return what a simulated recording holds, as the JSON object `sprung.truth/1`.
+    """Return the truth of a simulated recording as the JSON object `sprung.truth/1`.
 
     Parameters
     ----------
     vehicle
-        Structure that was simulated, healthy.
+        Structure that was simulated, without its faults.
     seed
-        Of the simulation.
+        Seed of the simulation.
     speed
-        Of the drive.
+        Speed of the drive; None where there is none.
     duration
-        Of the recording [s].
+        Duration of the recording [s].
     faults
-        What was changed.
+        Changes of its components.
 
     Returns
     -------
     dict
-        Exact modes as the sensors see them and components by corner or mass with their SI values, both at the end of
-        the recording; speed (mean, lowest, highest [m/s]) or null, faults by component; and where a fault begins
-        later or grows, modes_over_time: frequencies and damping at equal intervals.
+        Exact modes at the sensors and components by corner or mass with their SI values, both at the end of the
+        recording; speed (mean, lowest, highest [m/s]) or null; faults by component; and where a fault begins later or
+        grows, `fault_courses` (onset and growth [s]) and `modes_over_time` (frequencies and damping at equal
+        intervals).
     """
     changed = with_faults(vehicle, faults, time=duration)
     modes = changed.modes()
@@ -72,10 +73,10 @@ def truth(
 
 def _components(vehicle: Structure) -> dict[str, dict[str, dict[str, float]]]:
     """Return the values of all components by corner and kind."""
-    found: dict[str, dict[str, dict[str, float]]] = {}
+    components: dict[str, dict[str, dict[str, float]]] = {}
     for component, value in vehicle.components().items():
-        found.setdefault(component.corner, {})[component.kind] = {"value": value}
-    return found
+        components.setdefault(component.corner, {})[component.kind] = {"value": value}
+    return components
 
 
 def _modes(modes: ExactModes) -> Iterable[dict[str, Any]]:

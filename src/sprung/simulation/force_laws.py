@@ -1,4 +1,4 @@
-"""Laws of springs and dampers that are not linear."""
+"""Nonlinear force laws of springs and dampers."""
 
 import math
 from dataclasses import dataclass
@@ -8,26 +8,26 @@ from sprung._checks import check_number
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
-    """How a spring with a damper departs from k e + c e', with the elongation e.
+class ForceLaw:
+    """Departure of a spring and damper from the linear force k e + c e', with the elongation e.
 
     Parameters
     ----------
     asymmetry
-        The damper has c (1 + asymmetry) in rebound (e' > 0) and c (1 - asymmetry) in bump; -1 to 1.
+        Relative asymmetry of the damper, -1 to 1: c (1 + asymmetry) in rebound (e' > 0), c (1 - asymmetry) in bump.
     asymmetry_velocity
-        Over which it passes from one to the other [m/s].
+        Velocity scale of the transition between the two [m/s].
     knee, knee_slope
-        Beyond the speed `knee` [m/s] the damper's force rises with knee_slope times its slope (digressive).
+        Speed [m/s] beyond which the damper's force rises with `knee_slope` times its slope; below 1: digressive.
     friction, friction_velocity
-        Dry friction [N] e' / sqrt(e'^2 + friction_velocity^2).
+        Dry friction force [N] and its velocity scale [m/s]: friction e' / sqrt(e'^2 + friction_velocity^2).
     cubic
-        The spring has k (e + cubic e^3); in 1/m^2.
+        Cubic hardening of the spring [1/m^2]: k (e + cubic e^3).
     gap, stop_stiffness
-        Bump stops: beyond |e| = gap [m] a stiffness [N/m] is added.
+        Free travel [m] and stiffness [N/m] of the bump stops: the stiffness is added beyond |e| = gap.
     rubber_stiffness, rubber_force
-        A friction element in parallel whose force r follows r' = rubber_stiffness e' (1 - sign(e') r / rubber_force):
-        stiff at small amplitudes, soft at large ones (Dahl) [N/m, N].
+        Stiffness [N/m] and limit force [N] of a friction element in parallel (Dahl), stiff at small and soft at large
+        amplitudes: its force r follows r' = rubber_stiffness e' (1 - sign(e') r / rubber_force).
 
     References
     ----------
@@ -55,12 +55,12 @@ class Law:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The fields in their order."""
+        """Values of the fields in their order."""
         return tuple(float(getattr(self, name)) for name in self.__slots__)
 
     @property
     def steepest(self) -> tuple[float, float]:
-        """Stiffness [N/m] and damping [N s/m] that it can add at most near rest."""
+        """Largest stiffness [N/m] and damping [N s/m] that the law adds near rest."""
         return self.rubber_stiffness + self.stop_stiffness, self.friction / self.friction_velocity
 
     @property
@@ -70,18 +70,18 @@ class Law:
 
 
 def damping_factor(temperature: float) -> float:
-    """Return damping over that at 20 degrees Celsius of a damper whose oil is at a temperature [degrees Celsius].
+    """Return the damping at an oil temperature [degrees Celsius] over that at 20 degrees Celsius.
 
     Notes
     -----
-    exp(-0.005 (T - 20)): half a percent per degree, of the size that tests of car dampers give.
+    exp(-0.005 (T - 20)): half a percent per degree, the order of magnitude of tests on car dampers.
     """
     check_number("temperature", temperature, at_least=-60, at_most=200)
     return math.exp(-0.005 * (temperature - 20))
 
 
-#: A car's suspension: rebound 35 % stiffer and bump 35 % softer, 25 N of friction, springs that harden by 10 % at
-#: 5 cm, stops at 7 cm.
-REALISTIC_LAWS = MappingProxyType(
-    {"suspension": Law(asymmetry=0.35, friction=25.0, cubic=40.0, gap=0.07, stop_stiffness=100e3)}
+#: A car's suspension: damping 35 % higher in rebound and 35 % lower in bump, 25 N of friction, springs that harden
+#: by 10 % at 5 cm, bump stops at 7 cm.
+REALISTIC_FORCE_LAWS = MappingProxyType(
+    {"suspension": ForceLaw(asymmetry=0.35, friction=25.0, cubic=40.0, gap=0.07, stop_stiffness=100e3)}
 )
