@@ -97,7 +97,7 @@ def window(file, real, seed, number, faults):
     """Return what ten minutes of driving say: the observation, and the modes as the thesis finds them."""
     import numpy as np
 
-    from sprung.diagnosis import observe
+    from sprung.diagnosis import observe_window
     from sprung.simulation import DriveSettings, simulate_drive
 
     generator = np.random.default_rng([seed, 4, number])
@@ -114,7 +114,7 @@ def window(file, real, seed, number, faults):
     run = simulate_drive(real, settings, seed=[seed, 5, number]).recording
     if seed % 8 == 7:
         run = with_wheel_lines(run, generator)
-    return observe(run, file, time=600.0 * number), body_modes(run, file) if is_thesis(seed) else {}
+    return observe_window(run, file, time=600.0 * number), body_modes(run, file) if is_thesis(seed) else {}
 
 
 def is_thesis(seed):

@@ -15,7 +15,7 @@ from sprung.diagnosis import (
     false_discoveries,
     learn,
     observation_from_dict,
-    observe,
+    observe_window,
     windows,
 )
 from sprung.diagnosis.baseline import usual_nuisance
@@ -342,7 +342,7 @@ def test_conditions_of_a_window_that_cannot_tell():
     samples[run.index("yaw_rate")] = 0.2
     warm = np.full((1, run.n_samples), 21.5)
     channels = (*run.channels, Channel("oil", "temperature"))
-    found = observe(replace(run, samples=np.concatenate([samples, warm]), channels=channels), car)
+    found = observe_window(replace(run, samples=np.concatenate([samples, warm]), channels=channels), car)
     assert not found.is_conclusive
     assert found.conditions["standing"] == pytest.approx(0.25, abs=0.01)
     assert found.conditions["temperature"] == pytest.approx(21.5)
@@ -366,7 +366,7 @@ def test_simulated_drives(fault):
             snr=50.0,
             faults=faults,
         )
-        return observe(simulate_drive(car, settings, seed=seed).recording, car, time=600.0 * seed)
+        return observe_window(simulate_drive(car, settings, seed=seed).recording, car, time=600.0 * seed)
 
     normal = learn([seen(seed) for seed in range(6)], vehicle="zafira")
     assert diagnose([seen(seed) for seed in range(6, 9)], normal).is_healthy
@@ -383,7 +383,7 @@ def test_mounts_of_the_bogie_on_its_rig(corner, change):
 
     def seen(seed, faults=()):
         settings = DriveSettings("rig", duration=120.0, speed=(5.6, 5.8), snr=50.0, faults=faults)
-        return observe(simulate_drive(bogie, settings, seed=seed).recording, bogie, time=600.0 * seed)
+        return observe_window(simulate_drive(bogie, settings, seed=seed).recording, bogie, time=600.0 * seed)
 
     normal = learn([seen(seed) for seed in range(6)], vehicle="bogie")
     assert diagnose([seen(seed) for seed in range(6, 9)], normal).is_healthy

@@ -7,7 +7,7 @@ import cbor2
 import numpy as np
 import pytest
 
-from sprung.diagnosis import diagnose, observe
+from sprung.diagnosis import diagnose, observe_window
 from sprung.errors import ParameterError
 from sprung.link import decode
 from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor, frame_block, joined
@@ -36,7 +36,7 @@ def test_online_is_batch(car, drive, alike, seed):
     cuts = np.random.default_rng(seed).integers(1, run.n_samples, [3, 60, 700][seed])
     events = fed(VehicleMonitor(car, settings=SETTINGS), run, cuts)
     assert [type(event) for event in events] == [Identified, Identified, Observed]
-    online, batch = events[-1].observation, observe(run, car, time=BEGUN / 1e9)
+    online, batch = events[-1].observation, observe_window(run, car, time=BEGUN / 1e9)
     assert alike(online.to_dict(), batch.to_dict())
     assert np.array_equal(events[-1].recording.samples, run.samples)
 
@@ -46,7 +46,7 @@ def test_window_ends_within_a_block(car, drive, alike):
     monitor = VehicleMonitor(car, settings=MonitorSettings(identify_every=0))
     events = list(monitor.update(whole))
     assert [event.number for event in events] == [0, 1]
-    assert alike(events[1].observation.to_dict(), observe(drive(1), car, time=drive(1).start / 1e9).to_dict())
+    assert alike(events[1].observation.to_dict(), observe_window(drive(1), car, time=drive(1).start / 1e9).to_dict())
     assert monitor.buffered == 0
 
 
@@ -132,7 +132,7 @@ def test_frames_give_what_their_samples_give(car, drive, frames_of, alike):
     blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]
     monitor = VehicleMonitor(car, settings=SETTINGS)
     events = [event for block in blocks for event in monitor.update(block)]
-    assert alike(events[-1].observation.to_dict(), observe(joined(blocks), car, time=BEGUN / 1e9).to_dict())
+    assert alike(events[-1].observation.to_dict(), observe_window(joined(blocks), car, time=BEGUN / 1e9).to_dict())
 
 
 def test_other_channels_begin_a_new_window(car, drive):

@@ -130,7 +130,7 @@ def observed(
 ) -> "tuple[list[Observation], list[Recording | None]]":
     """Return the observations of all windows of files, and the outputs of those with sound sensors."""
     from sprung._checks import check_number
-    from sprung.diagnosis import VEHICLE_RATE, observe, outputs_at, windows
+    from sprung.diagnosis import VEHICLE_RATE, observe_window, outputs_at, windows
 
     check_number("--window", minutes, at_least=1)
     recordings = records(files, sampling_rate=sampling_rate, channels=names(channels), report=report)
@@ -138,7 +138,7 @@ def observed(
     outputs: list[Recording | None] = []
     for number, (time, part) in enumerate(windows(recordings, length=60 * minutes), start=1):
         report(f"window {number}", 0.5)
-        found.append(observe(part, vehicle, time=time))
+        found.append(observe_window(part, vehicle, time=time))
         # What failing sensors say is no witness.
         outputs.append(None if found[-1].sensor_faults else outputs_at(part, VEHICLE_RATE))
     return found, outputs

@@ -4,7 +4,7 @@ from sprung.diagnosis.baseline import Baseline, baseline_from_dict, learn, nomin
 from sprung.diagnosis.changes import Candidate, Detection, Hypothesis, detect, false_discoveries
 from sprung.diagnosis.evidence import ModeChange, mode_changes
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Trend, diagnose, trend
-from sprung.diagnosis.observation import Observation, observation_from_dict, observe, windows
+from sprung.diagnosis.observation import Observation, observation_from_dict, observe, observe_window, windows
 from sprung.diagnosis.residuals import (
     FEWEST as FEWEST_RESIDUALS,
 )
@@ -47,6 +47,7 @@ __all__ = [
     "nominal_baseline",
     "observation_from_dict",
     "observe",
+    "observe_window",
     "outputs_at",
     "second_opinion",
     "sensor_faults",

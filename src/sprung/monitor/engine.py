@@ -15,7 +15,7 @@ from sprung.diagnosis import (
     diagnose,
     learn,
     observation_from_dict,
-    observe,
+    observe_window,
 )
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.identification import METHODS, IdentificationSettings
@@ -315,7 +315,7 @@ class VehicleMonitor:
         self._n_windows += 1
         time = recording.start / 1e9 if recording.start is not None else number * self._settings.window
         # As it comes back after a restart: the order in memory of its arrays would show in the last digit of findings.
-        observation = observation_from_dict(observe(recording, self._vehicle, time=time).to_dict())
+        observation = observation_from_dict(observe_window(recording, self._vehicle, time=time).to_dict())
         self._observations.append(observation)
         gone = self._observations[: -self._settings.most_windows]
         del self._observations[: len(gone)]
