@@ -184,7 +184,7 @@ def vehicle_life(n_healthy, folder, seed):
     life = {"seed": seed, "name": name, "size": SIZES[seed // 2 % len(SIZES)]}
     taught, healthy, faulty, modes = windows(n_healthy, folder, life)
     try:
-        baseline = learn(taught, vehicle="car")
+        baseline = learn(taught)
     except DataError as error:
         return {**life, "error": str(error)}
     calm = detect(baseline, healthy)

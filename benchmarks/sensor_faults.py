@@ -135,7 +135,7 @@ def trials(taught, each, seed):
     from sprung.vehicles import read_vehicle
 
     car, run = read_vehicle("zafira"), drive(seed)
-    baseline = learn(taught, vehicle="zafira")
+    baseline = learn(taught)
     generator = np.random.default_rng([seed, 9])
     counts = {}
     for number in range(each):

@@ -57,8 +57,14 @@ def test_it_learns_and_finds(car, drive):
         events = monitor.update(drive(number))
     assert monitor.learning == (4, 4)
     assert events[-1].baseline.n_windows == 4
+    assert events[-1].baseline.residuals.n_windows == 4
     assert events[-1].diagnosis is None
-    assert monitor.update(drive(4))[-1].diagnosis.is_healthy
+    found = monitor.update(drive(4))[-1].diagnosis
+    assert found.is_healthy
+    assert found.residual_tests.keys() == {drive(4).start / 1e9}
+    assert found.notes[-1].startswith("second opinion")
+    (kept,) = monitor.observations
+    assert kept.residuals.segments is None  # 1.4 kB instead of 170 kB
     (finding,) = monitor.update(drive(5, "front_left.spring=-0.2"))[-1].diagnosis.findings
     assert (finding.corner, finding.component) == ("front_left", "spring")
     assert finding.interval[0] <= -0.2 <= finding.interval[1]
@@ -83,10 +89,16 @@ def test_it_goes_on_from_its_state(car, drive, alike):
         assert alike(found[-1].observation.to_dict(), expected[-1].observation.to_dict())
         if expected[-1].diagnosis is not None:
             assert alike(found[-1].diagnosis.to_dict()["findings"], expected[-1].diagnosis.to_dict()["findings"])
+            first, second = (
+                {time: test.p_value for time, test in one[-1].diagnosis.residual_tests.items()}
+                for one in (found, expected)
+            )
+            assert first
+            assert alike(first, second)
     assert through.diagnosis.findings
-    with pytest.raises(ParameterError, match="begin anew"):
+    with pytest.raises(ParameterError, match="start from scratch"):
         VehicleMonitor.from_state(car, {"schema": "other"})
-    with pytest.raises(ParameterError, match="lacks or garbles"):
+    with pytest.raises(ParameterError, match="incomplete or invalid"):
         VehicleMonitor.from_state(car, {"schema": "sprung.vehicle-monitor/1"})
 
 
@@ -104,9 +116,7 @@ def test_evidence_is_that_of_the_batch(car, drive, alike):
         stopped = VehicleMonitor.from_state(car, cbor2.loads(cbor2.dumps(stopped.state())))
         if expected.diagnosis is None:
             continue
-        batch = diagnose(
-            through.observations, through.baseline, vehicle=car.name, windows_per_day=settings.hours_per_day * 30
-        )
+        batch = diagnose(through.observations, through.baseline, windows_per_day=settings.hours_per_day * 30)
         assert expected.diagnosis.to_dict() == batch.to_dict()
         assert alike(found.diagnosis.to_dict(), batch.to_dict())
         for one in (expected, found):

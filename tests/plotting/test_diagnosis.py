@@ -24,7 +24,7 @@ def window(generator, time, change=0.0):
 @pytest.fixture(scope="module")
 def baseline():
     generator = np.random.default_rng(0)
-    return learn([window(generator, 600.0 * k) for k in range(12)], vehicle="car")
+    return learn([window(generator, 600.0 * k) for k in range(12)])
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ def test_body_modes_are_what_the_finding_implies_beside_the_measured_ones(soften
 def test_where_no_window_tells_nothing_is_drawn(softening):
     mute = diagnose([Observation(0.0, (), np.zeros(0), np.zeros((0, 0)), {}, {}, (), "too short")])
     for draw in (evidence_figure, trends_figure, corner_changes_figure):
-        with pytest.raises(ParameterError, match="no window can tell"):
+        with pytest.raises(ParameterError, match="no window was usable"):
             draw(mute)
     evidence_figure(softening).draw_without_rendering()
 

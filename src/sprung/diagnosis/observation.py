@@ -1,13 +1,14 @@
-"""What a window of ten minutes says: conditions, corners, modes, sensor faults; or why it says nothing."""
+"""Observations of windows of ten minutes: conditions, corners, modes, sensor faults; or why there are none."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import freeze
+from sprung.diagnosis.residuals import VEHICLE_RATE, ResidualStatistics, residual_statistics
 from sprung.diagnosis.sensors import SensorFault, check_sensors, exchanged_opposites, speed_fault
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerFit, CornerSettings
@@ -25,28 +26,32 @@ _MOST_ERROR = 1.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Observation:
-    """A window's estimates and the conditions they were made in.
+    """Estimates from one window, and the conditions they were made in.
 
     Parameters
     ----------
     time
-        Of its begin, s since the first window.
+        Time of the window's first sample [s].
     components
-        The fitted springs, dampers and tyres.
+        Fitted springs, dampers and tyres.
     log_ratios
-        ln(value / nominal value) of each component; empty where the window cannot tell.
+        ln(value / nominal value) of each component, shape (components,); empty where the window is inconclusive.
     covariance
-        Of these.
+        Covariance of `log_ratios`, shape (components, components).
     conditions
-        As far as known. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of time),
-        "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of windows that can tell: "level" of the road
-        [m^3], "payload" [kg], "model_error", "segments".
+        Conditions that are known. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of
+        time), "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of conclusive windows: "roughness" of the
+        road G(n0) [m^3], "payload" [kg], "model_error", "segments".
     modes
-        Natural frequency [Hz] and damping ratio of bounce, pitch and roll where the fit has them.
+        Natural frequency [Hz] and damping ratio of bounce, pitch and roll, where the fit has them.
     sensor_faults
-        Found in the window.
+        Faults of sensors in the window.
     reason
-        Why the window cannot tell; empty where it can.
+        Why the window is inconclusive; empty where it is conclusive.
+    vehicle
+        Name of the vehicle; empty where unknown.
+    residuals
+        What the residual test needs; None where the window is inconclusive or a sensor fails.
     """
 
     time: float
@@ -57,14 +62,20 @@ class Observation:
     modes: dict[str, tuple[float, float]]
     sensor_faults: tuple[SensorFault, ...]
     reason: str = ""
+    vehicle: str = ""
+    residuals: ResidualStatistics | None = None
 
     def __post_init__(self) -> None:
         freeze(self, log_ratios=1, covariance=2)
 
     @property
     def is_conclusive(self) -> bool:
-        """Whether the window says something about corners."""
+        """Whether the window has estimates."""
         return not self.reason
+
+    def without_segments(self) -> "Observation":
+        """Return the observation with no more than a comparison needs of the residual test's statistics."""
+        return self if self.residuals is None else replace(self, residuals=self.residuals.without_segments())
 
     def to_dict(self) -> dict[str, Any]:
         """Return the observation as plain values for JSON."""
@@ -232,7 +243,7 @@ def _conclusive(time: float, window: Window, fit: CornerFit, faults: tuple[Senso
     count = len(fit.components)
     conditions = {**window.conditions, "model_error": fit.model_error, "segments": float(fit.n_segments)}
     if "level" in fit.inputs:
-        conditions["level"] = fit.inputs["level"]
+        conditions["roughness"] = fit.inputs["level"]
     if "payload_mass" in fit.payload:
         conditions["payload"] = fit.payload["payload_mass"]["value"]
     modes = fit.modes()
@@ -249,9 +260,20 @@ def _conclusive(time: float, window: Window, fit: CornerFit, faults: tuple[Senso
         conditions=conditions,
         modes=body,
         sensor_faults=faults,
+        vehicle=window.vehicle.name,
+        residuals=None if faults else _residuals(window),
     )
+
+
+def _residuals(window: Window) -> ResidualStatistics | None:
+    """Return what the residual test needs; None where no stretch of motion is long enough."""
+    try:
+        return residual_statistics(window.motion.select(window.outputs), sampling_rate=VEHICLE_RATE)
+    except DataError:
+        return None
 
 
 def _inconclusive(time: float, window: Window, faults: tuple[SensorFault, ...], reason: str) -> Observation:
     """Return the observation of a window that says nothing of the corners."""
-    return Observation(time, (), np.zeros(0), np.zeros((0, 0)), window.conditions, {}, faults, reason)
+    nothing = np.zeros(0), np.zeros((0, 0))
+    return Observation(time, (), *nothing, window.conditions, {}, faults, reason, window.vehicle.name)

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from sprung.diagnosis import INTERVAL_95
 from sprung.likelihood import CornerFit
 from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 from sprung.vehicles import Component
@@ -32,7 +33,7 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
     where = f"{spectra.n_segments} segments of {spectra.segment_length:.3g} s in {spectra.counts.size} speed classes"
     figure = new_figure(what, where, width=9.5, height=1.3 + 1.9 * len(names))
     panels = figure.subplots(len(names), 2, sharex=True, squeeze=False, width_ratios=(3, 2))
-    chance = 1.96 * np.sqrt(1.06 / spectra.n_segments)
+    chance = INTERVAL_95 * np.sqrt(1.06 / spectra.n_segments)
     for row, name in enumerate(names):
         left, right = panels[row]
         for axes in (left, right):
@@ -95,9 +96,11 @@ def corner_bars(
     n_axles = len(corners) // 2
     figure = new_figure(*heading, width=9.5, height=1.4 + 2.1 * n_axles)
     panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
-    change, low, high = (100 * np.expm1(log_ratios + sign * 1.96 * deviations) for sign in (0, -1, 1))
+    change, low, high = (100 * np.expm1(log_ratios + sign * INTERVAL_95 * deviations) for sign in (0, -1, 1))
     reach = max(10.0, 1.3 * np.abs(np.concatenate([low[is_identifiable], high[is_identifiable], [5.0]])).max())
-    thick = None if by_chance is None else [100 * np.expm1(log_ratios + sign * 1.96 * by_chance) for sign in (-1, 1)]
+    thick = (
+        None if by_chance is None else [100 * np.expm1(log_ratios + sign * INTERVAL_95 * by_chance) for sign in (-1, 1)]
+    )
     for axes, corner in zip(panels.ravel(), corners, strict=True):
         rows = [row for row, component in enumerate(components) if component.corner == corner]
         words = [components[row].kind for row in rows]

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
-from sprung.diagnosis import Baseline, Diagnosis, Finding, ModeChange, Observation, nominal_baseline
+from sprung.diagnosis import INTERVAL_95, Baseline, Diagnosis, Finding, ModeChange, Observation, nominal_baseline
 from sprung.errors import ParameterError
 from sprung.plotting.corners import corner_bars
 from sprung.plotting.style import FAINT, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
@@ -18,8 +18,8 @@ _MOST = 8
 _KINDS = ("spring", "damper", "tyre")
 #: Colours of what is usual, with and without what moves corners together.
 _BANDS = ("#EDEDED", "#D5D5D5")
-#: Colour of the interval of an onset, and quantile of a 95 % interval.
-_ONSET, _Z = "#F3D9C9", 1.96
+#: Colour of the interval of an onset.
+_ONSET = "#F3D9C9"
 
 
 def evidence_figure(diagnosis: Diagnosis) -> Figure:
@@ -28,12 +28,12 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     Parameters
     ----------
     diagnosis
-        With a window that can tell.
+        Diagnosis with a conclusive window.
     """
     detection = diagnosis.detection
     if detection is None:
-        raise ParameterError("no window can tell: there is no evidence to draw")
-    said = diagnosis.findings[0].sentence if diagnosis.findings else "nothing has changed"
+        raise ParameterError("no window was usable: there is no evidence to draw")
+    said = diagnosis.findings[0].sentence if diagnosis.findings else "no change detected"
     figure = new_figure("Evidence of a change", said[:1].upper() + said[1:], width=9.5, height=4.2)
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     for axes in (left, right):
@@ -75,21 +75,21 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     Parameters
     ----------
     diagnosis
-        With a window that can tell.
+        Diagnosis with a conclusive window.
     baseline
         None: against the vehicle file.
     """
     detection = diagnosis.detection
     if detection is None:
-        raise ParameterError("no window can tell: there are no corners to draw")
-    telling = _witnesses(diagnosis)
-    since = diagnosis.findings[0].since if diagnosis.findings else telling[0].time
-    telling = [one for one in telling if one.time >= since]
-    normal = baseline or nominal_baseline(telling[0].components, vehicle="")
-    mean = np.mean([normal.residual(one) for one in telling], axis=0)
-    own = np.mean([one.covariance for one in telling], axis=0) / len(telling)
+        raise ParameterError("no window was usable: there are no corners to draw")
+    conclusive = _witnesses(diagnosis)
+    since = diagnosis.findings[0].since if diagnosis.findings else conclusive[0].time
+    conclusive = [one for one in conclusive if one.time >= since]
+    normal = baseline or nominal_baseline(conclusive[0].components, vehicle="")
+    mean = np.mean([normal.residual(one) for one in conclusive], axis=0)
+    own = np.mean([one.covariance for one in conclusive], axis=0) / len(conclusive)
     if normal.n_windows:
-        own = normal.covariance * (1 / len(telling) + 1 / normal.n_windows)
+        own = normal.covariance * (1 / len(conclusive) + 1 / normal.n_windows)
     # What moves corners together may stay, as a payload does: a mean over windows does not take it out.
     spread = own + normal.nuisance
     against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
@@ -99,7 +99,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         np.sqrt(np.diag(spread)),
         is_identifiable=np.ones(len(mean), dtype=np.bool_),
         heading=(
-            f"Corners against {against}: mean of {len(telling)} windows since {since / 60:.0f} min",
+            f"Corners against {against}: mean of {len(conclusive)} windows since {since / 60:.0f} min",
             "95 % intervals: thick by chance, thin with what moves corners together, such as payload",
         ),
         by_chance=np.sqrt(np.diag(own)),
@@ -112,7 +112,7 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     Parameters
     ----------
     diagnosis
-        With a window that can tell.
+        Diagnosis with a conclusive window.
     baseline
         None: the vehicle file.
 
@@ -122,9 +122,9 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     file says), the grey band holds 95 % of usual single windows, the darker one is without what moves corners together.
     """
     if diagnosis.detection is None:
-        raise ParameterError("no window can tell: there are no trends to draw")
-    telling = _witnesses(diagnosis)
-    normal = baseline or nominal_baseline(telling[0].components, vehicle="")
+        raise ParameterError("no window was usable: there are no trends to draw")
+    conclusive = _witnesses(diagnosis)
+    normal = baseline or nominal_baseline(conclusive[0].components, vehicle="")
     components = normal.components
     corners = list(dict.fromkeys(component.corner for component in components))
     against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
@@ -132,10 +132,10 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     where = f"Grey: 95 % of usual windows by {against}; darker: without what moves corners together"
     figure = new_figure(what, where, width=max(9.5, 2.4 * len(corners)), height=7)
     panels = figure.subplots(len(_KINDS), len(corners), sharex=True, sharey="row", squeeze=False)
-    minutes = np.array([one.time for one in telling]) / 60
-    values = np.array([normal.mean + normal.residual(one) for one in telling])
-    bars = _Z * np.sqrt([np.diag(one.covariance) for one in telling])
-    own, usual = (_Z * np.sqrt(np.diag(c)) for c in (normal.covariance, normal.covariance + normal.nuisance))
+    minutes = np.array([one.time for one in conclusive]) / 60
+    values = np.array([normal.mean + normal.residual(one) for one in conclusive])
+    bars = INTERVAL_95 * np.sqrt([np.diag(one.covariance) for one in conclusive])
+    own, usual = (INTERVAL_95 * np.sqrt(np.diag(c)) for c in (normal.covariance, normal.covariance + normal.nuisance))
     for line, kind in zip(panels, _KINDS, strict=True):
         line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
         for axes, corner in zip(line, corners, strict=True):

@@ -9,6 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from sprung._arrays import Real
+from sprung.diagnosis import INTERVAL_95
 from sprung.identification import Identification
 from sprung.plotting.style import (
     FAINT,
@@ -28,8 +29,6 @@ from sprung.plotting.style import (
 
 #: Width of a mode's panels and height of both [in].
 _COLUMN, _BAND, _MOST_COLUMNS = 2.7, 4.2, 5
-#: Standard deviations to either side of a 95 % interval.
-_INTERVAL = 1.96
 #: Least range shown around a value, relative to it: smaller changes of frequency and damping should look small.
 _LEAST_RANGE = (0.02, 0.2)
 
@@ -109,7 +108,7 @@ def _draw_mode(upper: Axes, lower: Axes, identification: Identification, index: 
         values = [factor * getattr(part, name)[m] if m >= 0 else np.nan for part, m in rows]
         spreads = [factor * getattr(part, f"{name}_std")[m] if m >= 0 else np.nan for part, m in rows]
         axes.axhline(whole, color=colour, linestyle=(0, (5, 3)), linewidth=1.0, gid="merged")
-        _draw_values(axes, _levels(identification), np.array(values), _INTERVAL * np.array(spreads), colour)
+        _draw_values(axes, _levels(identification), np.array(values), INTERVAL_95 * np.array(spreads), colour)
         _widen(axes, whole, least * whole)
     upper.tick_params(labelbottom=False)
     lower.xaxis.set_major_locator(MaxNLocator(4))
