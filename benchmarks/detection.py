@@ -94,7 +94,7 @@ def described(seed):
 
 
 def window(file, real, seed, number, faults):
-    """Return what ten minutes of driving say: the observation, and the modes as the thesis finds them."""
+    """Return the observation of ten minutes of driving, and its modes as the thesis identifies them."""
     import numpy as np
 
     from sprung.diagnosis import observe_window
@@ -118,7 +118,7 @@ def window(file, real, seed, number, faults):
 
 
 def is_thesis(seed):
-    """Tell whether the thesis' way runs beside ours: for forty vehicles, as many of every size."""
+    """Return whether the thesis' way runs too: for forty vehicles, as many of every size."""
     return seed // 10 % 5 == 0 and seed < 200
 
 
@@ -208,7 +208,7 @@ def vehicle_life(n_healthy, folder, seed):
 
 
 def windows(n_healthy, folder, life):
-    """Return what the windows that teach, healthy and faulty ones say, and their modes where the thesis' way runs."""
+    """Return the observations of learning, healthy and faulty windows, and their modes where the thesis' way runs."""
     from sprung.diagnosis import observation_from_dict
     from sprung.vehicles import Component, Fault
 
@@ -224,12 +224,12 @@ def windows(n_healthy, folder, life):
         [window(file, real, seed, k, faults) for k in some]
         for some, faults in zip(numbers, ((), (), fault), strict=True)
     ]
-    told, modes = ([[pair[k] for pair in part] for part in parts] for k in range(2))
+    observations, modes = ([[pair[k] for pair in part] for part in parts] for k in range(2))
     if kept:
         folder.mkdir(parents=True, exist_ok=True)
-        document = [[one.to_dict() for one in part] for part in told]
+        document = [[one.to_dict() for one in part] for part in observations]
         kept.write_bytes(gzip.compress(json.dumps(document).encode()))
-    return [*told, modes if is_thesis(seed) else None]
+    return [*observations, modes if is_thesis(seed) else None]
 
 
 def by_modes(taught, healthy, faulty):
@@ -260,7 +260,10 @@ def tables(lives):
     hours, alarms = sum(life["hours"] for life in good), sum(life["alarm"] for life in good)
     low, high = (8 * limit / max(hours, 1e-9) for limit in poisson_interval(alarms))
     print(f"\n{alarms} false alarms in {hours:.0f} healthy hours: {low:.4f} to {high:.4f} per day of 8 h (95 %).")
-    print(f"{len(bad)} vehicles failed or taught nothing; {sum(life['mute'] for life in good)} windows could not tell.")
+    print(
+        f"{len(bad)} vehicles failed or could not be learnt from; "
+        f"{sum(life['mute'] for life in good)} windows were inconclusive."
+    )
     for life in bad[:5]:
         print(f"- {life['error']}")
     thesis_table([life for life in good if "thesis" in life])
@@ -301,7 +304,7 @@ def confusion(lives):
     """Print which corner and which component 120 minutes named in place of which, for faults of 5 % and more."""
     lives = [life for life in lives if life["size"] >= 0.05]
     for what, number, names in (("corner", 0, CORNERS), ("component", 1, KINDS)):
-        columns = [*names, "both of an axle", "all corners", "something else", "none"]
+        columns = [*names, "both of an axle", "all corners", "unmodelled", "none"]
         print(f"\nNamed after 120 minutes, faults of 5 % and more, by {what}\n\n| {what} | " + " | ".join(columns))
         print("|" + "---|" * (len(columns) + 1))
         for name in names:
@@ -312,7 +315,7 @@ def confusion(lives):
 def named(answer, number):
     """Return the column of an answer in the matrix of corners (0) or components (1)."""
     corner, _, component = answer.partition(".")
-    groups = {"": "none", "vehicle": "something else", "all": "all corners"}
+    groups = {"": "none", "vehicle": "unmodelled", "all": "all corners"}
     if corner in groups:
         return groups[corner]
     return (corner, component)[number] if corner in CORNERS else "both of an axle"

@@ -56,7 +56,7 @@ def drive(seed):
 
 
 def observed(seed):
-    """Return what a healthy window says."""
+    """Return the observation of a healthy window."""
     from sprung.diagnosis import observe_window
     from sprung.vehicles import read_vehicle
 
@@ -127,7 +127,7 @@ def named_small(run, car):
 
 
 def trials(taught, each, seed):
-    """Return how many of each kind were named, called something else, missed, became a finding; and small ones."""
+    """Return how many of each kind were named, given another name, missed, became a finding; and small ones."""
     import numpy as np
 
     from sprung.diagnosis import diagnose, learn, observe_window

@@ -99,7 +99,7 @@ def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
     assert "1 of 1 windows can be learnt from, and 6 are needed" in outcome.err
 
 
-def test_what_cannot_tell_is_not_called_healthy(sprung, drives, baseline, tmp_path):
+def test_an_inconclusive_drive_is_not_called_healthy(sprung, drives, baseline, tmp_path):
     short = simulate_drive(read_vehicle("zafira"), DriveSettings("road", duration=60.0), seed=3).recording
     write(short, tmp_path / "short.parquet")
     words = ("--vehicle", "zafira", "--baseline", baseline, "--json", tmp_path / "d.json")
@@ -110,7 +110,7 @@ def test_what_cannot_tell_is_not_called_healthy(sprung, drives, baseline, tmp_pa
     assert json.loads((tmp_path / "d.json").read_text())["healthy"] is False
 
 
-def test_windows_that_are_set_aside_are_explained(sprung, baseline, tmp_path):
+def test_excluded_windows_are_explained(sprung, baseline, tmp_path):
     """An engine on soft mounts that the file does not have."""
     car = read_vehicle("zafira")
     engine = MountedMass(mass=180.0, x=1.1, frequency=8.0, damping_ratio=0.08)

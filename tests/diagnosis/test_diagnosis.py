@@ -120,7 +120,7 @@ def test_what_moves_all_corners_is_no_finding(baseline):
     assert diagnose(faulty(5, change), baseline).findings == ()
 
 
-def test_false_alarms_stay_below_the_rate_asked_for():
+def test_false_alarms_stay_below_the_stated_rate():
     """200 vehicles with 48 windows each, at one false alarm in ten vehicle-days: 20 expected at most."""
     alarms = 0
     for seed in range(200):
@@ -131,7 +131,7 @@ def test_false_alarms_stay_below_the_rate_asked_for():
 
 
 def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms():
-    """Whatever the fit says of itself: six windows teach the scatter, and those tested show it."""
+    """Whatever the fit says of itself: the scatter follows from six windows of learning and from those tested."""
     alarms = 0
     for seed in range(100):
         generator = np.random.default_rng(seed + 5000)
@@ -181,7 +181,7 @@ def test_intervals_cover_the_size(baseline):
     assert inside >= 88
 
 
-def test_suspect_windows_do_not_teach():
+def test_suspect_windows_are_not_learnt_from():
     good = healthy(10)
     generator = np.random.default_rng(9)
     bad = [window(generator, 0.0, {"front_left.spring": -0.4}), window(generator, 0.0, {"rear_left.tyre": 0.5})]
@@ -259,7 +259,7 @@ def test_sizes_are_not_drawn_towards_nothing(baseline):
     assert abs(np.mean(errors)) < 0.02
 
 
-def test_what_the_named_part_leaves_unexplained_is_said(baseline):
+def test_what_the_named_part_leaves_unexplained_is_noted(baseline):
     found = diagnose(faulty(6, {"front_left.spring": -0.25, "rear_right.tyre": -0.07}, after=12), baseline)
     (finding,) = found.findings
     assert finding.hypothesis == "front_left.spring"
@@ -268,15 +268,15 @@ def test_what_the_named_part_leaves_unexplained_is_said(baseline):
     assert not any("the rest" in note for note in alone.notes)
 
 
-def test_an_alarm_that_is_over_is_said(baseline):
+def test_an_alert_that_has_cleared_is_noted(baseline):
     generator = np.random.default_rng(8)
-    course = [()] * 3 + [{"front_left.spring": -0.12}] * 3 + [()] * 60
-    found = diagnose([window(generator, 600.0 * k, change) for k, change in enumerate(course)], baseline)
+    changes = [()] * 3 + [{"front_left.spring": -0.12}] * 3 + [()] * 60
+    found = diagnose([window(generator, 600.0 * k, change) for k, change in enumerate(changes)], baseline)
     assert found.findings == ()
     assert any("an alert was raised in the window at" in note and "has cleared" in note for note in found.notes)
 
 
-def test_windows_without_a_sensor_are_said_not_to_watch(baseline):
+def test_windows_with_a_dead_sensor_are_noted_as_not_monitored(baseline):
     dead = (SensorFault("acc_fl", "dead", ""),)
     every = [replace(one, sensor_faults=dead) for one in faulty(3, {"front_left.spring": -0.25}, before=0)]
     found = diagnose([*healthy(2, seed=3), *every], baseline)
@@ -308,7 +308,7 @@ def test_without_a_baseline_limits_are_wide():
     assert diagnose(faulty(3, {"front_left.spring": -0.05}, before=0)).findings == ()
 
 
-def test_conditions_never_met_are_said(baseline):
+def test_conditions_never_met_are_noted(baseline):
     far = [replace(one, conditions={**one.conditions, "payload": 900.0}) for one in healthy(3, seed=8)]
     assert any("payload far from that of the baseline" in note for note in diagnose(far, baseline).notes)
 
@@ -330,7 +330,7 @@ def test_windows_follow_each_other_and_keep_the_rest():
     assert [time for time, _ in windows([dated, replace(dated, start=10**18 + 10**13)], length=2000.0)] == [0.0, 10**4]
 
 
-def test_conditions_of_a_window_that_cannot_tell():
+def test_conditions_of_an_inconclusive_window():
     car = read_vehicle("zafira")
     yaw = car.sensor[0].model_copy(
         update={"channel": "yaw_rate", "quantity": "angular_velocity", "unit": "deg/s", "direction": (0.0, 0.0, -1.0)}

@@ -1,4 +1,4 @@
-"""The subspace residual test: nothing where nothing changed, something where a stiffness did."""
+"""The subspace residual test: silent without a change, and not after one of a stiffness."""
 
 import json
 

@@ -107,7 +107,7 @@ CONTRADICTIONS = {
 
 
 @pytest.mark.parametrize("wrong", CONTRADICTIONS)
-def test_two_wrong_sensors_set_the_window_aside(car, run, wrong):
+def test_two_wrong_sensors_make_the_window_inconclusive(car, run, wrong):
     found = observe_window(with_imperfections(run, CONTRADICTIONS[wrong]), car)
     assert not found.is_conclusive
     assert "check signs, gains, places and delays" in found.reason
@@ -171,7 +171,7 @@ def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run):
 
 
 @pytest.mark.slow
-def test_diagonal_sensors_exchanged_are_seen_beside_an_unknown_engine(car):
+def test_diagonal_sensors_exchanged_are_seen_despite_an_unknown_engine(car):
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
     settings = DriveSettings("road", duration=600.0, snr=50.0, is_nonlinear=True)
     run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), settings, seed=5).recording

@@ -103,7 +103,7 @@ def test_it_goes_on_from_its_state(car, drive, alike):
 
 
 def test_evidence_is_that_of_the_batch(car, drive, alike):
-    """Through restarts, and a window that is no witness."""
+    """Through restarts, and a window with a dead sensor."""
     settings = MonitorSettings(window=120.0, identify_every=0, n_learning=2)
     runs = [drive(0), drive(1, "front_left.spring=-0.4")]
     parts = [run.part(k, k + 24_000) for run in runs for k in range(0, 120_000, 24_000)]

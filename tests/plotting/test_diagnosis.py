@@ -36,7 +36,7 @@ def softening(baseline):
     return diagnose(every, baseline)
 
 
-def test_limits_of_the_baseline_onset_and_trend_stand_beside_the_components(softening, baseline):
+def test_limits_of_the_baseline_onset_and_trend_are_drawn_with_the_components(softening, baseline):
     figure = trends_figure(softening, baseline)
     panels = np.reshape(figure.axes, (3, 4))
     assert [axes.get_title(loc="left") for axes in panels[0]] == [
@@ -110,7 +110,7 @@ def test_corners_leave_out_windows_whose_sensors_fail(softening, baseline):
         np.testing.assert_allclose(one, other)
 
 
-def test_body_modes_are_what_the_finding_implies_beside_the_measured_ones(softening):
+def test_body_modes_are_drawn_as_implied_and_as_measured(softening):
     (finding,) = softening.findings
     bare = mode_changes(read_vehicle("zafira"), finding)
     assert all(change.measured_before is None and change.measured_since is None for change in bare)
@@ -129,7 +129,7 @@ def test_body_modes_are_what_the_finding_implies_beside_the_measured_ones(soften
     assert f"measured: {np.median(before):.3g} to {np.median(since):.3g} Hz" in figure.axes[2].get_title()
 
 
-def test_where_no_window_tells_nothing_is_drawn(softening):
+def test_without_a_usable_window_nothing_is_drawn(softening):
     mute = diagnose([Observation(0.0, (), np.zeros(0), np.zeros((0, 0)), {}, {}, (), "too short")])
     for draw in (evidence_figure, trends_figure, corner_changes_figure):
         with pytest.raises(ParameterError, match="no window was usable"):

@@ -133,6 +133,7 @@ def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) ->
         ]
         columns = ("hypothesis", "ln evidence", "change [%]", "95 % [%]")
         screen.print(table("What may have changed", columns, rows, n_words=1))
+    if found.detection is not None and found.findings:
         last = found.detection.evidence[-1]
         screen.print(notes([f"ln evidence of any change {last:.1f}; alarm threshold {found.detection.threshold:.1f}"]))
     if changes:

@@ -140,7 +140,7 @@ class VehicleMonitor:
     processed by the functions that process recordings: `observe_window`, `learn`, `ChangeDetector` and `diagnosis_of`.
     Score, decision and learning stay apart: nothing but `learn_again` starts a second learning.
 
-    Memory: the samples of one window, and 96 observations of about 5 kB each with four outputs and twelve components.
+    Memory: the samples of one window, and 96 observations of about 4 kB each with four outputs and twelve components.
     While a baseline is learnt, an observation also holds the correlations of its segments for the residual test (170 kB
     in ten minutes): 2 MB with twelve windows, released when it is learnt.
     """
@@ -213,8 +213,13 @@ class VehicleMonitor:
         Parameters
         ----------
         block
-            A `Recording` or a `FrameBlock`, of any length. With other channels or another rate than before, a new
-            window begins.
+            Samples of any length, a `Recording` or a `FrameBlock`. With other channels or another rate than before, a
+            new window begins.
+
+        Returns
+        -------
+        tuple of Identified or Observed
+            In the order of time.
         """
         events: list[Event] = []
         if self._blocks and not _are_alike(block, self._blocks[-1]):
@@ -348,9 +353,10 @@ class VehicleMonitor:
             try:
                 is_complete = self._n_samples == self._needed(self._blocks[0])
                 known = IdentificationSettings(harmonics=None if is_complete else self._harmonics)
-                found = METHODS[self._settings.method](joined(self._blocks), settings=known, vehicle=self._vehicle)
-                modes = tuple(mode_documents(found.modes))
-                self._harmonics = found.harmonics if is_complete else self._harmonics
+                identify = METHODS[self._settings.method]
+                identification = identify(joined(self._blocks), settings=known, vehicle=self._vehicle)
+                modes = tuple(mode_documents(identification.modes))
+                self._harmonics = identification.harmonics if is_complete else self._harmonics
             except SprungError as error:
                 reason = str(error)
         self._modes = modes
@@ -414,13 +420,13 @@ def mode_documents(modes: Modes) -> list[dict[str, Any]]:
 
 
 def _number(value: float) -> float | None:
-    """Return a finite number; None for any other."""
+    """Return a number that is finite, otherwise None."""
     return float(value) if np.isfinite(value) else None
 
 
-def _are_alike(one: Block, other: Block) -> bool:
-    """Tell whether two blocks can follow each other in a window."""
-    return one.channels == other.channels and abs(one.sampling_rate / other.sampling_rate - 1) < 1e-6
+def _are_alike(block: Block, last: Block) -> bool:
+    """Return whether a block can follow the last one of a window."""
+    return block.channels == last.channels and abs(block.sampling_rate / last.sampling_rate - 1) < 1e-6
 
 
 def _as_recording(block: Block) -> Recording:

@@ -23,7 +23,7 @@ _ONSET = "#F3D9C9"
 
 
 def evidence_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the evidence of a change after every window beside its limit, and the likeliest hypotheses.
+    """Draw the evidence of a change after every window with its threshold, and the likeliest hypotheses.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     left.plot(minutes, detection.evidence, marker="o", markersize=3, color=MODE_COLOURS[0])
     left.axhline(detection.threshold, color=MODE_COLOURS[1], linewidth=1.2)
     left.annotate(
-        "alarm",
+        "alert",
         (minutes[0], detection.threshold),
         xytext=(0, 3),
         textcoords="offset points",
@@ -82,7 +82,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     detection = diagnosis.detection
     if detection is None:
         raise ParameterError("no window was usable: there are no corners to draw")
-    conclusive = _witnesses(diagnosis)
+    conclusive = _compared(diagnosis)
     since = diagnosis.findings[0].since if diagnosis.findings else conclusive[0].time
     conclusive = [one for one in conclusive if one.time >= since]
     normal = baseline or nominal_baseline(conclusive[0].components, vehicle="")
@@ -123,7 +123,7 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     """
     if diagnosis.detection is None:
         raise ParameterError("no window was usable: there are no trends to draw")
-    conclusive = _witnesses(diagnosis)
+    conclusive = _compared(diagnosis)
     normal = baseline or nominal_baseline(conclusive[0].components, vehicle="")
     components = normal.components
     corners = list(dict.fromkeys(component.corner for component in components))
@@ -177,8 +177,8 @@ def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> No
     axes.legend(fontsize=SMALL, frameon=False)
 
 
-def _witnesses(diagnosis: Diagnosis) -> list[Observation]:
-    """Return the windows that the test has seen: without those whose sensors fail or that were set aside."""
+def _compared(diagnosis: Diagnosis) -> list[Observation]:
+    """Return the windows that were compared with the baseline."""
     seen = set() if diagnosis.detection is None else set(diagnosis.detection.times.tolist())
     return [one for one in diagnosis.observations if one.time in seen]
 

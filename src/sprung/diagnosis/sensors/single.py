@@ -92,7 +92,7 @@ def spiking(channels: Channels) -> dict[int, str]:
     details = {}
     for row, size in enumerate(sizes):
         peers = channels.peers(row)
-        # A pothole moves all sensors; where there is no other of its quantity, only what no body does is a spike.
+        # A pothole moves all sensors; without another of its quantity, only what no body does is a spike.
         is_alone = (
             np.abs(sizes[peers, 1:-1]).max(axis=0) < 0.5 * np.abs(size[1:-1])
             if peers
@@ -150,8 +150,8 @@ def noisy(channels: Channels) -> dict[int, str]:
     return details
 
 
-#: Standard deviation of a channel's mean over blocks, over its own: away from its peers, where there are so many of
-#: them, and alone (slopes of the road move it too); and over that of the peers.
+#: Standard deviation of a channel's mean over blocks, relative to its peers and over its own standard deviation, and
+#: fewest peers for that; the same without peers (slopes of the road move it too); and ratio to that of the peers.
 _DRIFT, _PEERS, _DRIFT_ALONE, _FAR_WANDERED = 0.08, 2, 0.5, 2.5
 #: Least length of a block [s], most and fewest blocks.
 _BLOCK, _MOST_BLOCKS, _FEWEST_BLOCKS = 5.0, 60, 6

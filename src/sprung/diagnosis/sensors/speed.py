@@ -18,8 +18,7 @@ _LONG = 120.0
 #: less.
 _DRIVING, _BODY = 0.1, (0.5, 10.0)
 #: A speed is wrong if the delay between the axles gives another one, by more than this factor, in more than this share
-#: of the segments. It must give a speed in at least so many of them, with at most this model error: what shakes a
-#: vehicle on a rig does neither.
+#: of the segments. Shaking on a rig is ruled out by the least share of segments with a speed and by the model error.
 _FACTOR, _WRONG_SHARE, _LEAST_SHARE, _MOST_ERROR = 1.25, 0.25, 0.75, 1.0
 
 
