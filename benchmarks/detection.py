@@ -94,12 +94,12 @@ def described(seed):
 
 
 def window(file, real, seed, number, faults):
-    """Return what ten minutes of driving say: the observation, and the modes as the thesis finds them."""
+    """Return the observation of ten minutes of driving, and its modes as the thesis identifies them."""
     from dataclasses import replace
 
     import numpy as np
 
-    from sprung.diagnosis import observe
+    from sprung.diagnosis import observe_window
     from sprung.simulation import (
         FEW_POTHOLES,
         REALISTIC_SUSPENSION,
@@ -122,11 +122,11 @@ def window(file, real, seed, number, faults):
     run = simulate_drive(real, settings, seed=[seed, 5, number]).recording
     if seed % 8 == 7:
         run = with_wheel_lines(run, generator)
-    return observe(run, file, time=600.0 * number), body_modes(run, file) if is_thesis(seed) else {}
+    return observe_window(run, file, time=600.0 * number), body_modes(run, file) if is_thesis(seed) else {}
 
 
 def is_thesis(seed):
-    """Tell whether the thesis' way runs beside ours: for forty vehicles, as many of every size."""
+    """Return whether the thesis' way runs too: for forty vehicles, as many of every size."""
     return seed // 10 % 5 == 0 and seed < 200
 
 
@@ -192,7 +192,7 @@ def vehicle_life(n_healthy, folder, seed):
     life = {"seed": seed, "name": name, "size": SIZES[seed // 2 % len(SIZES)]}
     taught, healthy, faulty, modes = windows(n_healthy, folder, life)
     try:
-        baseline = learn(taught, vehicle="car")
+        baseline = learn(taught)
     except DataError as error:
         return {**life, "error": str(error)}
     calm = detect(baseline, healthy)
@@ -216,7 +216,7 @@ def vehicle_life(n_healthy, folder, seed):
 
 
 def windows(n_healthy, folder, life):
-    """Return what the windows that teach, healthy and faulty ones say, and their modes where the thesis' way runs."""
+    """Return the observations of learning, healthy and faulty windows, and their modes where the thesis' way runs."""
     from sprung.diagnosis import observation_from_dict
     from sprung.vehicles import Component, Fault
 
@@ -232,12 +232,12 @@ def windows(n_healthy, folder, life):
         [window(file, real, seed, k, faults) for k in some]
         for some, faults in zip(numbers, ((), (), fault), strict=True)
     ]
-    told, modes = ([[pair[k] for pair in part] for part in parts] for k in range(2))
+    observations, modes = ([[pair[k] for pair in part] for part in parts] for k in range(2))
     if kept:
         folder.mkdir(parents=True, exist_ok=True)
-        document = [[one.to_dict() for one in part] for part in told]
+        document = [[one.to_dict() for one in part] for part in observations]
         kept.write_bytes(gzip.compress(json.dumps(document).encode()))
-    return [*told, modes if is_thesis(seed) else None]
+    return [*observations, modes if is_thesis(seed) else None]
 
 
 def by_modes(taught, healthy, faulty):
@@ -268,7 +268,10 @@ def tables(lives):
     hours, alarms = sum(life["hours"] for life in good), sum(life["alarm"] for life in good)
     low, high = (8 * limit / max(hours, 1e-9) for limit in poisson_interval(alarms))
     print(f"\n{alarms} false alarms in {hours:.0f} healthy hours: {low:.4f} to {high:.4f} per day of 8 h (95 %).")
-    print(f"{len(bad)} vehicles failed or taught nothing; {sum(life['mute'] for life in good)} windows could not tell.")
+    print(
+        f"{len(bad)} vehicles failed or could not be learnt from; "
+        f"{sum(life['mute'] for life in good)} windows were inconclusive."
+    )
     for life in bad[:5]:
         print(f"- {life['error']}")
     thesis_table([life for life in good if "thesis" in life])
@@ -309,7 +312,7 @@ def confusion(lives):
     """Print which corner and which component 120 minutes named in place of which, for faults of 5 % and more."""
     lives = [life for life in lives if life["size"] >= 0.05]
     for what, number, names in (("corner", 0, CORNERS), ("component", 1, KINDS)):
-        columns = [*names, "both of an axle", "all corners", "something else", "none"]
+        columns = [*names, "both of an axle", "all corners", "unmodelled", "none"]
         print(f"\nNamed after 120 minutes, faults of 5 % and more, by {what}\n\n| {what} | " + " | ".join(columns))
         print("|" + "---|" * (len(columns) + 1))
         for name in names:
@@ -320,7 +323,7 @@ def confusion(lives):
 def named(answer, number):
     """Return the column of an answer in the matrix of corners (0) or components (1)."""
     corner, _, component = answer.partition(".")
-    groups = {"": "none", "vehicle": "something else", "all": "all corners"}
+    groups = {"": "none", "vehicle": "unmodelled", "all": "all corners"}
     if corner in groups:
         return groups[corner]
     return (corner, component)[number] if corner in CORNERS else "both of an axle"

@@ -63,11 +63,11 @@ def drive(seed):
 
 
 def observed(seed):
-    """Return what a healthy window says."""
-    from sprung.diagnosis import observe
+    """Return the observation of a healthy window."""
+    from sprung.diagnosis import observe_window
     from sprung.vehicles import read_vehicle
 
-    return observe(drive(seed), read_vehicle("zafira"), time=60.0 * MINUTES * seed)
+    return observe_window(drive(seed), read_vehicle("zafira"), time=60.0 * MINUTES * seed)
 
 
 def faults(name, rms, generator):
@@ -138,15 +138,15 @@ def named_small(run, car):
 
 
 def trials(taught, each, seed):
-    """Return how many of each kind were named, called something else, missed, became a finding; and small ones."""
+    """Return how many of each kind were named, given another name, missed, became a finding; and small ones."""
     import numpy as np
 
-    from sprung.diagnosis import diagnose, learn, observe
+    from sprung.diagnosis import diagnose, learn, observe_window
     from sprung.simulation import with_imperfections
     from sprung.vehicles import read_vehicle
 
     car, run = read_vehicle("zafira"), drive(seed)
-    baseline = learn(taught, vehicle="zafira")
+    baseline = learn(taught)
     generator = np.random.default_rng([seed, 9])
     counts = {}
     for number in range(each):
@@ -156,7 +156,7 @@ def trials(taught, each, seed):
             if kind == "none" and number:
                 continue
             broken = run if fault is None else with_imperfections(run, [fault], seed=number)
-            window = observe(broken, car)
+            window = observe_window(broken, car)
             found = window.sensor_faults
             is_finding = bool(diagnose([window, window], baseline).findings)
             is_named = (name, kind) in {(one.channel, one.kind) for one in found} or (kind == "none" and not found)

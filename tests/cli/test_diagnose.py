@@ -77,7 +77,7 @@ def test_a_dead_sensor_is_named_and_no_finding(sprung, drives, baseline):
 def test_healthy_drives_have_no_finding(sprung, drives, baseline):
     words = ("--vehicle", "zafira", "--baseline", baseline)
     outcome = sprung("diagnose", drives / "healthy.parquet", *words)
-    assert "nothing has changed" in outcome.out
+    assert "no change detected (ln evidence" in outcome.out
 
 
 def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
@@ -96,21 +96,21 @@ def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
         assert part in outcome.err
     outcome = sprung("baseline", run, "--vehicle", "zafira", "--out", tmp_path / "out.json")
     assert outcome.code == 3
-    assert "1 of 1 windows can teach a baseline, and 6 are needed" in outcome.err
+    assert "1 of 1 windows can be learnt from, and 6 are needed" in outcome.err
 
 
-def test_what_cannot_tell_is_not_called_healthy(sprung, drives, baseline, tmp_path):
+def test_an_inconclusive_drive_is_not_called_healthy(sprung, drives, baseline, tmp_path):
     short = simulate_drive(read_vehicle("zafira"), RoadDrive(duration=60.0), seed=3).recording
     write(short, tmp_path / "short.parquet")
     words = ("--vehicle", "zafira", "--baseline", baseline, "--json", tmp_path / "d.json")
     outcome = sprung("diagnose", tmp_path / "short.parquet", *words)
     assert outcome.code == 3
-    assert "no window can tell" in outcome.out
+    assert "inconclusive: no window was usable" in outcome.out
     assert "segments of steady speed are too few" in outcome.err
     assert json.loads((tmp_path / "d.json").read_text())["healthy"] is False
 
 
-def test_windows_that_are_set_aside_are_explained(sprung, baseline, tmp_path):
+def test_excluded_windows_are_explained(sprung, baseline, tmp_path):
     """An engine on soft mounts that the file does not have."""
     car = read_vehicle("zafira")
     engine = MountedMass(mass=180.0, x=1.1, frequency=8.0, damping_ratio=0.08)
@@ -119,7 +119,7 @@ def test_windows_that_are_set_aside_are_explained(sprung, baseline, tmp_path):
     outcome = sprung("diagnose", tmp_path / "engine.parquet", "--vehicle", "zafira", "--json", "-")
     assert outcome.code == 3
     reason = "1 of 1 windows are explained too badly to be compared with the vehicle file: learn a baseline"
-    assert f"no window can tell: {reason}" in outcome.err
+    assert f"no window was usable: {reason}" in outcome.err
     assert reason in outcome.document()["notes"]
     # Windows with other components than the baseline's.
     document = json.loads(baseline.read_text())
@@ -128,7 +128,7 @@ def test_windows_that_are_set_aside_are_explained(sprung, baseline, tmp_path):
     words = ("--vehicle", "zafira", "--baseline", tmp_path / "other.json", "--json", "-")
     outcome = sprung("diagnose", tmp_path / "engine.parquet", *words)
     assert outcome.code == 3
-    assert "no window can tell: they have other components than the baseline" in outcome.err
+    assert "no window was usable: they have other components than the baseline" in outcome.err
 
 
 def test_a_baseline_of_another_vehicle_is_refused(sprung, drives, baseline, tmp_path):

@@ -6,9 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from sprung.diagnosis import KINDS, observe, sensor_faults
-from sprung.diagnosis.sensors import check_sensors
-from sprung.diagnosis.speed_check import speed_fault
+from sprung.diagnosis import KINDS, observe_window, sensor_faults
+from sprung.diagnosis.sensors import check_sensors, speed_fault
 from sprung.errors import DataError
 from sprung.simulation import (
     FEW_POTHOLES,
@@ -31,6 +30,7 @@ from sprung.simulation import (
     with_imperfections,
 )
 from sprung.vehicles import MountedMass, Sensor, read_vehicle
+from sprung.vehicles.window import window_of
 
 
 def nonlinear(road_class="C", **settings):
@@ -121,8 +121,8 @@ CONTRADICTIONS = {
 
 
 @pytest.mark.parametrize("wrong", CONTRADICTIONS)
-def test_two_wrong_sensors_set_the_window_aside(car, run, wrong):
-    found = observe(with_imperfections(run, CONTRADICTIONS[wrong]), car)
+def test_two_wrong_sensors_make_the_window_inconclusive(car, run, wrong):
+    found = observe_window(with_imperfections(run, CONTRADICTIONS[wrong]), car)
     assert not found.is_conclusive
     assert "check signs, gains, places and delays" in found.reason
 
@@ -144,7 +144,7 @@ def test_healthy_sensors_agree_on_a_smooth_road_with_noise(car, unknown):
     changes = {"engine": {"mounted_mass": (engine,)}, "anti-roll bars": {"axle": bars}}
     settings = nonlinear("A", duration=300.0, snr=30.0, n_stops=1)
     drive = simulate_drive(car.model_copy(update=changes.get(unknown, {})), settings, seed=4).recording
-    checked = check_sensors(wheel_lines(drive) if unknown == "wheel lines" else drive, car)
+    checked = check_sensors(window_of(wheel_lines(drive) if unknown == "wheel lines" else drive, car))
     assert checked.faults == ()
     assert checked.disagreement == 0.0
 
@@ -155,7 +155,7 @@ def with_speed(run, values):
 
 @pytest.mark.parametrize(("speed", "kind"), [(0.0, "dead"), (30.0, "stuck")])
 def test_a_speed_that_stays_while_the_delay_says_another_is_left_out(car, run, speed, kind):
-    found = observe(with_speed(run, speed), car)
+    found = observe_window(with_speed(run, speed), car)
     assert [(fault.channel, fault.kind) for fault in found.sensor_faults] == [("speed", kind)]
     assert found.is_conclusive
     assert not {"speed", "standing"} & found.conditions.keys()
@@ -164,42 +164,42 @@ def test_a_speed_that_stays_while_the_delay_says_another_is_left_out(car, run, s
 @pytest.mark.parametrize(("speed", "road"), [(5.5, "A"), (30.0, "B")])
 def test_a_kept_speed_is_not_stuck(car, speed, road):
     settings = nonlinear(road, duration=180.0, speed=(speed, speed), snr=30.0)
-    assert speed_fault(simulate_drive(car, settings, seed=2).recording, car) is None
+    assert speed_fault(window_of(simulate_drive(car, settings, seed=2).recording, car)) is None
 
 
 def test_a_standing_car_and_a_rig_have_no_speed_to_be_wrong(car, run):
     generator = np.random.default_rng(1)
     idling = 0.3 * np.sin(2 * np.pi * 26.0 * np.arange(run.n_samples) / run.sampling_rate)
     still = replace(run, samples=0.02 * generator.standard_normal(run.samples.shape) + idling)
-    assert speed_fault(with_speed(still, 0.0), car) is None
-    assert speed_fault(with_speed(run, 0.0), car.model_copy(update={"kind": "rig"})) is None
+    assert speed_fault(window_of(with_speed(still, 0.0), car)) is None
+    assert speed_fault(window_of(with_speed(run, 0.0), car.model_copy(update={"kind": "rig"}))) is None
     shaken = replace(run, samples=generator.standard_normal(run.samples.shape))
-    assert speed_fault(with_speed(shaken, 0.0), car) is None
+    assert speed_fault(window_of(with_speed(shaken, 0.0), car)) is None
 
 
 @pytest.mark.slow
 def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run):
-    found = observe(swapped(run, first="acc_fl", second="acc_rr"), car)
+    found = observe_window(swapped(run, first="acc_fl", second="acc_rr"), car)
     assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
     assert not found.is_conclusive
 
 
 @pytest.mark.slow
-def test_diagonal_sensors_exchanged_are_seen_beside_an_unknown_engine(car):
+def test_diagonal_sensors_exchanged_are_seen_despite_an_unknown_engine(car):
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
     settings = nonlinear(duration=600.0, snr=50.0)
     run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), settings, seed=5).recording
-    sound = observe(run, car)
+    sound = observe_window(run, car)
     assert sound.conditions["model_error"] > 0.25
     assert sound.is_conclusive
     assert not sound.sensor_faults
-    found = observe(swapped(run, first="acc_rl", second="acc_fr"), car)
+    found = observe_window(swapped(run, first="acc_rl", second="acc_fr"), car)
     assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
 
 
 @pytest.mark.slow
 def test_the_rest_goes_on_without_a_bad_channel(car, run):
-    found = observe(dead(run, channel="acc_rl"), car)
+    found = observe_window(dead(run, channel="acc_rl"), car)
     assert [fault.kind for fault in found.sensor_faults] == ["dead"]
     assert found.is_conclusive
     assert len(found.components) == 12

@@ -7,7 +7,7 @@ import cbor2
 import numpy as np
 import pytest
 
-from sprung.diagnosis import diagnose, observe
+from sprung.diagnosis import diagnose, observe_window
 from sprung.errors import ParameterError
 from sprung.link import decode
 from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor, frame_block, joined
@@ -36,7 +36,7 @@ def test_online_is_batch(car, drive, alike, seed):
     cuts = np.random.default_rng(seed).integers(1, run.n_samples, [3, 60, 700][seed])
     events = fed(VehicleMonitor(car, settings=SETTINGS), run, cuts)
     assert [type(event) for event in events] == [Identified, Identified, Observed]
-    online, batch = events[-1].observation, observe(run, car, time=BEGUN / 1e9)
+    online, batch = events[-1].observation, observe_window(run, car, time=BEGUN / 1e9)
     assert alike(online.to_dict(), batch.to_dict())
     assert np.array_equal(events[-1].recording.samples, run.samples)
 
@@ -46,7 +46,7 @@ def test_window_ends_within_a_block(car, drive, alike):
     monitor = VehicleMonitor(car, settings=MonitorSettings(identify_every=0))
     events = list(monitor.update(whole))
     assert [event.number for event in events] == [0, 1]
-    assert alike(events[1].observation.to_dict(), observe(drive(1), car, time=drive(1).start / 1e9).to_dict())
+    assert alike(events[1].observation.to_dict(), observe_window(drive(1), car, time=drive(1).start / 1e9).to_dict())
     assert monitor.buffered == 0
 
 
@@ -57,8 +57,14 @@ def test_it_learns_and_finds(car, drive):
         events = monitor.update(drive(number))
     assert monitor.learning == (4, 4)
     assert events[-1].baseline.n_windows == 4
+    assert events[-1].baseline.residuals.n_windows == 4
     assert events[-1].diagnosis is None
-    assert monitor.update(drive(4))[-1].diagnosis.is_healthy
+    found = monitor.update(drive(4))[-1].diagnosis
+    assert found.is_healthy
+    assert found.residual_tests.keys() == {drive(4).start / 1e9}
+    assert found.notes[-1].startswith("second opinion")
+    (kept,) = monitor.observations
+    assert kept.residuals.segments is None  # 1.4 kB instead of 170 kB
     (finding,) = monitor.update(drive(5, "front_left.spring=-0.2"))[-1].diagnosis.findings
     assert (finding.corner, finding.component) == ("front_left", "spring")
     assert finding.interval[0] <= -0.2 <= finding.interval[1]
@@ -83,15 +89,21 @@ def test_it_goes_on_from_its_state(car, drive, alike):
         assert alike(found[-1].observation.to_dict(), expected[-1].observation.to_dict())
         if expected[-1].diagnosis is not None:
             assert alike(found[-1].diagnosis.to_dict()["findings"], expected[-1].diagnosis.to_dict()["findings"])
+            first, second = (
+                {time: test.p_value for time, test in one[-1].diagnosis.residual_tests.items()}
+                for one in (found, expected)
+            )
+            assert first
+            assert alike(first, second)
     assert through.diagnosis.findings
-    with pytest.raises(ParameterError, match="begin anew"):
+    with pytest.raises(ParameterError, match="start from scratch"):
         VehicleMonitor.from_state(car, {"schema": "other"})
-    with pytest.raises(ParameterError, match="lacks or garbles"):
+    with pytest.raises(ParameterError, match="incomplete or invalid"):
         VehicleMonitor.from_state(car, {"schema": "sprung.vehicle-monitor/1"})
 
 
 def test_evidence_is_that_of_the_batch(car, drive, alike):
-    """Through restarts, and a window that is no witness."""
+    """Through restarts, and a window with a dead sensor."""
     settings = MonitorSettings(window=120.0, identify_every=0, n_learning=2)
     runs = [drive(0), drive(1, "front_left.spring=-0.4")]
     parts = [run.part(k, k + 24_000) for run in runs for k in range(0, 120_000, 24_000)]
@@ -104,9 +116,7 @@ def test_evidence_is_that_of_the_batch(car, drive, alike):
         stopped = VehicleMonitor.from_state(car, cbor2.loads(cbor2.dumps(stopped.state())))
         if expected.diagnosis is None:
             continue
-        batch = diagnose(
-            through.observations, through.baseline, vehicle=car.name, windows_per_day=settings.hours_per_day * 30
-        )
+        batch = diagnose(through.observations, through.baseline, windows_per_day=settings.hours_per_day * 30)
         assert expected.diagnosis.to_dict() == batch.to_dict()
         assert alike(found.diagnosis.to_dict(), batch.to_dict())
         for one in (expected, found):
@@ -132,7 +142,7 @@ def test_frames_give_what_their_samples_give(car, drive, frames_of, alike):
     blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]
     monitor = VehicleMonitor(car, settings=SETTINGS)
     events = [event for block in blocks for event in monitor.update(block)]
-    assert alike(events[-1].observation.to_dict(), observe(joined(blocks), car, time=BEGUN / 1e9).to_dict())
+    assert alike(events[-1].observation.to_dict(), observe_window(joined(blocks), car, time=BEGUN / 1e9).to_dict())
 
 
 def test_other_channels_begin_a_new_window(car, drive):

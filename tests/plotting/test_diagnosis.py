@@ -24,7 +24,7 @@ def window(generator, time, change=0.0):
 @pytest.fixture(scope="module")
 def baseline():
     generator = np.random.default_rng(0)
-    return learn([window(generator, 600.0 * k) for k in range(12)], vehicle="car")
+    return learn([window(generator, 600.0 * k) for k in range(12)])
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,7 @@ from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
-    from sprung.diagnosis import Baseline, Observation, ResidualTest
-    from sprung.recording import Recording
+    from sprung.diagnosis import Baseline, Observation
     from sprung.vehicles import Vehicle
 
 VehicleFile = Annotated[
@@ -55,9 +54,7 @@ def baseline(
     json: Json = None,
 ) -> None:
     """Learn what is normal for a vehicle from drives while it is healthy."""
-    from dataclasses import replace
-
-    from sprung.diagnosis import FEWEST_RESIDUALS, learn, learn_residuals
+    from sprung.diagnosis import learn
 
     if previous is not None and not reason.strip():
         raise ParameterError("learning again after --previous needs --reason TEXT, such as 'new dampers'")
@@ -66,21 +63,15 @@ def baseline(
     description = vehicle_of(vehicle)
     before = None if previous is None else read_baseline(previous, description)
     with progress_bar() as report:
-        observations, outputs = observed(
+        observations = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
         )
     found = learn(
         observations,
-        vehicle=description.name,
         reason=reason.strip() or "first learning",
         previous=before,
         n_windows=n_windows,
     )
-    sound = [
-        part for one, part in zip(observations, outputs, strict=True) if part is not None and one.time in found.taught
-    ]
-    if len(sound) >= FEWEST_RESIDUALS:
-        found = replace(found, residuals=learn_residuals(sound))
     write_json(found.to_dict(), str(out))
     if json is not None:
         write_json(found.to_dict(), json)
@@ -127,37 +118,18 @@ def observed(
     channels: str | None,
     minutes: float,
     report: Callable[[str, float], None],
-) -> "tuple[list[Observation], list[Recording | None]]":
-    """Return the observations of all windows of files, and the outputs of those with sound sensors."""
+) -> "list[Observation]":
+    """Return the observations of all windows of files."""
     from sprung._checks import check_number
-    from sprung.diagnosis import VEHICLE_RATE, observe, outputs_at, windows
+    from sprung.diagnosis import observe_window, windows
 
     check_number("--window", minutes, at_least=1)
     recordings = records(files, sampling_rate=sampling_rate, channels=names(channels), report=report)
-    found: list[Observation] = []
-    outputs: list[Recording | None] = []
+    observations: list[Observation] = []
     for number, (time, part) in enumerate(windows(recordings, length=60 * minutes), start=1):
         report(f"window {number}", 0.5)
-        found.append(observe(part, vehicle, time=time))
-        # What failing sensors say is no witness.
-        outputs.append(None if found[-1].sensor_faults else outputs_at(part, VEHICLE_RATE))
-    return found, outputs
-
-
-def compared(
-    normal: "Baseline", observations: "list[Observation]", outputs: "list[Recording | None]"
-) -> "dict[float, ResidualTest]":
-    """Return the residual tests of the windows with sound sensors, by time."""
-    from sprung.diagnosis import compare_residuals
-
-    reference = normal.residuals
-    if reference is None:
-        return {}
-    return {
-        one.time: compare_residuals(reference, part)
-        for one, part in zip(observations, outputs, strict=True)
-        if part is not None and one.is_conclusive and part.names == reference.channels
-    }
+        observations.append(observe_window(part, vehicle, time=time))
+    return observations
 
 
 def _show(found: "Baseline", observations: "list[Observation]", out: Path) -> None:

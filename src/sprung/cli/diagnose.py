@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sprung.cli.baseline import Minutes, VehicleFile, compared, observed, read_baseline, vehicle_of
+from sprung.cli.baseline import Minutes, VehicleFile, observed, read_baseline, vehicle_of
 from sprung.cli.documents import write_json
 from sprung.cli.files import INPUT, OUTPUT, Channels, Files, Json, SamplingRate, check_file
 from sprung.cli.printing import console, notes, table
@@ -45,30 +45,24 @@ def diagnose(
     json: Json = None,
 ) -> None:
     """Say which spring, damper, tyre or sensor changed, by how much, since when and how sure it is."""
-    from dataclasses import replace
-
     from sprung._checks import check_number
     from sprung.diagnosis import diagnose as diagnosed
-    from sprung.diagnosis import mode_changes, second_opinion
+    from sprung.diagnosis import mode_changes
 
     check_file("--json", json, inputs=[*files, vehicle, *([baseline] if baseline else [])])
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
     description = vehicle_of(vehicle)
     normal = None if baseline is None else read_baseline(baseline, description)
     with progress_bar() as report:
-        observations, outputs = observed(
+        observations = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
         )
         found = diagnosed(
             observations,
             normal,
-            vehicle=description.name,
             false_alarms=false_alarms,
             windows_per_day=hours_per_day * 60 / window,
         )
-        tests = {} if normal is None else compared(normal, observations, outputs)
-        if tests:
-            found = replace(found, notes=(*found.notes, second_opinion(list(tests.values()))))
         changes = [
             change
             for one in found.findings
@@ -79,23 +73,23 @@ def diagnose(
         document = {
             **found.to_dict(),
             "modes": [change.to_dict() for change in changes],
-            "residual_test": [{"time": time, "p_value": test.p_value} for time, test in tests.items()],
+            "residual_test": [{"time": time, "p_value": test.p_value} for time, test in found.residual_tests.items()],
         }
         write_json(document, json)
     if json != "-":
         _show(found, changes, paths)
     if found.detection is None and not found.sensor_faults:
-        raise DataError(f"no window can tell: {_why_not(found, normal)}")
+        raise DataError(f"no window was usable: {_why_not(found, normal)}")
 
 
 def _why_not(found: "Diagnosis", normal: "Baseline | None") -> str:
-    """Say why no window can tell, or why those that can were set aside."""
+    """Return why no window is conclusive, or why those that are were excluded."""
     reasons = [one.reason for one in found.observations if not one.is_conclusive]
     if reasons:
         return reasons[0]
     if normal is not None and found.observations:
         return "they have other components than the baseline: fit the same ones, or learn again"
-    return found.notes[-1] if found.notes else "there is none"
+    return found.notes[-1] if found.notes else "the files hold none"
 
 
 def _save(found: "Diagnosis", normal: "Baseline | None", changes: "list[ModeChange]", folder: Path) -> list[Path]:
@@ -125,7 +119,7 @@ def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) ->
         f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}" for fault in found.sensor_faults
     ]
     if not told:
-        told = ["no window can tell whether anything has changed" if found.detection is None else "nothing has changed"]
+        told = [_without_findings(found)]
     screen.print(notes(told))
     if found.detection is not None:
         rows = [
@@ -139,8 +133,9 @@ def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) ->
         ]
         columns = ("hypothesis", "ln evidence", "change [%]", "95 % [%]")
         screen.print(table("What may have changed", columns, rows, n_words=1))
+    if found.detection is not None and found.findings:
         last = found.detection.evidence[-1]
-        screen.print(notes([f"ln evidence of any change {last:.1f}; an alarm needs {found.detection.threshold:.1f}"]))
+        screen.print(notes([f"ln evidence of any change {last:.1f}; alarm threshold {found.detection.threshold:.1f}"]))
     if changes:
         lines = [
             (
@@ -162,6 +157,14 @@ def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) ->
         title = "Body modes as the finding implies, and as measured"
         screen.print(table(title, columns_, lines, n_words=0))
     screen.print(notes([*found.notes, *(f"wrote {path}" for path in paths)]))
+
+
+def _without_findings(found: "Diagnosis") -> str:
+    """Return what there is to say where no fault was found."""
+    if found.detection is None:
+        return "inconclusive: no window was usable"
+    last, threshold = found.detection.evidence[-1], found.detection.threshold
+    return f"no change detected (ln evidence {last:.1f}; alarm threshold {threshold:.1f})"
 
 
 def _trend_words(trend: "Trend | None") -> str:

@@ -1,31 +1,39 @@
 """From windows of driving to findings: sensor checks, baseline, change tests, localisation, advice."""
 
+from sprung.diagnosis.assessment import diagnose, diagnosis_of
 from sprung.diagnosis.baseline import Baseline, baseline_from_dict, learn, nominal_baseline
-from sprung.diagnosis.changes import Candidate, Detection, Hypothesis, detect, false_discoveries
-from sprung.diagnosis.evidence import ModeChange, mode_changes
-from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Trend, diagnose, trend
-from sprung.diagnosis.observation import Observation, observation_from_dict, observe, windows
-from sprung.diagnosis.residuals import (
-    FEWEST as FEWEST_RESIDUALS,
+from sprung.diagnosis.changes import (
+    INTERVAL_95,
+    Candidate,
+    ChangeDetector,
+    Detection,
+    detect,
+    false_discoveries,
 )
+from sprung.diagnosis.evidence import ModeChange, mode_changes
+from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding
+from sprung.diagnosis.hypotheses import Hypothesis
+from sprung.diagnosis.observation import Observation, observation_from_dict, observe, observe_window, windows
 from sprung.diagnosis.residuals import (
-    VEHICLE_RATE,
     ResidualReference,
+    ResidualStatistics,
     ResidualTest,
     compare_residuals,
+    learn_reference,
     learn_residuals,
-    outputs_at,
-    second_opinion,
+    residual_statistics,
+    residual_test,
 )
 from sprung.diagnosis.sensors import KINDS, SensorFault, sensor_faults
+from sprung.diagnosis.trends import Trend, trend
 
 __all__ = [
-    "FEWEST_RESIDUALS",
+    "INTERVAL_95",
     "KINDS",
     "SEVERITIES",
-    "VEHICLE_RATE",
     "Baseline",
     "Candidate",
+    "ChangeDetector",
     "Detection",
     "Diagnosis",
     "Finding",
@@ -33,6 +41,7 @@ __all__ = [
     "ModeChange",
     "Observation",
     "ResidualReference",
+    "ResidualStatistics",
     "ResidualTest",
     "SensorFault",
     "Trend",
@@ -40,15 +49,18 @@ __all__ = [
     "compare_residuals",
     "detect",
     "diagnose",
+    "diagnosis_of",
     "false_discoveries",
     "learn",
+    "learn_reference",
     "learn_residuals",
     "mode_changes",
     "nominal_baseline",
     "observation_from_dict",
     "observe",
-    "outputs_at",
-    "second_opinion",
+    "observe_window",
+    "residual_statistics",
+    "residual_test",
     "sensor_faults",
     "trend",
     "windows",

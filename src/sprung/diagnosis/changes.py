@@ -1,6 +1,6 @@
-"""Change tests: is anything different from the baseline, where, how much, and since when."""
+"""Change tests: whether anything differs from the baseline, where, by how much, and since when."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,49 +9,17 @@ from scipy.special import logsumexp
 from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.diagnosis.baseline import Baseline
+from sprung.diagnosis.hypotheses import Hypothesis, hypotheses_of, log_prior
 from sprung.diagnosis.observation import Observation
-from sprung.vehicles import Component
 
-#: Standard deviation of the size of a fault, ln values, before any window; of something else, per component.
-_SIZE, _ELSE = 0.15, 0.04
-#: Prior shares of a single component, both of an axle, all corners, and anything else.
-_SHARES = {"single": 0.78, "axle": 0.15, "all": 0.02, "else": 0.05}
+#: Half width of a 95 % interval in standard deviations of a normal variable, to two decimals.
+INTERVAL_95 = 1.96
+#: Standard deviation of the size of a fault, ln values, before any window; of an unmodelled change, per component.
+_SIZE, _UNMODELLED = 0.15, 0.04
 #: Standard deviation of the size that a linear vehicle makes of a change, relative to it: friction hides part of a
-#: change of a damper. An imperfect file adds this share of its misfit. Set on 38 simulated nonlinear cars.
+#: change of a damper. An imperfect file adds this share of its model error. Set on 38 simulated nonlinear cars.
 _SCALE = {"spring": 0.025, "damper": 0.05, "tyre": 0.01}
-_OF_MISFIT = 0.5
-#: Quantile of a 95 % interval.
-_Z = 1.96
-
-
-@dataclass(frozen=True, slots=True)
-class Hypothesis:
-    """What may have changed.
-
-    Parameters
-    ----------
-    scope
-        "single", "axle" (both sides of it), "all" (corners) or "else".
-    corner
-        "front_left", "front" for an axle, "all", or "vehicle" for an unmodelled change.
-    component
-        "spring", "damper" or "tyre"; "unmodelled".
-    """
-
-    scope: str
-    corner: str
-    component: str
-
-    @property
-    def name(self) -> str:
-        """Such as "front_left.spring", "front.spring" (both of an axle), "all.spring", or "unmodelled"."""
-        return self.component if self.scope == "else" else f"{self.corner}.{self.component}"
-
-    def parts(self, components: tuple[Component, ...]) -> tuple[Component, ...]:
-        """Return which of the components it moves together; none for an unmodelled change."""
-        return tuple(
-            one for one in components if one.kind == self.component and self.corner in {one.corner, one.axle, "all"}
-        )
+_OF_MODEL_ERROR = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,19 +29,19 @@ class Candidate:
     Parameters
     ----------
     hypothesis
-        Which.
+        What may have changed.
     log_evidence
         ln of the likelihood with it over that without any change, size and onset averaged over.
     explained
-        By how much it lowers the sum of squares of the windows' residuals, in variances.
+        Reduction of the sum of squares of the windows' residuals, in variances.
     change
-        Relative: -0.2 is a loss of a fifth; None for something else, which has no one size.
+        Relative change: -0.2 is a loss of a fifth; None for an unmodelled change, which has no one size.
     interval
-        Of the change, 95 %: of chance, and of what a linear and imperfect vehicle makes of it.
+        95 % interval of the change: of chance, and of what a linear and imperfect vehicle makes of it.
     score
         Size over its standard deviation.
     onset, onset_interval
-        Time of the first changed window, and from when to when it may be, 95 % of its posterior [s].
+        Time of the first changed window [s], and earliest and latest one, 95 % of its posterior.
     """
 
     hypothesis: Hypothesis
@@ -88,22 +56,22 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Detection:
-    """What a sequence of windows says against a baseline.
+    """Evidence of a change in a sequence of windows.
 
     Parameters
     ----------
     times
-        Of the windows that could tell [s].
+        Times of the windows compared with the baseline [s].
     evidence
         ln of the e-detector after each of them.
     e_value
         ln of the mean over onsets of the likelihood ratio after all of them: an e-value, see `false_discoveries`.
     threshold
-        ln of the value from which on it alarms.
+        ln of the value of the e-detector from which on it raises an alert.
     candidates
         All hypotheses, the best first.
     first_alert
-        Time at which the window begins with which it alarmed first [s]; None: never.
+        Time of the first window with an alert [s]; None: never.
     """
 
     times: Real
@@ -115,79 +83,243 @@ class Detection:
 
     @property
     def is_alert(self) -> bool:
-        """Whether the last window leaves an alarm standing."""
+        """Whether the alert stands after the last window."""
         return bool(self.evidence.size and self.evidence[-1] >= self.threshold)
+
+
+class ChangeDetector:
+    """Compares the windows of a vehicle with its baseline, one after the other.
+
+    Parameters
+    ----------
+    baseline
+        What is normal.
+    false_alarms
+        Rate of false alarms of a healthy vehicle, per day; above 0.
+    windows_per_day
+        Windows in a day of driving, above 0.
+    n_windows
+        Number of the last windows that it looks back on, which bounds its memory and the cost of an update, whether
+        they can be compared or not; None: all.
+
+    Raises
+    ------
+    ParameterError
+        Where a number is out of its range.
+
+    Notes
+    -----
+    Residual of window w under its conditions u_w (1, then units away from the middle of those that the baseline was
+    learnt from): r_w = (m + B u_w) + d size 1[w >= onset] + g_w + e_w. The errors m and B of the baseline's means and
+    slopes have its information, g_w ~ N(0, Q) moves corners together, e_w ~ N(0, S_w) is the fit's. One scale of all
+    covariances is known as well as the windows of the baseline and those compared show it: a likelihood of Student's.
+
+    For every onset and hypothesis the likelihood ratio, the size averaged over its prior N(0, 0.15^2), has the mean 1
+    without a change (an e-value); the sum over onsets of their mean over hypotheses is an e-detector (Shiryaev-Roberts)
+    whose mean time to a false alarm is at least its threshold in windows. Sizes are those of most likelihood, without
+    that prior.
+
+    Where windows are forgotten, the evidence after earlier ones stays as it was, and that after the last one is that of
+    the windows still looked back on.
+
+    References
+    ----------
+    J. Shin, A. Ramdas, A. Rinaldo, E-detectors: a nonparametric framework for sequential change detection (2024).
+    S. W. Roberts, A comparison of some control chart procedures, Technometrics 8 (1966) 411-430.
+    """
+
+    def __init__(
+        self,
+        baseline: Baseline,
+        *,
+        false_alarms: float = 1e-3,
+        windows_per_day: float = 48.0,
+        n_windows: int | None = None,
+    ) -> None:
+        check_number("false_alarms", false_alarms, above=0)
+        check_number("windows_per_day", windows_per_day, above=0)
+        if n_windows is not None:
+            check_number("n_windows", n_windows, at_least=1)
+        self._baseline, self._false_alarms, self._n_windows = baseline, false_alarms, n_windows
+        self._threshold = float(np.log(windows_per_day / false_alarms))
+        self._hypotheses = hypotheses_of(baseline.components)
+        self._log_prior = log_prior(self._hypotheses)
+        directions = [one.direction(baseline.components) for one in self._hypotheses if one.scope != "else"]
+        self._directions = np.array(directions).reshape(-1, len(baseline.components))
+        # Information of the baseline about its own means and slopes.
+        self._start = np.kron(baseline.design, np.linalg.inv(baseline.covariance + baseline.nuisance))
+        self._observations: list[Observation] = []
+        self._compared: list[_Compared] = []
+        self._evidence: list[float] = []
+        self._table: _Table | None = None
+
+    @classmethod
+    def resumed(
+        cls,
+        baseline: Baseline,
+        observations: Iterable[Observation],
+        evidence: Iterable[float],
+        *,
+        false_alarms: float = 1e-3,
+        windows_per_day: float = 48.0,
+        n_windows: int | None = None,
+    ) -> "ChangeDetector":
+        """Return a detector that goes on from the `observations` and the `evidence` of an earlier one.
+
+        Parameters
+        ----------
+        baseline, false_alarms, windows_per_day, n_windows
+            As of the earlier one.
+        observations, evidence
+            Its attributes of these names.
+        """
+        detector = cls(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day, n_windows=n_windows)
+        for observation in observations:
+            detector._take(observation)
+        detector._evidence = [*map(float, evidence)][: len(detector._compared)]
+        while len(detector._evidence) < len(detector._compared):
+            table = detector._table_of(len(detector._evidence) + 1)
+            detector._evidence.append(detector._sum(table))
+        return detector
+
+    @property
+    def baseline(self) -> Baseline:
+        """What is normal."""
+        return self._baseline
+
+    @property
+    def false_alarms(self) -> float:
+        """Rate of false alarms of a healthy vehicle, per day."""
+        return self._false_alarms
+
+    @property
+    def observations(self) -> tuple[Observation, ...]:
+        """Windows looked back on, oldest first, whether they can be compared or not."""
+        return tuple(self._observations)
+
+    @property
+    def evidence(self) -> Real:
+        """Evidence after each window compared: ln of the e-detector, shape (windows,)."""
+        return np.array(self._evidence)
+
+    @property
+    def threshold(self) -> float:
+        """Evidence from which on an alert is raised."""
+        return self._threshold
+
+    @property
+    def is_alert(self) -> bool:
+        """Whether the alert stands after the last window."""
+        return bool(self._evidence and self._evidence[-1] >= self._threshold)
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """All hypotheses, the best first; none before the first window that can be compared."""
+        detection = self.detection
+        return () if detection is None else detection.candidates
+
+    @property
+    def detection(self) -> Detection | None:
+        """Evidence after the last window; None before the first window that can be compared."""
+        if not self._compared:
+            return None
+        table = self._table_of(len(self._compared)) if self._table is None else self._table
+        times = np.array([window.time for window in self._compared])
+        model_error = float(np.median([window.model_error for window in self._compared]))
+        candidates = [
+            _candidate(hypothesis, row, table, times, model_error) for row, hypothesis in enumerate(self._hypotheses)
+        ]
+        totals = logsumexp(table.logs, axis=0) - np.log(len(times))
+        above = np.flatnonzero(self.evidence >= self._threshold)
+        return Detection(
+            times=times,
+            evidence=self.evidence,
+            e_value=float(self._evidence[-1] - np.log(len(times))),
+            threshold=self._threshold,
+            candidates=tuple(candidates[row] for row in np.argsort(-(totals + self._log_prior))),
+            first_alert=float(times[above[0]]) if above.size else None,
+        )
+
+    def update(self, observation: Observation) -> None:
+        """Take in the next window; one that cannot be compared with the baseline adds no evidence.
+
+        Parameters
+        ----------
+        observation
+            Window that follows those before in time.
+        """
+        is_compared = self._take(observation)
+        is_shortened = self._forget()
+        if is_compared:
+            self._evidence.append(0.0)
+        if self._compared and (is_compared or is_shortened):
+            self._table = self._table_of(len(self._compared))
+            self._evidence[-1] = self._sum(self._table)
+
+    def _take(self, observation: Observation) -> bool:
+        """Keep a window, and return whether it can be compared."""
+        self._observations.append(observation)
+        if not self._baseline.accepts(observation):
+            return False
+        self._compared.append(_compare(self._baseline, observation))
+        return True
+
+    def _forget(self) -> bool:
+        """Drop what is no longer looked back on, and return whether any of it had been compared."""
+        if self._n_windows is None:
+            return False
+        gone = self._observations[: -self._n_windows]
+        n_compared = sum(self._baseline.accepts(observation) for observation in gone)
+        del self._observations[: len(gone)], self._compared[:n_compared], self._evidence[:n_compared]
+        return n_compared > 0
+
+    def _table_of(self, end: int) -> "_Table":
+        """Return the likelihood ratios of the first `end` windows compared."""
+        return _table(self._compared[:end], self._start, self._baseline.degrees, directions=self._directions)
+
+    def _sum(self, table: "_Table") -> float:
+        """Return ln of the e-detector."""
+        return float(logsumexp(table.logs + self._log_prior))
 
 
 def detect(
     baseline: Baseline,
-    observations: Sequence[Observation],
+    observations: Iterable[Observation],
     *,
     false_alarms: float = 1e-3,
     windows_per_day: float = 48.0,
-    known: Sequence[float] = (),
 ) -> Detection | None:
-    """Test a sequence of windows against a baseline.
+    """Compare a sequence of windows with a baseline.
 
     Parameters
     ----------
     baseline
         What is normal.
     observations
-        In the order of time; those that cannot tell are left out.
+        Windows in the order of time; those that cannot be compared are left out (see `Baseline.accepts`).
     false_alarms
-        Rate of false alarms per vehicle and day of a healthy vehicle.
+        Rate of false alarms of a healthy vehicle, per day; above 0.
     windows_per_day
-        Windows in a day of driving.
-    known
-        Evidence after the first windows, from an earlier call with them: not computed again.
+        Windows in a day of driving, above 0.
 
     Returns
     -------
     Detection or None
-        None where no window can tell.
+        None where no window can be compared.
+
+    Raises
+    ------
+    ParameterError
+        Where a number is out of its range.
 
     Notes
     -----
-    Residual of window w under its conditions u_w (1, then units away from the middle of those that taught):
-    r_w = (m + B u_w) + d size 1[w >= onset] + g_w + e_w. The errors m and B of the baseline's means and slopes have its
-    information, g_w ~ N(0, Q) moves corners together, e_w ~ N(0, S_w) is the fit's; one scale of all covariances is
-    known as the windows that taught tell it, and as those tested do: a likelihood of Student's. For every onset and
-    hypothesis the likelihood ratio with the size's prior N(0, 0.15^2) averaged over has the mean 1 without a change (an
-    e-value); the sum over onsets of their mean over hypotheses is an e-detector (Shiryaev-Roberts), whose mean time to
-    a false alarm is at least its threshold in windows. Sizes are those of most likelihood, without that prior.
-
-    References
-    ----------
-    J. Shin, A. Ramdas, A. Rinaldo, E-detectors: a nonparametric framework for sequential change detection (2024).
+    All windows through one `ChangeDetector`, which states the equations.
     """
-    check_number("false_alarms", false_alarms, above=0)
-    check_number("windows_per_day", windows_per_day, above=0)
-    telling = [one for one in observations if one.is_conclusive and one.components == baseline.components]
-    if not telling:
-        return None
-    hypotheses = _hypotheses(baseline.components)
-    shares = np.log([_SHARES[one.scope] / sum(o.scope == one.scope for o in hypotheses) for one in hypotheses])
-    windows = _Windows(baseline, telling)
-    evidence = np.empty(len(telling))
-    evidence[: len(known)] = known[: len(telling)]
-    for end in range(min(len(known) + 1, len(telling)), len(telling) + 1):
-        table = windows.table(end, hypotheses)
-        evidence[end - 1] = logsumexp(table.logs + shares)
-    threshold = float(np.log(windows_per_day / false_alarms))
-    totals = logsumexp(table.logs, axis=0) - np.log(len(telling))
-    times = np.array([one.time for one in telling])
-    misfit = float(np.median([one.conditions.get("model_error", 0.0) for one in telling]))
-    candidates = [_candidate(one, row, table, times, misfit) for row, one in enumerate(hypotheses)]
-    above = np.flatnonzero(evidence >= threshold)
-    return Detection(
-        times=times,
-        evidence=evidence,
-        e_value=float(evidence[-1] - np.log(len(telling))),
-        threshold=threshold,
-        candidates=tuple(candidates[row] for row in np.argsort(-(totals + shares))),
-        first_alert=float(times[above[0]]) if above.size else None,
-    )
+    detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
+    for observation in observations:
+        detector.update(observation)
+    return detector.detection
 
 
 def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[int]:
@@ -196,13 +328,29 @@ def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[
     Parameters
     ----------
     evidence
-        ln of an e-value of each vehicle: `Detection.e_value`.
+        ln of an e-value of each vehicle, such as `Detection.e_value`.
     rate
-        Share of false discoveries.
+        Share of false discoveries, above 0 and up to 1.
+
+    Returns
+    -------
+    list of int
+        Indices of the vehicles, rising.
+
+    Raises
+    ------
+    ParameterError
+        Where the rate is not above 0 and at most 1.
 
     Notes
     -----
-    e-BH (Wang and Ramdas, 2022): valid under any dependence of the vehicles.
+    e-BH: of n e-values, falling, the first k are discoveries with the largest k for which the k-th is at least
+    n / (k rate). Valid under any dependence of the vehicles.
+
+    References
+    ----------
+    R. Wang, A. Ramdas, False discovery rate control with e-values, Journal of the Royal Statistical Society B 84 (2022)
+    822-852.
     """
     check_number("rate", rate, above=0, at_most=1)
     order = np.argsort(-np.asarray(evidence))
@@ -211,27 +359,51 @@ def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[
     return sorted(int(k) for k in order[: passing[-1] + 1]) if passing.size else []
 
 
-def _hypotheses(components: tuple[Component, ...]) -> list[Hypothesis]:
-    """Return single components, both of an axle, all of a kind, and an unmodelled change."""
-    axles = sorted({(one.axle, one.kind) for one in components})
-    kinds = sorted({one.kind for one in components})
-    return [
-        *(Hypothesis("single", one.corner, one.kind) for one in components),
-        *(Hypothesis("axle", axle, kind) for axle, kind in axles),
-        *(Hypothesis("all", "all", kind) for kind in kinds),
-        Hypothesis("else", "vehicle", "unmodelled"),
-    ]
+@dataclass(frozen=True, eq=False, slots=True)
+class _Compared:
+    """A window against the baseline: residual, conditions u (1 first), and information of the residual."""
+
+    time: float
+    model_error: float
+    residual: Real
+    units: Real
+    information: Real
 
 
-def _direction(hypothesis: Hypothesis, components: tuple[Component, ...]) -> Real:
-    """Return which components a hypothesis moves."""
-    parts = hypothesis.parts(components)
-    return np.array([float(name in parts) for name in components])
+def _compare(baseline: Baseline, observation: Observation) -> _Compared:
+    return _Compared(
+        observation.time,
+        observation.conditions.get("model_error", 0.0),
+        baseline.residual(observation),
+        np.concatenate([[1.0], baseline.units(observation)]),
+        np.asarray(np.linalg.inv(own_covariance(baseline, observation)), dtype=np.float64),
+    )
+
+
+def own_covariance(baseline: Baseline, observation: Observation) -> Real:
+    """Return the covariance of one window's residual, at least as wide as that of the baseline's windows.
+
+    Parameters
+    ----------
+    baseline
+        What is normal.
+    observation
+        Window with the baseline's components.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (components, components), with what moves components together.
+    """
+    if baseline.n_windows == 0:
+        return observation.covariance + baseline.nuisance
+    own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(baseline.covariance), 1.0))
+    return baseline.covariance * np.outer(own, own) + baseline.nuisance
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Table:
-    """What windows say for each onset (rows) and hypothesis, the last of which is something else and has no size."""
+    """Log likelihood ratios for each onset (rows) and hypothesis, the last of which is unmodelled and has no size."""
 
     logs: Real
     explained: Real
@@ -239,69 +411,56 @@ class _Table:
     deviations: Real
 
 
-class _Windows:
-    """Windows against a baseline: what they know of its errors and of a change."""
+def _table(windows: Sequence[_Compared], start: Real, degrees: float, *, directions: Real) -> _Table:
+    """Return the likelihood ratios of all onsets and hypotheses, shape (windows, hypotheses).
 
-    def __init__(self, baseline: Baseline, observations: Sequence[Observation]) -> None:
-        self._components, self._degrees = baseline.components, baseline.degrees
-        self._residuals = np.array([baseline.residual(one) for one in observations])
-        self._units = np.array([np.concatenate([[1.0], baseline.units(one)]) for one in observations])
-        self._informations = np.array([np.linalg.inv(own_covariance(baseline, one)) for one in observations])
-        # What the baseline knows of its own means and slopes.
-        self._start = np.kron(baseline.design, np.linalg.inv(baseline.covariance + baseline.nuisance))
-
-    def table(self, end: int, hypotheses: Sequence[Hypothesis]) -> _Table:
-        """Return what the windows before `end` say."""
-        r, u, W = self._residuals[:end], self._units[:end], self._informations[:end]
-        n, p = r.shape
-        weighted = np.einsum("wij,wj->wi", W, r)
-        between = np.einsum("wa,wij->waij", u, W).reshape(n, -1, p)
-        J = self._start + np.einsum("wa,wb,wij->aibj", u, u, W).reshape(self._start.shape)
-        errors_of = np.linalg.inv(J)
-        pulled = np.einsum("wa,wi->ai", u, weighted).ravel()
-        errors = errors_of @ pulled
-        left = self._degrees + float(np.sum(r * weighted) - pulled @ errors)
-        # Of the windows from each on.
-        later, score, moved = (np.cumsum(part[::-1], axis=0)[::-1] for part in (W, weighted, between))
-        information = later - moved.swapaxes(-1, -2) @ errors_of @ moved
-        score = score - errors @ moved
-        directions = np.array([_direction(one, self._components) for one in hypotheses if one.scope != "else"])
-        known = np.einsum("hi,wij,hj->wh", directions, information, directions)
-        pulls = score @ directions.T
-        each = information + np.eye(p) / _ELSE**2
-        explained = np.column_stack(
-            [pulls**2 / (known + 1 / _SIZE**2), np.einsum("wi,wij,wj->w", score, np.linalg.inv(each), score)]
-        )
-        volumes = np.column_stack([np.log1p(known * _SIZE**2), np.linalg.slogdet(_ELSE**2 * each)[1]]) / 2
-        degrees, rest = self._degrees + n * p, left - explained
-        logs = degrees / 2 * np.log(left / rest) - volumes
-        return _Table(logs, explained, pulls / known, np.sqrt(rest[:, :-1] / degrees / known))
+    The baseline's errors are estimated as J^-1 b with J = start + sum u u^T (x) W and b = sum u (x) W r. From each
+    onset on, the score of a change is s = sum W r - M^T J^-1 b and its information I = sum W - M^T J^-1 M with
+    M = sum u (x) W: what the errors of the baseline cannot explain.
+    """
+    r = np.array([window.residual for window in windows])
+    u = np.array([window.units for window in windows])
+    W = np.array([window.information for window in windows])
+    n, p = r.shape
+    weighted = np.einsum("wij,wj->wi", W, r)
+    between = np.einsum("wa,wij->waij", u, W).reshape(n, -1, p)
+    J = start + np.einsum("wa,wb,wij->aibj", u, u, W).reshape(start.shape)
+    errors_of = np.linalg.inv(J)
+    pulled = np.einsum("wa,wi->ai", u, weighted).ravel()
+    errors = errors_of @ pulled
+    rest = degrees + float(np.sum(r * weighted) - pulled @ errors)
+    # Sums over the windows from each onset on.
+    later, score, moved = (np.cumsum(part[::-1], axis=0)[::-1] for part in (W, weighted, between))
+    information = later - moved.swapaxes(-1, -2) @ errors_of @ moved
+    score = score - errors @ moved
+    known = np.einsum("hi,wij,hj->wh", directions, information, directions)
+    pulls = score @ directions.T
+    each = information + np.eye(p) / _UNMODELLED**2
+    explained = np.column_stack(
+        [pulls**2 / (known + 1 / _SIZE**2), np.einsum("wi,wij,wj->w", score, np.linalg.inv(each), score)]
+    )
+    volumes = np.column_stack([np.log1p(known * _SIZE**2), np.linalg.slogdet(_UNMODELLED**2 * each)[1]]) / 2
+    degrees, unexplained = degrees + n * p, rest - explained
+    logs = degrees / 2 * np.log(rest / unexplained) - volumes
+    return _Table(logs, explained, pulls / known, np.sqrt(unexplained[:, :-1] / degrees / known))
 
 
-def own_covariance(baseline: Baseline, observation: Observation) -> Real:
-    """Return the covariance of one window's residual, at least as wide as that of the baseline's windows."""
-    if baseline.n_windows == 0:
-        return observation.covariance + baseline.nuisance
-    own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(baseline.covariance), 1.0))
-    return baseline.covariance * np.outer(own, own) + baseline.nuisance
-
-
-def _candidate(hypothesis: Hypothesis, row: int, table: _Table, times: Real, misfit: float) -> Candidate:
+def _candidate(hypothesis: Hypothesis, row: int, table: _Table, times: Real, model_error: float) -> Candidate:
     """Return the candidate of a hypothesis."""
     log = float(logsumexp(table.logs[:, row]) - np.log(len(times)))
     best = int(np.argmax(table.logs[:, row]))
-    onset = float(times[best]), _interval(table.logs[:, row], times)
+    onset = float(times[best]), _onset_interval(table.logs[:, row], times)
     explained = float(table.explained[best, row])
     if hypothesis.scope == "else":
         return Candidate(hypothesis, log, explained, None, None, None, *onset)
     size, deviation = float(table.sizes[best, row]), float(table.deviations[best, row])
-    scale = np.hypot(_SCALE.get(hypothesis.component, 0.05), _OF_MISFIT * misfit)
-    away = _Z * np.hypot(deviation, scale * size)
-    interval = float(np.expm1(size - away)), float(np.expm1(size + away))
+    scale = np.hypot(_SCALE.get(hypothesis.component, 0.05), _OF_MODEL_ERROR * model_error)
+    half = INTERVAL_95 * np.hypot(deviation, scale * size)
+    interval = float(np.expm1(size - half)), float(np.expm1(size + half))
     return Candidate(hypothesis, log, explained, float(np.expm1(size)), interval, abs(size) / deviation, *onset)
 
 
-def _interval(logs: Real, times: Real) -> tuple[float, float]:
+def _onset_interval(logs: Real, times: Real) -> tuple[float, float]:
     """Return 95 % of the posterior of the onset, which may lie anywhere since the window before began."""
     weights = np.exp(logs - logsumexp(logs))
     first, last = np.searchsorted(np.cumsum(weights), [0.025, 0.975])

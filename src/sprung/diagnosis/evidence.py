@@ -26,11 +26,11 @@ class ModeChange:
     frequency, damping
         Natural frequency [Hz] and damping ratio, before and after.
     mac
-        Of the two shapes: 1 where they are alike.
+        Modal assurance criterion of the two shapes, 0 to 1.
     channels
-        Where the shapes are given.
+        Channels of the shapes.
     shapes
-        Moduli before and after, shape (2, channels), 1 at the largest channel of each.
+        Moduli of the shapes before and after, shape (2, channels), 1 at the largest channel of each.
     measured_before, measured_since
         Natural frequency [Hz] and damping ratio of the vehicle as fitted to each window, in the median of the windows
         before the onset and since then; None where there are none.
@@ -67,13 +67,18 @@ def mode_changes(
     Parameters
     ----------
     vehicle
-        As its file says.
+        Vehicle as its file describes it.
     finding
-        Of one part, of both of an axle or of all corners.
+        Change of one part, of both of an axle or of all corners; an unmodelled one changes no mode.
     baseline
-        What the vehicle was like before; None: as its file says.
+        What was normal before; None: the vehicle file.
     observations
-        The diagnosis' windows, for the measured modes.
+        Windows of the diagnosis, for the measured modes.
+
+    Returns
+    -------
+    tuple of ModeChange
+        Bounce, pitch and roll, as far as the vehicle has them.
 
     Notes
     -----
@@ -82,9 +87,8 @@ def mode_changes(
     """
     if finding.change is None:
         return ()
-    known = {} if baseline is None else dict(zip(baseline.components, np.exp(baseline.mean), strict=True))
     nominal = structure(vehicle)
-    before = {component: float(factor) for component, factor in known.items()}
+    before = {} if baseline is None else dict(zip(baseline.components, np.exp(baseline.mean).tolist(), strict=True))
     after = dict(before)
     for component in nominal.components():
         if component.kind == finding.component and finding.corner in {component.corner, component.axle, "all"}:
@@ -93,34 +97,31 @@ def mode_changes(
     sound = [one for one in observations if one.is_conclusive and not one.sensor_faults]
     earlier = [one for one in sound if one.time < finding.since]
     later = [one for one in sound if one.time >= finding.since]
-    found = []
-    for label in MOTIONS:
-        if label not in healthy.labels:
-            continue
+    changes = []
+    for label in (label for label in MOTIONS if label in healthy.labels):
         row = healthy.labels.index(label)
         likeness = mac(healthy.mode_shapes[row : row + 1], changed.mode_shapes)[0]
-        nearness = np.abs(np.log(changed.natural_frequency / healthy.natural_frequency[row]))
-        other = int(np.argmax(likeness - nearness))
-        shapes = np.abs(unit_shapes(np.array([healthy.mode_shapes[row], changed.mode_shapes[other]])))
-        found.append(
+        distance = np.abs(np.log(changed.natural_frequency / healthy.natural_frequency[row]))
+        match = int(np.argmax(likeness - distance))
+        changes.append(
             ModeChange(
                 label,
-                (float(healthy.natural_frequency[row]), float(changed.natural_frequency[other])),
-                (float(healthy.damping_ratio[row]), float(changed.damping_ratio[other])),
-                float(likeness[other]),
+                (float(healthy.natural_frequency[row]), float(changed.natural_frequency[match])),
+                (float(healthy.damping_ratio[row]), float(changed.damping_ratio[match])),
+                float(likeness[match]),
                 tuple(healthy.channels),
-                shapes,
+                np.abs(unit_shapes(np.array([healthy.mode_shapes[row], changed.mode_shapes[match]]))),
                 _measured(earlier, label),
                 _measured(later, label),
             )
         )
-    return tuple(found)
+    return tuple(changes)
 
 
 def _measured(observations: Sequence[Observation], label: str) -> tuple[float, float] | None:
     """Return frequency and damping of a mode in the median of windows."""
-    met = [one.modes[label] for one in observations if label in one.modes]
-    if not met:
+    modes = [observation.modes[label] for observation in observations if label in observation.modes]
+    if not modes:
         return None
-    frequency, damping = np.median(met, axis=0)
+    frequency, damping = np.median(modes, axis=0)
     return float(frequency), float(damping)

@@ -1,4 +1,4 @@
-"""What a window of ten minutes says: conditions, corners, modes, sensor faults; or why it says nothing."""
+"""Observations of windows of ten minutes: conditions, corners, modes, sensor faults; or why there are none."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -8,52 +8,50 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import freeze
-from sprung.diagnosis.sensors import SensorFault, check_sensors
-from sprung.diagnosis.speed_check import speed_fault
+from sprung.diagnosis.residuals import VEHICLE_RATE, ResidualStatistics, residual_statistics
+from sprung.diagnosis.sensors import SensorFault, check_sensors, exchanged_opposites, speed_fault
 from sprung.errors import DataError, ParameterError
-from sprung.likelihood import CornerFit, CornerSettings, fit_corners, nominal_misfit
+from sprung.likelihood import CornerFit, CornerSettings
+from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording
 from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.labels import MOTIONS
-from sprung.vehicles.sensor_layout import with_layout
-from sprung.vehicles.usable import speed_channel
+from sprung.vehicles.window import Window, window_of
 
-#: Length of a window [s], shortest one that is used, and fewest segments in it.
-WINDOW, SHORTEST, FEWEST_SEGMENTS = 600.0, 120.0, 40
-#: Vehicles slower than this [m/s] stand.
-_STANDS = 1.0
-#: Cosine of the angle within which a gyro turns about the vertical.
-_UPRIGHT = 0.9
-#: Misfit from which on a window cannot tell.
-_WORST = 1.0
-#: Misfit that makes an exchange of diagonal sensors worth a try, and to which share of it it must fall.
-_SUSPECT, _CURED = 0.3, 0.8
+#: Length of a window [s], and fewest segments in a conclusive one.
+WINDOW, FEWEST_SEGMENTS = 600.0, 40
+#: Model error above which a window is inconclusive.
+_MOST_ERROR = 1.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Observation:
-    """A window's estimates and the conditions they were made in.
+    """Estimates from one window, and the conditions they were made in.
 
     Parameters
     ----------
     time
-        Of its begin, s since the first window.
+        Time of the window's first sample [s].
     components
-        The fitted springs, dampers and tyres.
+        Fitted springs, dampers and tyres.
     log_ratios
-        ln(value / nominal value) of each component; empty where the window cannot tell.
+        ln(value / nominal value) of each component, shape (components,); empty where the window is inconclusive.
     covariance
-        Of these.
+        Covariance of `log_ratios`, shape (components, components).
     conditions
-        As far as known. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of time),
-        "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of windows that can tell: "level" of the road
-        [m^3], "payload" [kg], "model_error", "segments".
+        Conditions that are known. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of
+        time), "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of conclusive windows: "roughness" of the
+        road G(n0) [m^3], "payload" [kg], "model_error", "segments".
     modes
-        Natural frequency [Hz] and damping ratio of bounce, pitch and roll where the fit has them.
+        Natural frequency [Hz] and damping ratio of bounce, pitch and roll, where the fit has them.
     sensor_faults
-        Found in the window.
+        Faults of sensors in the window.
     reason
-        Why the window cannot tell; empty where it can.
+        Why the window is inconclusive; empty where it is conclusive.
+    vehicle
+        Name of the vehicle; empty where unknown.
+    residuals
+        What the residual test needs; None where the window is inconclusive or a sensor fails.
     """
 
     time: float
@@ -64,14 +62,20 @@ class Observation:
     modes: dict[str, tuple[float, float]]
     sensor_faults: tuple[SensorFault, ...]
     reason: str = ""
+    vehicle: str = ""
+    residuals: ResidualStatistics | None = None
 
     def __post_init__(self) -> None:
         freeze(self, log_ratios=1, covariance=2)
 
     @property
     def is_conclusive(self) -> bool:
-        """Whether the window says something about corners."""
+        """Whether the window has estimates."""
         return not self.reason
+
+    def without_segments(self) -> "Observation":
+        """Return the observation with no more than a comparison needs of the residual test's statistics."""
+        return self if self.residuals is None else replace(self, residuals=self.residuals.without_segments())
 
     def to_dict(self) -> dict[str, Any]:
         """Return the observation as plain values for JSON."""
@@ -104,15 +108,27 @@ def observation_from_dict(document: dict[str, Any]) -> Observation:
     )
 
 
-def windows(recordings: Iterable[Recording], *, length: float = WINDOW) -> Iterator[tuple[float, Recording]]:
-    """Yield windows of recordings and the time at which they begin [s since the first sample of all].
+def windows(
+    recordings: Recording | Iterable[Recording], *, length: float = WINDOW
+) -> Iterator[tuple[float, Recording]]:
+    """Yield windows of recordings and the time at which they begin.
 
-    Recordings without a time of their own follow each other. What is left over at the end joins the last window where
-    it is shorter than half of one.
+    Parameters
+    ----------
+    recordings
+        Recordings in the order of time. Those without a start time follow each other.
+    length
+        Length of a window [s]. What is left over at the end of a recording joins its last window where it is shorter
+        than half of one.
+
+    Yields
+    ------
+    tuple
+        Time of the window's first sample since the start of the first recording [s], and its samples.
     """
     clock = 0.0
     first: int | None = None
-    for recording in recordings:
+    for recording in [recordings] if isinstance(recordings, Recording) else recordings:
         if recording.start is not None:
             first = recording.start if first is None else first
             clock = (recording.start - first) / 1e9
@@ -127,85 +143,111 @@ def windows(recordings: Iterable[Recording], *, length: float = WINDOW) -> Itera
 
 
 def observe(
+    recordings: Recording | Iterable[Recording],
+    vehicle: Vehicle,
+    *,
+    length: float = WINDOW,
+    settings: CornerSettings | None = None,
+) -> tuple[Observation, ...]:
+    """Return the observations of all windows of recordings.
+
+    Parameters
+    ----------
+    recordings
+        Recordings as read, in the order of time.
+    vehicle
+        Vehicle with its sensors.
+    length
+        Length of a window [s].
+    settings
+        Choices of the fit.
+
+    Returns
+    -------
+    tuple of Observation
+        One for each window, see `observe_window`. Times count from the start of the first recording; recordings without
+        a start time follow each other.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As from `observe_window`.
+    """
+    parts = windows(recordings, length=length)
+    return tuple(observe_window(part, vehicle, time=time, settings=settings) for time, part in parts)
+
+
+def observe_window(
     recording: Recording, vehicle: Vehicle, *, time: float = 0.0, settings: CornerSettings | None = None
 ) -> Observation:
-    """Return what a window says.
+    """Return the observation of one window.
 
     Parameters
     ----------
     recording
-        As read.
+        Window as read, of any length.
     vehicle
-        With its sensors.
+        Vehicle with its sensors.
     time
-        Of the window's begin [s].
+        Time of the window's first sample [s].
     settings
-        Of the fit.
+        Choices of the fit.
+
+    Raises
+    ------
+    DataError
+        Where no sensor of motion of the vehicle file is in the recording.
+    ParameterError
+        Where none of the vehicle file's sensors is in the recording, or one has another quantity there.
 
     Notes
     -----
     Channels that fail are left out and the fit goes on with the rest, without a wrong speed by the delay between the
-    axles; a window that cannot tell says why. One whose sensors contradict each other cannot.
+    axles; an inconclusive window says why. One whose sensors contradict each other is inconclusive: with one layout
+    only for the rest of a vehicle's life, exchanged channels leave nothing to go on with.
     """
-    checked = check_sensors(recording, vehicle)
-    faults, conditions = checked.faults, _conditions(recording, vehicle)
-    bad = {fault.channel for fault in faults}
-    wrong_speed = speed_fault(
-        recording.select([n for n in recording.names if n not in bad]), vehicle, settings=settings
-    )
+    window = window_of(recording, vehicle)
+    check = check_sensors(window)
+    sound = window.without({fault.channel for fault in check.faults})
+    faults = check.faults
+    wrong_speed = speed_fault(sound, settings=settings)
     if wrong_speed is not None:
-        faults, bad = (*faults, wrong_speed), {*bad, wrong_speed.channel}
-        conditions = {name: value for name, value in conditions.items() if name not in {"speed", "standing"}}
-    # With one layout only for the rest of a vehicle's life, exchanged channels leave nothing to go on with.
-    names = [name for name in recording.names if name not in bad]
+        sound, faults = sound.without({wrong_speed.channel}), (*faults, wrong_speed)
     try:
-        fit = fit_corners(recording.select(names), vehicle, settings=settings)
+        fit = fit_windows([sound], settings=settings)
     except (DataError, ParameterError) as error:
-        return _nothing(time, conditions, faults, str(error))
-    if checked.disagreement:
-        apart = f"sensors disagree by {100 * checked.disagreement:.0f} % and no single one explains it"
-        return _nothing(time, conditions, faults, f"{apart}: check signs, gains, places and delays")
-    if not faults and fit.model_error > _SUSPECT:
-        faults = _exchanged(recording, vehicle, settings, fit)
-        if faults:
-            return _nothing(time, conditions, faults, "sensors are exchanged")
+        return _inconclusive(time, sound, faults, str(error))
+    exchanged = () if faults or check.disagreement else exchanged_opposites(sound, fit, settings)
+    if exchanged:
+        return _inconclusive(time, sound, exchanged, "sensors are exchanged")
+    reason = _reason(fit, check.disagreement)
+    if reason:
+        return _inconclusive(time, sound, faults, reason)
+    return _conclusive(time, sound, fit, faults)
+
+
+def _reason(fit: CornerFit, disagreement: float) -> str:
+    """Return why a window is inconclusive though it could be fitted; empty where it is conclusive."""
+    if disagreement:
+        apart = f"sensors disagree by {100 * disagreement:.0f} % and no single one explains it"
+        return f"{apart}: check signs, gains, places and delays"
     if fit.n_segments < FEWEST_SEGMENTS:
-        return _nothing(time, conditions, faults, f"{fit.n_segments} segments of steady speed are too few")
-    if fit.model_error > _WORST:
-        off = f"off by {100 * fit.model_error:.0f} %"
-        return _nothing(time, conditions, faults, f"the vehicle file explains the window badly: {off}")
-    return _told(time, fit, conditions, faults)
+        return f"{fit.n_segments} segments of steady speed are too few"
+    if fit.model_error > _MOST_ERROR:
+        return f"the vehicle file explains the window badly: off by {100 * fit.model_error:.0f} %"
+    return ""
 
 
-def _conditions(recording: Recording, vehicle: Vehicle) -> dict[str, float]:
-    """Return the conditions that channels tell by themselves."""
-    found = {}
-    name = speed_channel(recording, vehicle)
-    if name is not None:
-        speed = recording.samples[recording.index(name)]
-        found["speed"] = float(np.nanmean(speed))
-        found["standing"] = float(np.nanmean(speed < _STANDS))
-    for channel, values in zip(recording.channels, recording.samples, strict=True):
-        if channel.quantity == "temperature":
-            found["temperature"] = float(np.nanmean(values))
-    for sensor in vehicle.sensor:
-        upright = sensor.direction is not None and abs(sensor.direction[2]) > _UPRIGHT
-        if upright and sensor.quantity == "angular_velocity" and sensor.channel in recording.names:
-            placed = with_layout(recording, vehicle.sensor)
-            found["turning"] = float(np.sqrt(np.nanmean(placed.samples[placed.index(sensor.channel)] ** 2)))
-    return found
-
-
-def _told(time: float, fit: CornerFit, conditions: dict[str, float], faults: tuple[SensorFault, ...]) -> Observation:
-    """Return the observation that a fit makes."""
+def _conclusive(time: float, window: Window, fit: CornerFit, faults: tuple[SensorFault, ...]) -> Observation:
+    """Return the observation of a fit."""
     count = len(fit.components)
-    conditions = {**conditions, "model_error": fit.model_error, "segments": float(fit.n_segments)}
+    conditions = {**window.conditions, "model_error": fit.model_error, "segments": float(fit.n_segments)}
     if "roughness" in fit.inputs:
-        conditions["level"] = fit.inputs["roughness"]
+        conditions["roughness"] = fit.inputs["roughness"]
     if "payload_mass" in fit.payload:
         conditions["payload"] = fit.payload["payload_mass"]["value"]
     modes = fit.modes()
-    found = {
+    body = {
         label: (float(modes.natural_frequency[k]), float(modes.damping_ratio[k]))
         for k, label in enumerate(modes.labels)
         if label in MOTIONS
@@ -216,42 +258,22 @@ def _told(time: float, fit: CornerFit, conditions: dict[str, float], faults: tup
         log_ratios=fit.log_ratios,
         covariance=fit.covariance[:count, :count],
         conditions=conditions,
-        modes=found,
+        modes=body,
         sensor_faults=faults,
+        vehicle=window.vehicle.name,
+        residuals=None if faults else _residuals(window),
     )
 
 
-def _nothing(time: float, conditions: dict[str, float], faults: tuple[SensorFault, ...], reason: str) -> Observation:
-    """Return an observation that cannot tell."""
-    return Observation(time, (), np.zeros(0), np.zeros((0, 0)), conditions, {}, faults, reason)
+def _residuals(window: Window) -> ResidualStatistics | None:
+    """Return what the residual test needs; None where no stretch of motion is long enough."""
+    try:
+        return residual_statistics(window.motion.select(window.outputs), sampling_rate=VEHICLE_RATE)
+    except DataError:
+        return None
 
 
-def _exchanged(
-    recording: Recording, vehicle: Vehicle, settings: CornerSettings | None, fit: CornerFit
-) -> tuple[SensorFault, ...]:
-    """Find sensors at opposite corners that are exchanged: bounce is as it was, pitch and roll are turned about.
-
-    Only an exchange that makes the vehicle as its file says more likely is worth a fit.
-    """
-    places = {s.channel: s.position for s in vehicle.sensor if s.quantity == "acceleration" and s.position is not None}
-    names = [name for name in places if name in recording.names]
-    best: tuple[float, tuple[str, str]] | None = None
-    as_read = nominal_misfit(recording, vehicle, settings=settings)
-    for row, first in enumerate(names):
-        for second in names[row + 1 :]:
-            apart = np.array(places[first])[:2] * np.array(places[second])[:2]
-            if not np.all(apart < 0):
-                continue
-            order = list(range(len(recording.names)))
-            one, other = recording.index(first), recording.index(second)
-            order[one], order[other] = other, one
-            exchanged = replace(recording, samples=recording.samples[order])
-            if nominal_misfit(exchanged, vehicle, settings=settings) >= as_read:
-                continue
-            turned = fit_corners(exchanged, vehicle, settings=settings)
-            if best is None or turned.model_error < best[0]:
-                best = turned.model_error, (first, second)
-    if best is None or best[0] > _CURED * fit.model_error:
-        return ()
-    words = f"{best[1][0]} with {best[1][1]}, or the other two corners with each other"
-    return tuple(SensorFault(name, "swapped", words) for name in names)
+def _inconclusive(time: float, window: Window, faults: tuple[SensorFault, ...], reason: str) -> Observation:
+    """Return the observation of a window that says nothing of the corners."""
+    nothing = np.zeros(0), np.zeros((0, 0))
+    return Observation(time, (), *nothing, window.conditions, {}, faults, reason, window.vehicle.name)

@@ -1,7 +1,7 @@
-"""Subspace residual test: has anything changed, told without a vehicle file."""
+"""Subspace residual test: whether a window differs from those of the baseline, without a model of the vehicle."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from sprung.identification.correlation import correlate_segments
 from sprung.identification.subspace import block_hankel
 from sprung.recording import Recording
 from sprung.signals.conditioning import decimate
+from sprung.signals.inspection import CONDITIONS
 from sprung.vehicles.usable import usable
 
 #: Share of the block Hankel matrix' energy that the model order explains.
@@ -24,30 +25,86 @@ _EXPLAINED = 0.999
 _MOST_DIRECTIONS, _SEGMENTS_EACH = 40, 4
 #: Least standard deviation of ln statistic from window to window, and windows that it is worth.
 _LEAST_SCATTER, _PRIOR_WINDOWS = 0.15, 1.0
-#: Fewest windows that teach, and chance below which a window that is unlike the others does not.
+#: Fewest windows of a reference, and chance below which a window that is unlike the others is left out of it.
 FEWEST, _SUSPECT = 3, 0.005
 #: Rate at which a vehicle's windows are compared [Hz], and chance below which one differs.
 VEHICLE_RATE, DIFFERENT = 25.0, 1e-3
+#: Length of a segment [s] and block rows of the Hankel matrix, unless given.
+_SEGMENT, _BLOCK_ROWS = 5.0, 6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class ResidualReference:
-    """What the residual is when nothing has changed.
+class ResidualStatistics:
+    """What the residual test needs of a window: correlations of its outputs, not their samples.
 
     Parameters
     ----------
     channels
-        Of the recordings.
+        Names of the outputs.
     sampling_rate
-        At which they are correlated [Hz].
+        Rate at which they are correlated [Hz].
+    segment
+        Length of a segment [s].
+    n_segments
+        Number of segments in the window.
+    mean
+        Mean of the segments' correlations, shape (channels, references, lags) with lags from 1 to 2 i - 1 for i block
+        rows. Channels are scaled to unit variance in the window.
+    segments
+        Correlations of each segment, shape (segments, channels, references, lags), for learning; None: not kept.
+
+    Notes
+    -----
+    With four outputs and six block rows the mean takes 1.4 kB and each segment as much: 170 kB for ten minutes in
+    segments of five seconds. Only the mean is needed for a comparison: the residual is linear in the correlations.
+    """
+
+    channels: tuple[str, ...]
+    sampling_rate: float
+    segment: float
+    n_segments: int
+    mean: Real
+    segments: Real | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, mean=3)
+        if self.segments is not None:
+            freeze(self, segments=4)
+
+    @property
+    def block_rows(self) -> int:
+        """Block rows of the Hankel matrix."""
+        return (int(self.mean.shape[2]) + 1) // 2
+
+    def is_like(self, other: "ResidualStatistics | ResidualReference") -> bool:
+        """Return whether channels, rate, segments and block rows agree."""
+        settings = [(one.channels, one.segment, one.block_rows) for one in (self, other)]
+        return settings[0] == settings[1] and bool(np.isclose(self.sampling_rate, other.sampling_rate, rtol=1e-6))
+
+    def without_segments(self) -> "ResidualStatistics":
+        """Return only what a comparison needs."""
+        return replace(self, segments=None)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ResidualReference:
+    """Residual of a vehicle without a change.
+
+    Parameters
+    ----------
+    channels
+        Names of the outputs.
+    sampling_rate
+        Rate at which they are correlated [Hz].
     segment
         Length of a segment [s].
     null_space
-        S, shape (block rows x channels, null directions): S^T H = 0 for the healthy system.
+        Left null space S of the healthy system's block Hankel matrix H, S^T H = 0, shape (block rows x channels, null
+        directions).
     whitening
-        Shape (directions, residuals): makes the residual of one segment a unit matrix of covariance.
+        Map to residuals with the unit matrix as covariance in one segment, shape (directions, residuals).
     center, scatter, n_windows
-        Mean and standard deviation of ln statistic over the windows that taught it, and their number.
+        Mean and standard deviation of ln statistic over the windows that it was learnt from, and their number.
     """
 
     channels: tuple[str, ...]
@@ -97,49 +154,114 @@ def residual_reference_from_dict(document: dict[str, Any]) -> ResidualReference:
 
 @dataclass(frozen=True, slots=True)
 class ResidualTest:
-    """Whether a window differs from the reference.
+    """Comparison of a window with the reference.
 
     Parameters
     ----------
     statistic
-        Mean square of the whitened residual, times the number of segments: near 1 where nothing has changed and the
-        excitation is steady.
+        Mean square of the whitened residual, times the number of segments: near 1 without a change under steady
+        excitation.
     p_value
-        Chance of such a statistic among windows like those that taught.
+        Chance of so large a statistic among windows like those of the reference.
     """
 
     statistic: float
     p_value: float
+
+    @property
+    def is_different(self) -> bool:
+        """Whether the chance is below 0.1 %."""
+        return self.p_value < DIFFERENT
+
+
+def residual_statistics(
+    recording: Recording,
+    *,
+    sampling_rate: float | None = None,
+    segment: float = _SEGMENT,
+    block_rows: int = _BLOCK_ROWS,
+) -> ResidualStatistics:
+    """Return what the residual test needs of a window.
+
+    Parameters
+    ----------
+    recording
+        Window of outputs; speed and temperature are left out.
+    sampling_rate
+        Rate to decimate to [Hz], about five times the highest mode of interest; None: as recorded.
+    segment
+        Length of the segments whose scatter is the yardstick [s].
+    block_rows
+        Block rows of the Hankel matrix, at least 2.
+
+    Raises
+    ------
+    DataError
+        Where an output is dead, or no stretch is long enough.
+    ParameterError
+        Where there are fewer than 2 block rows.
+    """
+    check_number("block_rows", block_rows, at_least=2)
+    outputs = _outputs_at(recording, sampling_rate)
+    samples = outputs.samples - outputs.samples.mean(axis=1, keepdims=True)
+    scaled = outputs.changed("scaled", samples=samples / samples.std(axis=1, keepdims=True))
+    correlations = correlate_segments(scaled, n_lags=2 * block_rows + 1, segment=segment)
+    segments = np.ascontiguousarray((correlations.sums / correlations.n_products[:, None, None, :])[..., 1:-1])
+    return ResidualStatistics(
+        outputs.names, outputs.sampling_rate, segment, len(segments), segments.mean(axis=0), segments
+    )
 
 
 def learn_residuals(
     recordings: Iterable[Recording],
     *,
     sampling_rate: float | None = None,
-    segment: float = 5.0,
-    block_rows: int = 6,
+    segment: float = _SEGMENT,
+    block_rows: int = _BLOCK_ROWS,
 ) -> ResidualReference:
-    """Learn the null space and the residuals of a healthy system.
+    """Learn the null space and the residuals of a healthy system from recordings.
 
     Parameters
     ----------
     recordings
         Windows of it, at least three, over the conditions it meets.
-    sampling_rate
-        To decimate to [Hz]: about five times the highest mode of interest; None: as recorded.
-    segment
-        Length of the segments whose scatter is the yardstick [s].
-    block_rows
-        Of the Hankel matrix.
+    sampling_rate, segment, block_rows
+        As for `residual_statistics`.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As from `residual_statistics` and `learn_reference`.
+    """
+    return learn_reference(
+        [
+            residual_statistics(recording, sampling_rate=sampling_rate, segment=segment, block_rows=block_rows)
+            for recording in recordings
+        ]
+    )
+
+
+def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
+    """Learn the null space and the residuals of a healthy system.
+
+    Parameters
+    ----------
+    windows
+        Windows of it with their segments, at least three, over the conditions it meets, all with the same settings.
+
+    Raises
+    ------
+    DataError
+        Where there are fewer than three windows.
 
     Notes
     -----
     Left null space S of the mean block Hankel matrix of correlations; residual vec(S^T H_k) of each segment, its
     largest directions whitened over all segments. Correlations are divided by each window's own power. ln of a window's
     mean square has a mean and a scatter over the windows, which conditions (speed, road) widen; a new window is
-    compared with these by Student's t. Each window's mean square is that against what the others teach: one that took
-    part is nearer to the null space than any later one, by (n - 1) / (n + 1) with n windows. A window that is unlike
-    all the others, such as one with a shock, does not teach.
+    compared with these by Student's t. Each window's mean square is that against the others: one that took part is
+    nearer to the null space than any later one, by (n - 1) / (n + 1) with n windows. A window that is unlike all the
+    others, such as one with a shock, is left out.
 
     References
     ----------
@@ -147,15 +269,13 @@ def learn_residuals(
     Automatica 36 (2000) 101-109. L. Mevel, M. Goursat, M. Basseville, Stochastic subspace-based structural
     identification and damage detection, MSSP 17 (2003).
     """
-    check_number("block_rows", block_rows, at_least=2)
-    ready = [outputs_at(recording, sampling_rate) for recording in recordings]
-    if len(ready) < FEWEST:
-        raise DataError(f"{len(ready)} windows cannot teach the residual test, {FEWEST} can: give more")
-    n_channels = len(ready[0].names)
-    matrices = [_matrices(recording, segment, block_rows) for recording in ready]
+    if len(windows) < FEWEST:
+        raise DataError(f"the residual test needs at least {FEWEST} usable windows, got {len(windows)}: give more")
+    first = windows[0]
+    matrices = [_segment_matrices(window) for window in windows]
     while True:
-        null_space, whitening = _taught(matrices, n_channels)
-        logs = np.log([_left_out(matrices, k, n_channels) for k in range(len(matrices))])
+        null_space, whitening = _estimate(matrices, len(first.channels))
+        logs = np.log([_statistic_against_others(matrices, k, len(first.channels)) for k in range(len(matrices))])
         # Chance alone scatters ln of a mean of squares as that of chi square.
         least = max(_LEAST_SCATTER, float(np.sqrt(polygamma(1, len(whitening) / 2))))
         worst = int(np.argmax(logs))
@@ -167,9 +287,9 @@ def learn_residuals(
     # The mean of the others, which the null space removes, adds 1 / (n - 1) to the variance, that of all 1 / n.
     center = float(logs.mean() + np.log(1 - len(logs) ** -2.0))
     return ResidualReference(
-        ready[0].names,
-        ready[0].sampling_rate,
-        segment,
+        first.channels,
+        first.sampling_rate,
+        first.segment,
         null_space,
         whitening,
         center,
@@ -179,52 +299,84 @@ def learn_residuals(
 
 
 def compare_residuals(reference: ResidualReference, recording: Recording) -> ResidualTest:
+    """Compare a recording with the reference.
+
+    Parameters
+    ----------
+    reference
+        From `learn_residuals`.
+    recording
+        Window of the same outputs.
+
+    Raises
+    ------
+    DataError
+        As from `residual_statistics`.
+    ParameterError
+        Where the outputs differ from the reference's.
+    """
+    return residual_test(
+        reference,
+        residual_statistics(
+            recording,
+            sampling_rate=reference.sampling_rate,
+            segment=reference.segment,
+            block_rows=reference.block_rows,
+        ),
+    )
+
+
+def residual_test(reference: ResidualReference, window: ResidualStatistics) -> ResidualTest:
     """Compare a window with the reference.
+
+    Parameters
+    ----------
+    reference
+        From `learn_reference`.
+    window
+        Statistics of the window, with or without its segments.
 
     Raises
     ------
     ParameterError
-        Where the channels are others.
+        Where channels, rate, segments or block rows differ from the reference's.
     """
-    ready = outputs_at(recording, reference.sampling_rate)
-    if ready.names != reference.channels:
-        raise ParameterError(f"the window has the channels {', '.join(ready.names)}, the reference others: select them")
-    matrices = _matrices(ready, reference.segment, reference.block_rows)
-    statistic = _statistic(_residuals(matrices, reference.null_space), reference.whitening)
+    if not window.is_like(reference):
+        raise ParameterError(
+            f"the window has the channels {', '.join(window.channels)} at {window.sampling_rate:g} Hz, the reference "
+            f"{', '.join(reference.channels)} at {reference.sampling_rate:g} Hz: select the same ones"
+        )
+    residual = _residuals(_hankel(window.mean)[None], reference.null_space)[0]
+    statistic = _statistic(residual, window.n_segments, reference.whitening)
     spread = reference.scatter * np.sqrt(1 + 1 / reference.n_windows)
     score = (np.log(statistic) - reference.center) / spread
     return ResidualTest(statistic, float(stats.t.sf(score, reference.n_windows - 1)))
 
 
-def second_opinion(tests: Sequence[ResidualTest]) -> str:
-    """Say in a sentence what the residual test makes of windows."""
-    different = sum(test.p_value < DIFFERENT for test in tests)
-    return (
-        f"second opinion without the vehicle file (subspace residuals): {different} of {len(tests)} windows differ "
-        f"from those that taught the baseline (p < {DIFFERENT:g})"
-    )
-
-
-def outputs_at(recording: Recording, sampling_rate: float | None) -> Recording:
-    """Return the outputs, without speed and temperature, at the rate of the test; None: as recorded."""
-    ready = usable(recording)
-    outputs = ready.select([c.name for c in ready.channels if c.quantity not in {"speed", "temperature"}])
+def _outputs_at(recording: Recording, sampling_rate: float | None) -> Recording:
+    """Return the outputs at the rate of the test; None: as recorded."""
+    motion = usable(recording)
+    outputs = motion.select([c.name for c in motion.channels if c.quantity not in CONDITIONS])
     if sampling_rate is None or outputs.sampling_rate <= sampling_rate:
         return outputs
     return decimate(outputs, sampling_rate)
 
 
-def _matrices(recording: Recording, segment: float, block_rows: int) -> Real:
-    """Return the block Hankel matrix of each segment, channels scaled by their power in the whole window."""
-    samples = recording.samples - recording.samples.mean(axis=1, keepdims=True)
-    scaled = recording.changed("scaled", samples=samples / samples.std(axis=1, keepdims=True))
-    segments = correlate_segments(scaled, n_lags=2 * block_rows + 1, segment=segment)
-    values = segments.sums / segments.n_products[:, None, None, :]
-    return np.array([block_hankel(one, block_rows, first_lag=1, n_columns=block_rows) for one in values])
+def _segment_matrices(window: ResidualStatistics) -> Real:
+    """Return the block Hankel matrix of each segment, shape (segments, rows, columns)."""
+    if window.segments is None:
+        raise ParameterError("a window without its segments cannot be learnt from: keep them until it is")
+    return np.array([_hankel(values) for values in window.segments])
 
 
-def _taught(matrices: Sequence[Real], n_channels: int) -> tuple[Real, Real]:
-    """Return the null space and the whitening that windows teach."""
+def _hankel(correlations: Real) -> Real:
+    """Return the square block Hankel matrix of correlations at lags from 1."""
+    block_rows = (correlations.shape[2] + 1) // 2
+    return block_hankel(correlations, block_rows, first_lag=0, n_columns=block_rows)
+
+
+def _estimate(matrices: Sequence[Real], n_channels: int) -> tuple[Real, Real]:
+    """Return the null space and the whitening of windows."""
     every = np.concatenate(matrices)
     left, values, _ = np.linalg.svd(every.mean(axis=0), full_matrices=True)
     explained = np.cumsum(values**2) / np.sum(values**2)
@@ -254,18 +406,18 @@ def _scatter(logs: Real, least: float) -> float:
     return max(float(np.sqrt(squares / (len(logs) - 1 + _PRIOR_WINDOWS))), least)
 
 
-def _left_out(matrices: Sequence[Real], row: int, n_channels: int) -> float:
-    """Return the statistic of a window against what the others teach."""
-    null_space, whitening = _taught([*matrices[:row], *matrices[row + 1 :]], n_channels)
-    return _statistic(_residuals(matrices[row], null_space), whitening)
+def _statistic_against_others(matrices: Sequence[Real], row: int, n_channels: int) -> float:
+    """Return the statistic of a window against what the others make normal."""
+    null_space, whitening = _estimate([*matrices[:row], *matrices[row + 1 :]], n_channels)
+    residuals = _residuals(matrices[row], null_space)
+    return _statistic(residuals.mean(axis=0), len(residuals), whitening)
 
 
 def _residuals(matrices: Real, null_space: Real) -> Real:
-    """Return vec(S^T H) of each segment."""
+    """Return vec(S^T H) of each matrix."""
     return (null_space.T @ matrices).reshape(len(matrices), -1)
 
 
-def _statistic(residuals: Real, whitening: Real) -> float:
+def _statistic(residual: Real, n_segments: int, whitening: Real) -> float:
     """Return the mean square of the whitened mean residual, times the number of segments."""
-    mean = whitening @ residuals.mean(axis=0)
-    return float(len(residuals) * np.mean(mean**2))
+    return float(n_segments * np.mean((whitening @ residual) ** 2))

@@ -1,7 +1,7 @@
 """Fit of springs, dampers and tyres of every corner to the spectra of a drive."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -33,12 +33,12 @@ from sprung.likelihood.vehicle import (
 from sprung.likelihood.whittle import TOO_FAR, Model
 from sprung.modal import Modes
 from sprung.recording import Recording
-from sprung.vehicles import Vehicle, structure
+from sprung.vehicles import Structure, Vehicle
 from sprung.vehicles.labels import MOTIONS
-from sprung.vehicles.usable import speed_channel, usable
+from sprung.vehicles.window import Window, window_of
 
-#: On a road or track lines are looked for from this many times the highest mode of the body on: what does not fit
-#: below it may be the body's own motion.
+#: Lowest frequency at which lines are sought on a road or track, over that of the highest mode of the body: what does
+#: not fit below it may be the body's own motion.
 _OVER_BODY = 1.5
 #: Fits and estimates of the speed in turn, where it is missing.
 _ROUNDS = 3
@@ -49,17 +49,78 @@ _TOLERANCE, _SLOPE = 1e-8, 1e-2
 _STEPS = (25, 25, 50, 300)
 #: Lines that a note names.
 _MOST_NAMED = 6
-#: Relative misfit of the spectra from which on a fit is called imperfect.
+#: Relative misfit of the spectra above which a note says that the model is in error.
 _IMPERFECT = 0.1
-#: Credibility of the first fit below which it may be a local minimum, and ln of a broken spring to start again from.
+#: Tempering after the first fit below which it may be a local minimum, and ln of a broken spring to start again from.
 _DOUBTFUL, _BROKEN = 0.3, -1.2
-#: A class' level over the common one, or under it, at most.
+#: Least level of a class over the common one; its inverse is the largest.
 _LEAST_LEVEL = 1e-3
 #: Width of the speed classes of the first fit.
 _COARSE = 0.1
-#: Credibility of the segments in the first fit; fits after it, each with the lines and the credibility that the last
-#: one shows; and relative change of the credibility below which there are no more.
+#: Tempering of the first fit; most fits after it, each with the lines and the tempering that the last one shows; and
+#: relative change of the tempering below which there are no more.
 _FIRST, _MOST_FITS, _SETTLED = 0.1, 4, 0.1
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FitSetup:
+    """What all fits of a vehicle to its recordings have in common.
+
+    Parameters
+    ----------
+    vehicle
+        Vehicle as its file describes it: geometry, masses, nominal components.
+    nominal
+        Nominal structure of the vehicle.
+    layout
+        Coordinates in which the recorded sensors see its motion.
+    settings
+        Choices of the fit.
+    kind
+        What drives the wheels.
+    """
+
+    vehicle: Vehicle
+    nominal: Structure
+    layout: RigidLayout
+    settings: CornerSettings
+    kind: Kind
+
+    def model(self, spectra: ClassSpectra) -> Model:
+        """Return the model of the vehicle with the spectra that it is to explain."""
+        return vehicle_model(spectra, self.layout, self.vehicle, self.nominal, settings=self.settings, kind=self.kind)
+
+    def tempered(
+        self, segments: SegmentSpectra, *, width: float, tempering: float, lines: tuple[SpectralLine, ...] = ()
+    ) -> Model:
+        """Return the model with segments averaged in speed classes of a relative width, tempered and without lines."""
+        spectra = class_spectra(segments, width=width)
+        weights = tempering * spectra.weights * without_lines(spectra, lines)
+        return self.model(replace(spectra, weights=weights))
+
+    def at_speeds(self, segments: SegmentSpectra, speeds: Real) -> Model:
+        """Return the model at the frequencies of segments with a class of each speed [m/s] and no data."""
+        frequencies, size = segments.frequencies, len(self.layout.rows)
+        empty = ClassSpectra(
+            frequencies=frequencies,
+            counts=np.ones(speeds.size),
+            speeds=speeds,
+            spreads=np.full(speeds.size, 0.01),
+            matrices=np.broadcast_to(np.eye(size, dtype=np.complex128), (speeds.size, frequencies.size, size, size)),
+            segment_length=segments.segment_length,
+            weights=np.ones((speeds.size, frequencies.size)),
+        )
+        return self.model(empty)
+
+    def components_of(self, modes: Modes) -> Real | None:
+        """Return ln(value / nominal value) of the components that identified body modes imply; None without any."""
+        body = [k for k, label in enumerate(modes.labels) if label in MOTIONS]
+        if not body or not set(self.layout.names) <= set(modes.channels):
+            return None
+        components = free_components(self.nominal, self.vehicle, self.settings.free)
+        return corners_from_modes(
+            modes.take(np.array(body)), self.nominal, self.layout, components, prior_std=self.settings.prior_std
+        )
 
 
 def fit_corners(
@@ -74,13 +135,14 @@ def fit_corners(
     Parameters
     ----------
     recordings
-        Of one condition, in SI units or as the vehicle's sensors say; with the speed channel for a road or track.
+        Recordings of one condition, in SI units or as the vehicle's sensors say; with the speed channel for a road or
+        track.
     vehicle
         Geometry, masses, nominal components (starting values and weak prior), sensors.
     settings
-        Default: everything chosen from the vehicle.
+        Choices of the fit; None: all from the vehicle.
     modes
-        Identified in the same recordings: another start of the search (see `corners_from_modes`).
+        Modes identified in the same recordings, as another start of the search (see `corners_from_modes`).
 
     Returns
     -------
@@ -89,43 +151,63 @@ def fit_corners(
     Raises
     ------
     DataError
-        Where no segment is long, fast and steady enough, or the speed is missing and the delay does not tell it.
+        Where no segment is long, fast and steady enough, where the speed is missing and cannot be estimated from the
+        delay between the axles, or where the recordings are not consistent with the vehicle file.
+    ParameterError
+        Where the sensors of the vehicle file do not fit the recordings.
 
     Notes
     -----
-    Whittle likelihood of the segments' spectral matrices, averaged by speed class; see `sprung.likelihood.whittle`.
-    The minimum is found by L-BFGS in coordinates in which the Fisher information is the unit matrix, chosen anew on the
-    way.
-    Segments count less where the model fits worse than chance allows (see `tempering`), so that the prior holds what
-    an imperfect model would carry away. The covariance is that of the information, corrected for overlap, and by the
-    scores of the segments (sandwich) where those scatter more than the model says.
+    Whittle likelihood of the segments' spectral matrices, averaged by speed class; see `sprung.likelihood.whittle` and,
+    for the order of the fits, `fit_segments`. The covariance is that of the information, corrected for overlap, and by
+    the scores of the segments (sandwich) where those scatter more than the model says.
     """
-    settings = settings or CornerSettings()
-    records = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    fitter = _Fitter(vehicle, settings, [usable(record, vehicle=vehicle) for record in records])
-    segments = fitter.segments
-    check = None if modes is None else fitter.from_modes(modes)
+    records = [recordings] if isinstance(recordings, Recording) else recordings
+    return fit_windows([window_of(record, vehicle) for record in records], settings=settings, modes=modes)
+
+
+def fit_windows(
+    windows: Sequence[Window], *, settings: CornerSettings | None = None, modes: Modes | None = None
+) -> CornerFit:
+    """Fit springs, dampers and tyres of every corner to windows of one vehicle.
+
+    Parameters
+    ----------
+    windows
+        Windows of one condition and one vehicle, at least one, with the same channels.
+    settings, modes
+        As for `fit_corners`.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As from `fit_corners`.
+    """
+    setup, segments, has_speed = _prepare(windows, settings or CornerSettings())
+    check = None if modes is None else setup.components_of(modes)
     starts = [] if check is None else [check]
-    if fitter.has_speed:
-        return replace(fitter.fit(segments, starts=starts), from_modes=check)
-    known = with_estimated_speeds(segments, fitter.at_speeds)
+    if has_speed:
+        return replace(_fit(segments, setup, starts), from_modes=check)
+    known = _with_speeds(segments, setup)
     for _ in range(_ROUNDS - 1):
-        fit = fitter.fit(known, starts=starts)
-        known = with_estimated_speeds(segments, fitter.at_speeds, fit.parameters)
-    fit = fitter.fit(known, starts=starts)
+        fit = _fit(known, setup, starts)
+        known = _with_speeds(segments, setup, fit.parameters)
+    fit = _fit(known, setup, starts)
     low, high = known.speeds.min(), known.speeds.max()
     note = f"the speed was not recorded: {low:.3g} to {high:.3g} m/s, from the delay between the axles"
     return replace(fit, notes=(*fit.notes, note), from_modes=check)
 
 
-def nominal_misfit(recording: Recording, vehicle: Vehicle, *, settings: CornerSettings | None = None) -> float:
-    """Return minus the log likelihood of the vehicle as its file says, on a road as rough as the recording shows.
+def nominal_misfit(window: Window, *, settings: CornerSettings | None = None) -> float:
+    """Return minus the log likelihood of the vehicle as its file says, on a road as rough as the window shows.
 
     Nothing is fitted: two layouts of the same sensors can be compared at the cost of one step of a fit.
 
     Parameters
     ----------
-    recording, vehicle, settings
+    window
+        Window of the vehicle.
+    settings
         As for `fit_corners`.
 
     Raises
@@ -133,122 +215,141 @@ def nominal_misfit(recording: Recording, vehicle: Vehicle, *, settings: CornerSe
     DataError
         As from `fit_corners`.
     """
-    fitter = _Fitter(vehicle, settings or CornerSettings(), [usable(recording, vehicle=vehicle)])
-    segments = fitter.segments
-    if not fitter.has_speed:
-        segments = with_estimated_speeds(segments, fitter.at_speeds)
-    spectra = class_spectra(segments, width=_COARSE)
-    model = vehicle_model(spectra, fitter.layout, vehicle, fitter.nominal, settings=fitter.settings, kind=fitter.kind)
+    setup, segments, has_speed = _prepare([window], settings or CornerSettings())
+    if not has_speed:
+        segments = _with_speeds(segments, setup)
+    model = setup.model(class_spectra(segments, width=_COARSE))
     return model.objective(model.scaled_start())[0]
 
 
-class _Fitter:
-    """What the fits of one set of recordings have in common."""
+def _prepare(windows: Sequence[Window], settings: CornerSettings) -> tuple[FitSetup, SegmentSpectra, bool]:
+    """Return what all fits have in common, the spectra of the segments, and whether these have all they need of speed.
 
-    def __init__(self, vehicle: Vehicle, settings: CornerSettings, records: Sequence[Recording]) -> None:
-        self.vehicle, self.settings = vehicle, settings
-        self.kind: Kind = settings.kind or vehicle.kind
-        self.nominal = structure(vehicle)
-        self.layout = rigid_layout(with_sensors(self.nominal, records[0].names))
-        self.components = free_components(self.nominal, vehicle, settings.free)
-        speed = None if self.kind == "rig" else speed_channel(records[0], vehicle)
-        self.has_speed = self.kind == "rig" or speed is not None
-        band, length = usual_choices(vehicle, self.nominal, settings, records[0].sampling_rate)
-        self.segments = segment_spectra(records, self.layout, speed=speed, band=band, segment_length=length)
-
-    def fit(self, segments: SegmentSpectra, *, starts: Sequence[Real] = ()) -> CornerFit:
-        """Return the fit to segments."""
-        try:
-            return fit_segments(
-                segments, self.layout, self.vehicle, settings=self.settings, kind=self.kind, starts=starts
-            )
-        except np.linalg.LinAlgError:
-            raise DataError(
-                "no vehicle like the file's moves as this recording does: check signs, places and units of the sensors"
-            ) from None
-
-    def at_speeds(self, speeds: Real) -> Model:
-        """Return the model with a class of each speed and no data."""
-        frequencies, length = self.segments.frequencies, self.segments.segment_length
-        size = len(self.layout.rows)
-        matrices = np.broadcast_to(np.eye(size, dtype=np.complex128), (speeds.size, frequencies.size, size, size))
-        empty = ClassSpectra(
-            frequencies=frequencies,
-            counts=np.ones(speeds.size),
-            speeds=speeds,
-            spreads=np.full(speeds.size, 0.01),
-            matrices=matrices,
-            segment_length=length,
-            weights=np.ones((speeds.size, frequencies.size)),
-        )
-        return vehicle_model(empty, self.layout, self.vehicle, self.nominal, settings=self.settings, kind=self.kind)
-
-    def from_modes(self, modes: Modes) -> Real | None:
-        """Return the components that the body's modes tell, or None where there are none."""
-        body = [k for k, label in enumerate(modes.labels) if label in MOTIONS]
-        if not body or not set(self.layout.names) <= set(modes.channels):
-            return None
-        taken = modes.take(np.array(body))
-        return corners_from_modes(taken, self.nominal, self.layout, self.components, prior_std=self.settings.prior_std)
+    A rig needs no speed.
+    """
+    first, records = windows[0], [window.motion for window in windows]
+    kind: Kind = settings.kind or first.vehicle.kind
+    layout = rigid_layout(with_sensors(first.structure, records[0].names))
+    speed = None if kind == "rig" else first.speed
+    band, length = usual_choices(first.vehicle, first.structure, settings, records[0].sampling_rate)
+    segments = segment_spectra(records, layout, speed=speed, band=band, segment_length=length)
+    setup = FitSetup(first.vehicle, first.structure, layout, settings, kind)
+    return setup, segments, kind == "rig" or speed is not None
 
 
-def fit_segments(
-    segments: SegmentSpectra,
-    layout: RigidLayout,
-    vehicle: Vehicle,
-    *,
-    settings: CornerSettings,
-    kind: Kind = "road",
-    starts: Sequence[Real] = (),
-) -> CornerFit:
+def _with_speeds(segments: SegmentSpectra, setup: FitSetup, parameters: Real | None = None) -> SegmentSpectra:
+    """Return the segments whose speed follows from the delay between the axles, with that speed."""
+    return with_estimated_speeds(segments, lambda speeds: setup.at_speeds(segments, speeds), parameters)
+
+
+def _fit(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> CornerFit:
+    """Return the fit to segments; a search that ends in singular matrices is a recording of another vehicle."""
+    try:
+        return fit_segments(segments, setup, starts=starts)
+    except np.linalg.LinAlgError:
+        raise DataError(
+            "this recording is not consistent with the vehicle file: check signs, places and units of the sensors"
+        ) from None
+
+
+def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[Real] = ()) -> CornerFit:
     """Fit springs, dampers and tyres to the spectra of segments.
 
     Parameters
     ----------
     segments
-        Of one condition.
-    layout
-        Whose coordinates they are in.
-    vehicle, settings
-        As for `fit_corners`.
-    kind
-        What drives the wheels.
+        Spectra of segments of one condition, in the coordinates of the set-up's layout.
+    setup
+        Vehicle, layout and settings.
     starts
-        Values of the components, ln(value / nominal value), to start from beside the nominal ones; the best is taken.
+        Further starts of the search next to the nominal values: ln(value / nominal value) of each component. The best
+        one is taken.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where a matrix of the search is singular.
+
+    Notes
+    -----
+    One rough fit, then up to four full ones, in this order:
+
+    1. *Rough*: speed classes twice as wide and a likelihood to the power of 0.1 (tempering), which flattens local
+       minima. Where it leaves so large an error that its own tempering is below 0.3, the search starts again from each
+       spring broken, and the best end counts.
+    2. *Full*: classes 5 % wide. Each fit is followed by three choices that the next one is made with, until they stay:
+
+       - the amplitude of a segment is limited to that at three times the median power, a winsorised residual as
+         Huber's, so that a pothole is one segment and no more (`segment_weights`);
+       - frequencies are left out at which lines of wheels, engine or mains stand out of the fit (`residual_lines`);
+       - the likelihood is raised to a power eta between 0 and 1, as large as the misfit beyond chance allows
+         (`tempering`). The likelihood of a wrong model grows without bound with the amount of data, and it would
+         override the prior with the model's error; raised to eta, a Gibbs posterior, it does not.
+
+    Alternating weights and fits is iteratively reweighted estimation: the weights belong to the fit before.
+
+    References
+    ----------
+    P. J. Huber, Robust estimation of a location parameter, Annals of Mathematical Statistics 35 (1964) 73-101.
+    P. W. Holland, R. E. Welsch, Robust regression using iteratively reweighted least-squares, Communications in
+    Statistics - Theory and Methods 6 (1977) 813-827.
+    W. Jiang, M. A. Tanner, Gibbs posterior for variable selection in high-dimensional classification and data mining,
+    Annals of Statistics 36 (2008) 2207-2231.
+    P. G. Bissiri, C. C. Holmes, S. G. Walker, A general framework for updating belief distributions, Journal of the
+    Royal Statistical Society B 78 (2016) 1103-1130.
     """
-
-    nominal = structure(vehicle)
-
-    def model_of(data: SegmentSpectra, lines: tuple[SpectralLine, ...], trust: float, width: float) -> Model:
-        spectra = class_spectra(data, width=width)
-        weights = trust * spectra.weights * without_lines(spectra, lines)
-        return vehicle_model(replace(spectra, weights=weights), layout, vehicle, nominal, settings=settings, kind=kind)
-
+    model, parameters = _start(segments, setup, starts)
+    limited, power = segments, _FIRST
     lines: tuple[SpectralLine, ...] = ()
-    trust, limited = _FIRST, segments
-    rough = model_of(limited, lines, trust, _COARSE)
-    begin = min((rough.scaled_start(start) for start in (None, *starts)), key=lambda start: rough.objective(start)[0])
-    found = minimised(rough, begin)
-    if tempering(model_of(limited, lines, 1.0, _COARSE), found) < _DOUBTFUL:
-        others = (minimised(rough, rough.scaled_start(start)) for start in _broken_springs(rough))
-        found = min((found, *others), key=lambda parameters: rough.objective(parameters)[0])
-    model = model_of(limited, lines, trust, CLASS_WIDTH)
-    parameters = _carried_over(rough, found, model)
-    if model.objective(parameters)[0] == TOO_FAR:
-        parameters = model.scaled_start()
-    lowest = 0.0 if kind == "rig" else _OVER_BODY * highest_of_body(model.structure)
     for _ in range(_MOST_FITS):
-        before = trust, lines
-        limits = np.sqrt(segment_weights(model, parameters, segments))[:, None, None]
-        limited = replace(segments, values=segments.values * limits)
-        if settings.has_lines_masked:
-            lines = residual_lines(model, parameters, lowest=lowest)
-        trust = tempering(model_of(limited, lines, 1.0, CLASS_WIDTH), parameters)
-        model = model_of(limited, lines, trust, CLASS_WIDTH)
-        if lines == before[1] and abs(trust - before[0]) < _SETTLED * before[0]:
+        last_lines, last_power = lines, power
+        limited = _with_limited_amplitudes(segments, model, parameters)
+        lines = _lines(model, parameters, setup)
+        untempered = setup.tempered(limited, width=CLASS_WIDTH, tempering=1.0, lines=lines)
+        power = tempering(untempered, parameters)
+        model = setup.tempered(limited, width=CLASS_WIDTH, tempering=power, lines=lines)
+        if lines == last_lines and abs(power - last_power) < _SETTLED * last_power:
             break
         parameters = minimised(model, parameters)
     return _result(model, parameters, limited, lines)
+
+
+def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> tuple[Model, Real]:
+    """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
+    rough = setup.tempered(segments, width=_COARSE, tempering=_FIRST)
+    end = _rough_fit(rough, setup.tempered(segments, width=_COARSE, tempering=1.0), starts)
+    model = setup.tempered(segments, width=CLASS_WIDTH, tempering=_FIRST)
+    parameters = _carried_over(rough, end, model)
+    if model.objective(parameters)[0] == TOO_FAR:
+        return model, model.scaled_start()
+    return model, parameters
+
+
+def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
+    """Return the parameters of the first fit, sought from broken springs too where the fit is doubtful."""
+
+    def misfit(parameters: Real) -> float:
+        return rough.objective(parameters)[0]
+
+    end = minimised(rough, min((rough.scaled_start(start) for start in (None, *starts)), key=misfit))
+    if tempering(untempered, end) >= _DOUBTFUL:
+        return end
+    others = (minimised(rough, rough.scaled_start(start)) for start in _broken_springs(rough))
+    return min((end, *others), key=misfit)
+
+
+def _with_limited_amplitudes(segments: SegmentSpectra, model: Model, parameters: Real) -> SegmentSpectra:
+    """Return the segments, each far more powerful one with less amplitude."""
+    limits = np.sqrt(segment_weights(model, parameters, segments))[:, None, None]
+    return replace(segments, values=segments.values * limits)
+
+
+def _lines(model: Model, parameters: Real, setup: FitSetup) -> tuple[SpectralLine, ...]:
+    """Return the lines that stand out of a fit, where the settings leave them out."""
+    if not setup.settings.has_lines_masked:
+        return ()
+    lowest = 0.0 if setup.kind == "rig" else _OVER_BODY * highest_of_body(setup.nominal)
+    return residual_lines(model, parameters, lowest=lowest)
 
 
 def _broken_springs(model: Model) -> list[Real]:
@@ -260,45 +361,63 @@ def _broken_springs(model: Model) -> list[Real]:
 def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
     """Return the parameters of a model with coarse speed classes as those of one with finer classes."""
     known = dict(zip(coarse.names, parameters, strict=True))
-    found = np.array([known.get(name, 0.0) for name in model.names])
+    carried = np.array([known.get(name, 0.0) for name in model.names])
     levels = model.rows("class_roughness")
-    found[levels] = 0.0
+    carried[levels] = 0.0
     if levels.size:
-        ratio = np.einsum("cfij,cfji->c", np.linalg.inv(model.matrix(found)), model.spectra.matrices).real
+        ratio = np.einsum("cfij,cfji->c", np.linalg.inv(model.matrix(carried)), model.spectra.matrices).real
         mean = ratio / (model.spectra.frequencies.size * len(model.layout.rows))
-        found[levels] = np.log(np.clip(np.nan_to_num(mean, nan=1.0), _LEAST_LEVEL, 1 / _LEAST_LEVEL))
-    return found
+        carried[levels] = np.log(np.clip(np.nan_to_num(mean, nan=1.0), _LEAST_LEVEL, 1 / _LEAST_LEVEL))
+    return carried
 
 
 def minimised(model: Model, start: Real) -> Real:
-    """Return the parameters at which the likelihood is largest, searched from `start`."""
-    found, is_settled = start, False
+    """Return the parameters at which the likelihood is largest.
+
+    Parameters
+    ----------
+    model
+        Model with its data.
+    start
+        Parameters at which the search starts, shape (parameters,).
+
+    Notes
+    -----
+    L-BFGS in coordinates in which the Fisher information, prior included, is the unit matrix, chosen anew after 25, 50
+    and 100 steps.
+
+    References
+    ----------
+    R. H. Byrd, P. Lu, J. Nocedal, C. Zhu, A limited memory algorithm for bound constrained optimization, SIAM Journal
+    on Scientific Computing 16 (1995) 1190-1208.
+    """
+    parameters, is_settled = start, False
     for most in _STEPS:
         if not is_settled:
-            found, is_settled = _searched(model, found, most)
-    return found
+            parameters, is_settled = _search(model, parameters, most)
+    return parameters
 
 
-def _searched(model: Model, start: Real, most: int) -> tuple[Real, bool]:
-    """Return where so many steps lead, whitened by the information at the start, and whether the search ended there."""
+def _search(model: Model, start: Real, most: int) -> tuple[Real, bool]:
+    """Return the end of a search of at most `most` steps, and whether it converged there."""
     factor = preconditioner(model, start)
     first, slope = model.objective(start)
-    hill = float(np.sum((factor.T @ slope) ** 2)) / 2  # what a Newton step would gain
+    gain = float(np.sum((factor.T @ slope) ** 2)) / 2  # of a Newton step
 
     def whitened(step: Real) -> tuple[float, Real]:
         value, gradient = model.objective(start + factor @ step)
-        if value == TOO_FAR:  # a hill of the size of things: one without end would make the next step vanish
-            return hill, np.zeros_like(step)
+        if value == TOO_FAR:  # a wall of finite height: an infinite one would make the next step vanish
+            return gain, np.zeros_like(step)
         return value - first, factor.T @ gradient  # so that the tolerance is relative to what is gained
 
-    found = minimize(
+    end = minimize(
         whitened,
         np.zeros(start.size),
         jac=True,
         method="L-BFGS-B",
         options={"maxiter": most, "maxcor": 20, "ftol": _TOLERANCE, "gtol": _SLOPE},
     )
-    return np.asarray(start + factor @ found.x), found.status == 0
+    return np.asarray(start + factor @ end.x), end.status == 0
 
 
 def preconditioner(model: Model, parameters: Real) -> Real:
@@ -310,7 +429,7 @@ def preconditioner(model: Model, parameters: Real) -> Real:
 def _result(
     model: Model, parameters: Real, segments: SegmentSpectra, lines: tuple[SpectralLine, ...] = ()
 ) -> CornerFit:
-    """Return the fit with what is to be said about it."""
+    """Return the fit with its covariance and notes."""
     covariance = parameter_covariance(model, parameters, segments)
     misfit, excess = power_misfit(model, parameters)
     model_error = float(np.sqrt(max(0.0, excess)))
@@ -321,17 +440,17 @@ def _result(
 
 
 def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
-    """Say what cannot be told and how well the model fits."""
+    """Return what cannot be identified and how well the model fits, one sentence each."""
     notes = []
-    untold = [str(component) for component, told in zip(fit.components, fit.is_identifiable, strict=True) if not told]
-    if untold:
-        notes.append(
-            f"this run and these sensors cannot tell {', '.join(untold)}: they stay near the vehicle file's values"
-        )
+    weak = [str(component) for component, is_ in zip(fit.components, fit.is_identifiable, strict=True) if not is_]
+    if weak:
+        verb, stay = ("is", "its estimate stays") if len(weak) == 1 else ("are", "their estimates stay")
+        notes.append(f"{', '.join(weak)} {verb} not identifiable from this run and these sensors; {stay} near nominal")
     if fit.model_error > _IMPERFECT:
         notes.append(
-            f"the fitted spectra are off by {100 * fit.model_error:.0f} % beyond chance: something moves that the "
-            "vehicle file does not have; trust contrasts between corners and against a baseline more than the values"
+            f"the fitted spectra deviate {100 * fit.model_error:.0f} % more than chance allows: the vehicle has a "
+            "moving part that the vehicle file lacks; trust contrasts between corners and against a baseline more than "
+            "the values"
         )
     if lines:
         places = ", ".join(

@@ -11,7 +11,7 @@ from sprung.errors import DataError
 from sprung.likelihood.spectra import OVERCOUNT, SLOWEST, SegmentSpectra
 from sprung.likelihood.whittle import Model
 
-#: Highest speed looked at [m/s], and ratio of neighbouring speeds.
+#: Highest speed of the grid [m/s], and ratio of neighbouring speeds.
 FASTEST, STEP = 45.0, 1.02
 #: Usual change of ln speed from one half-overlapping segment to the next.
 _CHANGE = 0.08
@@ -20,7 +20,7 @@ _SHARP, _FEWEST = 0.06, 12
 
 
 def speed_grid() -> Real:
-    """Return the speeds looked at [m/s]."""
+    """Return the speeds at which the likelihood is computed [m/s], shape (speeds,)."""
     count = int(np.log(FASTEST / SLOWEST) / np.log(STEP)) + 1
     return np.asarray(SLOWEST * STEP ** np.arange(count), dtype=np.float64)
 
@@ -28,26 +28,33 @@ def speed_grid() -> Real:
 def with_estimated_speeds(
     segments: SegmentSpectra, model_at: Callable[[Real], Model], parameters: Real | None = None
 ) -> SegmentSpectra:
-    """Return those segments whose speed the delay of the rear wheels tells, with that speed.
+    """Return the segments whose speed can be estimated from the delay between the axles, with that speed.
 
     Parameters
     ----------
     segments
-        In the order of time, without speeds.
+        Segments in the order of time, without speeds.
     model_at
-        The model with one class for each of the given speeds.
+        Function from speeds [m/s] to the model with one class for each.
     parameters
-        Free ones of its components and first ones of its surface (see `Model`); None: nominal ones.
+        Parameters of an earlier fit: those of the free parts and the first ones of the surface are used; None: nominal
+        ones.
 
     Raises
     ------
     DataError
-        Where too few segments tell their speed.
+        Where the speed of too few segments can be estimated.
 
     Notes
     -----
     The likelihood of each segment at every speed of a grid, its level profiled out; along the segments ln speed is a
-    random walk (forward and backward recursion). The mean and deviation of the posterior are the speed and its spread.
+    random walk: a hidden Markov model, whose posterior the forward and backward recursion gives. Its mean and standard
+    deviation are the speed and its spread.
+
+    References
+    ----------
+    L. R. Rabiner, A tutorial on hidden Markov models and selected applications in speech recognition, Proceedings of
+    the IEEE 77 (1989) 257-286.
     """
     speeds = speed_grid()
     model = model_at(speeds)
@@ -55,7 +62,7 @@ def with_estimated_speeds(
     if parameters is not None:
         kept = min(parameters.size, int(model.rows("class_roughness")[0]))
         start[:kept] = parameters[:kept]
-        start[model.names.index("delay")] = 0.0  # it is the speed that is sought
+        start[model.names.index("delay")] = 0.0  # the speed itself is sought
     evidence = _evidence(segments, model.matrix(start)) / OVERCOUNT
     posterior = _smoothed(evidence, np.log(speeds))
     mean = posterior @ np.log(speeds)
@@ -64,7 +71,7 @@ def with_estimated_speeds(
     is_good = (deviation < _SHARP) & inside
     if np.count_nonzero(is_good) < min(_FEWEST, is_good.size):
         raise DataError(
-            f"the recording has no speed channel, and the delay between the axles tells the speed in only "
+            f"the recording has no speed channel, and the delay between the axles gives the speed of only "
             f"{np.count_nonzero(is_good)} of {is_good.size} segments: add the speed [m/s]"
         )
     return replace(
@@ -82,7 +89,7 @@ def _evidence(segments: SegmentSpectra, matrices: Complex) -> Real:
     inverse = np.linalg.inv(factors)
     logdet = 2 * np.log(np.einsum("vfii->vfi", factors).real).sum(axis=(1, 2))
     size = matrices.shape[1] * matrices.shape[2]
-    level = np.array([np.mean(np.abs(np.einsum("fij,sfj->sfi", one, segments.values)) ** 2, (1, 2)) for one in inverse])
+    level = np.array([np.mean(np.abs(np.einsum("fij,sfj->sfi", L, segments.values)) ** 2, (1, 2)) for L in inverse])
     return -logdet - size * np.log(level.T)
 
 

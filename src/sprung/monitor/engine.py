@@ -1,7 +1,7 @@
 """One vehicle that is watched: blocks of samples in, modes every minute and a diagnosis every ten out."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,13 +9,15 @@ import numpy as np
 from sprung._checks import check_number
 from sprung.diagnosis import (
     Baseline,
+    ChangeDetector,
     Diagnosis,
     Observation,
+    ResidualStatistics,
     baseline_from_dict,
-    diagnose,
+    diagnosis_of,
     learn,
     observation_from_dict,
-    observe,
+    observe_window,
 )
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.identification import METHODS, IdentificationSettings
@@ -32,22 +34,22 @@ _SHORTEST = 120.0
 
 @dataclass(frozen=True, slots=True)
 class MonitorSettings:
-    """How a vehicle is watched.
+    """Settings of the monitoring of one vehicle.
 
     Parameters
     ----------
     window
-        Length of a window [s].
+        Length of a window [s], 60 to 7200.
     identify_every
         Time between identifications of modes [s]; 0: none.
     method
-        "cov", "acs" or "coss".
+        Identification method: "cov", "acs" or "coss".
     n_learning
-        Windows that teach a baseline.
+        Number of conclusive windows that a baseline is learnt from, at least 2.
     false_alarms, hours_per_day
-        Rate per vehicle and day of driving, and hours of driving in one.
+        Rate of false alarms per vehicle and day of driving, and hours of driving in a day.
     most_windows
-        That a diagnosis looks back on.
+        Number of windows that a diagnosis looks back on, at least `n_learning`.
     """
 
     window: float = 600.0
@@ -74,13 +76,13 @@ class Identified:
     Parameters
     ----------
     number
-        Of the identification since the first block.
+        Number of the identification since the first block, from 0.
     start
-        Of the window, UTC ns; None where unknown.
+        Begin of the window, UTC ns; None where unknown.
     modes
-        One object for each mode; empty where there is none.
+        One object for each mode, as in `sprung.identification/1`; empty where none was identified.
     reason
-        Why there is none.
+        Why none was identified; empty otherwise.
     """
 
     number: int
@@ -91,20 +93,20 @@ class Identified:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Observed:
-    """A window that is complete.
+    """A complete window.
 
     Parameters
     ----------
     number
-        Of the window since the first block.
+        Number of the window since the first block, from 0.
     recording
-        Its samples.
+        Samples of the window.
     observation
-        What it says.
+        Estimates and conditions of the window.
     diagnosis
-        Of all windows since the baseline; None while it is being learnt.
+        Diagnosis of the windows since the baseline; None while it is being learnt.
     baseline
-        Where this window was the last that it needed.
+        Baseline learnt with this window as its last one; None otherwise.
     """
 
     number: int
@@ -123,11 +125,11 @@ class VehicleMonitor:
     Parameters
     ----------
     vehicle
-        With its sensors.
+        Vehicle with its sensors.
     settings
-        Default: windows of ten minutes, twelve of them teach.
+        Settings of the monitoring; None: windows of ten minutes, a baseline from twelve of them.
     baseline
-        Learnt before; None: the first windows teach one.
+        Baseline learnt before; None: one is learnt from the first windows.
 
     Notes
     -----
@@ -135,8 +137,12 @@ class VehicleMonitor:
     are known.
 
     Windows hold a fixed number of samples in the order in which they come, whatever the blocks they come in, and are
-    worked up by the functions that work up recordings: `observe`, `learn` and `diagnose`. Score, decision and learning
-    stay apart: nothing but `learn_again` makes it learn a second time.
+    processed by the functions that process recordings: `observe_window`, `learn`, `ChangeDetector` and `diagnosis_of`.
+    Score, decision and learning stay apart: nothing but `learn_again` starts a second learning.
+
+    Memory: the samples of one window, and 96 observations of about 4 kB each with four outputs and twelve components.
+    While a baseline is learnt, an observation also holds the correlations of its segments for the residual test (170 kB
+    in ten minutes): 2 MB with twelve windows, released when it is learnt.
     """
 
     def __init__(
@@ -146,13 +152,12 @@ class VehicleMonitor:
         self._settings = settings or MonitorSettings()
         self._baseline = baseline
         self._reason = "first learning"
-        self._is_learning = baseline is None
         self._blocks: list[Block] = []
         self._n_samples = 0
         self._n_windows = 0
         self._n_identified = 0
-        self._observations: list[Observation] = []
-        self._evidence: list[float] = []
+        self._learning: list[Observation] = []
+        self._detector = None if baseline is None else self._new_detector(baseline)
         self._modes: tuple[dict[str, Any], ...] = ()
         self._diagnosis: Diagnosis | None = None
         self._note = ""
@@ -160,7 +165,7 @@ class VehicleMonitor:
 
     @property
     def vehicle(self) -> Vehicle:
-        """As its file says."""
+        """Vehicle as its file describes it."""
         return self._vehicle
 
     @property
@@ -170,36 +175,36 @@ class VehicleMonitor:
 
     @property
     def learning(self) -> tuple[int, int]:
-        """Windows that can teach so far, and how many are needed; equal when nothing is being learnt."""
+        """Windows of the next baseline so far, and how many are needed; equal when nothing is being learnt."""
         needed = self._settings.n_learning
-        if not self._is_learning:
+        if self._detector is not None:
             return needed, needed
-        sound = sum(one.is_conclusive and not one.sensor_faults for one in self._observations)
+        sound = sum(one.is_conclusive and not one.sensor_faults for one in self._learning)
         return min(sound, needed), needed
 
     @property
     def diagnosis(self) -> Diagnosis | None:
-        """Of the windows since the baseline; None while it is being learnt."""
+        """Diagnosis of the windows since the baseline; None while it is being learnt."""
         return self._diagnosis
 
     @property
     def modes(self) -> tuple[dict[str, Any], ...]:
-        """Identified last."""
+        """Modes identified last."""
         return self._modes
 
     @property
     def observations(self) -> tuple[Observation, ...]:
-        """Windows that are looked back on, oldest first."""
-        return tuple(self._observations)
+        """Windows looked back on, oldest first."""
+        return tuple(self._learning) if self._detector is None else self._detector.observations
 
     @property
     def buffered(self) -> float:
-        """Share of the present window that is there, 0 to 1."""
+        """Share of the present window that has been received, 0 to 1."""
         return self._n_samples / self._needed(self._blocks[0]) if self._blocks else 0.0
 
     @property
     def note(self) -> str:
-        """What stands in the way at present; empty where nothing does."""
+        """Why the last window was inconclusive, or limits of the baseline; empty where there is nothing to say."""
         return self._note
 
     def update(self, block: Block) -> tuple[Event, ...]:
@@ -208,8 +213,13 @@ class VehicleMonitor:
         Parameters
         ----------
         block
-            A `Recording` or a `FrameBlock`, of any length. With other channels or another rate than before, a new
-            window begins.
+            Samples of any length, a `Recording` or a `FrameBlock`. With other channels or another rate than before, a
+            new window begins.
+
+        Returns
+        -------
+        tuple of Identified or Observed
+            In the order of time.
         """
         events: list[Event] = []
         if self._blocks and not _are_alike(block, self._blocks[-1]):
@@ -229,11 +239,22 @@ class VehicleMonitor:
         return tuple(events)
 
     def learn_again(self, reason: str) -> None:
-        """Forget the windows so far and learn a new baseline, such as after maintenance; the reason is kept in it."""
+        """Forget the windows so far and learn a new baseline, such as after maintenance.
+
+        Parameters
+        ----------
+        reason
+            Why, such as "new dampers"; it is kept in the baseline.
+
+        Raises
+        ------
+        ParameterError
+            Where the reason is empty.
+        """
         if not reason.strip():
             raise ParameterError("a new baseline needs a reason, such as 'new dampers'")
-        self._reason, self._is_learning = reason.strip(), True
-        self._observations, self._evidence, self._diagnosis = [], [], None
+        self._reason = reason.strip()
+        self._learning, self._detector, self._diagnosis = [], None, None
 
     def state(self) -> dict[str, Any]:
         """Return everything that is needed to go on, as plain values and bytes."""
@@ -242,12 +263,13 @@ class VehicleMonitor:
             "vehicle": self._vehicle.name,
             "settings": asdict(self._settings),
             "reason": self._reason,
-            "is_learning": self._is_learning,
+            "is_learning": self._detector is None,
             "baseline": None if self._baseline is None else self._baseline.to_dict(),
             "n_windows": self._n_windows,
             "n_identified": self._n_identified,
-            "observations": [one.to_dict() for one in self._observations],
-            "evidence": list(self._evidence),
+            "observations": [observation.to_dict() for observation in self.observations],
+            "residuals": [_stored_statistics(observation.residuals) for observation in self.observations],
+            "evidence": [] if self._detector is None else self._detector.evidence.tolist(),
             "modes": list(self._modes),
             "note": self._note,
             "harmonics": None if self._harmonics is None else [asdict(line) for line in self._harmonics],
@@ -258,30 +280,62 @@ class VehicleMonitor:
     def from_state(cls, vehicle: Vehicle, state: Mapping[str, Any]) -> "VehicleMonitor":
         """Return a monitor that goes on from a state.
 
+        Parameters
+        ----------
+        vehicle
+            Vehicle with its sensors.
+        state
+            From `state`.
+
         Raises
         ------
         ParameterError
-            Where it is none.
+            Where the state is incomplete or invalid.
         """
         if state.get("schema") != STATE:
-            raise ParameterError(f"the state has the schema {state.get('schema')!r}, not {STATE!r}: begin anew")
+            raise ParameterError(
+                f"the saved state has the schema {state.get('schema')!r}, not {STATE!r}: start from scratch"
+            )
         try:
-            found = cls(vehicle, settings=MonitorSettings(**state["settings"]))
-            found._baseline = None if state["baseline"] is None else baseline_from_dict(dict(state["baseline"]))
-            found._reason, found._is_learning = state["reason"], state["is_learning"]
-            found._n_windows, found._n_identified = state["n_windows"], state["n_identified"]
-            found._observations = [observation_from_dict(one) for one in state["observations"]]
-            found._evidence, found._modes = list(state["evidence"]), tuple(state["modes"])
-            found._note = state["note"]
+            monitor = cls(vehicle, settings=MonitorSettings(**state["settings"]))
+            monitor._baseline = None if state["baseline"] is None else baseline_from_dict(dict(state["baseline"]))
+            monitor._reason = state["reason"]
+            monitor._n_windows, monitor._n_identified = state["n_windows"], state["n_identified"]
+            statistics = state.get("residuals", [None] * len(state["observations"]))
+            observations = [
+                monitor._restored_observation(observation_from_dict(document), _restored_statistics(stored))
+                for document, stored in zip(state["observations"], statistics, strict=True)
+            ]
+            if state["is_learning"] or monitor._baseline is None:
+                monitor._learning = observations
+            else:
+                monitor._resume(monitor._baseline, observations, list(state["evidence"]))
+            monitor._modes, monitor._note = tuple(state["modes"]), state["note"]
             lines = state["harmonics"]
-            found._harmonics = None if lines is None else tuple(map(harmonic_from_dict, lines))
-            found._blocks = [_restored(block) for block in state["blocks"]]
+            monitor._harmonics = None if lines is None else tuple(map(harmonic_from_dict, lines))
+            monitor._blocks = [_restored(block) for block in state["blocks"]]
         except (KeyError, TypeError, ValueError) as error:
-            raise ParameterError(f"the state lacks or garbles {error}: begin anew") from None
-        found._n_samples = sum(block.n_samples for block in found._blocks)
-        if not found._is_learning and found._baseline is not None and found._observations:
-            found._diagnose()
-        return found
+            raise ParameterError(f"the saved state is incomplete or invalid ({error}): start from scratch") from None
+        monitor._n_samples = sum(block.n_samples for block in monitor._blocks)
+        return monitor
+
+    def _resume(self, baseline: Baseline, observations: list[Observation], evidence: list[float]) -> None:
+        """Go on with the windows since the baseline."""
+        self._detector = ChangeDetector.resumed(baseline, observations, evidence, **self._detection_settings())
+        self._diagnosis = diagnosis_of(self._detector) if observations else None
+
+    def _new_detector(self, baseline: Baseline) -> ChangeDetector:
+        """Return a detector without windows."""
+        return ChangeDetector(baseline, **self._detection_settings())
+
+    def _detection_settings(self) -> dict[str, Any]:
+        """Return rate of false alarms, windows per day, and number of windows looked back on."""
+        settings = self._settings
+        return {
+            "false_alarms": settings.false_alarms,
+            "windows_per_day": settings.hours_per_day * 3600 / settings.window,
+            "n_windows": settings.most_windows,
+        }
 
     def _needed(self, block: Block) -> int:
         """Samples of a window."""
@@ -299,74 +353,54 @@ class VehicleMonitor:
             try:
                 is_complete = self._n_samples == self._needed(self._blocks[0])
                 known = IdentificationSettings(harmonics=None if is_complete else self._harmonics)
-                found = METHODS[self._settings.method](joined(self._blocks), settings=known, vehicle=self._vehicle)
-                modes = tuple(mode_documents(found.modes))
-                self._harmonics = found.harmonics if is_complete else self._harmonics
+                identify = METHODS[self._settings.method]
+                identification = identify(joined(self._blocks), settings=known, vehicle=self._vehicle)
+                modes = tuple(mode_documents(identification.modes))
+                self._harmonics = identification.harmonics if is_complete else self._harmonics
             except SprungError as error:
                 reason = str(error)
         self._modes = modes
         return Identified(self._n_identified - 1, start, modes, reason)
 
     def _complete(self) -> Observed:
-        """Work up the window that is complete."""
+        """Process the complete window."""
         recording = joined(self._blocks)
         self._blocks, self._n_samples = [], 0
         number = self._n_windows
         self._n_windows += 1
         time = recording.start / 1e9 if recording.start is not None else number * self._settings.window
-        # As it comes back after a restart: the order in memory of its arrays would show in the last digit of findings.
-        observation = observation_from_dict(observe(recording, self._vehicle, time=time).to_dict())
-        self._observations.append(observation)
-        gone = self._observations[: -self._settings.most_windows]
-        del self._observations[: len(gone)]
-        del self._evidence[: self._n_telling(gone)]
+        observed = observe_window(recording, self._vehicle, time=time)
+        # As it is after a restart: the order in memory of its arrays would show in the last digit of findings.
+        observation = self._restored_observation(observation_from_dict(observed.to_dict()), observed.residuals)
         self._note = observation.reason
-        learnt = self._learn() if self._is_learning else None
+        learnt: Baseline | None = None
+        if self._detector is None:
+            learnt = self._learn(observation)
+        else:
+            self._detector.update(observation.without_segments())
+            self._diagnosis = diagnosis_of(self._detector)
         if not self._note and self._baseline is not None:
             self._note = " ".join(self._baseline.notes)
-        if not self._is_learning and learnt is None:
-            self._diagnose()
-        return Observed(number, recording, observation, self._diagnosis, learnt)
+        return Observed(number, recording, observation.without_segments(), self._diagnosis, learnt)
 
-    def _learn(self) -> Baseline | None:
+    def _restored_observation(self, observation: Observation, residuals: ResidualStatistics | None) -> Observation:
+        """Return an observation with what its document does not hold."""
+        return replace(observation, vehicle=self._vehicle.name, residuals=residuals)
+
+    def _learn(self, observation: Observation) -> Baseline | None:
         """Return the baseline if this was the last window it needed."""
+        self._learning = [*self._learning, observation][-self._settings.most_windows :]
         have, needed = self.learning
         if have < needed:
             return None
         try:
-            learnt = learn(
-                self._observations,
-                vehicle=self._vehicle.name,
-                reason=self._reason,
-                previous=self._baseline,
-                n_windows=max(2, needed // 2),
-            )
+            learnt = learn(self._learning, reason=self._reason, previous=self._baseline, n_windows=max(2, needed // 2))
         except DataError as error:
             self._note = str(error)
             return None
-        self._baseline, self._is_learning = baseline_from_dict(learnt.to_dict()), False
-        self._observations, self._evidence = [], []
+        self._baseline = baseline_from_dict(learnt.to_dict())
+        self._learning, self._detector = [], self._new_detector(self._baseline)
         return learnt
-
-    def _diagnose(self) -> None:
-        """Diagnose the windows since the baseline."""
-        per_day = self._settings.hours_per_day * 3600 / self._settings.window
-        before = max(0, self._n_telling(self._observations) - 1)
-        self._diagnosis = diagnose(
-            self._observations,
-            self._baseline,
-            vehicle=self._vehicle.name,
-            false_alarms=self._settings.false_alarms,
-            windows_per_day=per_day,
-            known=self._evidence[:before],
-        )
-        if self._diagnosis.detection is not None:
-            self._evidence = self._diagnosis.detection.evidence.tolist()
-
-    def _n_telling(self, observations: Sequence[Observation]) -> int:
-        """Return how many windows there is evidence of."""
-        components = () if self._baseline is None else self._baseline.components
-        return sum(one.is_conclusive and not one.sensor_faults and one.components == components for one in observations)
 
 
 def mode_documents(modes: Modes) -> list[dict[str, Any]]:
@@ -386,13 +420,13 @@ def mode_documents(modes: Modes) -> list[dict[str, Any]]:
 
 
 def _number(value: float) -> float | None:
-    """Return a finite number; None for any other."""
+    """Return a number that is finite, otherwise None."""
     return float(value) if np.isfinite(value) else None
 
 
-def _are_alike(one: Block, other: Block) -> bool:
-    """Tell whether two blocks can follow each other in a window."""
-    return one.channels == other.channels and abs(one.sampling_rate / other.sampling_rate - 1) < 1e-6
+def _are_alike(block: Block, last: Block) -> bool:
+    """Return whether a block can follow the last one of a window."""
+    return block.channels == last.channels and abs(block.sampling_rate / last.sampling_rate - 1) < 1e-6
 
 
 def _as_recording(block: Block) -> Recording:
@@ -428,3 +462,35 @@ def _restored(stored: Mapping[str, Any]) -> Recording:
     samples = np.frombuffer(stored["samples"], dtype="<f8").reshape(len(channels), -1)
     gaps = tuple(Gap(index, duration) for index, duration in stored["gaps"])
     return Recording(samples, stored["sampling_rate"], channels, stored["start"], gaps)
+
+
+def _stored_statistics(statistics: ResidualStatistics | None) -> dict[str, Any] | None:
+    """Return the statistics of the residual test as plain values and bytes."""
+    if statistics is None:
+        return None
+    segments = statistics.segments
+    return {
+        "channels": list(statistics.channels),
+        "sampling_rate": statistics.sampling_rate,
+        "segment": statistics.segment,
+        "n_segments": statistics.n_segments,
+        "mean": np.ascontiguousarray(statistics.mean, dtype="<f8").tobytes(),
+        "segments": None if segments is None else np.ascontiguousarray(segments, dtype="<f8").tobytes(),
+    }
+
+
+def _restored_statistics(stored: Mapping[str, Any] | None) -> ResidualStatistics | None:
+    """Return the statistics of plain values and bytes."""
+    if stored is None:
+        return None
+    channels = tuple(stored["channels"])
+    shape = (len(channels), len(channels), -1)
+    segments = stored["segments"]
+    return ResidualStatistics(
+        channels,
+        stored["sampling_rate"],
+        stored["segment"],
+        stored["n_segments"],
+        np.frombuffer(stored["mean"], dtype="<f8").reshape(shape),
+        None if segments is None else np.frombuffer(segments, dtype="<f8").reshape(stored["n_segments"], *shape),
+    )

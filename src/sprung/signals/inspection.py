@@ -1,6 +1,9 @@
-"""Facts about a recording: levels, dead, clipped and stuck channels, gaps."""
+"""Facts about a recording: levels, dead, clipped and stuck channels, gaps.
 
-from collections.abc import Iterable
+Dead, stuck, clipped and missing are defined here and nowhere else; who judges by other thresholds passes them.
+"""
+
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -10,12 +13,14 @@ from sprung._arrays import Indices, Real
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 
-# So many equal samples in a row at the largest or smallest value are a plateau of clipping.
+#: Quantities that are conditions of the motion, not motion: they may rest at a value, also at their highest one.
+CONDITIONS = ("speed", "temperature")
+#: Fewest equal samples in a row at the largest or smallest value that count as a plateau of clipping.
 _PLATEAU = 3
-# A channel is called clipped from this share of its samples on, and stuck from this duration [s] and run on.
+#: Share of the samples in plateaus above which a channel is called clipped.
 _CLIPPED_SHARE = 1e-4
-_STUCK_DURATION = 1.0
-_STUCK_RUN = 10
+#: Shortest duration [s] and fewest samples of a run of equal values that count as stuck.
+_STUCK_DURATION, _STUCK_RUN = 1.0, 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +34,12 @@ class ChannelFacts:
     n_values
         Number of samples that are not missing.
     mean, rms, standard_deviation, minimum, maximum
-        Of these values; the RMS includes the mean. None where there is no value.
+        Levels of these values; the RMS includes the mean. None where there is no value.
     clipped
-        Share of the values in plateaus of at least three samples at the maximum or minimum, 0 to 1.
+        Share of the values in plateaus of at least three samples at the maximum or minimum, 0 to 1; 0 for conditions
+        such as the speed, which rest at a value.
     stuck
-        Share of the values in runs of one value for at least a second and ten samples, 0 to 1.
+        Share of the values in runs of one value for at least a second and ten samples, 0 to 1; 0 for conditions.
     """
 
     name: str
@@ -50,12 +56,14 @@ class ChannelFacts:
 
     @property
     def is_dead(self) -> bool:
-        """Whether the channel never changes or holds no value."""
-        return self.minimum == self.maximum
+        """Whether the channel holds no value, or measures motion and never changes."""
+        if self.n_values == 0:
+            return True
+        return self.minimum == self.maximum and not is_condition(self.name, self.quantity)
 
     @property
     def is_clipped(self) -> bool:
-        """Whether the channel spends more than 0.01 % of its time on plateaus at its limits."""
+        """Whether the channel is on plateaus at its limits for more than 0.01 % of its samples."""
         return not self.is_dead and self.clipped > _CLIPPED_SHARE
 
     @property
@@ -81,7 +89,7 @@ class Inspection:
     start
         Time of the first sample, UTC in nanoseconds since 1970; None where unknown.
     history
-        What was done to the samples; jitter of the time stamps is told here.
+        One line for each processing step, jitter of the time stamps included.
     """
 
     channels: tuple[ChannelFacts, ...]
@@ -101,13 +109,93 @@ class Inspection:
         return facts
 
 
+def is_condition(name: str, quantity: str) -> bool:
+    """Return whether a channel shows a condition of the motion (speed, temperature) and not motion itself.
+
+    Parameters
+    ----------
+    name, quantity
+        As in the recording. A channel of unknown quantity called "speed", in any case of letters, is the speed.
+    """
+    return quantity in CONDITIONS or (quantity == "unknown" and name.casefold() == "speed")
+
+
+def equal_runs(values: Real, *, breaks: Sequence[int] = ()) -> tuple[Indices, Indices]:
+    """Return the start and length of every run of equal values.
+
+    Parameters
+    ----------
+    values
+        Samples of one channel, shape (samples,). A missing value (NaN) is a run of its own.
+    breaks
+        Indices that start a new run whatever the values, such as those of gaps.
+    """
+    is_start = np.ones(values.size, dtype=np.bool_)
+    is_start[1:] = np.diff(values) != 0
+    is_start[list(breaks)] = True
+    starts = np.flatnonzero(is_start)
+    return starts, np.diff(starts, append=values.size)
+
+
+def stuck_runs(values: Real, sampling_rate: float, *, breaks: Sequence[int] = ()) -> tuple[Indices, Indices]:
+    """Return the start and length of every run of one value for at least a second and ten samples.
+
+    Parameters
+    ----------
+    values, breaks
+        As for `equal_runs`.
+    sampling_rate
+        In Hz.
+    """
+    starts, lengths = equal_runs(values, breaks=breaks)
+    is_long = (lengths >= max(_STUCK_RUN, _STUCK_DURATION * sampling_rate)) & ~np.isnan(values[starts])
+    return starts[is_long], lengths[is_long]
+
+
+def clipped_share(values: Real, *, breaks: Sequence[int] = ()) -> float:
+    """Return the share of the values in plateaus of at least three samples at the maximum or minimum, 0 to 1.
+
+    Parameters
+    ----------
+    values, breaks
+        As for `equal_runs`.
+    """
+    finite = values[~np.isnan(values)]
+    if finite.size == 0:
+        return 0.0
+    minimum, maximum = float(finite.min()), float(finite.max())
+    at_minimum, at_maximum = _plateaus(values, breaks, minimum, maximum)
+    return (at_maximum + (at_minimum if minimum < maximum else 0)) / finite.size
+
+
+def missing_share(values: Real) -> float:
+    """Return the share of the values that are missing (NaN) or infinite, 0 to 1; 1 where there is none at all."""
+    return 1 - np.count_nonzero(np.isfinite(values)) / values.size if values.size else 1.0
+
+
+def constant_value(values: Real, *, tolerance: float = 0.0) -> float | None:
+    """Return the one value of a channel that never changes; None where it changes or holds no value.
+
+    Parameters
+    ----------
+    values
+        Samples of one channel, shape (samples,); missing values are passed over.
+    tolerance
+        Largest difference of any two values over the largest magnitude that still counts as no change.
+    """
+    finite = values[np.isfinite(values)]
+    if finite.size == 0 or np.ptp(finite) > tolerance * np.abs(finite).max():
+        return None
+    return float(finite[0])
+
+
 def inspect(recording: Recording) -> Inspection:
     """Return the facts about a recording.
 
     Parameters
     ----------
     recording
-        Of any length, missing values as NaN.
+        Recording of any length, missing values as NaN.
 
     Returns
     -------
@@ -137,7 +225,7 @@ def inspect_blocks(blocks: Iterable[Recording]) -> Inspection:
     total: Inspection | None = None
     tallies: list[_Tally] = []
     for block in blocks:
-        added = [_tally(values, block) for values in block.samples]
+        added = [_tally(values, channel, block) for values, channel in zip(block.samples, block.channels, strict=True)]
         tallies = [_merged(*pair) for pair in zip(tallies, added, strict=True)] if tallies else added
         total = _extended(total, block)
     if total is None:
@@ -184,35 +272,26 @@ class _Tally:
     n_stuck: int = 0
 
 
-def _tally(samples: Real, block: Recording) -> _Tally:
+def _tally(samples: Real, channel: Channel, block: Recording) -> _Tally:
     """Return the sums over one channel of a block."""
     values = samples[~np.isnan(samples)]
     if values.size == 0:
         return _Tally()
-    mean, minimum, maximum = values.mean(), values.min(), values.max()
-    starts, lengths = _runs(samples, block)
-    heads = samples[starts]
-    is_plateau = lengths >= _PLATEAU
-    is_stuck = lengths >= max(_STUCK_RUN, _STUCK_DURATION * block.sampling_rate)
-    return _Tally(
-        n_values=values.size,
-        mean=float(mean),
-        squares=float(np.sum((values - mean) ** 2)),
-        minimum=float(minimum),
-        maximum=float(maximum),
-        n_at_minimum=int(lengths[is_plateau & (heads == minimum)].sum()),
-        n_at_maximum=int(lengths[is_plateau & (heads == maximum)].sum()),
-        n_stuck=int(lengths[is_stuck & ~np.isnan(heads)].sum()),
-    )
+    mean, minimum, maximum = float(values.mean()), float(values.min()), float(values.max())
+    levels = _Tally(values.size, mean, float(np.sum((values - mean) ** 2)), minimum, maximum)
+    if is_condition(channel.name, channel.quantity):
+        return levels
+    breaks = [gap.index for gap in block.gaps]
+    n_at_minimum, n_at_maximum = _plateaus(samples, breaks, minimum, maximum)
+    n_stuck = int(stuck_runs(samples, block.sampling_rate, breaks=breaks)[1].sum())
+    return replace(levels, n_at_minimum=n_at_minimum, n_at_maximum=n_at_maximum, n_stuck=n_stuck)
 
 
-def _runs(samples: Real, block: Recording) -> tuple[Indices, Indices]:
-    """Return start and length of every run of equal samples; a gap ends a run."""
-    is_start = np.ones(samples.size, dtype=bool)
-    is_start[1:] = np.diff(samples) != 0
-    is_start[[gap.index for gap in block.gaps]] = True
-    starts = np.flatnonzero(is_start)
-    return starts, np.diff(starts, append=samples.size)
+def _plateaus(values: Real, breaks: Sequence[int], minimum: float, maximum: float) -> tuple[int, int]:
+    """Return the number of samples in plateaus at the minimum and at the maximum."""
+    starts, lengths = equal_runs(values, breaks=breaks)
+    heads, is_plateau = values[starts], lengths >= _PLATEAU
+    return int(lengths[is_plateau & (heads == minimum)].sum()), int(lengths[is_plateau & (heads == maximum)].sum())
 
 
 def _merged(one: _Tally, other: _Tally) -> _Tally:

@@ -1,4 +1,4 @@
-"""The sensor layout of a vehicle file, put on a recording."""
+"""The sensors of a vehicle file placed on a recording."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,9 +16,9 @@ def with_layout(recording: Recording, sensors: Sequence[Sensor]) -> Recording:
     Parameters
     ----------
     recording
-        With channels named as in the vehicle file; others stay as they are.
+        Recording with channels named as in the vehicle file; others stay as they are.
     sensors
-        The file's sensors.
+        Sensors of the file.
 
     Returns
     -------
@@ -29,7 +29,7 @@ def with_layout(recording: Recording, sensors: Sequence[Sensor]) -> Recording:
     Raises
     ------
     ParameterError
-        If no sensor is in the recording, or one has another quantity there.
+        Where no sensor is in the recording, or one has another quantity there.
     """
     stated = {sensor.channel: sensor for sensor in sensors}
     if stated and not stated.keys() & set(recording.names):
@@ -47,12 +47,17 @@ def with_layout(recording: Recording, sensors: Sequence[Sensor]) -> Recording:
 
 
 def quantities_of(recording: Recording, sensors: Sequence[Sensor]) -> dict[str, str]:
-    """Return the quantity of each channel: its own, or where that is unknown what the vehicle file says.
+    """Return the quantity of each channel: its own, or where that is unknown that of the vehicle file.
+
+    Parameters
+    ----------
+    recording, sensors
+        As for `with_layout`.
 
     Raises
     ------
     ParameterError
-        As `with_layout`.
+        As from `with_layout`.
     """
     with_layout(recording, sensors)
     stated = {sensor.channel: sensor.quantity for sensor in sensors}

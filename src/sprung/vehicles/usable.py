@@ -7,12 +7,14 @@ import numpy as np
 from sprung.errors import DataError
 from sprung.recording import Recording
 from sprung.signals.conditioning import while_moving, without_missing
+from sprung.signals.inspection import CONDITIONS, constant_value
 from sprung.vehicles.description import Chain, Quarter, Vehicle
 from sprung.vehicles.sensor_layout import with_layout
 
-#: Quantities that are conditions of the motion, not outputs.
-_CONDITIONS = ("speed", "temperature")
+#: Speed below which a vehicle's motion says nothing of its modes [m/s].
 _SLOWEST = 3.0
+#: Relative differences that resampling and conversion of units make of a constant: a channel within them is dead.
+_ROUNDING = 1e-12
 
 AnyVehicle = Vehicle | Quarter | Chain
 
@@ -23,23 +25,58 @@ def usable(recording: Recording, *, vehicle: AnyVehicle | None = None) -> Record
     Parameters
     ----------
     recording
-        As read.
+        Recording as read.
     vehicle
-        Its sensors, where it has any, are the outputs; otherwise every channel that is no condition.
+        Vehicle whose sensors, where its file states any, are the outputs; otherwise every channel that is no condition.
 
     Raises
     ------
     DataError
-        If an output is dead, or nothing is left.
+        Where an output is dead, or nothing is left.
+    ParameterError
+        Where none of the vehicle file's sensors is in the recording, or one has another quantity there.
     """
     speed = speed_channel(recording, vehicle)
     if vehicle is not None and vehicle.sensor:
         recording = with_layout(recording, vehicle.sensor)
-        wanted = [sensor.channel for sensor in vehicle.sensor if sensor.quantity not in _CONDITIONS]
-        outputs = [name for name in wanted if name in recording.names]
-    else:
-        outputs = [c.name for c in recording.channels if c.quantity not in _CONDITIONS and c.name != speed]
-    recording = recording.select([*outputs, speed] if speed and speed not in outputs else outputs)
+    return usable_motion(recording, output_channels(recording, vehicle), speed)
+
+
+def output_channels(recording: Recording, vehicle: AnyVehicle | None = None) -> tuple[str, ...]:
+    """Return the names of the channels of motion: the vehicle file's sensors, or where it has none every such channel.
+
+    Parameters
+    ----------
+    recording
+        Recording with the vehicle file's sensors placed on it.
+    vehicle
+        Vehicle with its sensors; None: unknown.
+    """
+    if vehicle is not None and vehicle.sensor:
+        stated = [sensor.channel for sensor in vehicle.sensor if sensor.quantity not in CONDITIONS]
+        return tuple(name for name in stated if name in recording.names)
+    speed = speed_channel(recording, vehicle)
+    return tuple(c.name for c in recording.channels if c.quantity not in CONDITIONS and c.name != speed)
+
+
+def usable_motion(recording: Recording, outputs: Sequence[str], speed: str | None) -> Recording:
+    """Return the outputs (and the speed) where the vehicle moves and nothing is missing; the rest becomes gaps.
+
+    Parameters
+    ----------
+    recording
+        Recording in SI units.
+    outputs
+        Names of the channels of motion.
+    speed
+        Name of the channel with the speed [m/s]; None: unknown, all of the recording counts.
+
+    Raises
+    ------
+    DataError
+        Where an output is dead, or nothing is left.
+    """
+    recording = recording.select([*outputs, speed] if speed and speed not in outputs else list(outputs))
     _check_alive(recording, outputs)
     recording = without_missing(recording)
     return while_moving(recording, speed, minimum_speed=_SLOWEST) if speed else recording
@@ -60,15 +97,16 @@ def _check_alive(recording: Recording, outputs: Sequence[str]) -> None:
         raise DataError("the recording has no channel of motion: give accelerations or angular velocities")
     if recording.n_samples < 2:
         raise DataError(f"the recording has {recording.n_samples} sample(s): record at least a minute")
-    dead = []
+    dead: dict[str, str] = {}
     for name in outputs:
         samples = recording.samples[recording.index(name)]
-        finite = samples[np.isfinite(samples)]
-        if finite.size < 2:
-            dead.append((name, "has no values"))
-        elif np.ptp(finite) <= 1e-12 * np.abs(finite).max():
-            dead.append((name, f"is constant at {finite[0]:g}"))
+        value = constant_value(samples, tolerance=_ROUNDING)
+        if np.count_nonzero(np.isfinite(samples)) < 2:
+            dead[name] = "has no values"
+        elif value is not None:
+            dead[name] = f"is constant at {value:g}"
     if dead:
-        left = [name for name in outputs if name not in dict(dead)]
-        advice = f"leave it out with --channels {','.join(left)}" if left else "check the sensors and their wiring"
-        raise DataError(f"channel {dead[0][0]!r} {dead[0][1]}: {advice}")
+        name, why = next(iter(dead.items()))
+        alive = [other for other in outputs if other not in dead]
+        advice = f"leave it out with --channels {','.join(alive)}" if alive else "check the sensors and their wiring"
+        raise DataError(f"channel {name!r} {why}: {advice}")

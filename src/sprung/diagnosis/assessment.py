@@ -1,0 +1,251 @@
+"""From windows and a baseline to a diagnosis: health assessment of ISO 13374."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from sprung.diagnosis.baseline import Baseline, nominal_baseline, vehicle_of
+from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection
+from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
+from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.residuals import DIFFERENT, ResidualTest, residual_test
+from sprung.diagnosis.sensors import SensorFault
+from sprung.diagnosis.trends import trend
+from sprung.errors import ParameterError
+
+#: Difference of ln evidence from which on the runner-up is not named.
+_CLOSE = 3.0
+#: Share of what an unmodelled change explains that a part must explain to be named in its place.
+_MOSTLY = 0.8
+#: Room around the range of a condition in the baseline, over that range, within which a window is like its windows.
+_ROOM = 0.5
+
+
+def diagnose(
+    observations: Iterable[Observation],
+    baseline: Baseline | None = None,
+    *,
+    false_alarms: float = 1e-3,
+    windows_per_day: float = 48.0,
+) -> Diagnosis:
+    """Diagnose a vehicle.
+
+    Parameters
+    ----------
+    observations
+        Windows of one vehicle in the order of time.
+    baseline
+        What is normal for it; None: its file, and left as right, with wide limits.
+    false_alarms
+        Rate of false alarms of a healthy vehicle, per day; above 0.
+    windows_per_day
+        Windows in a day of driving, above 0.
+
+    Raises
+    ------
+    ParameterError
+        Where a number is out of its range, or the windows are of several vehicles or not of the baseline's.
+
+    Notes
+    -----
+    All windows through one `ChangeDetector`, and then `diagnosis_of`.
+    """
+    every = tuple(observations)
+    vehicle = vehicle_of(every)
+    if baseline is not None and vehicle and baseline.vehicle and vehicle != baseline.vehicle:
+        raise ParameterError(
+            f"the windows are of the vehicle {vehicle!r}, the baseline is of {baseline.vehicle!r}: give that of "
+            f"{vehicle!r}, or learn one"
+        )
+    if baseline is None:
+        conclusive = (observation for observation in every if observation.is_conclusive)
+        first = next(conclusive, None)
+        if first is None:
+            return _inconclusive(every, false_alarms)
+        baseline = nominal_baseline(first.components, vehicle=vehicle)
+    detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
+    for observation in every:
+        detector.update(observation)
+    return diagnosis_of(detector)
+
+
+def diagnosis_of(detector: ChangeDetector) -> Diagnosis:
+    """Return the diagnosis of the windows that a detector looks back on.
+
+    Parameters
+    ----------
+    detector
+        Detector with its windows and baseline.
+
+    Notes
+    -----
+    Where a baseline has a residual reference, each conclusive window with sound sensors is tested against it, too; a
+    note says what this second opinion is, and where it disagrees.
+    """
+    every, baseline, detection = detector.observations, detector.baseline, detector.detection
+    if not any(observation.is_conclusive for observation in every):
+        return _inconclusive(every, detector.false_alarms)
+    compared = [observation for observation in every if baseline.accepts(observation)]
+    is_changed = detection is not None and detection.is_alert
+    findings = (_finding(detection, compared, baseline),) if detection is not None and is_changed else ()
+    tests = _residual_tests(every, baseline)
+    notes = (
+        *_inconclusive_notes(every),
+        *_exclusion_notes(every, baseline),
+        *baseline.notes,
+        *_condition_notes(baseline, compared),
+        *([] if detection is None else _evidence_notes(detection)),
+        *_second_opinion(tests, is_changed=is_changed),
+    )
+    return Diagnosis(findings, _distinct_faults(every), detection, every, notes, baseline, detector.false_alarms, tests)
+
+
+def _inconclusive(observations: tuple[Observation, ...], false_alarms: float) -> Diagnosis:
+    """Return the diagnosis of windows none of which is conclusive."""
+    notes = tuple(_inconclusive_notes(observations))
+    return Diagnosis((), _distinct_faults(observations), None, observations, notes, None, false_alarms)
+
+
+def _distinct_faults(observations: Sequence[Observation]) -> tuple[SensorFault, ...]:
+    """Return the first fault of each channel and kind."""
+    faults: dict[tuple[str, str], SensorFault] = {}
+    for observation in observations:
+        for fault in observation.sensor_faults:
+            faults.setdefault((fault.channel, fault.kind), fault)
+    return tuple(faults.values())
+
+
+def _residual_tests(observations: Sequence[Observation], baseline: Baseline) -> dict[float, ResidualTest]:
+    """Return the residual tests of the windows with sound sensors and the reference's channels, by time."""
+    reference = baseline.residuals
+    if reference is None:
+        return {}
+    return {
+        observation.time: residual_test(reference, observation.residuals)
+        for observation in observations
+        if observation.residuals is not None and observation.residuals.is_like(reference)
+    }
+
+
+def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) -> list[str]:
+    """Return what the residual test finds, and whether it disagrees."""
+    if not tests:
+        return []
+    different = sum(test.is_different for test in tests.values())
+    sentence = (
+        f"second opinion without the vehicle file (subspace residuals): {different} of {len(tests)} windows differ "
+        f"from those of the baseline (p < {DIFFERENT:g})"
+    )
+    if is_changed and not different:
+        return [f"{sentence}: it does not confirm the finding"]
+    if not is_changed and different > len(tests) / 2:
+        return [f"{sentence}: it disagrees, no change of springs, dampers or tyres was detected"]
+    return [sentence]
+
+
+def _finding(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> Finding:
+    """Return the best hypothesis as a finding."""
+    best, second = _best_two(detection)
+    if best.interval is None:
+        level = SEVERITIES[2]
+    else:
+        certain = min(map(abs, best.interval)) if best.interval[0] * best.interval[1] > 0 else 0.0
+        level = next(level for level in SEVERITIES if certain >= level[0])
+    is_close = best.log_evidence - second.log_evidence < _CLOSE and second.hypothesis.scope != "else"
+    return Finding(
+        corner=best.hypothesis.corner,
+        component=best.hypothesis.component,
+        change=best.change,
+        interval=best.interval,
+        score=best.score,
+        severity=level[1],
+        severity_number=level[2],
+        advice=level[3],
+        since=best.onset,
+        since_interval=best.onset_interval,
+        runner_up=_words(second) if is_close else "",
+        trend=trend(best, observations, baseline, since=best.onset),
+    )
+
+
+def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
+    """Return the hypothesis to name and the next best.
+
+    A part that explains nearly all is named, though an unmodelled change explains a little more: with much evidence,
+    every error of the vehicle file does.
+    """
+    first, *others = detection.candidates
+    named = next(one for one in detection.candidates if one.hypothesis.scope != "else")
+    is_enough = named.explained >= _MOSTLY * first.explained and named.log_evidence >= detection.threshold
+    if first.hypothesis.scope != "else" or not is_enough:
+        return first, others[0]
+    return named, next(one for one in others if one.hypothesis.scope != "else" and one is not named)
+
+
+def _words(candidate: Candidate) -> str:
+    """Return a hypothesis in words."""
+    hypothesis = candidate.hypothesis
+    return f"{hypothesis.corner.replace('_', '-')} {hypothesis.component} by {100 * (candidate.change or 0.0):+.0f} %"
+
+
+def _inconclusive_notes(observations: Sequence[Observation]) -> list[str]:
+    """Return how many windows are inconclusive, by reason."""
+    reasons = [observation.reason for observation in observations if not observation.is_conclusive]
+    return [
+        f"{reasons.count(reason)} of {len(observations)} windows were inconclusive: {reason}"
+        for reason in dict.fromkeys(reasons)
+    ]
+
+
+def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) -> list[str]:
+    """Return what the windows are compared with, and which ones are excluded from it."""
+    conclusive = [observation for observation in observations if observation.is_conclusive]
+    sound = [observation for observation in conclusive if not observation.sensor_faults]
+    notes = []
+    if baseline.n_windows == 0:
+        notes.append("no baseline: compared with the vehicle file and left with right, with wide limits")
+    if len(sound) < len(conclusive):
+        causes = {f"{f.channel} is {f.kind.replace('_', ' ')}" for one in conclusive for f in one.sensor_faults}
+        notes.append(
+            f"{len(conclusive) - len(sound)} of {len(conclusive)} windows were excluded because "
+            f"{' and '.join(sorted(causes))}; the suspension is not monitored until this is repaired"
+        )
+    distrusted = sum(not baseline.is_trusted_on(observation) for observation in sound)
+    if distrusted:
+        notes.append(
+            f"{distrusted} of {len(sound)} windows are explained too badly to be compared with the vehicle file: learn "
+            "a baseline"
+        )
+    return notes
+
+
+def _evidence_notes(detection: Detection) -> list[str]:
+    """Return what the named part leaves unexplained, or that an alert has cleared."""
+    if not detection.is_alert:
+        if detection.first_alert is None:
+            return []
+        return [f"an alert was raised in the window at {time_in_words(detection.first_alert)} and has cleared"]
+    first, named = detection.candidates[0], _best_two(detection)[0]
+    if first.log_evidence - named.log_evidence < detection.threshold:
+        return []
+    return [
+        f"the {_words(named)} explains {100 * named.explained / first.explained:.0f} % of the change: the rest may be "
+        "another part, or what the vehicle file lacks"
+    ]
+
+
+def _condition_notes(baseline: Baseline, observations: Sequence[Observation]) -> list[str]:
+    """Return which conditions are far from those of the baseline."""
+    notes = []
+    for name, (low, high) in baseline.ranges.items():
+        scale = np.log if name == "roughness" else float
+        room = _ROOM * (scale(high) - scale(low))
+        lowest, highest = scale(low) - room, scale(high) + room
+        values = [observation.conditions[name] for observation in observations if name in observation.conditions]
+        n_outside = sum(not lowest <= scale(value) <= highest for value in values)
+        if n_outside:
+            notes.append(
+                f"{n_outside} of {len(observations)} windows have a {name} far from that of the baseline's windows "
+                f"({low:.3g} to {high:.3g}): learn it again with such drives"
+            )
+    return notes

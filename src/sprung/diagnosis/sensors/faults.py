@@ -1,0 +1,37 @@
+"""The fault of a sensor."""
+
+from dataclasses import dataclass
+
+#: Kinds of faults, each a word of `SensorFault.kind`.
+KINDS = (
+    "dead",
+    "stuck",
+    "clipped",
+    "spiking",
+    "noisy",
+    "drifting",
+    "inverted",
+    "swapped",
+    "wrong_gain",
+    "time_shifted",
+    "hum",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFault:
+    """A fault of a channel.
+
+    Parameters
+    ----------
+    channel
+        Name of the channel.
+    kind
+        One of `KINDS`.
+    detail
+        Size of the fault, in words.
+    """
+
+    channel: str
+    kind: str
+    detail: str

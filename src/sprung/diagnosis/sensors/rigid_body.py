@@ -1,0 +1,159 @@
+"""Faults that show in the residual channel: what the rigid body cannot explain of the channels."""
+
+from itertools import combinations
+
+import numpy as np
+
+from sprung._arrays import Complex, Real
+from sprung.diagnosis.sensors.faults import SensorFault
+from sprung.signals.spectrum import SpectralMatrix
+from sprung.vehicles import Structure
+
+#: Least power of the residual over the mean power of the channels.
+_RESIDUAL = 1e-3
+#: Share of the residual that one faulty channel must explain, and that other signs, gains, places and delays of several
+#: channels must.
+_EXPLAINED, _EXPLAINED_TOGETHER = 0.7, 0.7
+#: Lowest frequency of the comparison [Hz], and its highest one over half the sampling rate.
+_BAND = (0.5, 0.5)
+
+
+def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[list[SensorFault], float]:
+    """Find inverted, swapped, wrongly scaled, late and noisy channels by what the rigid body cannot explain.
+
+    Parameters
+    ----------
+    spectra
+        Spectral matrix of channels of motion of the structure, in SI units.
+    structure
+        Structure with the places and directions of its sensors.
+
+    Returns
+    -------
+    tuple
+        Faults of single channels, and the RMS of the residual over that of the channels where several channels explain
+        it and no single one does; otherwise 0.
+
+    Notes
+    -----
+    Accelerations of a rigid body are y = T q'' with q its bounce, pitch and roll. The rows of N in the residual n = N y
+    are an orthonormal basis of the left null space, N T = 0, so that n is noise while all sensors are right. A faulty
+    channel k, measured as G times what it should be, makes the residual N_k (1 - 1/G) y_k: coherent with y_k at all
+    frequencies, and its transfer function gives G. With angular velocities or displacements among the channels the
+    residual would need differentiation, and nothing is said.
+    """
+    null = _null_space(spectra.names, structure)
+    if not len(null):
+        return [], 0.0
+    frequencies = spectra.frequencies
+    band = (frequencies > _BAND[0]) & (frequencies < _BAND[1] * frequencies[-1])
+    S, frequencies, names = spectra.matrix.transpose(2, 0, 1)[band], frequencies[band], spectra.names
+    mean_power = np.einsum("fii->", S).real / len(names)
+    residual = _residual_power(S, null) / len(null)
+    if residual < _RESIDUAL * mean_power:
+        return [], 0.0
+    faults = _swapped(S, null, residual, names) or _single_fault(S, null, names, frequencies)
+    together = 1 - _least_power(S, frequencies, len(null)) / residual
+    if faults or together < _EXPLAINED_TOGETHER:
+        return faults, 0.0
+    return [], float(np.sqrt(residual / mean_power))
+
+
+def _null_space(names: tuple[str, ...], structure: Structure) -> Real:
+    """Return the rows N of N T = 0, shape (residuals, channels); none where channels are no accelerations."""
+    outputs = structure.outputs
+    rows = [outputs.names.index(name) for name in names]
+    if np.any(outputs.velocity[rows]) or np.any(outputs.displacement[rows]):
+        return np.zeros((0, len(names)))
+    T = outputs.acceleration[rows]
+    T = T[:, np.abs(T).max(axis=0) > 0]
+    left, values, _ = np.linalg.svd(T, full_matrices=True)
+    return left[:, np.count_nonzero(values > 1e-6 * values[0]) :].T
+
+
+def _residual_power(S: Complex, null: Real) -> float:
+    """Return the power of N y over all frequencies and residuals."""
+    return float(np.einsum("ki,fij,kj->", null, S, null).real)
+
+
+def _least_power(S: Complex, frequencies: Real, count: int) -> float:
+    """Return the least mean power of `count` orthogonal combinations (a + b d/dt)^T y with a of length 1."""
+    omega = 2 * np.pi * frequencies
+    own, slopes = S.sum(axis=0).real, np.einsum("f,fij->ij", omega**2, S).real
+    cross = np.einsum("f,fij->ij", -1j * omega, S).real
+    powers = np.linalg.eigvalsh(own - cross @ np.linalg.pinv(slopes, hermitian=True) @ cross.T)
+    return float(powers[:count].mean())
+
+
+#: Residual after an exchange of two channels, over that before, below which they are swapped.
+_VANISHES = 0.05
+
+
+def _swapped(S: Complex, null: Real, residual: float, names: tuple[str, ...]) -> list[SensorFault]:
+    """Return the pairs of channels whose exchange makes the residual vanish."""
+    pairs = []
+    for first, second in combinations(range(len(names)), 2):
+        order = np.arange(len(names))
+        order[[first, second]] = second, first
+        if _residual_power(S, null[:, order]) / len(null) < _VANISHES * residual:
+            pairs.append((names[first], names[second]))
+    words = " or ".join(f"{first} with {second}" for first, second in pairs)
+    return [SensorFault(name, "swapped", words) for pair in pairs for name in pair]
+
+
+#: Share of the residual that a channel with noise of its own explains, and how many times that of any other channel.
+_ALONE, _FAR_MORE = 0.03, 5.0
+
+
+def _single_fault(S: Complex, null: Real, names: tuple[str, ...], frequencies: Real) -> list[SensorFault]:
+    """Return the fault of the one channel that explains the residual."""
+    shares = [_explained_share(S, null, row) for row in range(len(names))]
+    worst = int(np.argmax(shares))
+    if shares[worst] >= _EXPLAINED:
+        return [SensorFault(names[worst], *_kind_and_size(S, null, worst, frequencies))]
+    second = np.sort(shares)[-2]
+    if shares[worst] > _ALONE and shares[worst] > _FAR_MORE * second:
+        return [SensorFault(names[worst], *_NOISY)]
+    return []
+
+
+def _transfer(S: Complex, null: Real, row: int) -> tuple[Complex, Real, Real]:
+    """Return the residual over a channel, the power of that channel and what it explains, all over frequency."""
+    direction = null[:, row] / max(np.sum(null[:, row] ** 2), 1e-300)
+    cross = np.einsum("k,ki,fi->f", direction, null, S[:, :, row])
+    own = S[:, row, row].real
+    return cross / own, own, np.abs(cross) ** 2 / own
+
+
+def _explained_share(S: Complex, null: Real, row: int) -> float:
+    """Return the share of the residual's power that a fault of one channel explains."""
+    return float(np.sum(_transfer(S, null, row)[2]) * np.sum(null[:, row] ** 2) / _residual_power(S, null))
+
+
+#: Deviation of a gain from 1 and delay [s] up to which they are right.
+_GAIN, _DELAY = 0.03, 1.5e-3
+#: Longest delay sought [s] and number of delays on the grid; share of 1/G that neither gain nor delay explains above
+#: which a channel is noisy.
+_LONGEST, _N_DELAYS, _UNEXPLAINED = 0.1, 801, 0.3
+_NOISY = ("noisy", "moves by itself")
+
+
+def _kind_and_size(S: Complex, null: Real, row: int, frequencies: Real) -> tuple[str, str]:
+    """Return what is wrong with a channel y = G x, 1/G = 1 - residual over channel = e^(i w delay) / gain."""
+    ratio, own, _ = _transfer(S, null, row)
+    inverse = 1 - ratio
+    omega = 2 * np.pi * frequencies
+    delays = np.linspace(-_LONGEST, _LONGEST, _N_DELAYS)
+    sums = np.exp(-1j * delays[:, None] * omega) @ (own * inverse) / own.sum()
+    best = int(np.argmax(np.abs(sums.real)))
+    delay, amplitude = float(delays[best]), float(sums[best].real)
+    error = inverse - amplitude * np.exp(1j * omega * delay)
+    if np.sum(own * np.abs(error) ** 2) > _UNEXPLAINED * np.sum(own * np.abs(inverse) ** 2):
+        return _NOISY
+    if amplitude < 0:
+        return "inverted", f"{-1 / amplitude:.2f} times the opposite of what the others say"
+    if abs(delay) > _DELAY:
+        return "time_shifted", f"{1e3 * abs(delay):.1f} ms {'late' if delay > 0 else 'early'}"
+    if abs(1 / amplitude - 1) > _GAIN:
+        return "wrong_gain", f"{1 / amplitude:.2f} times what the others say"
+    return _NOISY

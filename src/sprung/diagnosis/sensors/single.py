@@ -1,0 +1,180 @@
+"""Faults that show in a channel by itself, or next to others of its quantity.
+
+A check takes channels and returns the size of the fault in words, by row of the channels that have it.
+"""
+
+import numpy as np
+
+from sprung._arrays import Booleans, Real
+from sprung.diagnosis.sensors.channels import Channels
+from sprung.signals.inspection import clipped_share, missing_share, stuck_runs
+
+#: Share of missing values above which a channel is dead.
+_MISSING = 0.5
+#: Share of a window on the move above which a channel is stuck. `sprung info` shows any run of a second; a fault must
+#: not follow from a few of them, as a slow sensor on a smooth road has.
+_STUCK = 0.02
+#: Largest magnitude of 0, over the standard deviation.
+_ZERO = 1e-6
+
+
+def dead(channels: Channels) -> dict[int, str]:
+    """Find channels that hold hardly any value, or rest at 0."""
+    details = {}
+    for row, values in enumerate(channels.samples):
+        missing = missing_share(values)
+        rest = _rest(values, channels.sampling_rate)
+        if missing > _MISSING:
+            details[row] = f"{100 * missing:.0f} % of its values are missing"
+        elif rest is not None and _is_zero(rest[0], values):
+            details[row] = _rest_in_words(*rest)
+    return details
+
+
+def stuck(channels: Channels) -> dict[int, str]:
+    """Find channels that rest at a value other than 0."""
+    rests = {row: _rest(values, channels.sampling_rate) for row, values in enumerate(channels.samples)}
+    return {
+        row: _rest_in_words(*rest)
+        for row, rest in rests.items()
+        if rest is not None and not _is_zero(rest[0], channels.samples[row])
+    }
+
+
+def _rest(values: Real, sampling_rate: float) -> tuple[float, float] | None:
+    """Return the value of the longest run of a second or more, and the share of all such; None where it is small."""
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return None
+    starts, lengths = stuck_runs(finite, sampling_rate)
+    share = float(lengths.sum() / finite.size)
+    if share < _STUCK:
+        return None
+    return float(finite[starts[np.argmax(lengths)]]), share
+
+
+def _is_zero(value: float, values: Real) -> bool:
+    """Return whether a value is 0 but for rounding."""
+    spread = float(np.std(values[np.isfinite(values)]))
+    return value == 0 or abs(value) <= _ZERO * max(spread, 1e-12)
+
+
+def _rest_in_words(value: float, share: float) -> str:
+    return f"stays at {value:.4g} for {100 * share:.0f} % of the time"
+
+
+#: Share of clipped samples above which a fit suffers; `sprung info` remarks on a third of it.
+_CLIPPED = 3e-4
+
+
+def clipped(channels: Channels) -> dict[int, str]:
+    """Find channels that are cut off at their limits, also while the vehicle stands."""
+    breaks = [gap.index for gap in channels.recording.gaps]
+    shares = [clipped_share(values, breaks=breaks) for values in channels.recording.samples]
+    return {
+        row: f"{100 * share:.2g} % of its samples at the limit" for row, share in enumerate(shares) if share > _CLIPPED
+    }
+
+
+#: Robust standard deviations by which a spike stands out, and fewest spikes that are a fault.
+_SPIKE, _FEWEST_SPIKES = 12.0, 3
+#: Samples within which a spike rings where time stamps were made regular.
+_ONE_SPIKE = 5
+#: Standard deviations of the samples that no body jumps to and back from within a sample.
+_NO_BODY = 6.0
+
+
+def spiking(channels: Channels) -> dict[int, str]:
+    """Find single samples that jump and return while no other channel does."""
+    samples = channels.complete
+    bend = samples[:, 1:-1] - (samples[:, 2:] + samples[:, :-2]) / 2
+    sizes = bend / (1.4826 * np.median(np.abs(bend), axis=1, keepdims=True) + 1e-300)
+    details = {}
+    for row, size in enumerate(sizes):
+        peers = channels.peers(row)
+        # A pothole moves all sensors; without another of its quantity, only what no body does is a spike.
+        is_alone = (
+            np.abs(sizes[peers, 1:-1]).max(axis=0) < 0.5 * np.abs(size[1:-1])
+            if peers
+            else np.abs(bend[row, 1:-1]) > _NO_BODY * samples[row].std()
+        )
+        places = np.flatnonzero((np.abs(size[1:-1]) > _SPIKE) & _returns(size) & is_alone)
+        count = int(places.size and 1 + np.count_nonzero(np.diff(places) > _ONE_SPIKE))
+        if count >= _FEWEST_SPIKES:
+            details[row] = f"{count} spikes"
+    return details
+
+
+def _returns(size: Real) -> Booleans:
+    """Return whether both neighbours of each inner sample bend the other way."""
+    middle = size[1:-1]
+    limit = -0.25 * middle**2
+    return np.asarray((size[:-2] * middle < limit) & (size[2:] * middle < limit))
+
+
+#: Power of a mains line over the median of its neighbourhood.
+_HUM = 12.0
+#: Mains frequencies, half width of a line, and inner and outer half width of its neighbourhood [Hz].
+_MAINS, _LINE, _NEIGHBOURHOOD = (50.0, 60.0), 0.8, (1.5, 8.0)
+
+
+def hum(channels: Channels) -> dict[int, str]:
+    """Find mains lines."""
+    power, frequencies = channels.spectra.densities, channels.spectra.frequencies
+    details = {}
+    for mains in _MAINS:
+        if mains > 0.95 * frequencies[-1]:
+            continue
+        distance = np.abs(frequencies - mains)
+        around = (distance > _NEIGHBOURHOOD[0]) & (distance < _NEIGHBOURHOOD[1])
+        ratio = power[:, distance < _LINE].max(axis=1) / np.median(power[:, around], axis=1)
+        for row in np.flatnonzero(ratio > _HUM):
+            details[int(row)] = f"{mains:.0f} Hz stands {10 * np.log10(ratio[row]):.0f} dB out"
+    return details
+
+
+#: Power of a channel's top band over that of its loudest peer, and edges of that band over half the sampling rate.
+_NOISE, _TOP = 12.0, (0.6, 0.9)
+
+
+def noisy(channels: Channels) -> dict[int, str]:
+    """Find channels whose top band is far above that of the others of their quantity, at least two."""
+    power, frequencies = channels.spectra.densities, channels.spectra.frequencies
+    top = (frequencies > _TOP[0] * frequencies[-1]) & (frequencies < _TOP[1] * frequencies[-1])
+    noise = np.median(power[:, top], axis=1)
+    details = {}
+    for row in range(len(noise)):
+        peers = noise[channels.peers(row)]
+        if peers.size >= 2 and noise[row] > _NOISE * peers.max():
+            details[row] = f"noise {10 * np.log10(noise[row] / np.median(peers)):.0f} dB above the others"
+    return details
+
+
+#: Standard deviation of a channel's mean over blocks, relative to its peers and over its own standard deviation, and
+#: fewest peers for that; the same without peers (slopes of the road move it too); and ratio to that of the peers.
+_DRIFT, _PEERS, _DRIFT_ALONE, _FAR_WANDERED = 0.08, 2, 0.5, 2.5
+#: Least length of a block [s], most and fewest blocks.
+_BLOCK, _MOST_BLOCKS, _FEWEST_BLOCKS = 5.0, 60, 6
+
+
+def drifting(channels: Channels) -> dict[int, str]:
+    """Find channels whose mean moves away from that of the others of their quantity."""
+    samples = channels.complete
+    n_blocks = min(_MOST_BLOCKS, int(samples.shape[1] / (_BLOCK * channels.sampling_rate)))
+    if n_blocks < _FEWEST_BLOCKS:
+        return {}
+    means = samples[:, : samples.shape[1] // n_blocks * n_blocks].reshape(len(samples), n_blocks, -1).mean(axis=2)
+    peers = [channels.peers(row) for row in range(len(samples))]
+    has_peers = [len(rows) >= _PEERS for rows in peers]
+    wander = np.array(
+        [
+            np.std(means[row] - (np.median(means[rows], axis=0) if has_peers[row] else 0.0))
+            for row, rows in enumerate(peers)
+        ]
+    )
+    details = {}
+    for row, rows in enumerate(peers):
+        least = (_DRIFT if has_peers[row] else _DRIFT_ALONE) * samples[row].std()
+        if wander[row] > least and (not has_peers[row] or wander[row] > _FAR_WANDERED * np.median(wander[rows])):
+            details[row] = f"its mean wanders by {wander[row]:.2g} (std) in the window"
+    return details
