@@ -7,7 +7,7 @@ import pytest
 
 from sprung.diagnosis import compare_residuals, diagnose, learn, learn_residuals, observe, observe_window
 from sprung.errors import ParameterError
-from sprung.simulation import Dead, DriveSettings, simulate_drive, with_imperfections
+from sprung.simulation import RoadConditions, RoadDrive, dead, simulate_drive
 from sprung.vehicles import read_vehicle, window
 
 #: 2026-11-21, UTC ns.
@@ -22,7 +22,7 @@ def car():
 @pytest.fixture(scope="module")
 def run(car):
     """Ten minutes, in windows of two."""
-    recording = simulate_drive(car, DriveSettings("road", snr=50.0, road="C"), seed=1).recording
+    recording = simulate_drive(car, RoadDrive(snr=50.0, road=RoadConditions("C")), seed=1).recording
     return replace(recording, start=BEGUN)
 
 
@@ -50,7 +50,7 @@ def test_sensors_are_placed_once(car, run, monkeypatch):
     calls = []
     place = window.with_layout
     monkeypatch.setattr(window, "with_layout", lambda *given: calls.append(given) or place(*given))
-    observe_window(with_imperfections(run.part(0, 24_000), [Dead("acc_rl")]), car)
+    observe_window(dead(run.part(0, 24_000), channel="acc_rl"), car)
     assert len(calls) == 1
 
 
@@ -89,7 +89,7 @@ def learn_from_compact(observations):
 
 
 def test_a_window_with_a_failing_sensor_has_no_residual_test(car, run):
-    broken = observe_window(with_imperfections(run.part(0, 24_000), [Dead("acc_rl")]), car)
+    broken = observe_window(dead(run.part(0, 24_000), channel="acc_rl"), car)
     assert broken.sensor_faults
     assert broken.residuals is None
 
