@@ -85,7 +85,7 @@ def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
     no_json = tmp_path / "b.json"
     no_json.write_text("x")
     for words, code, part in (
-        (("--vehicle", "chain3"), 2, "corners need a body on axles"),
+        (("--vehicle", "chain3"), 2, "must be a body on axles"),
         (("--vehicle", "zafira", "--baseline", tmp_path / "no.json"), 2, "no.json: No such file"),
         (("--vehicle", "zafira", "--baseline", no_json), 2, "is no JSON"),
         (("--vehicle", "zafira", "--false-alarms", "0"), 2, "false_alarms=0 must be above 0"),

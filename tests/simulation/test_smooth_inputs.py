@@ -3,12 +3,12 @@ import pytest
 
 from sprung.excitation import Lines, constant_speed
 from sprung.simulation import response, simulate, with_linear_inputs, with_rises
-from sprung.vehicles import frequency_response, read_vehicle, structure
+from sprung.vehicles import frequency_response, read_description, read_vehicle, structure
 
 
 def test_a_ramp_is_exact_at_any_rate():
     """Response to y = v t: the same at the common instants for two rates, to rounding."""
-    quarter = structure(read_vehicle("quarter"))
+    quarter = structure(read_description("quarter"))
     found = []
     for rate in (100.0, 400.0):
         inputs = 0.3 * np.arange(round(rate)) / rate

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sprung.cli.documents import write_json
-from sprung.cli.files import INPUT, Channels, Files, Json, SamplingRate, check_file, names, records
+from sprung.cli.files import INPUT, Channels, Files, Json, SamplingRate, VehicleFile, check_file, names, records
 from sprung.cli.printing import console, notes, table
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
@@ -18,14 +18,6 @@ if TYPE_CHECKING:
     from sprung.recording import Recording
     from sprung.vehicles import Vehicle
 
-VehicleFile = Annotated[
-    Path,
-    typer.Option(
-        metavar="V.toml|NAME",
-        help="Vehicle file: geometry, masses, sensors, nominal components.",
-        show_default=False,
-    ),
-]
 Minutes = Annotated[
     float, typer.Option("--window", metavar="MINUTES", help="Length of a window.", rich_help_panel=INPUT)
 ]
@@ -58,12 +50,13 @@ def baseline(
     from dataclasses import replace
 
     from sprung.diagnosis import FEWEST_RESIDUALS, learn, learn_residuals
+    from sprung.vehicles import read_vehicle
 
     if previous is not None and not reason.strip():
         raise ParameterError("learning again after --previous needs --reason TEXT, such as 'new dampers'")
     check_file("--out", out, inputs=[*files, vehicle])
     check_file("--json", json, inputs=[*files, vehicle])
-    description = vehicle_of(vehicle)
+    description = read_vehicle(vehicle)
     before = None if previous is None else read_baseline(previous, description)
     with progress_bar() as report:
         observations, outputs = observed(
@@ -86,16 +79,6 @@ def baseline(
         write_json(found.to_dict(), json)
     if json != "-":
         _show(found, observations, out)
-
-
-def vehicle_of(path: Path) -> "Vehicle":
-    """Return the vehicle on axles of a file or a name."""
-    from sprung.vehicles import Vehicle, read_vehicle
-
-    description = read_vehicle(path)
-    if not isinstance(description, Vehicle):
-        raise ParameterError(f"--vehicle {path} is a {description.kind}: corners need a body on axles")
-    return description
 
 
 def read_baseline(path: Path, vehicle: "Vehicle") -> "Baseline":

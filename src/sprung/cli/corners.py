@@ -89,16 +89,11 @@ def corners(
     json: Json = None,
 ) -> None:
     """Fit springs, dampers and tyres of every corner to drives (with speed) or runs on a rig, by their spectra."""
-    from sprung.errors import ParameterError
     from sprung.likelihood import CornerSettings, fit_corners
-    from sprung.vehicles import Vehicle, read_vehicle
+    from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle])
     description = read_vehicle(vehicle)
-    if not isinstance(description, Vehicle):
-        raise ParameterError(
-            f"--vehicle {vehicle} is a {description.kind}: corners need a body on axles (road, rail or rig)"
-        )
     settings = CornerSettings(
         band=band,
         segment=segment,

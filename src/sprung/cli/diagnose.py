@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sprung.cli.baseline import Minutes, VehicleFile, compared, observed, read_baseline, vehicle_of
+from sprung.cli.baseline import Minutes, compared, observed, read_baseline
 from sprung.cli.documents import write_json
-from sprung.cli.files import INPUT, OUTPUT, Channels, Files, Json, SamplingRate, check_file
+from sprung.cli.files import INPUT, OUTPUT, Channels, Files, Json, SamplingRate, VehicleFile, check_file
 from sprung.cli.printing import console, notes, table
 from sprung.cli.progress import progress_bar
 from sprung.errors import DataError
@@ -50,10 +50,11 @@ def diagnose(
     from sprung._checks import check_number
     from sprung.diagnosis import diagnose as diagnosed
     from sprung.diagnosis import mode_changes, second_opinion
+    from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle, *([baseline] if baseline else [])])
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
-    description = vehicle_of(vehicle)
+    description = read_vehicle(vehicle)
     normal = None if baseline is None else read_baseline(baseline, description)
     with progress_bar() as report:
         observations, outputs = observed(

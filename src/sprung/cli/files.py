@@ -37,6 +37,14 @@ Channels = Annotated[
         rich_help_panel=INPUT,
     ),
 ]
+VehicleFile = Annotated[
+    Path,
+    typer.Option(
+        metavar="V.toml|NAME",
+        help="Vehicle file: geometry, masses, sensors, nominal components.",
+        show_default=False,
+    ),
+]
 Json = Annotated[
     str | None,
     typer.Option(

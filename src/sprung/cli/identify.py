@@ -177,9 +177,9 @@ def _with_words(
 
 def _vehicle(path_or_name: str | None) -> "AnyVehicle | None":
     """Return the vehicle of a file or a name."""
-    from sprung.vehicles import read_vehicle
+    from sprung.vehicles import read_description
 
-    return None if path_or_name is None else read_vehicle(path_or_name)
+    return None if path_or_name is None else read_description(path_or_name)
 
 
 def _method(name: str) -> "Callable[..., Identification]":

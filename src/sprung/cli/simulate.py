@@ -198,9 +198,9 @@ def _check_length(duration: float, sampling_rate: float) -> None:
 
 def _vehicle(kind: str, path_or_name: str | None) -> "AnyVehicle":
     """Return the vehicle to simulate."""
-    from sprung.vehicles import Vehicle, read_vehicle
+    from sprung.vehicles import Vehicle, read_description
 
-    vehicle = read_vehicle(_USUAL_VEHICLE[kind] if path_or_name is None else path_or_name)
+    vehicle = read_description(_USUAL_VEHICLE[kind] if path_or_name is None else path_or_name)
     if isinstance(vehicle, Vehicle) != (kind in {"road", "rail", "rig"}) or (
         not isinstance(vehicle, Vehicle) and vehicle.kind != kind
     ):

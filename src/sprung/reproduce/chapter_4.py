@@ -23,7 +23,7 @@ from sprung.reproduce.report import Block, Report, Section, Table, deviation, pi
 from sprung.reproduce.runs import Effort, Progress, over_seeds
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.simulation import simulate, usual_excitation, with_noise
-from sprung.vehicles import Structure, read_vehicle, structure
+from sprung.vehicles import Structure, read_description, structure
 
 RATE, DURATION, N_RECORDS = 500.0, 60.0, 20
 RATIOS = (10.0, 0.5)
@@ -56,7 +56,7 @@ PUBLISHED_THEORY = ((7.01, 19.65, 28.39), (1.12, 3.15, 4.55))
 
 def report(effort: Effort, on_progress: Progress) -> Report:
     """Return the report of the chapter."""
-    vehicle = structure(read_vehicle("chain3"))
+    vehicle = structure(read_description("chain3"))
     truth = theoretical(vehicle)
     on_progress("one set of records, as the thesis shows it", 0.0)
     clean = records(vehicle, seed=0)
@@ -121,7 +121,7 @@ def identified(method: str, runs: list[Recording], *, is_default: bool = False) 
 
 def experiment(seed: int) -> Real:
     """Return frequency, damping, MAC and number of other modes, (SNR, band, thesis or default, method, 4, modes)."""
-    vehicle = structure(read_vehicle("chain3"))
+    vehicle = structure(read_description("chain3"))
     truth, clean = theoretical(vehicle), records(vehicle, seed=seed)
     results = np.full((len(RATIOS), len(BANDS), 2, len(METHODS), 4, len(truth)), np.nan)
     for i, snr in enumerate(RATIOS):
@@ -277,7 +277,7 @@ def _verdict(runs: Real, found: dict[tuple[str, float], Identification]) -> str:
     white = [[share(runs[:, i, 0, 0, m, 0, k]) for k in range(3)] for i in range(2) for m in range(3)]
     low = {m: [share(runs[:, 1, 1, 0, n, 0, k]) for k in range(3)] for n, m in enumerate(METHODS)}
     default = [share(runs[:, 1, 1, 1, 2, 0, k]) for k in range(3)]
-    truth = theoretical(structure(read_vehicle("chain3")))
+    truth = theoretical(structure(read_description("chain3")))
     error = worst_error(runs[:, 1, 1, 1, 2, 0], truth.natural_frequency)
     damping = worst_error(runs[:, :, :, 0, 2, 1], truth.damping_ratio)
 

@@ -143,9 +143,7 @@ def experiment(seed: int) -> tuple[Real, Real]:
 
 def _car() -> Vehicle:
     """The car whose parameters fit the published modes."""
-    vehicle = read_vehicle("zafira")
-    assert isinstance(vehicle, Vehicle)
-    return vehicle
+    return read_vehicle("zafira")
 
 
 def _plate_truth() -> Modes:

@@ -15,7 +15,7 @@ from sprung.reproduce.report import Block, Paragraph, Report, Section, Table, pi
 from sprung.reproduce.runs import Effort, Progress, over_seeds
 from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, worst_error
 from sprung.simulation import Law, simulate, simulate_nonlinear, with_noise
-from sprung.vehicles import Structure, read_vehicle, structure
+from sprung.vehicles import Structure, read_description, structure
 
 RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 8, 20.0, 1.0
 #: Force of the records that differ in level: from 1 to 10 over the set.
@@ -36,7 +36,7 @@ HOW = ("thesis", "default")
 
 def report(effort: Effort, on_progress: Progress) -> Report:
     """Return the comparison."""
-    truth = theoretical(structure(read_vehicle("chain3")))
+    truth = theoretical(structure(read_description("chain3")))
     runs = np.array(
         over_seeds(
             experiment,
@@ -65,7 +65,7 @@ def report(effort: Effort, on_progress: Progress) -> Report:
 
 def records(case: str, *, seed: int) -> list[Recording]:
     """Return one set of records of a case."""
-    vehicle = structure(read_vehicle("chain3"))
+    vehicle = structure(read_description("chain3"))
     made = []
     for number_ in range(N_RECORDS):
         generator = np.random.default_rng([seed, list(CASES).index(case), number_])
@@ -107,7 +107,7 @@ def experiment(seed: int) -> Real:
 
     Rows: frequency, damping, MAC, number of other modes, and of CoSS-SSI the frequency in the lowest and the highest subset.
     """
-    truth = theoretical(structure(read_vehicle("chain3")))
+    truth = theoretical(structure(read_description("chain3")))
     results = np.full((len(CASES), len(HOW), len(METHODS), 6, len(truth)), np.nan)
     for i, case in enumerate(CASES):
         runs = records(case, seed=seed)
