@@ -20,20 +20,22 @@ def info(
     channels: Channels = None,
     json: Json = None,
 ) -> None:
-    """Tell what recordings hold: channels, units, rate, length, gaps, levels and faults."""
+    """Summarise recordings: channels, units, rate, length, gaps, levels and faults."""
+    from sprung.documents import inspection_document
+
     check_file("--json", json, inputs=files)
-    inspections = []
+    inspections = {}
     for path in files:
-        inspection = _inspected(path, sampling_rate, names(channels))
-        inspections.append({"path": str(path), **inspection.to_dict()})
+        inspection = _inspect(path, sampling_rate, names(channels))
+        inspections[str(path)] = inspection
         if json != "-":
             _show(path, inspection)
     if json is not None:
-        write_json({"schema": "sprung.info/1", "files": inspections}, json)
+        write_json(inspection_document(inspections), json)
 
 
-def _inspected(path: Path, sampling_rate: float | None, channels: tuple[str, ...] | None) -> "Inspection":
-    """Return the facts about a file, in bounded memory where it is large."""
+def _inspect(path: Path, sampling_rate: float | None, channels: tuple[str, ...] | None) -> "Inspection":
+    """Inspect a file, in bounded memory where it is large."""
     from sprung.signals.inspection import inspect_blocks
 
     with progress_bar() as report:
@@ -54,7 +56,7 @@ def _show(path: Path, inspection: "Inspection") -> None:
 
 
 def _summary(inspection: "Inspection") -> str:
-    """Return length, rate, gaps and start in a line."""
+    """Return length, rate, gaps and start in one line."""
     length = f"{inspection.n_samples} samples at {inspection.sampling_rate:.8g} Hz: {_time(inspection.duration)}"
     gaps = "no gaps"
     if inspection.n_gaps:
@@ -73,14 +75,14 @@ def _time(seconds: float) -> str:
 
 
 def _row(facts: "ChannelFacts", n_samples: int) -> tuple[str, ...]:
-    """Return the row of a channel."""
+    """Return a channel's row of the table."""
     levels = (facts.mean, facts.rms, facts.minimum, facts.maximum)
     numbers = ("" if level is None else f"{level:.4g}" for level in levels)
     return (facts.name, facts.quantity, facts.unit, *numbers, _remarks(facts, n_samples))
 
 
 def _remarks(facts: "ChannelFacts", n_samples: int) -> str:
-    """Return what is wrong with a channel."""
+    """Return the faults of a channel in words."""
     shares = {
         "clipped": facts.clipped if facts.is_clipped else 0.0,
         "stuck": facts.stuck if facts.is_stuck else 0.0,

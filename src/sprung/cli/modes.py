@@ -1,62 +1,63 @@
-"""An identification as tables."""
+"""Tables of an identification."""
 
 import math
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sprung.cli.printing import console, notes, printable, table
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from sprung._arrays import Complex
     from sprung.identification import Identification, SubsetModes
     from sprung.signals.harmonics import Harmonic
 
-#: Channels below this share of the largest one are left out of a shape in words.
+#: Channels below this share of the largest one are omitted from a shape in words.
 _MAIN_SHARE = 0.3
-#: At most so many channels or numbers stand in a cell, and families of harmonics in a table.
+#: Most channels or numbers in a cell, and most families of harmonics in a table.
 _MOST_WORDS, _MOST_FAMILIES = 6, 8
-#: So many reasons are given why nothing was found.
+#: Most reasons that explain why no mode was found.
 _MOST_REASONS = 3
 
 
 def show_identification(identification: "Identification", *, files: Sequence[Path], figures: Sequence[Path]) -> None:
-    """Print the modes, what is no mode, and what a reader should know."""
-    out = console()
+    """Print modes, harmonics and notes."""
+    screen = console()
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
     modes = f"{_counted(len(identification.modes), 'mode')} by {identification.method}"
     channels = _counted(len(identification.channels), "channel")
-    out.print(
+    screen.print(
         printable(f"{source}: {modes} from {channels} at {identification.sampling_rate:.5g} Hz"),
         style="bold",
         soft_wrap=True,
     )
     if len(identification.modes):
-        out.print(_modes(identification))
-        out.print(_CAPTION, style="dim")
+        screen.print(_modes(identification))
+        screen.print(_CAPTION, style="dim")
     if len(identification.modes) and len(identification.subsets) > 1:
-        out.print()
-        out.print(_subsets(identification))
+        screen.print()
+        screen.print(_subsets(identification))
     if identification.harmonics:
-        out.print()
-        out.print(_harmonics(identification.harmonics))
-    out.print()
-    out.print(notes(identification.notes))
+        screen.print()
+        screen.print(_harmonics(identification.harmonics))
+    screen.print()
+    screen.print(notes(identification.notes))
     if figures:
-        out.print(printable(f"figures: {', '.join(map(str, figures))}"), soft_wrap=True)
+        screen.print(printable(f"figures: {', '.join(map(str, figures))}"), soft_wrap=True)
 
 
 _CAPTION = (
-    "± standard deviation; stable: share of the ladder with this mode; shape: channels over"
+    "± standard deviation; stable: share of the ladder with this mode; shape: channels above"
     f" {100 * _MAIN_SHARE:.0f} % of the largest, + in phase with it, - against it, ~ between"
 )
 
 
 def why_none(identification: "Identification") -> str:
-    """Return in a sentence why there is no mode."""
+    """Return a sentence that explains why there is no mode."""
     from sprung.modal import PoleStatus
 
     reasons: Counter[int] = Counter()
@@ -64,22 +65,24 @@ def why_none(identification: "Identification") -> str:
         for diagram in subset.diagrams:
             reasons.update(diagram.status.tolist())
     if not reasons:
-        return "no mode found: there is no oscillating pole at any order: raise --max-order"
+        return "no mode found: no order has an oscillating pole: raise --max-order"
     if PoleStatus.SELECTED in reasons:
         return "no mode found in half of the subsets or more: record longer, or use fewer --subsets"
-    told = "; ".join(f"{count}: {PoleStatus(status).sentence}" for status, count in reasons.most_common(_MOST_REASONS))
-    return f"no mode found in {reasons.total()} poles ({told}): record longer, or widen --band"
+    counts = "; ".join(
+        f"{count}: {PoleStatus(status).sentence}" for status, count in reasons.most_common(_MOST_REASONS)
+    )
+    return f"no mode found in {reasons.total()} poles ({counts}): record longer, or widen --band"
 
 
 def _modes(identification: "Identification") -> "Table":
     """Return the table of modes."""
     modes = identification.modes
-    shapes = _shapes(modes.channels, modes.mode_shapes)
+    shapes = shapes_in_words(modes.channels, modes.mode_shapes)
     columns = ("frequency [Hz]", "damping [%]", "stable", "MPC", "label", "shape")
     rows = [
         (
-            _value(modes.natural_frequency[k], modes.natural_frequency_std[k]),
-            _value(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
+            with_deviation(modes.natural_frequency[k], modes.natural_frequency_std[k]),
+            with_deviation(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
             f"{100 * modes.stable_rate[k]:.0f} %",
             f"{modes.mpc[k]:.2f}",
             (modes.labels[k] or "").replace("_", " "),
@@ -90,29 +93,29 @@ def _modes(identification: "Identification") -> "Table":
     return table("", columns, rows, n_words=0)
 
 
-def _value(value: float, deviation: float) -> str:
-    """Return a value with as many digits as its standard deviation leaves it, and the deviation."""
+def with_deviation(value: float, deviation: float) -> str:
+    """Return a value and its standard deviation, with two significant digits of the deviation."""
     if not (math.isfinite(deviation) and deviation > 0):
         return f"{value:.4g}"
     decimals = min(max(1 - math.floor(math.log10(deviation)), 0), 6)
     return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
 
 
-def _shapes(channels: Sequence[str], mode_shapes: Any) -> list[str]:
-    """Return shapes in words: the main channels and how they move."""
-    return [_shape(_without_common_head(channels), shape.tolist()) for shape in mode_shapes]
+def shapes_in_words(channels: Sequence[str], mode_shapes: "Complex") -> list[str]:
+    """Return for each shape its main channels and the signs of their motion."""
+    return [_shape(_without_common_prefix(channels), shape.tolist()) for shape in mode_shapes]
 
 
-def _without_common_head(names: Sequence[str]) -> list[str]:
-    """Return names without what all have up to their last separator: fl, fr for acc_fl, acc_fr."""
+def _without_common_prefix(names: Sequence[str]) -> list[str]:
+    """Return names without a common prefix up to their last separator: fl, fr for acc_fl, acc_fr."""
     cuts = [max(name.rfind(separator) for separator in "_-. ") + 1 for name in names]
-    heads = {name[:cut] for name, cut in zip(names, cuts, strict=True)}
-    is_common = len(heads) == 1 and not any(name in heads for name in names)
+    prefixes = {name[:cut] for name, cut in zip(names, cuts, strict=True)}
+    is_common = len(prefixes) == 1 and not any(name in prefixes for name in names)
     return [name[cuts[0] :] for name in names] if is_common else list(names)
 
 
 def _shape(names: Sequence[str], shape: Sequence[complex]) -> str:
-    """Return the main channels of a shape that is 1 at its largest channel."""
+    """Return the main channels of a shape whose largest channel is 1."""
     main = [k for k, part in enumerate(shape) if abs(part) >= _MAIN_SHARE]
     named = sorted(sorted(main, key=lambda k: -abs(shape[k]))[:_MOST_WORDS])
     words = [names[k] + _sign(shape[k]) for k in named]
@@ -120,19 +123,19 @@ def _shape(names: Sequence[str], shape: Sequence[complex]) -> str:
 
 
 def _sign(part: complex) -> str:
-    """Return how a channel moves against the largest one: within 60 degrees of its phase, against it or between."""
+    """Return the sign of a channel: + within 60 degrees of the phase of the largest one, - against it, ~ between."""
     cosine = part.real / abs(part)
     return "~" if abs(cosine) < 0.5 else "+" if cosine > 0 else "-"
 
 
 def _subsets(identification: "Identification") -> "Table":
-    """Return what each subset says about each mode."""
+    """Return the table of each mode in each subset."""
     columns = ["mode", *(_heading(subset) for subset in identification.subsets), ""]
     rows = [
         [
             f"{identification.modes.natural_frequency[k]:.4g} Hz",
             *(
-                _found(subset, int(member))
+                _subset_mode(subset, int(member))
                 for subset, member in zip(identification.subsets, identification.members[k], strict=True)
             ),
             "",
@@ -148,7 +151,7 @@ def _heading(subset: "SubsetModes") -> str:
     return f"{level}{_counted(subset.n_segments, 'segment')}"
 
 
-def _found(subset: "SubsetModes", member: int) -> str:
+def _subset_mode(subset: "SubsetModes", member: int) -> str:
     """Return frequency and damping of a mode in a subset."""
     if member < 0:
         return "-"
@@ -156,38 +159,38 @@ def _found(subset: "SubsetModes", member: int) -> str:
 
 
 def _harmonics(harmonics: Sequence["Harmonic"]) -> "Table":
-    """Return the table of lines that are no modes, the strongest first, multiples of one fundamental in one row."""
+    """Return the table of harmonics, strongest first, with the multiples of a fundamental in one row."""
     families: dict[tuple[str, float], list[Harmonic]] = {}
     for line in harmonics:
         families.setdefault((line.kind, line.fundamental or line.frequency), []).append(line)
     rows = [_family(fundamental, lines) for (_, fundamental), lines in sorted(families.items(), key=_faintness)]
-    left = len(rows) - _MOST_FAMILIES
-    if left > 0:
-        rows = [*rows[:_MOST_FAMILIES], (f"{left} fainter", "", "", "", "")]
-    columns = ("line", "multiples", "at [Hz]", "stands out by", "channels")
+    n_omitted = len(rows) - _MOST_FAMILIES
+    if n_omitted > 0:
+        rows = [*rows[:_MOST_FAMILIES], (f"{n_omitted} weaker", "", "", "", "")]
+    columns = ("line", "multiples", "at [Hz]", "prominence", "channels")
     return table("Harmonics of the excitation, not modes", columns, rows, n_words=2)
 
 
 def _faintness(family: tuple[tuple[str, float], Sequence["Harmonic"]]) -> float:
-    """Return what sorts families from the most to the least prominent."""
+    """Return the sort key of a family: the most prominent comes first."""
     return -max(line.prominence for line in family[1])
 
 
 def _family(fundamental: float, lines: Sequence["Harmonic"]) -> tuple[str, ...]:
-    """Return the row of a line and its multiples."""
+    """Return the row of a fundamental and its multiples."""
     is_constant = lines[0].kind == "constant"
     low, high = min(line.band[0] for line in lines), max(line.band[1] for line in lines)
     return (
         f"{fundamental:.4g} {'Hz' if is_constant else 'per metre'}",
-        _ranges(sorted(line.order for line in lines)),
+        orders_in_words(sorted(line.order for line in lines)),
         f"{low:.3g} to {high:.3g}" if len(lines) > 1 or not is_constant else f"{lines[0].frequency:.4g}",
         f"{max(line.prominence for line in lines):.0f} dB",
         _listed(sorted({name for line in lines for name in line.channels})),
     )
 
 
-def _ranges(orders: Sequence[int]) -> str:
-    """Return rising whole numbers in few words: 1 to 4, 6 ...; none for a line by itself."""
+def orders_in_words(orders: Sequence[int]) -> str:
+    """Return rising orders as ranges, such as 1 to 4, 6; empty for a single line."""
     if orders[-1] == 1:
         return ""
     starts = [k for k in range(len(orders)) if k == 0 or orders[k] > orders[k - 1] + 1]
@@ -196,7 +199,7 @@ def _ranges(orders: Sequence[int]) -> str:
 
 
 def _listed(words: Sequence[str], separator: str = " ") -> str:
-    """Return words in a row, not too many."""
+    """Return words in a row, with an ellipsis after the first few."""
     return separator.join([*words[:_MOST_WORDS], *(["..."] if len(words) > _MOST_WORDS else [])])
 
 

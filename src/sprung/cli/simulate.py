@@ -135,7 +135,7 @@ def simulate(
     check_file("--out", out)
     check_file("--json", json)
     if json is not None and Path(json).resolve() == out.resolve():
-        raise ParameterError(f"--json {json} would be written over --out: give another name")
+        raise ParameterError(f"--json {json} would overwrite --out: give another name")
     if noise_band is not None and snr is None:
         raise ParameterError("--noise-band needs --snr: state how strong the noise is")
     is_drive = kind in {"road", "rail", "rig"}

@@ -66,7 +66,11 @@ def baseline_document(baseline: Baseline) -> BaselineDocument:
         for column, name in enumerate(CONDITIONS)
     }
     return BaselineDocument.model_validate(
-        {"schema": "sprung.baseline/1", **{name: getattr(baseline, name) for name in _alike()}, "conditions": conditions}
+        {
+            "schema": "sprung.baseline/1",
+            **{name: getattr(baseline, name) for name in _alike()},
+            "conditions": conditions,
+        }
     )
 
 

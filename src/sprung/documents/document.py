@@ -158,7 +158,9 @@ def checked(model: type[_Document], fields: Mapping[str, Any], *, source: str) -
     """
     schema = schema_of(model)
     if fields.get("schema") != schema:
-        raise FormatError(f"{source} has the schema {fields.get('schema')!r}, but must have {schema!r}: give another one")
+        raise FormatError(
+            f"{source} has the schema {fields.get('schema')!r}, but must have {schema!r}: give another one"
+        )
     try:
         return model.model_validate(fields)
     except ValidationError as error:

@@ -96,9 +96,7 @@ def identification_document(
             "band": identification.band,
             "modes": _merged_modes(identification, vehicle),
             "subsets": [
-                SubsetDocument(
-                    n_segments=subset.n_segments, level=subset.level, modes=identified_modes(subset.modes)
-                )
+                SubsetDocument(n_segments=subset.n_segments, level=subset.level, modes=identified_modes(subset.modes))
                 for subset in identification.subsets
             ],
             "harmonics": identification.harmonics,

@@ -139,9 +139,7 @@ def read_inspections(path: str | Path) -> dict[str, Inspection]:
         Where it holds something else.
     """
     document = checked(InspectionDocument, read_fields(path), source=str(path))
-    return {
-        file.path: Inspection(**{name: value for name, value in file if name != "path"}) for file in document.files
-    }
+    return {file.path: Inspection(**{name: value for name, value in file if name != "path"}) for file in document.files}
 
 
 def truth_document(truth: Mapping[str, Any]) -> TruthDocument:
