@@ -16,6 +16,7 @@ from sprung.documents.document import (
     Pair,
     checked,
     first_problem,
+    plain,
     read_fields,
     write_document,
 )
@@ -100,7 +101,8 @@ class DiagnosisDocument(Document):
 
 def observation_document(observation: Observation) -> dict[str, Any]:
     """Return a window as the `windows` of `sprung.diagnosis/1` and the store have it: one JSON object."""
-    return _WINDOW.dump_python(observation, mode="json")
+    fields: dict[str, Any] = plain(_WINDOW.dump_python(observation, mode="json"))
+    return fields
 
 
 def observation_from_document(document: Mapping[str, Any]) -> Observation:
@@ -119,7 +121,8 @@ def observation_from_document(document: Mapping[str, Any]) -> Observation:
 
 def finding_document(finding: Finding) -> dict[str, Any]:
     """Return a finding as the `findings` of `sprung.diagnosis/1` and the store have it: one JSON object."""
-    return _FINDING.dump_python(finding, mode="json")
+    fields: dict[str, Any] = plain(_FINDING.dump_python(finding, mode="json"))
+    return fields
 
 
 def diagnosis_document(diagnosis: Diagnosis, *, modes: Iterable[ModeChange] = ()) -> DiagnosisDocument:

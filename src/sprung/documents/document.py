@@ -46,7 +46,8 @@ class Document(BaseModel):
 
     def as_json(self) -> dict[str, Any]:
         """Return the document as JSON has it: lists, texts, numbers, and null for numbers that are not finite."""
-        return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
+        fields: dict[str, Any] = plain(self.model_dump(mode="json", by_alias=True, exclude_unset=True))
+        return fields
 
 
 _Document = TypeVar("_Document", bound=Document)

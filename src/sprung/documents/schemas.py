@@ -55,7 +55,7 @@ def read_document(path: str | Path) -> Document:
     """
     fields = read_fields(path)
     schema = fields.get("schema")
-    if schema not in DOCUMENTS:
+    if not isinstance(schema, str) or schema not in DOCUMENTS:
         known = ", ".join(DOCUMENTS)
         raise FormatError(f"{path} has the schema {schema!r}, which is not one of {known}: give another file")
     return checked(DOCUMENTS[schema], fields, source=str(path))
