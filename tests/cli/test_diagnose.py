@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from sprung.cli.diagnose import _trend_words
+from sprung.cli.diagnose import trend_in_words
 from sprung.diagnosis import Trend
 from sprung.formats import write
 from sprung.simulation import Dead, DriveSettings, simulate_drive, with_imperfections
@@ -30,7 +30,7 @@ def baseline(sprung, drives):
         words = ("--vehicle", "zafira", "--windows", "3", "--out", path, "--reason", "new springs")
         outcome = sprung("baseline", drives / "healthy.parquet", *words)
         assert outcome.code == 0, outcome.err
-        assert "version 1 (new springs): 3 of 3 windows taught it" in outcome.out
+        assert "version 1 (new springs): learnt from 3 of 3 windows" in outcome.out
     return path
 
 
@@ -59,8 +59,8 @@ def test_words_and_figures(sprung, drives, baseline, tmp_path):
     assert outcome.code == 0
     assert "rear-right spring" in outcome.out
     assert "stiffer" in outcome.out
-    assert "no trend: that takes a named part and four windows since the onset" in outcome.out
-    assert "as the finding implies" in outcome.out
+    assert "no trend: it needs a single part and at least four windows since the onset" in outcome.out
+    assert "as the finding implies and as measured" in outcome.out
     assert "measured since" in outcome.out
     assert "MAC" in outcome.out
     for name in ("evidence", "trends", "corners", "modes"):
@@ -77,7 +77,7 @@ def test_a_dead_sensor_is_named_and_no_finding(sprung, drives, baseline):
 def test_healthy_drives_have_no_finding(sprung, drives, baseline):
     words = ("--vehicle", "zafira", "--baseline", baseline)
     outcome = sprung("diagnose", drives / "healthy.parquet", *words)
-    assert "nothing has changed" in outcome.out
+    assert "no change detected (ln evidence" in outcome.out
 
 
 def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
@@ -87,7 +87,7 @@ def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
     for words, code, part in (
         (("--vehicle", "chain3"), 2, "must be a body on axles"),
         (("--vehicle", "zafira", "--baseline", tmp_path / "no.json"), 2, "no.json: No such file"),
-        (("--vehicle", "zafira", "--baseline", no_json), 2, "is no JSON"),
+        (("--vehicle", "zafira", "--baseline", no_json), 2, "is not valid JSON"),
         (("--vehicle", "zafira", "--false-alarms", "0"), 2, "false_alarms=0 must be above 0"),
         (("--vehicle", "zafira", "--window", "0.1"), 2, "--window=0.1 must be at least 1"),
     ):
@@ -105,7 +105,7 @@ def test_what_cannot_tell_is_not_called_healthy(sprung, drives, baseline, tmp_pa
     words = ("--vehicle", "zafira", "--baseline", baseline, "--json", tmp_path / "d.json")
     outcome = sprung("diagnose", tmp_path / "short.parquet", *words)
     assert outcome.code == 3
-    assert "no window can tell" in outcome.out
+    assert "inconclusive: no window was usable" in outcome.out
     assert "segments of steady speed are too few" in outcome.err
     assert json.loads((tmp_path / "d.json").read_text())["healthy"] is False
 
@@ -137,7 +137,8 @@ def test_a_baseline_of_another_vehicle_is_refused(sprung, drives, baseline, tmp_
         outcome = sprung(command, drives / "broken.parquet", "--vehicle", "zafira-printed", *words)
         assert (outcome.code, outcome.err.count("\n")) == (2, 1)
         assert (
-            f"{baseline} was learnt of the vehicle 'zafira', and the vehicle file is of 'zafira-printed'" in outcome.err
+            f"{baseline} is the baseline of the vehicle 'zafira', but the vehicle file describes 'zafira-printed'"
+            in outcome.err
         )
 
 
@@ -145,9 +146,9 @@ def test_a_baseline_learnt_again_counts_up_and_says_why(sprung, drives, baseline
     words = ("--vehicle", "zafira", "--windows", "3", "--out", tmp_path / "b.json", "--previous", baseline)
     outcome = sprung("baseline", drives / "healthy.parquet", *words)
     assert (outcome.code, outcome.err.count("\n")) == (2, 1)
-    assert "learning again after --previous needs --reason TEXT" in outcome.err
+    assert "--previous requires --reason TEXT" in outcome.err
     outcome = sprung("baseline", drives / "healthy.parquet", *words, "--reason", "new dampers")
-    assert "version 2 (new dampers): 3 of 3 windows taught it" in outcome.out
+    assert "version 2 (new dampers): learnt from 3 of 3 windows" in outcome.out
     document = json.loads((tmp_path / "b.json").read_text())
     assert (document["version"], document["reason"]) == (2, "new dampers")
 
@@ -155,7 +156,7 @@ def test_a_baseline_learnt_again_counts_up_and_says_why(sprung, drives, baseline
 @pytest.mark.parametrize(
     ("trend", "words"),
     [
-        (None, "no trend: that takes a named part and four windows since the onset"),
+        (None, "no trend: it needs a single part and at least four windows since the onset"),
         (Trend(0.01, (-0.01, 0.03), None), "no trend: -1.0 to +3.0 % per hour of driving"),
         (Trend(0.02, (0.01, 0.03), None), "trend: +2.0 % (+1.0 to +3.0) per hour of driving"),
         (
@@ -166,7 +167,7 @@ def test_a_baseline_learnt_again_counts_up_and_says_why(sprung, drives, baseline
     ],
 )
 def test_a_trend_in_words(trend, words):
-    assert _trend_words(trend) == words
+    assert trend_in_words(trend) == words
 
 
 def test_baseline_is_json(drives, baseline):

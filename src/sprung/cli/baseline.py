@@ -1,6 +1,5 @@
 """The command `sprung baseline`."""
 
-import json as json_module
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,37 +26,40 @@ def baseline(
     files: Files,
     *,
     vehicle: VehicleFile,
-    out: Annotated[Path, typer.Option(metavar="B.json", help="Baseline to write.", show_default=False)],
+    out: Annotated[Path, typer.Option(metavar="B.json", help="Baseline file to write.", show_default=False)],
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     window: Minutes = 10.0,
     n_windows: Annotated[
-        int, typer.Option("--windows", metavar="N", min=2, help="Fewest windows that teach a baseline.")
+        int, typer.Option("--windows", metavar="N", min=2, help="Least number of usable windows.")
     ] = 6,
     previous: Annotated[
         Path | None,
-        typer.Option(metavar="B.json", help="Baseline that this one replaces, after maintenance.", show_default=False),
+        typer.Option(metavar="B.json", help="Baseline to replace, such as after maintenance.", show_default=False),
     ] = None,
     reason: Annotated[
         str,
         typer.Option(
-            metavar="TEXT", help="Why it is learnt, such as 'new dampers'; needed with --previous.", show_default=False
+            metavar="TEXT",
+            help="Reason for learning, such as 'new dampers'; required with --previous.",
+            show_default=False,
         ),
     ] = "",
     json: Json = None,
 ) -> None:
-    """Learn what is normal for a vehicle from drives while it is healthy."""
+    """Learn the baseline of a vehicle from drives while it is healthy."""
     from dataclasses import replace
 
     from sprung.diagnosis import FEWEST_RESIDUALS, learn, learn_residuals
+    from sprung.documents import baseline_document, write_baseline
     from sprung.vehicles import read_vehicle
 
     if previous is not None and not reason.strip():
-        raise ParameterError("learning again after --previous needs --reason TEXT, such as 'new dampers'")
+        raise ParameterError("--previous requires --reason TEXT, such as 'new dampers'")
     check_file("--out", out, inputs=[*files, vehicle])
     check_file("--json", json, inputs=[*files, vehicle])
     description = read_vehicle(vehicle)
-    before = None if previous is None else read_baseline(previous, description)
+    before = None if previous is None else baseline_of(description, previous)
     with progress_bar() as report:
         observations, outputs = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
@@ -74,32 +76,24 @@ def baseline(
     ]
     if len(sound) >= FEWEST_RESIDUALS:
         found = replace(found, residuals=learn_residuals(sound))
-    write_json(found.to_dict(), str(out))
+    write_baseline(found, out)
     if json is not None:
-        write_json(found.to_dict(), json)
+        write_json(baseline_document(found), json)
     if json != "-":
         _show(found, observations, out)
 
 
-def read_baseline(path: Path, vehicle: "Vehicle") -> "Baseline":
-    """Return the baseline of a vehicle from a file."""
-    from sprung.diagnosis import baseline_from_dict
+def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":
+    """Read the baseline of a vehicle; that of another vehicle is refused."""
+    from sprung.documents import read_baseline
 
-    try:
-        document = json_module.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(f"{path}: {error.strerror}: give a baseline that `sprung baseline` wrote") from None
-    except ValueError:
-        raise ParameterError(f"{path} is no JSON: give a baseline that `sprung baseline` wrote") from None
-    if not isinstance(document, dict):
-        raise ParameterError(f"{path} is no baseline: give one that `sprung baseline` wrote")
-    found = baseline_from_dict(document)
-    if found.vehicle != vehicle.name:
+    baseline = read_baseline(path)
+    if baseline.vehicle != vehicle.name:
         raise ParameterError(
-            f"{path} was learnt of the vehicle {found.vehicle!r}, and the vehicle file is of {vehicle.name!r}: give a "
-            f"baseline of {vehicle.name!r}, or learn one with `sprung baseline`"
+            f"{path} is the baseline of the vehicle {baseline.vehicle!r}, but the vehicle file describes "
+            f"{vehicle.name!r}: give a baseline of {vehicle.name!r}, or learn one with `sprung baseline`"
         )
-    return found
+    return baseline
 
 
 def observed(
@@ -143,25 +137,23 @@ def compared(
     }
 
 
-def _show(found: "Baseline", observations: "list[Observation]", out: Path) -> None:
-    """Print what is normal."""
+def _show(baseline: "Baseline", observations: "list[Observation]", out: Path) -> None:
+    """Print mean and scatter of the components, and notes."""
     import numpy as np
 
-    deviations = np.sqrt(np.diag(found.covariance))
+    deviations = np.sqrt(np.diag(baseline.covariance))
     rows = [
         (str(component).replace("_", " ").replace(".", " "), f"{100 * np.expm1(mean):+.1f}", f"{100 * deviation:.1f}")
-        for component, mean, deviation in zip(found.components, found.mean, deviations, strict=True)
+        for component, mean, deviation in zip(baseline.components, baseline.mean, deviations, strict=True)
+    ]
+    conditions = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in baseline.ranges.items())
+    learnt = f"learnt from {baseline.n_windows} of {len(observations)} windows"
+    sentences = [
+        f"version {baseline.version} ({baseline.reason}): {learnt}",
+        *([f"conditions: {conditions}"] if conditions else []),
+        *baseline.notes,
+        f"wrote {out}",
     ]
     screen = console()
-    screen.print(table("Baseline", ("component", "over nominal [%]", "std of a window [%]"), rows, n_words=1))
-    met = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in found.ranges.items())
-    screen.print(
-        notes(
-            [
-                f"version {found.version} ({found.reason}): {found.n_windows} of {len(observations)} windows taught it",
-                *([f"conditions met: {met}"] if met else []),
-                *found.notes,
-                f"wrote {out}",
-            ]
-        )
-    )
+    screen.print(table("Baseline", ("component", "change from nominal [%]", "std of a window [%]"), rows, n_words=1))
+    screen.print(notes(sentences))

@@ -8,7 +8,16 @@ import numpy as np
 from pydantic import AliasChoices, BeforeValidator, Field, TypeAdapter, ValidationError
 
 from sprung._arrays import Real
-from sprung.diagnosis import Candidate, Detection, Diagnosis, Finding, ModeChange, Observation, SensorFault
+from sprung.diagnosis import (
+    Candidate,
+    Detection,
+    Diagnosis,
+    Finding,
+    ModeChange,
+    Observation,
+    ResidualTest,
+    SensorFault,
+)
 from sprung.documents.document import (
     Computed,
     Document,
@@ -125,7 +134,12 @@ def finding_document(finding: Finding) -> dict[str, Any]:
     return fields
 
 
-def diagnosis_document(diagnosis: Diagnosis, *, modes: Iterable[ModeChange] = ()) -> DiagnosisDocument:
+def diagnosis_document(
+    diagnosis: Diagnosis,
+    *,
+    modes: Iterable[ModeChange] = (),
+    residual_tests: Mapping[float, ResidualTest] | None = None,
+) -> DiagnosisDocument:
     """Return a diagnosis as `sprung.diagnosis/1`.
 
     Parameters
@@ -134,6 +148,8 @@ def diagnosis_document(diagnosis: Diagnosis, *, modes: Iterable[ModeChange] = ()
         Findings and what led to them.
     modes
         Changes of the body's modes that the findings imply.
+    residual_tests
+        Subspace residual tests by the time of their window [s].
     """
     baseline = diagnosis.baseline
     return DiagnosisDocument.model_validate(
@@ -149,6 +165,7 @@ def diagnosis_document(diagnosis: Diagnosis, *, modes: Iterable[ModeChange] = ()
             "detection": None if diagnosis.detection is None else _detection(diagnosis.detection),
             "notes": diagnosis.notes,
             "modes": tuple(modes),
+            "residual_test": [{"time": time, "p_value": test.p_value} for time, test in (residual_tests or {}).items()],
         }
     )
 
