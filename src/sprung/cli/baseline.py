@@ -4,11 +4,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from sprung.cli.documents import write_json
-from sprung.cli.files import INPUT, Channels, Files, Json, SamplingRate, VehicleFile, check_file, names, records
-from sprung.cli.printing import console, notes, table
+from sprung.cli.files import (
+    Channels,
+    Files,
+    Json,
+    Minutes,
+    SamplingRate,
+    VehicleFile,
+    check_file,
+    names,
+    option,
+    records,
+)
+from sprung.cli.printing import console, notes, rich_table
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
 
@@ -17,33 +26,19 @@ if TYPE_CHECKING:
     from sprung.recording import Recording
     from sprung.vehicles import Vehicle
 
-Minutes = Annotated[
-    float, typer.Option("--window", metavar="MINUTES", help="Length of a window.", rich_help_panel=INPUT)
-]
-
 
 def baseline(
     files: Files,
     *,
     vehicle: VehicleFile,
-    out: Annotated[Path, typer.Option(metavar="B.json", help="Baseline file to write.", show_default=False)],
+    out: Annotated[Path, option("B.json", "Baseline file to write.")],
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     window: Minutes = 10.0,
-    n_windows: Annotated[
-        int, typer.Option("--windows", metavar="N", min=2, help="Least number of usable windows.")
-    ] = 6,
-    previous: Annotated[
-        Path | None,
-        typer.Option(metavar="B.json", help="Baseline to replace, such as after maintenance.", show_default=False),
-    ] = None,
+    n_windows: Annotated[int, option("N", "Least number of usable windows.", "--windows", min=2)] = 6,
+    previous: Annotated[Path | None, option("B.json", "Baseline to replace, such as after maintenance.")] = None,
     reason: Annotated[
-        str,
-        typer.Option(
-            metavar="TEXT",
-            help="Reason for learning, such as 'new dampers'; required with --previous.",
-            show_default=False,
-        ),
+        str, option("TEXT", "Reason for learning, such as 'new dampers'; required with --previous.", show_default=False)
     ] = "",
     json: Json = None,
 ) -> None:
@@ -139,13 +134,8 @@ def compared(
 
 def _show(baseline: "Baseline", observations: "list[Observation]", out: Path) -> None:
     """Print mean and scatter of the components, and notes."""
-    import numpy as np
+    from sprung.tables import baseline_table
 
-    deviations = np.sqrt(np.diag(baseline.covariance))
-    rows = [
-        (str(component).replace("_", " ").replace(".", " "), f"{100 * np.expm1(mean):+.1f}", f"{100 * deviation:.1f}")
-        for component, mean, deviation in zip(baseline.components, baseline.mean, deviations, strict=True)
-    ]
     conditions = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in baseline.ranges.items())
     learnt = f"learnt from {baseline.n_windows} of {len(observations)} windows"
     sentences = [
@@ -155,5 +145,5 @@ def _show(baseline: "Baseline", observations: "list[Observation]", out: Path) ->
         f"wrote {out}",
     ]
     screen = console()
-    screen.print(table("Baseline", ("component", "change from nominal [%]", "std of a window [%]"), rows, n_words=1))
+    screen.print(rich_table(baseline_table(baseline)))
     screen.print(notes(sentences))

@@ -15,26 +15,21 @@ from sprung.cli.files import (
     VehicleFile,
     check_file,
     names,
+    option,
     records,
     save_figures,
 )
-from sprung.cli.printing import console, notes, table
+from sprung.cli.printing import console, notes, rich_table
 from sprung.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from rich.table import Table
-
     from sprung.likelihood import CornerFit
     from sprung.modal import Modes
     from sprung.recording import Recording
     from sprung.vehicles import Vehicle
-
-#: Letters of the longest bar, and the relative change at which it is reached.
-_BAR, _FULL = 8, 0.4
-_UNITS = {"spring": "N/m", "damper": "N s/m", "tyre": "N/m"}
 
 
 def corners(
@@ -44,49 +39,29 @@ def corners(
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     band: Annotated[
-        tuple[float, float] | None,
-        typer.Option(
-            metavar="LO HI", help="Frequencies to fit, in Hz. Default: around the vehicle's modes.", show_default=False
-        ),
+        tuple[float, float] | None, option("LO HI", "Frequencies to fit, in Hz. Default: around the vehicle's modes.")
     ] = None,
-    segment: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SECONDS", help="Length of a segment. Default: 7.5 periods of bounce.", show_default=False
-        ),
-    ] = None,
+    segment: Annotated[float | None, option("SECONDS", "Length of a segment. Default: 7.5 periods of bounce.")] = None,
     width: Annotated[
-        float,
-        typer.Option(
-            metavar="D",
-            help="Prior standard deviation of ln(value/nominal) of a component.",
-            rich_help_panel=INPUT,
-        ),
+        float, option("D", "Prior standard deviation of ln(value/nominal) of a component.", panel=INPUT)
     ] = 0.7,
     kind: Annotated[
         Literal["road", "rail", "rig"] | None,
         typer.Option(
             help="Excitation of the wheels; that of a road or track reaches the rear wheels later. Default: the kind in"
             " the vehicle file.",
-            show_default=False,
             rich_help_panel=INPUT,
         ),
     ] = None,
     free: Annotated[
         str | None,
-        typer.Option(
-            metavar="A,B,..",
-            help="Components to fit, such as spring,damper or front_left.tyre. Default: all.",
-            show_default=False,
-            rich_help_panel=INPUT,
-        ),
+        option("A,B,..", "Components to fit, such as spring,damper or front_left.tyre. Default: all.", panel=INPUT),
     ] = None,
     payload: Annotated[
         bool | None,
         typer.Option(
             "--payload/--no-payload",
             help="Also fit mass, inertias and centre of gravity of the payload. Default: except on a rig.",
-            show_default=False,
             rich_help_panel=INPUT,
         ),
     ] = None,
@@ -145,44 +120,11 @@ def _save(fit: "CornerFit", folder: "Path", source: str) -> "list[Path]":
 
 def _show(fit: "CornerFit", paths: "Sequence[Path]") -> None:
     """Print corners with bars against nominal, body modes and notes."""
+    from sprung.tables import components_table, fitted_modes_table
+
     screen = console()
-    screen.print(_components_table(fit))
-    screen.print(_modes_table(fit))
+    screen.print(rich_table(components_table(fit)))
+    screen.print(rich_table(fitted_modes_table(fit)))
     mass = fit.payload.get("payload_mass")
     sentences = [] if mass is None else [f"payload: {mass['value']:.0f} ± {mass['std']:.0f} kg"]
     screen.print(notes([*sentences, *fit.notes, *(f"wrote {path}" for path in paths)]))
-
-
-def _components_table(fit: "CornerFit") -> "Table":
-    columns = ("corner", "component", "value", "±", "change [%]", f"-{100 * _FULL:.0f} % .. +{100 * _FULL:.0f} %")
-    rows = []
-    for row, component in enumerate(fit.components):
-        value, change = fit.values[row], float(fit.values[row] / fit.nominal[row] - 1)
-        numbers = (f"{value:.4g}", f"{value * fit.log_ratios_std[row]:.2g}", f"{100 * change:+.1f}", _bar(change))
-        unknown = ("–", "–", "–", "not identifiable")
-        kind = f"{component.kind} [{_UNITS.get(component.kind, '-')}]"
-        rows.append((component.corner.replace("_", " "), kind, *(numbers if fit.is_identifiable[row] else unknown)))
-    return table("Corners", columns, rows, n_words=2)
-
-
-def _modes_table(fit: "CornerFit") -> "Table":
-    modes, (frequency_std, damping_std) = fit.modes(), fit.modes_std()
-    rows = [
-        (
-            f"{modes.natural_frequency[k]:.4g}",
-            f"{frequency_std[k]:.2g}",
-            f"{100 * modes.damping_ratio[k]:.3g}",
-            f"{100 * damping_std[k]:.2g}",
-            (modes.labels[k] or "").replace("_", " "),
-        )
-        for k in range(modes.poles.size)
-    ]
-    columns = ("frequency [Hz]", "±", "damping [%]", "±", "label")
-    return table("Modes of the fitted vehicle", columns, rows, n_words=0)
-
-
-def _bar(change: float) -> str:
-    """Draw a change as a bar to the left or right of a middle line."""
-    length = min(_BAR, round(abs(change) / _FULL * _BAR))
-    left = ("█" * length).rjust(_BAR) if change < 0 else " " * _BAR
-    return f"{left}│{'█' * length if change >= 0 else ''}"

@@ -3,7 +3,7 @@
 import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -21,45 +21,30 @@ BLOCK_SAMPLES = 1 << 19
 
 INPUT, OUTPUT = "Input", "Output"
 
+
+def option(metavar: str, text: str, *names: str, panel: str | None = None, **rules: Any) -> Any:
+    """Return an option of a command: placeholder of its value, help text, and names if not that of its variable."""
+    return typer.Option(*names, metavar=metavar, help=text, rich_help_panel=panel, **rules)
+
+
 Files = Annotated[
     list[Path], typer.Argument(metavar="FILE", help="Recordings: CSV, Parquet, NPZ or MAT.", show_default=False)
 ]
-SamplingRate = Annotated[
-    float | None,
-    typer.Option(
-        "--sampling-rate", metavar="HZ", help="Sampling rate of files without a time column.", rich_help_panel=INPUT
-    ),
-]
+SamplingRate = Annotated[float | None, option("HZ", "Sampling rate of files without a time column.", panel=INPUT)]
 Channels = Annotated[
     str | None,
-    typer.Option(
-        "--channels",
-        metavar="A,B,..",
-        help="Channels to read, including the speed channel if it is needed. Default: all.",
-        rich_help_panel=INPUT,
-    ),
+    option("A,B,..", "Channels to read, including the speed channel if it is needed. Default: all.", panel=INPUT),
 ]
 VehicleFile = Annotated[
     Path,
-    typer.Option(
-        metavar="V.toml|NAME",
-        help="Vehicle file or name of a shipped vehicle: geometry, masses, sensors, nominal components.",
-        show_default=False,
-    ),
+    option("V.toml|NAME", "Vehicle file or name of a shipped vehicle: geometry, masses, sensors, nominal components."),
 ]
-Figures = Annotated[
-    Path | None,
-    typer.Option(
-        "--figures", metavar="DIR", help="Write figures to this folder.", show_default=False, rich_help_panel=OUTPUT
-    ),
-]
+Minutes = Annotated[float, option("MINUTES", "Length of a window.", "--window", panel=INPUT)]
+Figures = Annotated[Path | None, option("DIR", "Write figures to this folder.", panel=OUTPUT)]
 Json = Annotated[
     str | None,
-    typer.Option(
-        "--json",
-        metavar="PATH",
-        help="Write the result as JSON; use - for standard output (nothing else is printed there).",
-        rich_help_panel=OUTPUT,
+    option(
+        "PATH", "Write the result as JSON; use - for standard output (nothing else is printed there).", panel=OUTPUT
     ),
 ]
 

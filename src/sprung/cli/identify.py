@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sprung.cli.documents import write_json
-from sprung.cli.files import INPUT, Channels, Figures, Files, Json, SamplingRate, check_file, names, records
-from sprung.cli.modes import show_identification, why_none
+from sprung.cli.files import INPUT, Channels, Figures, Files, Json, SamplingRate, check_file, names, option, records
+from sprung.cli.printing import console, notes, printable, rich_table
 from sprung.cli.progress import progress_bar
 from sprung.errors import IdentificationError, ParameterError
 
@@ -26,10 +26,10 @@ def identify(
     *,
     vehicle: Annotated[
         str | None,
-        typer.Option(
-            metavar="V.toml|NAME",
-            help="Vehicle file or name of a shipped vehicle: gives sensor layout, band and labels.",
-            rich_help_panel=INPUT,
+        option(
+            "V.toml|NAME",
+            "Vehicle file or name of a shipped vehicle: gives sensor layout, band and labels.",
+            panel=INPUT,
         ),
     ] = None,
     channels: Channels = None,
@@ -43,32 +43,21 @@ def identify(
         ),
     ] = "cov",
     subsets: Annotated[
-        int | None,
-        typer.Option(metavar="J", min=1, max=50, help="Number of level ranges for coss (3).", rich_help_panel=_SIZES),
+        int | None, option("J", "Number of level ranges for coss (3).", panel=_SIZES, min=1, max=50)
     ] = None,
-    segment: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="Length of the segments.", rich_help_panel=_SIZES)
-    ] = None,
-    block_rows: Annotated[
-        int | None,
-        typer.Option(metavar="I", min=2, help="Number of block rows.", rich_help_panel=_SIZES),
-    ] = None,
-    max_order: Annotated[
-        int | None, typer.Option(metavar="N", min=2, help="Largest model order.", rich_help_panel=_SIZES)
-    ] = None,
+    segment: Annotated[float | None, option("SECONDS", "Length of the segments.", panel=_SIZES)] = None,
+    block_rows: Annotated[int | None, option("I", "Number of block rows.", panel=_SIZES, min=2)] = None,
+    max_order: Annotated[int | None, option("N", "Largest model order.", panel=_SIZES, min=2)] = None,
     stable_rate: Annotated[
-        float | None,
-        typer.Option(
-            metavar="D", help="Least share of orders at which a mode is stable (0.2).", rich_help_panel=_SIZES
-        ),
+        float | None, option("D", "Least share of orders at which a mode is stable (0.2).", panel=_SIZES)
     ] = None,
     references: Annotated[
         str | None,
-        typer.Option(
-            metavar="A,B,..",
-            help="Reference channels; or disjoint: outputs and references from disjoint sets of channels, against"
-            " sensor noise in the band of the modes.",
-            rich_help_panel=_SIZES,
+        option(
+            "A,B,..",
+            "Reference channels; or disjoint: outputs and references from disjoint sets of channels, against sensor"
+            " noise in the band of the modes.",
+            panel=_SIZES,
         ),
     ] = None,
     thesis: Annotated[
@@ -81,21 +70,18 @@ def identify(
     ] = False,
     band: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            metavar="LO HI", help="Lowest and highest natural frequency, in Hz.", rich_help_panel=_PREPARATION
-        ),
+        option("LO HI", "Lowest and highest natural frequency, in Hz.", panel=_PREPARATION),
     ] = None,
     decimate_to: Annotated[
-        float | None,
-        typer.Option(metavar="HZ", help="Sampling rate of the identification.", rich_help_panel=_PREPARATION),
+        float | None, option("HZ", "Sampling rate of the identification.", panel=_PREPARATION)
     ] = None,
     cepstrum: Annotated[
         float | None,
-        typer.Option(
-            metavar="SECONDS",
-            help="Remove periodic excitation: keep the cepstrum up to this quefrency. A short one (0.25) adds damping"
-            " to lightly damped modes.",
-            rich_help_panel=_PREPARATION,
+        option(
+            "SECONDS",
+            "Remove periodic excitation: keep the cepstrum up to this quefrency. A short one (0.25) adds damping to"
+            " lightly damped modes.",
+            panel=_PREPARATION,
         ),
     ] = None,
     figures: Figures = None,
@@ -104,6 +90,7 @@ def identify(
     """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
     from sprung.documents import identification_document
     from sprung.identification import METHODS
+    from sprung.tables import why_none
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
@@ -132,7 +119,7 @@ def identify(
     if json is not None:
         write_json(identification_document(identification, vehicle=description), json)
     if json != "-":
-        show_identification(identification, files=files, figures=paths)
+        _show(identification, files=files, figures=paths)
     if not len(identification.modes):
         raise IdentificationError(why_none(identification))
 
@@ -185,3 +172,28 @@ def _figures(identification: "Identification", folder: Path | None, files: Seque
     from sprung.plotting import save_figures
 
     return save_figures(identification, folder, source=files[0].name if len(files) == 1 else f"{len(files)} files")
+
+
+def _show(identification: "Identification", *, files: Sequence[Path], figures: Sequence[Path]) -> None:
+    """Print modes, harmonics and notes."""
+    from sprung import tables
+
+    screen = console()
+    source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
+    modes = f"{tables.counted(len(identification.modes), 'mode')} by {identification.method}"
+    channels = tables.counted(len(identification.channels), "channel")
+    heading = f"{source}: {modes} from {channels} at {identification.sampling_rate:.5g} Hz"
+    screen.print(printable(heading), style="bold", soft_wrap=True)
+    if len(identification.modes):
+        screen.print(rich_table(tables.modes_table(identification)))
+        screen.print(tables.MODES_CAPTION, style="dim")
+    if len(identification.modes) and len(identification.subsets) > 1:
+        screen.print()
+        screen.print(rich_table(tables.subsets_table(identification)))
+    if identification.harmonics:
+        screen.print()
+        screen.print(rich_table(tables.harmonics_table(identification.harmonics)))
+    screen.print()
+    screen.print(notes(identification.notes))
+    if figures:
+        screen.print(printable(f"figures: {', '.join(map(str, figures))}"), soft_wrap=True)

@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from sprung import tables
+
 #: Columns where standard output is not a terminal and COLUMNS is not set.
 _WIDTH_OF_A_FILE = 120
 
@@ -64,6 +66,11 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, 
     for row in cells:
         grid.add_row(*(Text(row[k]) for k in kept))
     return grid
+
+
+def rich_table(content: "tables.Table") -> "Table":
+    """Return the table of a result as printed."""
+    return table(content.title, content.columns, content.rows, n_words=content.n_words)
 
 
 def notes(sentences: Iterable[str]) -> "Table":

@@ -4,17 +4,12 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-from sprung.cli.printing import console, notes, printable, table
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from sprung._arrays import Complex
-    from sprung.identification import Identification, SubsetModes
-    from sprung.signals.harmonics import Harmonic
+from sprung._arrays import Complex
+from sprung.identification import Identification, SubsetModes
+from sprung.modal import PoleStatus
+from sprung.signals.harmonics import Harmonic
+from sprung.tables.table import Table, in_words
 
 #: Channels below this share of the largest one are omitted from a shape in words.
 _MAIN_SHARE = 0.3
@@ -22,44 +17,15 @@ _MAIN_SHARE = 0.3
 _MOST_WORDS, _MOST_FAMILIES = 6, 8
 #: Most reasons that explain why no mode was found.
 _MOST_REASONS = 3
-
-
-def show_identification(identification: "Identification", *, files: Sequence[Path], figures: Sequence[Path]) -> None:
-    """Print modes, harmonics and notes."""
-    screen = console()
-    source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
-    modes = f"{_counted(len(identification.modes), 'mode')} by {identification.method}"
-    channels = _counted(len(identification.channels), "channel")
-    screen.print(
-        printable(f"{source}: {modes} from {channels} at {identification.sampling_rate:.5g} Hz"),
-        style="bold",
-        soft_wrap=True,
-    )
-    if len(identification.modes):
-        screen.print(_modes(identification))
-        screen.print(_CAPTION, style="dim")
-    if len(identification.modes) and len(identification.subsets) > 1:
-        screen.print()
-        screen.print(_subsets(identification))
-    if identification.harmonics:
-        screen.print()
-        screen.print(_harmonics(identification.harmonics))
-    screen.print()
-    screen.print(notes(identification.notes))
-    if figures:
-        screen.print(printable(f"figures: {', '.join(map(str, figures))}"), soft_wrap=True)
-
-
-_CAPTION = (
+#: What the columns of `modes_table` mean.
+MODES_CAPTION = (
     "± standard deviation; stable: share of the ladder with this mode; shape: channels above"
     f" {100 * _MAIN_SHARE:.0f} % of the largest, + in phase with it, - against it, ~ between"
 )
 
 
-def why_none(identification: "Identification") -> str:
+def why_none(identification: Identification) -> str:
     """Return a sentence that explains why there is no mode."""
-    from sprung.modal import PoleStatus
-
     reasons: Counter[int] = Counter()
     for subset in identification.subsets:
         for diagram in subset.diagrams:
@@ -74,23 +40,23 @@ def why_none(identification: "Identification") -> str:
     return f"no mode found in {reasons.total()} poles ({counts}): record longer, or widen --band"
 
 
-def _modes(identification: "Identification") -> "Table":
-    """Return the table of modes."""
+def modes_table(identification: Identification) -> Table:
+    """Return the table of identified modes: values with standard deviations, stability, label and shape in words."""
     modes = identification.modes
     shapes = shapes_in_words(modes.channels, modes.mode_shapes)
     columns = ("frequency [Hz]", "damping [%]", "stable", "MPC", "label", "shape")
-    rows = [
+    rows = tuple(
         (
             with_deviation(modes.natural_frequency[k], modes.natural_frequency_std[k]),
             with_deviation(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
             f"{100 * modes.stable_rate[k]:.0f} %",
             f"{modes.mpc[k]:.2f}",
-            (modes.labels[k] or "").replace("_", " "),
+            in_words(modes.labels[k] or ""),
             shapes[k],
         )
         for k in range(len(modes))
-    ]
-    return table("", columns, rows, n_words=0)
+    )
+    return Table("", columns, rows, n_words=0)
 
 
 def with_deviation(value: float, deviation: float) -> str:
@@ -101,7 +67,7 @@ def with_deviation(value: float, deviation: float) -> str:
     return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
 
 
-def shapes_in_words(channels: Sequence[str], mode_shapes: "Complex") -> list[str]:
+def shapes_in_words(channels: Sequence[str], mode_shapes: Complex) -> list[str]:
     """Return for each shape its main channels and the signs of their motion."""
     return [_shape(_without_common_prefix(channels), shape.tolist()) for shape in mode_shapes]
 
@@ -128,37 +94,37 @@ def _sign(part: complex) -> str:
     return "~" if abs(cosine) < 0.5 else "+" if cosine > 0 else "-"
 
 
-def _subsets(identification: "Identification") -> "Table":
-    """Return the table of each mode in each subset."""
-    columns = ["mode", *(_heading(subset) for subset in identification.subsets), ""]
-    rows = [
-        [
+def subsets_table(identification: Identification) -> Table:
+    """Return the table of each mode in each subset of segments."""
+    columns = ("mode", *(_heading(subset) for subset in identification.subsets), "")
+    rows = tuple(
+        (
             f"{identification.modes.natural_frequency[k]:.4g} Hz",
             *(
                 _subset_mode(subset, int(member))
                 for subset, member in zip(identification.subsets, identification.members[k], strict=True)
             ),
             "",
-        ]
+        )
         for k in range(len(identification.modes))
-    ]
-    return table("Subsets of segments by level", columns, rows)
+    )
+    return Table("Subsets of segments by level", columns, rows)
 
 
-def _heading(subset: "SubsetModes") -> str:
+def _heading(subset: SubsetModes) -> str:
     """Return level and number of segments."""
     level = "" if subset.level is None else f"{subset.level[0]:.3g} to {subset.level[1]:.3g}\n"
-    return f"{level}{_counted(subset.n_segments, 'segment')}"
+    return f"{level}{counted(subset.n_segments, 'segment')}"
 
 
-def _subset_mode(subset: "SubsetModes", member: int) -> str:
+def _subset_mode(subset: SubsetModes, member: int) -> str:
     """Return frequency and damping of a mode in a subset."""
     if member < 0:
         return "-"
     return f"{subset.modes.natural_frequency[member]:.4g} Hz, {100 * subset.modes.damping_ratio[member]:.3g} %"
 
 
-def _harmonics(harmonics: Sequence["Harmonic"]) -> "Table":
+def harmonics_table(harmonics: Sequence[Harmonic]) -> Table:
     """Return the table of harmonics, strongest first, with the multiples of a fundamental in one row."""
     families: dict[tuple[str, float], list[Harmonic]] = {}
     for line in harmonics:
@@ -168,15 +134,15 @@ def _harmonics(harmonics: Sequence["Harmonic"]) -> "Table":
     if n_omitted > 0:
         rows = [*rows[:_MOST_FAMILIES], (f"{n_omitted} weaker", "", "", "", "")]
     columns = ("line", "multiples", "at [Hz]", "prominence", "channels")
-    return table("Harmonics of the excitation, not modes", columns, rows, n_words=2)
+    return Table("Harmonics of the excitation, not modes", columns, tuple(rows), n_words=2)
 
 
-def _faintness(family: tuple[tuple[str, float], Sequence["Harmonic"]]) -> float:
+def _faintness(family: tuple[tuple[str, float], Sequence[Harmonic]]) -> float:
     """Return the sort key of a family: the most prominent comes first."""
     return -max(line.prominence for line in family[1])
 
 
-def _family(fundamental: float, lines: Sequence["Harmonic"]) -> tuple[str, ...]:
+def _family(fundamental: float, lines: Sequence[Harmonic]) -> tuple[str, ...]:
     """Return the row of a fundamental and its multiples."""
     is_constant = lines[0].kind == "constant"
     low, high = min(line.band[0] for line in lines), max(line.band[1] for line in lines)
@@ -203,6 +169,6 @@ def _listed(words: Sequence[str], separator: str = " ") -> str:
     return separator.join([*words[:_MOST_WORDS], *(["..."] if len(words) > _MOST_WORDS else [])])
 
 
-def _counted(number: int, thing: str) -> str:
-    """Return a number of things."""
+def counted(number: int, thing: str) -> str:
+    """Return a number of things, such as "1 mode" or "3 modes"."""
     return f"{number} {thing}{'' if number == 1 else 's'}"
