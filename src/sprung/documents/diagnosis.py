@@ -23,6 +23,7 @@ from sprung.documents.document import (
     Document,
     Number,
     Pair,
+    Published,
     checked,
     first_problem,
     plain,
@@ -41,7 +42,13 @@ def _restored(fields: Any) -> Any:
     return restored if fields.get("covariance") else {**restored, "covariance": np.zeros((0, 0))}
 
 
-Window = Annotated[Observation, BeforeValidator(_restored)]
+Window = Annotated[
+    Observation,
+    Published(
+        *("time", "components", "log_ratios", "covariance", "conditions", "modes", "sensor_faults", "reason"),
+    ),
+    BeforeValidator(_restored),
+]
 _WINDOW: TypeAdapter[Observation] = TypeAdapter(Window)
 _FINDING: TypeAdapter[Finding] = TypeAdapter(Annotated[Finding, Computed("sentence", "string")])
 

@@ -88,6 +88,37 @@ class Computed:
         return written
 
 
+class Published:
+    """Annotation of a dataclass whose JSON object has only some of its fields; reading gives the others their defaults.
+
+    Parameters
+    ----------
+    names
+        Names of the fields in the JSON object.
+    """
+
+    def __init__(self, *names: str) -> None:
+        self._names = names
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def pick(value: Any, serialise: SerializerFunctionWrapHandler) -> Any:
+            fields = serialise(value)
+            return {name: fields[name] for name in self._names}
+
+        inner = handler(source)
+        return core_schema.no_info_after_validator_function(
+            lambda value: value,
+            inner,
+            serialization=core_schema.wrap_serializer_function_ser_schema(pick, schema=inner),
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        written = handler(schema)
+        fields = handler.resolve_ref_schema(written)
+        fields["properties"] = {name: fields["properties"][name] for name in self._names}
+        return written
+
+
 class Estimate(Document):
     """An estimate and its standard deviation."""
 
