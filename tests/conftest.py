@@ -54,6 +54,63 @@ def memory_below():
     return bounded
 
 
+def violations(value, schema, definitions, place="document"):
+    """Yield where a value breaks a JSON Schema, as far as those of the package go; a key that it does not list, too."""
+    if "$ref" in schema:
+        schema = definitions[schema["$ref"].removeprefix("#/$defs/")]
+    choices = schema.get("anyOf")
+    if choices is not None:
+        if not any(not list(violations(value, choice, definitions)) for choice in choices):
+            yield f"{place} fits none of {choices}"
+        return
+    if "const" in schema and value != schema["const"]:
+        yield f"{place} is {value!r}, not {schema['const']!r}"
+    if "enum" in schema and value not in schema["enum"]:
+        yield f"{place} is {value!r}, not one of {schema['enum']}"
+    types = schema.get("type", [])
+    if types and not any(_has_type(value, name) for name in ([types] if isinstance(types, str) else types)):
+        yield f"{place} is {value!r}, not {types}"
+    elif isinstance(value, dict):
+        yield from _object_violations(value, schema, definitions, place)
+    elif isinstance(value, list):
+        items = schema.get("prefixItems", [schema.get("items", {})] * len(value))
+        if len(items) != len(value):
+            yield f"{place} has {len(value)} entries, not {len(items)}"
+        for k, (item, rule) in enumerate(zip(value, items, strict=False)):
+            yield from violations(item, rule, definitions, f"{place}[{k}]")
+
+
+def _object_violations(value, schema, definitions, place):
+    known, rest = schema.get("properties", {}), schema.get("additionalProperties", "properties" not in schema)
+    yield from (f"{place} lacks {name}" for name in schema.get("required", []) if name not in value)
+    for name, member in value.items():
+        rule = known.get(name, rest)
+        if rule is False:
+            yield f"{place} has an unknown {name}"
+        elif rule is not True:
+            yield from violations(member, rule, definitions, f"{place}.{name}")
+
+
+def _has_type(value, name):
+    if isinstance(value, bool):
+        return name == "boolean"
+    kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float), "null": type(None)}
+    return name in kinds and isinstance(value, kinds[name])
+
+
+@pytest.fixture(scope="session")
+def check_document():
+    """Return a function that checks a JSON document against the JSON Schema that its key `schema` names."""
+    from sprung.documents import json_schema
+
+    def check(document):
+        schema = json_schema(document["schema"])
+        assert list(violations(document, schema, schema.get("$defs", {}))) == []
+        return document
+
+    return check
+
+
 #: The broker as in production, private to the tests.
 PROGRAM = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 PLAIN = """

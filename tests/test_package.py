@@ -1,5 +1,8 @@
+import ast
 import subprocess
 import sys
+from importlib import metadata
+from pathlib import Path
 
 import pytest
 
@@ -17,9 +20,23 @@ def test_every_public_name_is_there_and_listed():
         assert name in dir(sprung)
 
 
-def test_public_names_are_those_with_a_home():
-    homes = [name for names in sprung._HOMES.values() for name in names]
-    assert sorted(homes) == sorted(sprung.__all__)
+def test_the_stub_has_the_same_names_from_the_same_modules():
+    stub = ast.parse(Path(sprung.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+    typed = {(f"{node.module}.{alias.name}", alias.asname) for node in imports for alias in node.names}
+    assert typed == {(place.replace(":", "."), name) for name, place in sprung._PLACES.items()}
+
+
+def test_types_of_results_have_a_public_name():
+    car = sprung.structure(sprung.read_vehicle("zafira"))
+    assert isinstance(car, sprung.Structure)
+    assert all(isinstance(component, sprung.Component) for component in car.components())
+    assert isinstance(sprung.read_description("chain3"), sprung.Chain)
+    assert sprung.plotting.save_figures
+
+
+def test_version_is_that_of_the_installed_package():
+    assert metadata.version("sprung") == sprung.__version__
 
 
 def test_unknown_names_are_refused():

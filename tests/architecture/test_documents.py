@@ -1,6 +1,7 @@
 """What the documents show works: vehicle files parse, commands exist, examples run."""
 
 import itertools
+import json
 import os
 import re
 import subprocess
@@ -69,9 +70,26 @@ def test_every_setting_is_documented():
         assert re.search(rf"^    .*\b{setting.name}\b", IdentificationSettings.__doc__ or "", flags=re.MULTILINE)
 
 
+#: What each example prints, and the documents that it writes.
+EXAMPLES = {
+    "modes_of_a_car.py": ("true bounce: 1.52 Hz", []),
+    "corners_of_a_drive.py": ("front-left spring: -2", ["corners.json"]),
+    "change_of_a_car.py": ("rear-right spring", ["baseline.json", "diagnosis.json"]),
+    "own_csv.py": ("12000 samples at 100 Hz, 0 gaps", ["modes.json"]),
+}
+
+
+def test_every_example_is_run():
+    assert EXAMPLES.keys() == {path.name for path in (REPOSITORY / "examples").glob("*.py")}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("path", sorted((REPOSITORY / "examples").glob("*.py")), ids=lambda path: path.name)
-def test_examples_run(path, tmp_path):
-    outcome = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=True, cwd=tmp_path)
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_run(name, tmp_path, check_document):
+    words = [sys.executable, str(REPOSITORY / "examples" / name)]
+    outcome = subprocess.run(words, capture_output=True, text=True, check=True, cwd=tmp_path)
+    text, documents = EXAMPLES[name]
     assert outcome.stderr == ""
-    assert "true bounce: 1.52 Hz" in outcome.stdout
+    assert text in outcome.stdout
+    for document in documents:
+        check_document(json.loads((tmp_path / document).read_text()))

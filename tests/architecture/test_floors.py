@@ -16,6 +16,7 @@ FLOORS = (
     ("vehicles",),
     ("excitation", "identification", "likelihood"),
     ("simulation", "diagnosis"),
+    ("documents", "tables"),
     ("plotting", "storage", "link", "alerting"),
     ("reproduce", "monitor"),
     ("box",),

@@ -14,25 +14,26 @@ class Outcome:
     code: int
     out: str
     err: str
+    check_document: Callable[[Any], Any]
 
     def document(self) -> Any:
-        """What standard output holds, which must be JSON without the NaN and Infinity that JSON does not have."""
+        """The JSON document on standard output, without NaN and Infinity, checked against its JSON Schema."""
 
         def refuse(constant: str) -> None:
-            raise AssertionError(f"{constant} is no JSON")
+            raise AssertionError(f"{constant} is not valid JSON")
 
         assert self.code in {0, 3}, self.err
-        return json.loads(self.out, parse_constant=refuse)
+        return self.check_document(json.loads(self.out, parse_constant=refuse))
 
 
 @pytest.fixture
-def sprung(capfd: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
+def sprung(capfd: pytest.CaptureFixture[str], check_document: Callable[[Any], Any]) -> Callable[..., Outcome]:
     """Run the command line in this process."""
 
     def run(*words: object) -> Outcome:
         capfd.readouterr()
         code = main([str(word) for word in words])
-        return Outcome(code, *capfd.readouterr())
+        return Outcome(code, *capfd.readouterr(), check_document)
 
     return run
 

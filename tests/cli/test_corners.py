@@ -51,7 +51,7 @@ def test_table_and_figures(sprung, drive, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--vehicle", "chain3"), "corners need a body on axles"),
+        (("--vehicle", "chain3"), "must be a body on axles"),
         (("--vehicle", "nowhere.toml"), "is neither a file nor one of"),
         (("--vehicle", "zafira", "--band", "9", "2"), "band 9 to 2 Hz must rise"),
         (("--vehicle", "zafira", "--free", "wheel"), "'wheel' is none of spring, damper, tyre"),

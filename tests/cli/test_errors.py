@@ -208,6 +208,6 @@ def test_nothing_that_is_read_is_written_over(sprung, tmp_path):
     ):
         outcome = sprung(*words)
         assert outcome.code == 2
-        assert "would be written over" in outcome.err
+        assert "would overwrite" in outcome.err
     assert out.read_bytes() == before
     assert vehicle.read_text().startswith("schema")

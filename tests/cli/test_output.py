@@ -1,19 +1,8 @@
-import math
-
-import numpy as np
 import pytest
 
-from sprung.cli.documents import plain
 from sprung.cli.files import names
-from sprung.cli.modes import _ranges, _shapes, _value
 from sprung.cli.printing import printable
 from sprung.errors import ParameterError
-
-
-def test_what_is_not_finite_is_null():
-    values = {"a": math.nan, "b": [np.inf, np.float64(1.5)], "c": np.array([[1.0, np.nan]]), "d": (np.int64(3), None)}
-    assert plain(values) == {"a": None, "b": [None, 1.5], "c": [[1.0, None]], "d": [3, None]}
-    assert plain(np.bool_(True)) is True
 
 
 def test_lists_of_names():
@@ -28,27 +17,3 @@ def test_lists_of_names():
 
 def test_text_is_one_printable_line():
     assert printable("a\n\tb\x1b[31mc\x07") == "a b [31mc"
-
-
-def test_values_have_the_digits_that_their_uncertainty_leaves():
-    assert _value(7.01234, 0.0123) == "7.012 ± 0.012"
-    assert _value(1234.5, 67.0) == "1234 ± 67"
-    assert _value(0.1882345, 0.00024) == "0.18823 ± 0.00024"
-    assert _value(19.6543, math.nan) == "19.65"
-    assert _value(19.6543, 0.0) == "19.65"
-
-
-def test_shapes_in_words():
-    shapes = np.array([[1.0, 0.9 + 0.1j, -0.8, 0.1], [0.2, 0.5j, 1.0, -0.6]])
-    channels = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
-    assert _shapes(channels, shapes) == ["fl+ fr+ rl-", "fr~ rl+ rr-"]
-    assert _shapes(("a_1", "b_1", "c", "d"), shapes)[0] == "a_1+ b_1+ c-"
-    assert _shapes(("only",), np.ones((1, 1))) == ["only+"]
-    many = [f"s{k}" for k in range(8)]
-    assert _shapes(many, np.linspace(0.3, 1, 8)[None]) == ["s2+ s3+ s4+ s5+ s6+ s7+ ..."]
-
-
-def test_orders_in_ranges():
-    assert _ranges([1]) == ""
-    assert _ranges([1, 2, 3, 5, 7, 8]) == "1 to 3, 5, 7 to 8"
-    assert _ranges([2]) == "2"

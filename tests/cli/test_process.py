@@ -35,7 +35,12 @@ def test_import_of_the_command_line_is_light():
     assert heavy.stdout.strip() == "set()"
 
 
-def test_help_tells_every_option_of_the_contract(sprung):
+def test_flags_are_shown_without_a_type(sprung):
+    for words in (["--help"], ["identify", "--help"], ["corners", "--help"]):
+        assert "<bool>" not in sprung(*words).out
+
+
+def test_help_lists_every_option_of_the_contract(sprung):
     contract = {
         "info": "--json",
         "identify": "--vehicle --method --channels --sampling-rate --band --decimate-to --segment --subsets --json"

@@ -12,11 +12,11 @@ from sprung.diagnosis.residuals import residual_reference_from_dict
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
 from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import parse_fault, read_vehicle, structure, with_faults
+from sprung.vehicles import parse_fault, read_description, structure, with_faults
 
 
 def chain(seed, fault=None, level=1.0):
-    vehicle = structure(read_vehicle("chain3"))
+    vehicle = structure(read_description("chain3"))
     if fault is not None:
         vehicle = with_faults(vehicle, [parse_fault(fault)])
     run = simulate(vehicle, usual_excitation(vehicle), duration=120.0, sampling_rate=100.0, snr=10.0, seed=seed)
@@ -36,7 +36,7 @@ def test_healthy_windows_of_any_level_pass(reference):
 
 @pytest.mark.parametrize("change", [-0.15, 0.15])
 def test_a_changed_spring_is_seen(reference, change):
-    name = next(iter(structure(read_vehicle("chain3")).components())).corner
+    name = next(iter(structure(read_description("chain3")).components())).corner
     values = [compare_residuals(reference, chain(seed, f"{name}.spring={change}")).p_value for seed in range(60, 66)]
     assert max(values) < 1e-4
 

@@ -16,7 +16,7 @@ BLOCK_ROWS = 20
 def _vehicle(name):
     """A shipped vehicle, or the car with dampers that bring its body and wheels to 30 % and more."""
     if name != "zafira-firm":
-        return vehicles.structure(vehicles.read_vehicle(name))
+        return vehicles.structure(vehicles.read_description(name))
     car = vehicles.read_vehicle("zafira")
     axles = tuple(axle.model_copy(update={"damping": 1.45 * axle.damping}) for axle in car.axle)
     return vehicles.structure(car.model_copy(update={"axle": axles}))

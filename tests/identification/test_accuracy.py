@@ -13,7 +13,7 @@ from sprung.modal import PoleStatus, mac
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.signals.conditioning import decimate
 from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import chain, read_vehicle, structure
+from sprung.vehicles import chain, read_description, read_vehicle, structure
 
 CHAIN = chain()
 TRUTH = CHAIN.modes()
@@ -114,7 +114,7 @@ def test_a_car_on_four_shakers_shows_its_named_body_modes(seed):
 
 def test_the_quarter_vehicle_shows_both_modes():
     """FACTS of section 5.3: 13.21 and 56.35 Hz, 13.10 and 6.33 %."""
-    quarter = read_vehicle("quarter")
+    quarter = read_description("quarter")
     found = acs_ssi(
         [run(seed, vehicle=structure(quarter), sampling_rate=1000.0) for seed in range(10)], vehicle=quarter
     )

@@ -10,7 +10,7 @@ from sprung.identification.preparation import prepare, search_harmonics
 from sprung.recording import Channel, Gap, Recording
 from sprung.signals.cepstrum import ShortPass
 from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import chain, parse_vehicle, read_vehicle
+from sprung.vehicles import chain, parse_vehicle, read_description
 from sprung.vehicles.usable import speed_channel, usable
 
 RATE = 100.0
@@ -43,7 +43,7 @@ def test_outputs_are_the_channels_of_motion():
 
 def test_outputs_are_the_vehicle_s_sensors_in_its_order_and_in_si():
     """A chain file with two of its sensors in g; the third channel of the recording is none."""
-    fields = read_vehicle("chain3").model_dump(exclude_defaults=True)
+    fields = read_description("chain3").model_dump(exclude_defaults=True)
     sensors = [
         {"channel": name, "quantity": "acceleration", "unit": "g", "on": f"mass_{k}"}
         for k, name in ((3, "c"), (1, "a"))

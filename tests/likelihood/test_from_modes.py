@@ -6,7 +6,7 @@ import pytest
 from sprung.errors import ParameterError
 from sprung.likelihood import corners_from_modes, rigid_layout
 from sprung.modal import Modes
-from sprung.vehicles import parse_fault, read_vehicle, structure, with_faults
+from sprung.vehicles import parse_fault, read_description, structure, with_faults
 
 
 def exact_modes(vehicle, *, labels=("bounce", "pitch", "roll")):
@@ -31,7 +31,7 @@ def components(vehicle, *names):
 
 @pytest.mark.parametrize("name", ["zafira", "scale-bogie", "y25"])
 def test_exact_modes_give_exact_springs_and_dampers(name):
-    nominal = structure(read_vehicle(name))
+    nominal = structure(read_description(name))
     true = with_faults(nominal, [parse_fault("front_left.spring=-0.3"), parse_fault("rear_right.damper=0.2")])
     free = components(nominal, "spring", "damper")
     found = corners_from_modes(exact_modes(true), nominal, rigid_layout(nominal), free, prior_std=1e5)

@@ -8,12 +8,12 @@ from sprung.errors import FormatError
 from sprung.identification import METHODS, modes_of_summary, summarise
 from sprung.monitor import summary_document, summary_from_document
 from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import read_vehicle, structure
+from sprung.vehicles import read_description, structure
 
 
 @pytest.fixture(scope="module")
 def run():
-    chain = structure(read_vehicle("chain3"))
+    chain = structure(read_description("chain3"))
     return simulate(chain, usual_excitation(chain), duration=300.0, sampling_rate=200.0, snr=10.0, seed=3)
 
 

@@ -6,7 +6,7 @@ from sprung.identification import BlockRowLadder, IdentificationSettings, acs_ss
 from sprung.signals.cepstrum import ShortPass
 from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import read_vehicle, structure
+from sprung.vehicles import read_description, read_vehicle, structure
 
 LINES = (
     Harmonic(12.5, "constant", (12.4, 12.6), 0.2, 20.0, ("acc_1",), fundamental=12.5, order=1),
@@ -16,7 +16,7 @@ LINES = (
 
 
 def records(n=1, *, name="chain3", duration=60.0, sampling_rate=500.0, **fields):
-    vehicle = structure(read_vehicle(name))
+    vehicle = structure(read_description(name))
     excitation = usual_excitation(vehicle)
     return [
         simulate(vehicle, excitation, duration=duration, sampling_rate=sampling_rate, seed=seed, **fields)

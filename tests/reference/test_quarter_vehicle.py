@@ -12,7 +12,7 @@ from sprung.excitation import QUARTER_CASES
 from sprung.identification import IdentificationSettings, coss_ssi, cov_ssi
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.simulation import simulate
-from sprung.vehicles import read_vehicle, structure
+from sprung.vehicles import read_description, structure
 
 FREQUENCIES, RATIOS = [13.21, 56.35], [0.1310, 0.0633]
 PULSES, TONE = 3.65, 17.0
@@ -21,7 +21,7 @@ PULSES, TONE = 3.65, 17.0
 @functools.cache
 def records(case):
     """Return the body's acceleration in the ten records of a case, 1 to 4."""
-    vehicle = structure(read_vehicle("quarter"))
+    vehicle = structure(read_description("quarter"))
     return [
         simulate(vehicle, QUARTER_CASES[case - 1], duration=60.0, sampling_rate=1000.0, seed=seed).select(["acc_body"])
         for seed in range(10)

@@ -7,7 +7,7 @@ import pytest
 
 from sprung.reproduce import chapter_4, chapter_5, chapter_6, chapter_7, chapter_8, comparison, reproduce
 from sprung.reproduce.matching import theoretical
-from sprung.vehicles import read_vehicle, structure
+from sprung.vehicles import read_description, read_vehicle, structure
 
 
 def figures(first, last, chapter):
@@ -41,7 +41,7 @@ def test_page_has_every_table_and_figure(tmp_path, chapter):
 
 
 def test_theory_of_the_chain_meets_the_printed_digits():
-    truth = theoretical(structure(read_vehicle("chain3")))
+    truth = theoretical(structure(read_description("chain3")))
     assert truth.natural_frequency == pytest.approx(chapter_4.PUBLISHED_THEORY[0], abs=0.005)
     assert 100 * truth.damping_ratio == pytest.approx(chapter_4.PUBLISHED_THEORY[1], abs=0.005)
 

@@ -15,7 +15,7 @@ from sprung.signals.cepstrum import (
 from sprung.signals.harmonics import find_harmonics
 from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import simulate
-from sprung.vehicles import read_vehicle, structure
+from sprung.vehicles import read_description, structure
 
 RATE = 100.0
 
@@ -145,7 +145,7 @@ def test_a_comb_removes_a_pulse_train_and_keeps_the_noise():
 
 
 def quarter(case, seed=0):
-    vehicle = structure(read_vehicle("quarter"))
+    vehicle = structure(read_description("quarter"))
     return simulate(vehicle, QUARTER_CASES[case - 1], duration=60.0, sampling_rate=1000.0, seed=seed)
 
 

@@ -9,7 +9,7 @@ from sprung.excitation import QUARTER_CASES, RandomInputs
 from sprung.recording import Channel, Gap, Recording
 from sprung.signals.harmonics import Harmonic, find_harmonics, near_harmonic
 from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import read_vehicle, structure
+from sprung.vehicles import read_description, structure
 
 
 def recorded(samples, sampling_rate, **fields):
@@ -33,7 +33,7 @@ def vibration(frequencies, damping_ratio, *, seed, duration=60.0, sampling_rate=
 
 def quarter(case, seed):
     """A case of the thesis; pulses fall on whole samples, which smears their multiples above some 400 Hz."""
-    vehicle = structure(read_vehicle("quarter"))
+    vehicle = structure(read_description("quarter"))
     return simulate(vehicle, QUARTER_CASES[case - 1], duration=60.0, sampling_rate=1000.0, seed=seed)
 
 
@@ -128,7 +128,7 @@ def test_random_vibration_has_no_harmonics(kind):
         elif kind == "light":
             recording = recorded(vibration([2.9, 3.3, 5.2, 11.0, 31.0], 0.005, seed=seed), 200.0)
         else:
-            vehicle = structure(read_vehicle(kind))
+            vehicle = structure(read_description(kind))
             excitation = usual_excitation(vehicle)
             assert isinstance(excitation, RandomInputs)
             recording = simulate(vehicle, excitation, duration=60.0, sampling_rate=400.0, snr=10.0, seed=seed)

@@ -14,6 +14,7 @@ from sprung.vehicles import (
     exact_correlations,
     frequency_response,
     parse_vehicle,
+    read_description,
     read_vehicle,
     structure,
 )
@@ -32,7 +33,7 @@ def looped(discrete, inputs):
 
 @pytest.mark.parametrize("name", RATES)
 def test_response_agrees_with_the_plain_recursion(name):
-    discrete = structure(read_vehicle(name)).discretised(RATES[name])
+    discrete = structure(read_description(name)).discretised(RATES[name])
     inputs = np.random.default_rng(3).standard_normal((discrete.input_matrix.shape[1], 800))
     expected = looped(discrete, inputs)
     assert response(discrete, inputs) == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
@@ -65,8 +66,8 @@ def test_response_of_a_free_mass_is_its_force_over_mass():
 
 def test_harmonic_base_motion_gives_the_transmissibility():
     """abs(X_body / Y) of a quarter car from its textbook transfer function, at 3 Hz."""
-    quarter = read_vehicle("quarter").corner
-    vehicle = structure(read_vehicle("quarter"))
+    quarter = read_description("quarter").corner
+    vehicle = structure(read_description("quarter"))
     rate, frequency = 4000.0, 3.0
     inputs = np.sin(2 * np.pi * frequency * np.arange(40_000) / rate)[None]
     found = response(vehicle.discretised(rate), inputs)[0, -4000:]
@@ -79,7 +80,7 @@ def test_harmonic_base_motion_gives_the_transmissibility():
 
 @pytest.mark.parametrize("name", RATES)
 def test_spread_is_the_exact_covariance(name):
-    vehicle = structure(read_vehicle(name))
+    vehicle = structure(read_description(name))
     rate = RATES[name]
     recording = simulate(vehicle, RandomInputs(len(vehicle.inputs)), duration=120.0, sampling_rate=rate, seed=4)
     exact = exact_correlations(vehicle.discretised(rate), n_lags=3)
@@ -138,7 +139,7 @@ def test_seed_decides_everything():
 
 def test_pulses_and_harmonics_reach_the_body():
     """Case 4 has lines at 17 Hz and the multiples of 3.65 Hz; case 1 has none."""
-    vehicle, rate = structure(read_vehicle("quarter")), 1000.0
+    vehicle, rate = structure(read_description("quarter")), 1000.0
     peaks = []
     for case in (QUARTER_CASES[0], QUARTER_CASES[3]):
         recording = simulate(vehicle, case, duration=60.0, sampling_rate=rate, seed=1)
@@ -149,7 +150,7 @@ def test_pulses_and_harmonics_reach_the_body():
 
 def test_time_of_the_excitation_is_that_of_the_recording():
     """Pulses at n / 3.65 s: the wheel reads the first five at samples 0, 274, 548, 822 and 1096."""
-    vehicle, pulses = structure(read_vehicle("quarter")), BaseMotion(random=0.0, pulse=5e-3)
+    vehicle, pulses = structure(read_description("quarter")), BaseMotion(random=0.0, pulse=5e-3)
     wheel = simulate(vehicle, pulses, duration=1.2, sampling_rate=1000.0).samples[1]
     step = 5e-3 * 75846.0 / 0.6637
     assert np.flatnonzero(wheel > 0.8 * step).tolist() == [0, 274, 548, 822, 1096]
@@ -180,7 +181,7 @@ def test_impossible_simulations_are_refused(changes, message):
 
 
 def test_vehicle_without_sensors_is_refused():
-    fields = read_vehicle("quarter").model_dump(exclude_defaults=True)
+    fields = read_description("quarter").model_dump(exclude_defaults=True)
     del fields["sensor"]
     with pytest.raises(ParameterError, match=r"the vehicle has no motion sensors: add \[\[sensor\]\] tables"):
         simulate(structure(parse_vehicle(fields)), QUARTER_CASES[0], duration=1.0, sampling_rate=500.0)
@@ -193,7 +194,7 @@ def test_inputs_of_another_shape_are_refused():
 
 def test_a_ramp_is_exact_at_any_rate():
     """Response to y = v t: the same at the common instants for two rates, to rounding."""
-    quarter = structure(read_vehicle("quarter"))
+    quarter = structure(read_description("quarter"))
     found = []
     for rate in (100.0, 400.0):
         inputs = 0.3 * np.arange(round(rate)) / rate

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from sprung.simulation import truth
-from sprung.vehicles import chain, read_vehicle, structure
+from sprung.vehicles import chain, read_description, structure
 
 
 def test_truth_of_the_chain():
@@ -20,7 +20,7 @@ def test_truth_of_the_chain():
 
 
 def test_truth_of_the_quarter_vehicle():
-    found = truth(structure(read_vehicle("quarter")))
+    found = truth(structure(read_description("quarter")))
     assert [mode["label"] for mode in found["modes"]] == ["bounce", "wheel_hop"]
     expected = {"spring": {"value": 7557.1}, "damper": {"value": 26.557}, "tyre": {"value": 75846.0}}
     assert found["components"] == {"corner": expected}

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.vehicles import Component, Fault, parse_fault, read_vehicle, structure, with_faults
+from sprung.vehicles import Component, Fault, parse_fault, read_description, read_vehicle, structure, with_faults
 
 
 @pytest.fixture
@@ -73,4 +73,4 @@ def test_payload_is_the_mass_matrix_of_its_kinetic_energy(car):
 
 def test_payload_needs_a_body():
     with pytest.raises(ParameterError, match="has no pitch"):
-        structure(read_vehicle("quarter")).with_payload(10.0)
+        structure(read_description("quarter")).with_payload(10.0)

@@ -13,6 +13,7 @@ from sprung.vehicles import (
     Quarter,
     Vehicle,
     parse_vehicle,
+    read_description,
     read_vehicle,
     write_vehicle,
 )
@@ -84,7 +85,7 @@ def changed(path, value):
 def test_example_of_the_contract(tmp_path):
     path = tmp_path / "zafira.toml"
     path.write_text(EXAMPLE, encoding="utf-8")
-    vehicle = read_vehicle(path)
+    vehicle = read_description(path)
     assert isinstance(vehicle, Vehicle)
     assert vehicle.axle[0].anti_roll_stiffness == 12e3
     assert vehicle.axle[1].anti_roll_stiffness == 0.0
@@ -94,23 +95,23 @@ def test_example_of_the_contract(tmp_path):
     channel = vehicle.sensor[0].as_channel()
     assert channel.position == (1.22, 0.702, 0.0)
     assert channel.unit == "m/s^2"
-    assert read_vehicle(str(path)) == vehicle
+    assert read_description(str(path)) == vehicle
 
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_shipped_vehicles_are_read_by_name_and_written_again(name, tmp_path):
-    vehicle = read_vehicle(name)
+    vehicle = read_description(name)
     assert vehicle.name == name
     assert vehicle.speed_channel == "speed"
     assert type(vehicle) is {"chain3": Chain, "quarter": Quarter}.get(name, Vehicle)
     write_vehicle(vehicle, tmp_path / "again.toml")
-    assert read_vehicle(tmp_path / "again.toml") == vehicle
+    assert read_description(tmp_path / "again.toml") == vehicle
 
 
 def test_every_part_survives_writing(tmp_path):
     vehicle = parse_vehicle({**tomllib.loads(EXAMPLE), "name": 'say "Ω", \\ and \x7f'})
     write_vehicle(vehicle, tmp_path / "again.toml")
-    assert read_vehicle(tmp_path / "again.toml") == vehicle
+    assert read_description(tmp_path / "again.toml") == vehicle
 
 
 def test_vehicle_cannot_be_changed():
@@ -211,7 +212,7 @@ def test_bad_files_are_refused_with_their_name(tmp_path, content, message):
     path = tmp_path / "v.toml"
     path.write_bytes(content)
     with pytest.raises(FormatError, match=message):
-        read_vehicle(path)
+        read_description(path)
 
 
 values = st.recursive(
@@ -244,3 +245,11 @@ def test_any_value_anywhere_is_read_or_refused_in_one_sentence(place, value):
     except SprungError as refusal:
         message = str(refusal)
     assert "\n" not in message
+
+
+@pytest.mark.parametrize("name", ["chain3", "quarter"])
+def test_a_description_without_axles_is_not_a_vehicle(name):
+    kind = read_description(name).kind
+    message = rf"^vehicle '{name}' is of kind {kind}, but must be a body on axles \(kind road, rail or rig\): "
+    with pytest.raises(ParameterError, match=message):
+        read_vehicle(name)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sprung.modal import Modes
 from sprung.recording import Channel
-from sprung.vehicles import parse_vehicle, read_vehicle, structure, wheel_hop_frequencies
+from sprung.vehicles import parse_vehicle, read_description, read_vehicle, structure, wheel_hop_frequencies
 from sprung.vehicles.labels import MOTIONS, labelled, rigid_body_participation
 
 CAR = read_vehicle("zafira")
@@ -190,7 +190,7 @@ def test_layouts_that_do_not_tell_the_motions_give_no_names(channels):
 
 
 def test_the_chain_has_no_names():
-    chain = structure(read_vehicle("chain3"))
+    chain = structure(read_description("chain3"))
     exact = chain.modes()
     modes = as_modes(exact.poles, exact.mode_shapes, exact.channels)
     assert labelled(modes, chain.outputs.channels).labels == (None, None, None)

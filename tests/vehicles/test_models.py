@@ -18,6 +18,7 @@ from sprung.vehicles import (
     corner_names,
     parse_vehicle,
     participation,
+    read_description,
     read_vehicle,
     sensor_outputs,
     structure,
@@ -47,14 +48,14 @@ def car(**changes):
 
 def test_chain_has_the_published_modes():
     """Table 4-1 of the thesis, to the digits printed."""
-    modes = structure(read_vehicle("chain3")).modes()
+    modes = structure(read_description("chain3")).modes()
     assert modes.natural_frequency.round(2).tolist() == [7.01, 19.65, 28.39]
     assert (100 * modes.damping_ratio).round(2).tolist() == [1.12, 3.15, 4.55]
     assert modes.labels == (None, None, None)
 
 
 def test_chain_function_is_the_shipped_chain():
-    shipped, built = structure(read_vehicle("chain3")), chain()
+    shipped, built = structure(read_description("chain3")), chain()
     assert built.coordinates == shipped.coordinates == ("mass_1", "mass_2", "mass_3")
     assert built.outputs.channels == shipped.outputs.channels
     for name in ("mass", "damping", "stiffness", "input_matrix"):
@@ -63,7 +64,7 @@ def test_chain_function_is_the_shipped_chain():
 
 def test_quarter_has_the_published_modes():
     """Section 5.3.1 of the thesis, to the digits printed."""
-    modes = structure(read_vehicle("quarter")).modes()
+    modes = structure(read_description("quarter")).modes()
     assert modes.natural_frequency.round(2).tolist() == [13.21, 56.35]
     assert (100 * modes.damping_ratio).round(2).tolist() == [13.10, 6.33]
     assert modes.labels == ("bounce", "wheel_hop")
@@ -78,7 +79,7 @@ def test_quarter_has_the_published_modes():
     ],
 )
 def test_body_modes_of_the_shipped_vehicles(name, frequencies, damping, tolerance):
-    modes = structure(read_vehicle(name)).modes()
+    modes = structure(read_description(name)).modes()
     assert modes.labels[:3] == ("bounce", "pitch", "roll")
     assert modes.natural_frequency[:3] == pytest.approx(frequencies, rel=tolerance)
     assert 100 * modes.damping_ratio[:3] == pytest.approx(damping, rel=tolerance)
@@ -161,7 +162,7 @@ def test_stiffness_is_the_energy_of_springs_in_the_given_places():
 
 @pytest.mark.parametrize("name", ["chain3", "quarter", "zafira", "scale-bogie"])
 def test_matrices_are_symmetric_and_definite(name):
-    system = structure(read_vehicle(name)).system
+    system = structure(read_description(name)).system
     np.testing.assert_array_equal(system.stiffness, system.stiffness.T)
     np.testing.assert_array_equal(system.damping, system.damping.T)
     assert np.linalg.eigvalsh(system.stiffness).min() > 0
@@ -259,7 +260,7 @@ def test_left_out_masses_make_everything_per_kilogram_of_body():
 
 @pytest.mark.parametrize("name", ["zafira", "scale-bogie"])
 def test_estimates_for_left_out_inertias_and_wheels_are_of_the_right_size(name):
-    full = read_vehicle(name)
+    full = read_description(name)
     fields = full.model_dump(exclude_defaults=True)
     fields["body"] = {"mass": full.body.mass}
     estimated, exact = (np.diag(structure(vehicle).mass) for vehicle in (parse_vehicle(fields), full))
@@ -326,7 +327,7 @@ def test_element_on_the_base_has_no_damper():
 
 
 def with_bushing(name, stiffness):
-    vehicle = read_vehicle(name)
+    vehicle = read_description(name)
     axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": stiffness}) for axle in vehicle.axle)
     return structure(vehicle.model_copy(update={"axle": axles}))
 

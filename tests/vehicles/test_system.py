@@ -17,7 +17,7 @@ from sprung.vehicles import (
     exact_correlations,
     modes,
     parse_vehicle,
-    read_vehicle,
+    read_description,
     state_space,
     stationary_covariance,
     structure,
@@ -45,8 +45,8 @@ def oscillator(mass, damping, stiffness, quantity="acceleration"):
 
 def with_wheel_sensors(name):
     """A shipped vehicle with sensors on its wheels too, so that every mode is seen."""
-    fields = read_vehicle(name).model_dump(exclude_defaults=True)
-    wheels = [part for part in read_vehicle(name).parts if part.startswith("wheel_")]
+    fields = read_description(name).model_dump(exclude_defaults=True)
+    wheels = [part for part in read_description(name).parts if part.startswith("wheel_")]
     extra = [
         {"channel": part, "quantity": "acceleration", "unit": "m/s^2", "on": part, "direction": [0.0, 0.0, 1.0]}
         for part in wheels
@@ -124,7 +124,7 @@ def test_transfer_function_of_every_motion(quantity):
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_zero_order_hold_agrees_with_scipy(name):
-    continuous = structure(read_vehicle(name)).state_space()
+    continuous = structure(read_description(name)).state_space()
     discrete = discretised(continuous, sampling_rate=RATES[name])
     matrices = (
         continuous.state_matrix,
@@ -160,7 +160,7 @@ def test_poles_come_back_from_exact_correlations(name):
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_covariance_of_the_state_agrees_with_the_kronecker_solution(name):
-    discrete = structure(read_vehicle(name)).discretised(RATES[name])
+    discrete = structure(read_description(name)).discretised(RATES[name])
     A, B = discrete.state_matrix, discrete.input_matrix
     found = stationary_covariance(A, B @ B.T)
     size = len(A)
@@ -172,7 +172,7 @@ def test_covariance_of_the_state_agrees_with_the_kronecker_solution(name):
 @pytest.mark.parametrize("name", ["chain3", "quarter", "zafira"])
 def test_correlations_agree_with_the_sum_over_the_impulse_response(name):
     """E[y(k+m) y(k)^T] = sum_n h(n+m) h(n)^T for white inputs of variance 1."""
-    discrete = structure(read_vehicle(name)).discretised(RATES[name])
+    discrete = structure(read_description(name)).discretised(RATES[name])
     n_lags, length = 12, 60_000
     impulse = np.empty((length, *discrete.feedthrough.shape))
     impulse[0], state = discrete.feedthrough, discrete.input_matrix

@@ -1,10 +1,10 @@
-"""The command line `sprung`: each command in a module of its own, imported without numerics until it runs."""
+"""The command line `sprung`: one module for each command, which imports numerics only when it runs."""
 
 import os
 import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
-from typing import Annotated, TextIO
+from typing import Annotated, Any, TextIO
 
 import typer
 from typer.main import get_command
@@ -26,6 +26,8 @@ from sprung.cli import (
 )
 from sprung.cli.failures import explained
 
+_HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
@@ -33,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments
-        Words after the program's name; default: those of the process.
+        Words after the name of the program; default: those of the process.
 
     Returns
     -------
@@ -43,11 +45,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: more threads are slower
     sys.stdout, sys.stderr = _tolerant(sys.stdout), _tolerant(sys.stderr)
     command = get_command(_application())
+    _hide_type_of_flags(command)
     return explained(lambda: command.main(arguments, prog_name="sprung", standalone_mode=False))
 
 
 def _tolerant(stream: TextIO | None) -> TextIO:
-    """Return a stream that shows a question mark for what its encoding lacks; nowhere where it is closed."""
+    """Return a stream that replaces what its encoding lacks by a question mark; a closed one discards its text."""
     if stream is None:
         return open(os.devnull, "w", encoding="utf-8")
     if isinstance(stream, TextIOWrapper):
@@ -59,7 +62,7 @@ def _application() -> typer.Typer:
     """Return the application with all its commands."""
     application = typer.Typer(
         add_completion=False,
-        context_settings={"help_option_names": ["-h", "--help"]},
+        context_settings=_HELP,
         pretty_exceptions_enable=False,
     )
     application.callback()(_common)
@@ -83,16 +86,25 @@ def _application() -> typer.Typer:
     return application
 
 
-def _print_version(is_wanted: bool) -> None:
-    """Print the version and leave, where it is wanted."""
-    if is_wanted:
+def _hide_type_of_flags(command: Any) -> None:
+    """Show options without a value as such in the help of a command and its sub-commands, not as <bool>."""
+    for parameter in (*command.params, command.get_help_option(typer.Context(command, **_HELP))):
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+    for subcommand in getattr(command, "commands", {}).values():
+        _hide_type_of_flags(subcommand)
+
+
+def _print_version(is_given: bool) -> None:
+    """Print the version and exit if the option is given."""
+    if is_given:
         typer.echo(f"sprung {__version__}")
         raise typer.Exit
 
 
 def _common(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version and leave.", is_eager=True, callback=_print_version)
+        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
     ] = False,
 ) -> None:
-    """Watch a vehicle's suspension from sensors on its body."""
+    """Monitor a vehicle's suspension from sensors on its body."""

@@ -1,15 +1,23 @@
 """The command `sprung baseline`."""
 
-import json as json_module
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from sprung.cli.documents import write_json
-from sprung.cli.files import INPUT, Channels, Files, Json, SamplingRate, check_file, names, records
-from sprung.cli.printing import console, notes, table
+from sprung.cli.files import (
+    Channels,
+    Files,
+    Json,
+    Minutes,
+    SamplingRate,
+    VehicleFile,
+    check_file,
+    names,
+    option,
+    records,
+)
+from sprung.cli.printing import console, notes, rich_table
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
 
@@ -17,97 +25,61 @@ if TYPE_CHECKING:
     from sprung.diagnosis import Baseline, Observation
     from sprung.vehicles import Vehicle
 
-VehicleFile = Annotated[
-    Path,
-    typer.Option(
-        metavar="V.toml|NAME",
-        help="Vehicle file: geometry, masses, sensors, nominal components.",
-        show_default=False,
-    ),
-]
-Minutes = Annotated[
-    float, typer.Option("--window", metavar="MINUTES", help="Length of a window.", rich_help_panel=INPUT)
-]
-
 
 def baseline(
     files: Files,
     *,
     vehicle: VehicleFile,
-    out: Annotated[Path, typer.Option(metavar="B.json", help="Baseline to write.", show_default=False)],
+    out: Annotated[Path, option("B.json", "Baseline file to write.")],
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     window: Minutes = 10.0,
-    n_windows: Annotated[
-        int, typer.Option("--windows", metavar="N", min=2, help="Fewest windows that teach a baseline.")
-    ] = 6,
-    previous: Annotated[
-        Path | None,
-        typer.Option(metavar="B.json", help="Baseline that this one replaces, after maintenance.", show_default=False),
-    ] = None,
+    n_windows: Annotated[int, option("N", "Least number of usable windows.", "--windows", min=2)] = 6,
+    previous: Annotated[Path | None, option("B.json", "Baseline to replace, such as after maintenance.")] = None,
     reason: Annotated[
-        str,
-        typer.Option(
-            metavar="TEXT", help="Why it is learnt, such as 'new dampers'; needed with --previous.", show_default=False
-        ),
+        str, option("TEXT", "Reason for learning, such as 'new dampers'; required with --previous.", show_default=False)
     ] = "",
     json: Json = None,
 ) -> None:
-    """Learn what is normal for a vehicle from drives while it is healthy."""
+    """Learn the baseline of a vehicle from drives while it is healthy."""
     from sprung.diagnosis import learn
+    from sprung.documents import baseline_document, write_baseline
+    from sprung.vehicles import read_vehicle
 
     if previous is not None and not reason.strip():
-        raise ParameterError("learning again after --previous needs --reason TEXT, such as 'new dampers'")
+        raise ParameterError("--previous requires --reason TEXT, such as 'new dampers'")
     check_file("--out", out, inputs=[*files, vehicle])
     check_file("--json", json, inputs=[*files, vehicle])
-    description = vehicle_of(vehicle)
-    before = None if previous is None else read_baseline(previous, description)
+    description = read_vehicle(vehicle)
+    before = None if previous is None else baseline_of(description, previous)
     with progress_bar() as report:
         observations = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
         )
-    found = learn(
+    learnt = learn(
         observations,
         reason=reason.strip() or "first learning",
         previous=before,
         n_windows=n_windows,
     )
-    write_json(found.to_dict(), str(out))
+    write_baseline(learnt, out)
     if json is not None:
-        write_json(found.to_dict(), json)
+        write_json(baseline_document(learnt), json)
     if json != "-":
-        _show(found, observations, out)
+        _show(learnt, observations, out)
 
 
-def vehicle_of(path: Path) -> "Vehicle":
-    """Return the vehicle on axles of a file or a name."""
-    from sprung.vehicles import Vehicle, read_vehicle
+def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":
+    """Read the baseline of a vehicle; that of another vehicle is refused."""
+    from sprung.documents import read_baseline
 
-    description = read_vehicle(path)
-    if not isinstance(description, Vehicle):
-        raise ParameterError(f"--vehicle {path} is a {description.kind}: corners need a body on axles")
-    return description
-
-
-def read_baseline(path: Path, vehicle: "Vehicle") -> "Baseline":
-    """Return the baseline of a vehicle from a file."""
-    from sprung.diagnosis import baseline_from_dict
-
-    try:
-        document = json_module.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(f"{path}: {error.strerror}: give a baseline that `sprung baseline` wrote") from None
-    except ValueError:
-        raise ParameterError(f"{path} is no JSON: give a baseline that `sprung baseline` wrote") from None
-    if not isinstance(document, dict):
-        raise ParameterError(f"{path} is no baseline: give one that `sprung baseline` wrote")
-    found = baseline_from_dict(document)
-    if found.vehicle != vehicle.name:
+    baseline = read_baseline(path)
+    if baseline.vehicle != vehicle.name:
         raise ParameterError(
-            f"{path} was learnt of the vehicle {found.vehicle!r}, and the vehicle file is of {vehicle.name!r}: give a "
-            f"baseline of {vehicle.name!r}, or learn one with `sprung baseline`"
+            f"{path} is the baseline of the vehicle {baseline.vehicle!r}, but the vehicle file describes "
+            f"{vehicle.name!r}: give a baseline of {vehicle.name!r}, or learn one with `sprung baseline`"
         )
-    return found
+    return baseline
 
 
 def observed(
@@ -132,25 +104,18 @@ def observed(
     return observations
 
 
-def _show(found: "Baseline", observations: "list[Observation]", out: Path) -> None:
-    """Print what is normal."""
-    import numpy as np
+def _show(baseline: "Baseline", observations: "list[Observation]", out: Path) -> None:
+    """Print mean and scatter of the components, and notes."""
+    from sprung.tables import baseline_table
 
-    deviations = np.sqrt(np.diag(found.covariance))
-    rows = [
-        (str(component).replace("_", " ").replace(".", " "), f"{100 * np.expm1(mean):+.1f}", f"{100 * deviation:.1f}")
-        for component, mean, deviation in zip(found.components, found.mean, deviations, strict=True)
+    conditions = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in baseline.ranges.items())
+    learnt = f"learnt from {baseline.n_windows} of {len(observations)} windows"
+    sentences = [
+        f"version {baseline.version} ({baseline.reason}): {learnt}",
+        *([f"conditions: {conditions}"] if conditions else []),
+        *baseline.notes,
+        f"wrote {out}",
     ]
     screen = console()
-    screen.print(table("Baseline", ("component", "over nominal [%]", "std of a window [%]"), rows, n_words=1))
-    met = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in found.ranges.items())
-    screen.print(
-        notes(
-            [
-                f"version {found.version} ({found.reason}): {found.n_windows} of {len(observations)} windows taught it",
-                *([f"conditions met: {met}"] if met else []),
-                *found.notes,
-                f"wrote {out}",
-            ]
-        )
-    )
+    screen.print(rich_table(baseline_table(baseline)))
+    screen.print(notes(sentences))

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sprung.cli.baseline import VehicleFile, vehicle_of
-from sprung.cli.files import SamplingRate, names
+from sprung.cli.files import SamplingRate, VehicleFile, names
 from sprung.cli.logs import log_to
 from sprung.cli.replay import BrokerUrl, VehicleId
 from sprung.errors import ParameterError
@@ -61,11 +60,11 @@ def box(
     """
     from sprung.box import Box, BoxSettings, after, paced
     from sprung.link import Address, Spool
-    from sprung.vehicles import vehicle_text
+    from sprung.vehicles import read_vehicle, vehicle_text
     from sprung.vehicles.sensor_layout import quantities_of
 
     log_to(log_format)
-    description = vehicle_of(vehicle)
+    description = read_vehicle(vehicle)
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         # In a thread: the signal may come while this one holds the lock of the event, and would wait for itself.

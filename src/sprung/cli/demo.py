@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sprung.cli.baseline import vehicle_of
 from sprung.cli.printing import console, notes
 from sprung.errors import DataError
 
@@ -43,6 +42,7 @@ def demo(
     from sprung.link import Address, Link
     from sprung.monitor import EmbeddedBroker, Site, Station, Workers
     from sprung.storage import open_store
+    from sprung.vehicles import read_vehicle
 
     fleet = [
         Member("car-1", 1),
@@ -70,7 +70,7 @@ def demo(
         station = Station(site, store, connect=partial(Link, address, "sprung-demo"), workers=workers)
         driving = multiprocessing.get_context("spawn").Process(
             target=drive_fleet,
-            args=(address, vehicle_of(Path("zafira")), fleet),
+            args=(address, read_vehicle("zafira"), fleet),
             kwargs={"folder": folder / "boxes", "pace": pace},
             daemon=True,
         )

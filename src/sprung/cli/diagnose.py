@@ -3,19 +3,29 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from sprung.cli.baseline import Minutes, VehicleFile, observed, read_baseline, vehicle_of
+from sprung.cli.baseline import baseline_of, observed
 from sprung.cli.documents import write_json
-from sprung.cli.files import INPUT, OUTPUT, Channels, Files, Json, SamplingRate, check_file
-from sprung.cli.printing import console, notes, table
+from sprung.cli.files import (
+    INPUT,
+    Channels,
+    Figures,
+    Files,
+    Json,
+    Minutes,
+    SamplingRate,
+    VehicleFile,
+    check_file,
+    option,
+    save_figures,
+)
+from sprung.cli.printing import console, notes, rich_table
 from sprung.cli.progress import progress_bar
 from sprung.errors import DataError
 
 if TYPE_CHECKING:
-    from sprung.diagnosis import Baseline, Diagnosis, ModeChange, Trend
+    from collections.abc import Sequence
 
-_SHOWN = 5
+    from sprung.diagnosis import Baseline, Diagnosis, ModeChange
 
 
 def diagnose(
@@ -24,35 +34,30 @@ def diagnose(
     vehicle: VehicleFile,
     baseline: Annotated[
         Path | None,
-        typer.Option(
-            metavar="B.json",
-            help="From sprung baseline; without it: left against right and the vehicle file, with wide limits.",
-            show_default=False,
+        option(
+            "B.json",
+            "Baseline from sprung baseline. Default: left against right and the vehicle file, with wide limits.",
         ),
     ] = None,
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     window: Minutes = 10.0,
-    false_alarms: Annotated[
-        float, typer.Option(metavar="RATE", help="False alarms per vehicle and day of driving.", rich_help_panel=INPUT)
-    ] = 1e-3,
-    hours_per_day: Annotated[
-        float, typer.Option(metavar="H", help="Hours of driving in a day.", rich_help_panel=INPUT)
-    ] = 8.0,
-    figures: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for figures.", show_default=False, rich_help_panel=OUTPUT)
-    ] = None,
+    false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
+    hours_per_day: Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)] = 8.0,
+    figures: Figures = None,
     json: Json = None,
 ) -> None:
-    """Say which spring, damper, tyre or sensor changed, by how much, since when and how sure it is."""
+    """Find which spring, damper, tyre or sensor changed, by how much, since when and with what certainty."""
     from sprung._checks import check_number
     from sprung.diagnosis import diagnose as diagnosed
     from sprung.diagnosis import mode_changes
+    from sprung.documents import diagnosis_document
+    from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle, *([baseline] if baseline else [])])
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
-    description = vehicle_of(vehicle)
-    normal = None if baseline is None else read_baseline(baseline, description)
+    description = read_vehicle(vehicle)
+    normal = None if baseline is None else baseline_of(description, baseline)
     with progress_bar() as report:
         observations = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
@@ -70,12 +75,7 @@ def diagnose(
         ]
         paths = [] if figures is None else _save(found, normal, changes, figures)
     if json is not None:
-        document = {
-            **found.to_dict(),
-            "modes": [change.to_dict() for change in changes],
-            "residual_test": [{"time": time, "p_value": test.p_value} for time, test in found.residual_tests.items()],
-        }
-        write_json(document, json)
+        write_json(diagnosis_document(found, modes=changes), json)
     if json != "-":
         _show(found, changes, paths)
     if found.detection is None and not found.sensor_faults:
@@ -83,104 +83,41 @@ def diagnose(
 
 
 def _why_not(found: "Diagnosis", normal: "Baseline | None") -> str:
-    """Return why no window is conclusive, or why those that are were excluded."""
+    """Return why no window was usable."""
     reasons = [one.reason for one in found.observations if not one.is_conclusive]
     if reasons:
         return reasons[0]
     if normal is not None and found.observations:
-        return "they have other components than the baseline: fit the same ones, or learn again"
-    return found.notes[-1] if found.notes else "the files hold none"
+        return "their components differ from those of the baseline: fit the same ones, or learn again"
+    return found.notes[-1] if found.notes else "there are no windows"
 
 
-def _save(found: "Diagnosis", normal: "Baseline | None", changes: "list[ModeChange]", folder: Path) -> list[Path]:
+def _save(
+    diagnosis: "Diagnosis", baseline: "Baseline | None", changes: "Sequence[ModeChange]", folder: Path
+) -> list[Path]:
     """Write the figures."""
     from sprung.plotting import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
 
-    if found.detection is None:
+    if diagnosis.detection is None:
         return []
-    folder.mkdir(parents=True, exist_ok=True)
-    drawn = {
-        "evidence": evidence_figure(found),
-        "trends": trends_figure(found, normal),
-        "corners": corner_changes_figure(found, normal),
+    figures = {
+        "evidence": evidence_figure(diagnosis),
+        "trends": trends_figure(diagnosis, baseline),
+        "corners": corner_changes_figure(diagnosis, baseline),
     }
     if changes:
-        drawn["modes"] = mode_changes_figure(changes, heading=found.findings[0].sentence)
-    for name, figure in drawn.items():
-        figure.savefig(folder / f"{name}.png", dpi=150)
-    return [folder / f"{name}.png" for name in drawn]
+        figures["modes"] = mode_changes_figure(changes, heading=diagnosis.findings[0].sentence)
+    return save_figures(figures, folder)
 
 
-def _show(found: "Diagnosis", changes: "list[ModeChange]", paths: list[Path]) -> None:
-    """Print findings, sensor faults and the likeliest hypotheses."""
+def _show(diagnosis: "Diagnosis", changes: "Sequence[ModeChange]", paths: "Sequence[Path]") -> None:
+    """Print findings, sensor faults and the best hypotheses."""
+    from sprung import tables
+
     screen = console()
-    told = [line for one in found.findings for line in (one.sentence, _trend_words(one.trend))]
-    told += [
-        f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}" for fault in found.sensor_faults
-    ]
-    if not told:
-        told = [_without_findings(found)]
-    screen.print(notes(told))
-    if found.detection is not None:
-        rows = [
-            (
-                one.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every "),
-                f"{one.log_evidence:.1f}",
-                "" if one.change is None else f"{100 * one.change:+.1f}",
-                "" if one.interval is None else f"{100 * one.interval[0]:+.1f} .. {100 * one.interval[1]:+.1f}",
-            )
-            for one in found.detection.candidates[:_SHOWN]
-        ]
-        columns = ("hypothesis", "ln evidence", "change [%]", "95 % [%]")
-        screen.print(table("What may have changed", columns, rows, n_words=1))
-    if found.detection is not None and found.findings:
-        last = found.detection.evidence[-1]
-        screen.print(notes([f"ln evidence of any change {last:.1f}; alarm threshold {found.detection.threshold:.1f}"]))
+    screen.print(notes(tables.diagnosis_in_words(diagnosis)))
+    if diagnosis.detection is not None:
+        screen.print(rich_table(tables.hypotheses_table(diagnosis.detection)))
     if changes:
-        lines = [
-            (
-                f"{one.frequency[0]:.3g}",
-                f"{one.frequency[1]:.3g}",
-                f"{100 * one.damping[0]:.3g}",
-                f"{100 * one.damping[1]:.3g}",
-                f"{one.mac:.3f}",
-                _measured_words(one.measured_before),
-                _measured_words(one.measured_since),
-                one.label,
-            )
-            for one in changes
-        ]
-        columns_ = (
-            *("before [Hz]", "after [Hz]", "damping [%]", "after [%]", "MAC"),
-            *("measured before", "measured since", "label"),
-        )
-        title = "Body modes as the finding implies, and as measured"
-        screen.print(table(title, columns_, lines, n_words=0))
-    screen.print(notes([*found.notes, *(f"wrote {path}" for path in paths)]))
-
-
-def _without_findings(found: "Diagnosis") -> str:
-    """Return what there is to say where no fault was found."""
-    if found.detection is None:
-        return "inconclusive: no window was usable"
-    last, threshold = found.detection.evidence[-1], found.detection.threshold
-    return f"no change detected (ln evidence {last:.1f}; alarm threshold {threshold:.1f})"
-
-
-def _trend_words(trend: "Trend | None") -> str:
-    """Return in words how a change goes on."""
-    if trend is None:
-        return "no trend: that takes a named part and four windows since the onset"
-    low, high = (f"{100 * end:+.1f}" for end in trend.interval)
-    if trend.interval[0] * trend.interval[1] <= 0:
-        return f"no trend: {low} to {high} % per hour of driving"
-    text = f"trend: {100 * trend.per_hour:+.1f} % ({low} to {high}) per hour of driving"
-    if trend.hours_to_limit is None:
-        return text
-    soonest, latest = trend.hours_to_limit
-    return f"{text}, 30 % {f'in {soonest:.1f} to {latest:.1f} hours' if latest else 'is reached'}"
-
-
-def _measured_words(mode: tuple[float, float] | None) -> str:
-    """Return frequency and damping of a mode in words; nothing where it was not met."""
-    return "" if mode is None else f"{mode[0]:.3g} Hz, {100 * mode[1]:.3g} %"
+        screen.print(rich_table(tables.mode_changes_table(changes)))
+    screen.print(notes([*diagnosis.notes, *(f"wrote {path}" for path in paths)]))

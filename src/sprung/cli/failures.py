@@ -1,4 +1,4 @@
-"""From errors to one line on standard error and an exit code."""
+"""Errors as one line on standard error and an exit code."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,7 @@ DONE, BAD_INPUT, NO_ANSWER, INTERRUPTED = 0, 2, 3, 130
 
 
 def explained(run: Callable[[], object]) -> int:
-    """Call `run` and return its exit code; what it raises for users is one line on standard error."""
+    """Call `run` and return its exit code; an error meant for users becomes one line on standard error."""
     try:
         code = run()
     except KeyboardInterrupt:
@@ -30,7 +30,7 @@ def _sentence(error: Exception) -> str:
         problem = error.format_message().replace("Value error, ", "").rstrip(".")
         return f"{problem}: see {command} --help"
     if isinstance(error, MemoryError):
-        return "there is not enough memory: give shorter records, or fewer channels with --channels"
+        return "not enough memory: give shorter records, or fewer channels with --channels"
     if isinstance(error, OSError):
         where = "" if error.filename is None else f"{error.filename}: "
         return f"{where}{error.strerror or error}: check the path"

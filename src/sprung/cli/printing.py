@@ -1,4 +1,4 @@
-"""Plain text and tables on standard output; names from files are never taken for markup or control sequences."""
+"""Plain text and tables on standard output; names from files are never interpreted as markup or control sequences."""
 
 import os
 import sys
@@ -9,7 +9,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-#: Columns where standard output is no terminal and the environment does not tell.
+    from sprung import tables
+
+#: Columns where standard output is not a terminal and COLUMNS is not set.
 _WIDTH_OF_A_FILE = 120
 
 
@@ -24,7 +26,7 @@ def printable_lines(text: str) -> str:
 
 
 def console() -> "Console":
-    """Return standard output for tables."""
+    """Return the console that prints on standard output."""
     from rich.console import Console
 
     is_measured = sys.stdout.isatty() or "COLUMNS" in os.environ
@@ -37,19 +39,19 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, 
     Parameters
     ----------
     title
-        Above it; "" for none.
+        Title; "" for none.
     columns
-        Headings. The first `n_words` columns and the last one hold words, those between them numbers.
+        Headings. The first `n_words` columns and the last one hold words, the others numbers.
     rows
-        Cells. A column but the first is left out where all its cells are empty.
+        Cells. A column other than the first is omitted where all its cells are empty.
     n_words
-        Number of leading columns that are words.
+        Number of leading columns that hold words.
     """
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    made = Table(
+    grid = Table(
         title=Text(title) if title else None,
         title_justify="left",
         box=box.SIMPLE_HEAD,
@@ -60,14 +62,19 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], *, 
     kept = [k for k in range(len(columns)) if k == 0 or any(row[k] for row in cells)]
     for k in kept:
         has_words = k < n_words or k == len(columns) - 1
-        made.add_column(columns[k], justify="left" if has_words else "right", overflow="fold", no_wrap=not has_words)
+        grid.add_column(columns[k], justify="left" if has_words else "right", overflow="fold", no_wrap=not has_words)
     for row in cells:
-        made.add_row(*(Text(row[k]) for k in kept))
-    return made
+        grid.add_row(*(Text(row[k]) for k in kept))
+    return grid
+
+
+def rich_table(content: "tables.Table") -> "Table":
+    """Return the table of a result as printed."""
+    return table(content.title, content.columns, content.rows, n_words=content.n_words)
 
 
 def notes(sentences: Iterable[str]) -> "Table":
-    """Return sentences as a list, one under the other."""
+    """Return sentences as a list with one bullet each."""
     from rich.table import Table
     from rich.text import Text
 

@@ -1,4 +1,4 @@
-"""The progress bar, on a terminal only."""
+"""The progress bar, shown on a terminal only."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -9,9 +9,9 @@ from sprung.cli.printing import printable
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Yield a function that takes what is being done and how far it is (0 to 1; 0 where unknown)."""
+    """Yield a callback that receives the current step and the share that is done (0 to 1; 0 where unknown)."""
     if not sys.stderr.isatty():
-        yield lambda doing, share: None
+        yield lambda step, share: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -19,6 +19,6 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=None)
-        yield lambda doing, share: bar.update(
-            task, description=printable(doing), completed=share, total=1.0 if share else None
+        yield lambda step, share: bar.update(
+            task, description=printable(step), completed=share, total=1.0 if share else None
         )

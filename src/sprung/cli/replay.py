@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from sprung.cli.baseline import VehicleFile, vehicle_of
-from sprung.cli.files import Channels, Files, SamplingRate, names
+from sprung.cli.files import Channels, Files, SamplingRate, VehicleFile, names
 from sprung.cli.printing import console, notes
 from sprung.cli.progress import progress_bar
 from sprung.errors import DataError
@@ -46,12 +45,12 @@ def replay(
     from sprung._checks import check_number
     from sprung.box import Box, BoxSettings, after, from_files, paced
     from sprung.link import Address, Spool
-    from sprung.vehicles import vehicle_text
+    from sprung.vehicles import read_vehicle, vehicle_text
     from sprung.vehicles.sensor_layout import quantities_of
 
     if pace is not None:
         check_number("--pace", pace, above=0)
-    description = vehicle_of(vehicle)
+    description = read_vehicle(vehicle)
     settings = BoxSettings(vehicle_id, vehicle_text(description))
     with tempfile.TemporaryDirectory(prefix="sprung-") as scratch:
         box = Box(

@@ -297,9 +297,9 @@ def _faults(texts: Sequence[str] | None) -> "tuple[Fault, ...]":
 
 def _vehicle(kind: str, path_or_name: str) -> Any:
     """Return the vehicle to simulate, of a type that suits the kind of simulation."""
-    from sprung.vehicles import Vehicle, read_vehicle
+    from sprung.vehicles import Vehicle, read_description
 
-    vehicle = read_vehicle(path_or_name)
+    vehicle = read_description(path_or_name)
     is_drive = kind in {"road", "rail", "rig"}
     if isinstance(vehicle, Vehicle) != is_drive or (not is_drive and vehicle.kind != kind):
         raise ParameterError(f"vehicle {path_or_name!r} is of kind {vehicle.kind}, not {kind}: give another one")

@@ -24,7 +24,7 @@ from sprung.reproduce.report import Block, Section, Table, picture
 from sprung.reproduce.tables import theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.simulation import simulate, usual_excitation, with_noise
-from sprung.vehicles import Structure, read_vehicle, structure
+from sprung.vehicles import Structure, read_description, structure
 
 RATE, DURATION, N_RECORDS = 500.0, 60.0, 20
 RATIOS = (10.0, 0.5)
@@ -64,14 +64,14 @@ class Example(NamedTuple):
 
 def example() -> Example:
     """Return the set of records that the figures show."""
-    clean = records(structure(read_vehicle("chain3")), seed=0)
+    clean = records(structure(read_description("chain3")), seed=0)
     shown = {snr: noisy(clean, snr, BANDS["0.5 to 50 Hz"], seed=0) for snr in RATIOS}
     return Example(shown, {(name, snr): identified(name, shown[snr]) for name in METHODS for snr in RATIOS})
 
 
 def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
     """Return the verdict and the sections."""
-    truth, runs = theoretical(structure(read_vehicle("chain3"))), np.array(results)
+    truth, runs = theoretical(structure(read_description("chain3"))), np.array(results)
     return _verdict(runs), (
         Section("The model", (_theory(truth),)),
         Section("Sensor signals", _signals(example.records)),
@@ -113,7 +113,7 @@ def identified(method: str, runs: list[Recording], *, is_default: bool = False) 
 
 def experiment(seed: int) -> Real:
     """Return frequency, damping, MAC and number of other modes, (SNR, band, thesis or default, method, 4, modes)."""
-    vehicle = structure(read_vehicle("chain3"))
+    vehicle = structure(read_description("chain3"))
     truth, clean = theoretical(vehicle), records(vehicle, seed=seed)
     results = np.full((len(RATIOS), len(BANDS), 2, len(METHODS), 4, len(truth)), np.nan)
     for i, snr in enumerate(RATIOS):
@@ -259,7 +259,7 @@ def _verdict(runs: Real) -> str:
     white = [[share(runs[:, i, 0, 0, m, 0, k]) for k in range(3)] for i in range(2) for m in range(3)]
     low = {m: [share(runs[:, 1, 1, 0, n, 0, k]) for k in range(3)] for n, m in enumerate(METHODS)}
     default = [share(runs[:, 1, 1, 1, 2, 0, k]) for k in range(3)]
-    truth = theoretical(structure(read_vehicle("chain3")))
+    truth = theoretical(structure(read_description("chain3")))
     error = worst_error(runs[:, 1, 1, 1, 2, 0], truth.natural_frequency)
     damping = worst_error(runs[:, :, :, 0, 2, 1], truth.damping_ratio)
 

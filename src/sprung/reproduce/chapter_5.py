@@ -23,7 +23,7 @@ from sprung.reproduce.tables import theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.simulation import simulate
-from sprung.vehicles import frequency_response, read_vehicle, structure
+from sprung.vehicles import frequency_response, read_description, structure
 
 RATE, DURATION, N_RECORDS, QUEFRENCY = 1000.0, 60.0, 10, 0.25
 PULSES, TONE = 3.65, 17.0
@@ -68,7 +68,7 @@ def contents(example: list[Identification], results: list[Real]) -> tuple[str, t
 
 def records(case: int, *, seed: int) -> list[Recording]:
     """Return the body's acceleration in the records of a case, 1 to 4."""
-    vehicle = structure(read_vehicle("quarter"))
+    vehicle = structure(read_description("quarter"))
     generators = [np.random.default_rng([seed, case, k]) for k in range(N_RECORDS)]
     excitation = QUARTER_CASES[case - 1]
     return [
@@ -109,7 +109,7 @@ def experiment(seed: int) -> Real:
 
 def _truth() -> Modes:
     """Return the true modes in the acceleration of the body."""
-    modes = theoretical(structure(read_vehicle("quarter")))
+    modes = theoretical(structure(read_description("quarter")))
     column = modes.channels.index("acc_body")
     return Modes(
         modes.poles,
@@ -125,7 +125,7 @@ def _truth() -> Modes:
 def _response(truth: Modes) -> Block:
     """Figure 5-4."""
     f = np.linspace(0.5, 100, 800)
-    vehicle = structure(read_vehicle("quarter"))
+    vehicle = structure(read_description("quarter"))
     response = frequency_response(vehicle, f)[:, vehicle.outputs.names.index("acc_body"), 0]
     marked = [(label or "", value) for label, value in zip(("body", "wheel"), truth.natural_frequency, strict=True)]
     figure = response_figure(

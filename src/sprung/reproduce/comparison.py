@@ -13,7 +13,7 @@ from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.report import Block, Paragraph, Section, Table, picture
 from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, worst_error
 from sprung.simulation import ForceLaw, simulate, simulate_nonlinear, with_noise
-from sprung.vehicles import Structure, read_vehicle, structure
+from sprung.vehicles import Structure, read_description, structure
 
 RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 8, 20.0, 1.0
 #: Force of the records that differ in level: from 1 to 10 over the set.
@@ -34,7 +34,7 @@ HOW = ("thesis", "default")
 
 def example() -> Modes:
     """Return the true modes; the thesis shows no such comparison."""
-    return theoretical(structure(read_vehicle("chain3")))
+    return theoretical(structure(read_description("chain3")))
 
 
 def contents(truth: Modes, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
@@ -50,7 +50,7 @@ def contents(truth: Modes, results: list[Real]) -> tuple[str, tuple[Section, ...
 
 def records(case: str, *, seed: int) -> list[Recording]:
     """Return one set of records of a case."""
-    vehicle = structure(read_vehicle("chain3"))
+    vehicle = structure(read_description("chain3"))
     clean = []
     for k in range(N_RECORDS):
         generator = np.random.default_rng([seed, list(CASES).index(case), k])
@@ -92,7 +92,7 @@ def experiment(seed: int) -> Real:
 
     Rows: frequency, damping, MAC, number of other modes, and of CoSS-SSI the frequency in the lowest and the highest subset.
     """
-    truth = theoretical(structure(read_vehicle("chain3")))
+    truth = theoretical(structure(read_description("chain3")))
     results = np.full((len(CASES), len(HOW), len(METHODS), 6, len(truth)), np.nan)
     for i, case in enumerate(CASES):
         runs = records(case, seed=seed)

@@ -19,6 +19,7 @@ from sprung.vehicles.faults import Fault, parse_fault, with_faults
 from sprung.vehicles.files import (
     VEHICLES,
     parse_vehicle,
+    read_description,
     read_vehicle,
     vehicle_from_text,
     vehicle_text,
@@ -70,6 +71,7 @@ __all__ = [
     "parse_fault",
     "parse_vehicle",
     "participation",
+    "read_description",
     "read_vehicle",
     "sensitivities",
     "sensor_outputs",

@@ -1,8 +1,13 @@
 """A spring, damper or tyre by its corner and kind."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from sprung.errors import ParameterError
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -41,6 +46,18 @@ class Component:
         if not (corner and dot and kind) or "." in kind:
             raise ParameterError(f"component {text!r} is not of the form CORNER.KIND: write front_left.spring")
         return cls(corner, kind)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: "GetCoreSchemaHandler") -> "CoreSchema":
+        """Return how pydantic reads and writes a component: as its text."""
+        from pydantic_core import core_schema
+
+        text = core_schema.no_info_after_validator_function(cls.parse, core_schema.str_schema())
+        return core_schema.json_or_python_schema(
+            json_schema=text,
+            python_schema=core_schema.union_schema([core_schema.is_instance_schema(cls), text]),
+            serialization=core_schema.to_string_ser_schema(),
+        )
 
     def __str__(self) -> str:
         return f"{self.corner}.{self.kind}"

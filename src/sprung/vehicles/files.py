@@ -17,8 +17,37 @@ VEHICLES = ("chain3", "plate", "quarter", "scale-bogie", "y25", "zafira", "zafir
 _LARGEST_FILE = 1_000_000
 
 
-def read_vehicle(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
-    """Read a vehicle file, or one of the vehicles that come with the package.
+def read_vehicle(path_or_name: str | Path) -> Vehicle:
+    """Read the file of a vehicle on axles, or one of those that come with the package.
+
+    Parameters
+    ----------
+    path_or_name
+        A name of `VEHICLES`, or the path of a TOML file.
+
+    Returns
+    -------
+    Vehicle
+        Description of a body on axles (kind road, rail or rig). `read_description` reads quarter vehicles and chains
+        as well.
+
+    Raises
+    ------
+    ParameterError
+        Where there is no such file or name, or it describes a quarter vehicle or a chain.
+    FormatError
+        Where the file is not a valid vehicle file; the message names file, field, rule and remedy.
+
+    Examples
+    --------
+    >>> read_vehicle("zafira").body.mass
+    1480.0
+    """
+    return _on_axles(read_description(path_or_name), source=str(path_or_name))
+
+
+def read_description(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
+    """Read a vehicle file of any kind, or one of the vehicles that come with the package.
 
     Parameters
     ----------
@@ -28,19 +57,19 @@ def read_vehicle(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
     Returns
     -------
     Vehicle, Quarter or Chain
-        As the `kind` of the file says.
+        According to the `kind` in the file.
 
     Raises
     ------
     ParameterError
         Where there is no such file or name.
     FormatError
-        Where the file is no vehicle file; the message names file, field, rule and remedy.
+        Where the file is not a valid vehicle file; the message names file, field, rule and remedy.
 
     Examples
     --------
-    >>> read_vehicle("zafira").body.mass
-    1480.0
+    >>> read_description("chain3").kind
+    'chain'
     """
     if str(path_or_name) in VEHICLES:
         return _read(str(path_or_name), _shipped(str(path_or_name)))
@@ -87,19 +116,33 @@ def vehicle_text(vehicle: Vehicle | Quarter | Chain) -> str:
 
 
 def vehicle_from_text(text: str, *, source: str) -> Vehicle:
-    """Return the vehicle on axles that the text of a file describes; `source` names it in messages.
+    """Return the vehicle on axles that the text of a file describes.
+
+    Parameters
+    ----------
+    text
+        Content of a vehicle file.
+    source
+        Name of the file in messages.
 
     Raises
     ------
     FormatError
-        Where it is no vehicle file.
+        Where the text is not a valid vehicle file.
     ParameterError
-        Where it describes something that is not on axles.
+        Where it describes a quarter vehicle or a chain.
     """
-    vehicle = _read(source, text.encode("utf-8"))
-    if not isinstance(vehicle, Vehicle):
-        raise ParameterError(f"{source} is a {vehicle.kind}: corners need a body on axles")
-    return vehicle
+    return _on_axles(_read(source, text.encode("utf-8")), source=source)
+
+
+def _on_axles(description: Vehicle | Quarter | Chain, *, source: str) -> Vehicle:
+    """Refuse a description that is not of a body on axles."""
+    if not isinstance(description, Vehicle):
+        raise ParameterError(
+            f"vehicle {source!r} is of kind {description.kind}, but must be a body on axles (kind road, rail or rig): "
+            "give the file of such a vehicle"
+        )
+    return description
 
 
 def _shipped(name: str) -> bytes:

@@ -38,8 +38,8 @@ def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
 
     Examples
     --------
-    >>> from sprung.vehicles import read_vehicle, structure
-    >>> quarter = structure(read_vehicle("quarter"))
+    >>> from sprung.vehicles import read_description, structure
+    >>> quarter = structure(read_description("quarter"))
     >>> frequency_response(quarter, [13.21]).shape
     (1, 2, 1)
     """

@@ -1,0 +1,82 @@
+"""Published JSON documents, `sprung.*/1`: models of all of them, their files and their JSON Schemas."""
+
+from sprung.documents.baseline import (
+    BaselineDocument,
+    baseline_document,
+    baseline_from_document,
+    read_baseline,
+    write_baseline,
+)
+from sprung.documents.corners import CornersDocument, corners_document, read_corners, write_corners
+from sprung.documents.diagnosis import (
+    DiagnosisDocument,
+    diagnosis_document,
+    finding_document,
+    observation_document,
+    observation_from_document,
+    read_diagnosis,
+    write_diagnosis,
+)
+from sprung.documents.document import Document, document_text, write_document
+from sprung.documents.identification import (
+    IdentificationDocument,
+    identification_document,
+    read_identification,
+    write_identification,
+)
+from sprung.documents.modes import mode_documents
+from sprung.documents.monitoring import AlertHistoryDocument, AlertsDocument, ReproductionDocument, VehiclesDocument
+from sprung.documents.recordings import (
+    InspectionDocument,
+    TruthDocument,
+    inspection_document,
+    read_inspections,
+    read_truth,
+    truth_document,
+    write_inspections,
+    write_truth,
+)
+from sprung.documents.schemas import DOCUMENTS, json_schema, read_document, write_json_schemas
+
+__all__ = [
+    "DOCUMENTS",
+    "AlertHistoryDocument",
+    "AlertsDocument",
+    "BaselineDocument",
+    "CornersDocument",
+    "DiagnosisDocument",
+    "Document",
+    "IdentificationDocument",
+    "InspectionDocument",
+    "ReproductionDocument",
+    "TruthDocument",
+    "VehiclesDocument",
+    "baseline_document",
+    "baseline_from_document",
+    "corners_document",
+    "diagnosis_document",
+    "document_text",
+    "finding_document",
+    "identification_document",
+    "inspection_document",
+    "json_schema",
+    "mode_documents",
+    "observation_document",
+    "observation_from_document",
+    "read_baseline",
+    "read_corners",
+    "read_diagnosis",
+    "read_document",
+    "read_identification",
+    "read_inspections",
+    "read_truth",
+    "truth_document",
+    "write_baseline",
+    "write_corners",
+    "write_diagnosis",
+    "write_document",
+    "write_identification",
+    "write_inspections",
+    "write_json_schemas",
+    "write_truth",
+]

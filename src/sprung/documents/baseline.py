@@ -1,0 +1,142 @@
+"""The document of a baseline, `sprung.baseline/1`."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from sprung._arrays import Real
+from sprung.diagnosis import Baseline, ResidualReference
+from sprung.diagnosis.baseline import CONDITIONS
+from sprung.documents.document import Document, Pair, checked, read_fields, write_document
+from sprung.errors import FormatError, ParameterError
+from sprung.vehicles import Component
+
+
+class ConditionDocument(Document):
+    """How the mean follows a condition; `middle` and `range` are null for one that was never known."""
+
+    middle: float | None
+    range: Pair | None
+    slopes: Real
+
+
+class BaselineDocument(Document):
+    """What is normal for one vehicle, as a file holds it."""
+
+    schema_name: Literal["sprung.baseline/1"] = Field(alias="schema")
+    vehicle: str
+    version: int
+    reason: str
+    n_windows: int
+    n_refused: int
+    model_error: float = 0.0
+    components: tuple[Component, ...]
+    mean: Real
+    covariance: Real
+    nuisance: Real
+    design: Real
+    degrees: float
+    taught: tuple[float, ...] = ()
+    conditions: dict[str, ConditionDocument]
+    residuals: ResidualReference | None = None
+
+
+#: Fields of a baseline that its document has by condition.
+BY_CONDITION = ("slopes", "middle", "ranges")
+
+
+def baseline_document(baseline: Baseline) -> BaselineDocument:
+    """Return a baseline as `sprung.baseline/1`.
+
+    Parameters
+    ----------
+    baseline
+        Learnt from windows of a healthy vehicle.
+    """
+    conditions = {
+        name: {
+            "middle": baseline.middle.get(name),
+            "range": baseline.ranges.get(name),
+            "slopes": baseline.slopes[:, column],
+        }
+        for column, name in enumerate(CONDITIONS)
+    }
+    return BaselineDocument.model_validate(
+        {
+            "schema": "sprung.baseline/1",
+            **{name: getattr(baseline, name) for name in _alike()},
+            "conditions": conditions,
+        }
+    )
+
+
+def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, source: str = "the baseline") -> Baseline:
+    """Return the baseline of a document.
+
+    Parameters
+    ----------
+    document
+        Document, or its fields.
+    source
+        Name of the document in messages.
+
+    Raises
+    ------
+    FormatError
+        Where it is not the document of a baseline.
+    """
+    if not isinstance(document, BaselineDocument):
+        document = checked(BaselineDocument, document, source=source)
+    conditions = document.conditions
+    missing = [name for name in CONDITIONS if name not in conditions]
+    if missing:
+        raise FormatError(f"{source} lacks the condition {missing[0]!r}: learn it again")
+    try:
+        return Baseline(
+            **{name: getattr(document, name) for name in _alike()},
+            slopes=np.array([conditions[name].slopes for name in CONDITIONS]).T,
+            middle={name: one.middle for name, one in conditions.items() if one.middle is not None},
+            ranges={name: one.range for name, one in conditions.items() if one.range is not None},
+        )
+    except (ParameterError, ValueError) as error:
+        raise FormatError(f"{source}: {error}") from None
+
+
+def write_baseline(baseline: Baseline, path: str | Path) -> None:
+    """Write a baseline as a JSON file, `sprung.baseline/1`; reading it gives an equal baseline.
+
+    Parameters
+    ----------
+    baseline
+        Learnt from windows of a healthy vehicle.
+    path
+        File to write; an existing one is replaced.
+    """
+    write_document(baseline_document(baseline), path)
+
+
+def read_baseline(path: str | Path) -> Baseline:
+    """Read a baseline from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_baseline` or `sprung baseline` wrote.
+
+    Raises
+    ------
+    ParameterError
+        Where the file cannot be read.
+    FormatError
+        Where it holds something else.
+    """
+    return baseline_from_document(read_fields(path), source=str(path))
+
+
+def _alike() -> list[str]:
+    """Return the fields of a baseline that its document has as they are."""
+    return [field.name for field in fields(Baseline) if field.name not in BY_CONDITION]

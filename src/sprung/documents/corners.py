@@ -1,0 +1,140 @@
+"""The document of a fit of springs, dampers and tyres, `sprung.corners/1`."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from sprung._arrays import Real
+from sprung.documents.document import Document, Estimate, Number, Pair, checked, read_fields, write_document
+from sprung.documents.modes import FittedMode, fitted_modes
+from sprung.likelihood import CornerFit
+
+#: Decimals of the correlation of estimates.
+_DECIMALS = 4
+
+
+class ComponentEstimate(Document):
+    """A fitted spring, damper or tyre; `from_modes` only where the modes were identified as well."""
+
+    value: float
+    std: Number
+    relative_to_nominal: float
+    is_identifiable: bool
+    from_modes: float | None = None
+
+
+class FitQuality(Document):
+    """How well the vehicle explains the spectra, and how its estimates depend on each other."""
+
+    model_error: Number
+    n_segments: int
+    n_rejected: int
+    band: Pair
+    parameters: tuple[str, ...]
+    correlation: Real
+
+
+class CornersDocument(Document):
+    """A fit of springs, dampers and tyres as a file holds it: without the model and the spectra it was fitted to."""
+
+    schema_name: Literal["sprung.corners/1"] = Field(alias="schema")
+    corners: dict[str, dict[str, ComponentEstimate]]
+    modes: tuple[FittedMode, ...]
+    channels: tuple[str, ...]
+    road: dict[str, Number]
+    payload: dict[str, Estimate]
+    sensors: dict[str, Estimate]
+    fit: FitQuality
+    notes: tuple[str, ...]
+
+
+def corners_document(fit: CornerFit) -> CornersDocument:
+    """Return a fit of springs, dampers and tyres as `sprung.corners/1`.
+
+    Parameters
+    ----------
+    fit
+        Fitted vehicle.
+    """
+    modes = fit.modes()
+    frequencies = fit.model.spectra.frequencies
+    return CornersDocument.model_validate(
+        {
+            "schema": "sprung.corners/1",
+            "corners": _corners(fit),
+            "modes": fitted_modes(modes, fit.modes_std()),
+            "channels": modes.channels,
+            "road": fit.inputs,
+            "payload": fit.payload,
+            "sensors": fit.sensors,
+            "fit": {
+                "model_error": fit.model_error,
+                "n_segments": fit.n_segments,
+                "n_rejected": fit.n_rejected,
+                "band": (frequencies[0], frequencies[-1]),
+                "parameters": fit.model.names[: len(fit.components)],
+                "correlation": _correlation(fit),
+            },
+            "notes": fit.notes,
+        }
+    )
+
+
+def write_corners(fit: CornerFit, path: str | Path) -> None:
+    """Write a fit of springs, dampers and tyres as a JSON file, `sprung.corners/1`.
+
+    Parameters
+    ----------
+    fit
+        Fitted vehicle.
+    path
+        File to write; an existing one is replaced.
+    """
+    write_document(corners_document(fit), path)
+
+
+def read_corners(path: str | Path) -> CornersDocument:
+    """Read a fit of springs, dampers and tyres from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_corners` or `sprung corners --json` wrote.
+
+    Returns
+    -------
+    CornersDocument
+        Estimates, modes, inputs and notes. The model and the spectra of a `CornerFit` are not in the file.
+
+    Raises
+    ------
+    ParameterError
+        Where the file cannot be read.
+    FormatError
+        Where it holds something else.
+    """
+    return checked(CornersDocument, read_fields(path), source=str(path))
+
+
+def _corners(fit: CornerFit) -> dict[str, dict[str, dict[str, Any]]]:
+    corners: dict[str, dict[str, dict[str, Any]]] = {}
+    for row, component in enumerate(fit.components):
+        value, nominal = fit.values[row], fit.nominal[row]
+        estimate = {
+            "value": value,
+            "std": value * fit.log_ratios_std[row],
+            "relative_to_nominal": value / nominal,
+            "is_identifiable": bool(fit.is_identifiable[row]),
+        }
+        if fit.from_modes is not None:
+            estimate["from_modes"] = nominal * np.exp(fit.from_modes[row])
+        corners.setdefault(component.corner, {})[component.kind] = estimate
+    return corners
+
+
+def _correlation(fit: CornerFit) -> Real:
+    count = len(fit.components)
+    deviations = np.sqrt(np.diag(fit.covariance))[:count]
+    return (fit.covariance[:count, :count] / np.outer(deviations, deviations)).round(_DECIMALS)

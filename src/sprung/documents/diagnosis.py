@@ -1,0 +1,231 @@
+"""The documents of windows and diagnoses, `sprung.diagnosis/1`."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AliasChoices, BeforeValidator, Field, TypeAdapter, ValidationError
+
+from sprung._arrays import Real
+from sprung.diagnosis import (
+    Candidate,
+    Detection,
+    Diagnosis,
+    Finding,
+    ModeChange,
+    Observation,
+    SensorFault,
+)
+from sprung.documents.document import (
+    Computed,
+    Document,
+    Number,
+    Pair,
+    Published,
+    checked,
+    first_problem,
+    plain,
+    read_fields,
+    write_document,
+)
+from sprung.errors import FormatError
+
+
+def _restored(fields: Any) -> Any:
+    """Give back what JSON does not keep of a window: the shape of an empty covariance, and NaN."""
+    if not isinstance(fields, Mapping):
+        return fields
+    conditions = {name: np.nan if value is None else value for name, value in fields.get("conditions", {}).items()}
+    restored = {**fields, "conditions": conditions}
+    return restored if fields.get("covariance") else {**restored, "covariance": np.zeros((0, 0))}
+
+
+Window = Annotated[
+    Observation,
+    Published(
+        *("time", "components", "log_ratios", "covariance", "conditions", "modes", "sensor_faults", "reason"),
+    ),
+    BeforeValidator(_restored),
+]
+_WINDOW: TypeAdapter[Observation] = TypeAdapter(Window)
+_FINDING: TypeAdapter[Finding] = TypeAdapter(Annotated[Finding, Computed("sentence", "string")])
+
+
+class HypothesisDocument(Document):
+    """A hypothesis of what changed, with its evidence."""
+
+    name: str
+    kind: str
+    log_evidence: float
+    explained: float
+    change: float | None
+    interval: Pair | None
+    score: float | None
+    onset: float
+    onset_interval: Pair
+
+
+class DetectionDocument(Document):
+    """The change test behind the findings."""
+
+    times: Real
+    evidence: Real
+    e_value: Number
+    threshold: float
+    first_alert: float | None
+    hypotheses: tuple[HypothesisDocument, ...]
+
+
+class ModeChangeDocument(Document):
+    """A mode of the body before and after a change."""
+
+    label: str
+    natural_frequency: Pair = Field(validation_alias=AliasChoices("natural_frequency", "frequency"))
+    damping_ratio: Pair = Field(validation_alias=AliasChoices("damping_ratio", "damping"))
+    mac: float
+    channels: tuple[str, ...]
+    shapes: Real
+    measured_before: Pair | None
+    measured_since: Pair | None
+
+
+class ResidualTestDocument(Document):
+    """The subspace residual test of a window."""
+
+    time: float
+    p_value: float
+
+
+class DiagnosisDocument(Document):
+    """A diagnosis as a file holds it: with the version of the baseline instead of the baseline itself."""
+
+    schema_name: Literal["sprung.diagnosis/1"] = Field(alias="schema")
+    vehicle: str | None
+    baseline: int | None
+    false_alarms: float
+    healthy: bool
+    findings: tuple[Annotated[Finding, Computed("sentence", "string")], ...]
+    sensor_faults: tuple[SensorFault, ...]
+    windows: tuple[Window, ...]
+    detection: DetectionDocument | None
+    notes: tuple[str, ...]
+    modes: tuple[ModeChangeDocument, ...] = ()
+    residual_test: tuple[ResidualTestDocument, ...] = ()
+
+
+def observation_document(observation: Observation) -> dict[str, Any]:
+    """Return a window as the `windows` of `sprung.diagnosis/1` and the store have it: one JSON object."""
+    fields: dict[str, Any] = plain(_WINDOW.dump_python(observation, mode="json"))
+    return fields
+
+
+def observation_from_document(document: Mapping[str, Any]) -> Observation:
+    """Return the window of a JSON object.
+
+    Raises
+    ------
+    FormatError
+        Where the object does not describe a window.
+    """
+    try:
+        return _WINDOW.validate_python(document)
+    except ValidationError as error:
+        raise FormatError(f"the window's {first_problem(error)}") from None
+
+
+def finding_document(finding: Finding) -> dict[str, Any]:
+    """Return a finding as the `findings` of `sprung.diagnosis/1` and the store have it: one JSON object."""
+    fields: dict[str, Any] = plain(_FINDING.dump_python(finding, mode="json"))
+    return fields
+
+
+def diagnosis_document(
+    diagnosis: Diagnosis,
+    *,
+    modes: Iterable[ModeChange] = (),
+) -> DiagnosisDocument:
+    """Return a diagnosis as `sprung.diagnosis/1`.
+
+    Parameters
+    ----------
+    diagnosis
+        Findings and what led to them.
+    modes
+        Changes of the body's modes that the findings imply.
+    """
+    baseline = diagnosis.baseline
+    return DiagnosisDocument.model_validate(
+        {
+            "schema": "sprung.diagnosis/1",
+            "vehicle": None if baseline is None else baseline.vehicle,
+            "baseline": None if baseline is None else baseline.version,
+            "false_alarms": diagnosis.false_alarms,
+            "healthy": diagnosis.is_healthy,
+            "findings": diagnosis.findings,
+            "sensor_faults": diagnosis.sensor_faults,
+            "windows": diagnosis.observations,
+            "detection": None if diagnosis.detection is None else _detection(diagnosis.detection),
+            "notes": diagnosis.notes,
+            "modes": tuple(modes),
+            "residual_test": [
+                {"time": time, "p_value": test.p_value} for time, test in diagnosis.residual_tests.items()
+            ],
+        }
+    )
+
+
+def write_diagnosis(diagnosis: Diagnosis, path: str | Path, *, modes: Iterable[ModeChange] = ()) -> None:
+    """Write a diagnosis as a JSON file, `sprung.diagnosis/1`.
+
+    Parameters
+    ----------
+    diagnosis
+        Findings and what led to them.
+    path
+        File to write; an existing one is replaced.
+    modes
+        Changes of the body's modes that the findings imply.
+    """
+    write_document(diagnosis_document(diagnosis, modes=modes), path)
+
+
+def read_diagnosis(path: str | Path) -> DiagnosisDocument:
+    """Read a diagnosis from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_diagnosis` or `sprung diagnose --json` wrote.
+
+    Returns
+    -------
+    DiagnosisDocument
+        Findings, sensor faults, windows and evidence. The baseline of a `Diagnosis` is not in the file, only its
+        version.
+
+    Raises
+    ------
+    ParameterError
+        Where the file cannot be read.
+    FormatError
+        Where it holds something else.
+    """
+    return checked(DiagnosisDocument, read_fields(path), source=str(path))
+
+
+def _detection(detection: Detection) -> dict[str, Any]:
+    names = ("times", "evidence", "e_value", "threshold", "first_alert")
+    return {
+        **{name: getattr(detection, name) for name in names},
+        "hypotheses": [_hypothesis(candidate) for candidate in detection.candidates],
+    }
+
+
+def _hypothesis(candidate: Candidate) -> dict[str, Any]:
+    names = ("log_evidence", "explained", "change", "interval", "score", "onset", "onset_interval")
+    return {
+        "name": candidate.hypothesis.name,
+        "kind": candidate.hypothesis.scope,
+        **{name: getattr(candidate, name) for name in names},
+    }

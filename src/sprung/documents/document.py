@@ -1,0 +1,215 @@
+"""What all published documents share: JSON text, files, and the refusal of files that hold something else."""
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_args
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, core_schema, to_jsonable_python
+
+from sprung.errors import FormatError, ParameterError
+
+#: A number that may be unknown: NaN in Python, null in JSON.
+Number = Annotated[
+    float,
+    BeforeValidator(lambda value: math.nan if value is None else value),
+    PlainSerializer(lambda value: value if math.isfinite(value) else None),
+    WithJsonSchema({"type": ["number", "null"]}),
+]
+#: Two ends of an interval or a range.
+Pair = tuple[float, float]
+
+
+class Document(BaseModel):
+    """A published JSON document, or a part of one.
+
+    Notes
+    -----
+    Keys that are not known are ignored on reading: a document of the same schema may gain keys. A key that a document
+    does not have is not written either.
+    """
+
+    model_config = ConfigDict(frozen=True, from_attributes=True, arbitrary_types_allowed=True)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the document as JSON has it: lists, texts, numbers, and null for numbers that are not finite."""
+        fields: dict[str, Any] = plain(self.model_dump(mode="json", by_alias=True, exclude_unset=True))
+        return fields
+
+
+_Document = TypeVar("_Document", bound=Document)
+
+
+class Computed:
+    """Annotation of a dataclass whose JSON object has a further key: what a function says of the value.
+
+    Parameters
+    ----------
+    name
+        Key in the JSON object.
+    json_type
+        Type of its value in JSON, such as "string".
+    function
+        Called with the dataclass; default: its attribute `name`.
+    """
+
+    def __init__(self, name: str, json_type: str, function: Callable[[Any], Any] | None = None) -> None:
+        self._name, self._json_type = name, json_type
+        self._function = attrgetter(name) if function is None else function
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def add(value: Any, serialise: SerializerFunctionWrapHandler) -> Any:
+            return {**serialise(value), self._name: self._function(value)}
+
+        inner = handler(source)
+        return core_schema.no_info_after_validator_function(
+            lambda value: value,
+            inner,
+            serialization=core_schema.wrap_serializer_function_ser_schema(add, schema=inner),
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        written = handler(schema)
+        fields = handler.resolve_ref_schema(written)
+        fields["properties"][self._name] = {"type": self._json_type}
+        return written
+
+
+class Published:
+    """Annotation of a dataclass whose JSON object has only some of its fields; reading gives the others their defaults.
+
+    Parameters
+    ----------
+    names
+        Names of the fields in the JSON object.
+    """
+
+    def __init__(self, *names: str) -> None:
+        self._names = names
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def pick(value: Any, serialise: SerializerFunctionWrapHandler) -> Any:
+            fields = serialise(value)
+            return {name: fields[name] for name in self._names}
+
+        inner = handler(source)
+        return core_schema.no_info_after_validator_function(
+            lambda value: value,
+            inner,
+            serialization=core_schema.wrap_serializer_function_ser_schema(pick, schema=inner),
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        written = handler(schema)
+        fields = handler.resolve_ref_schema(written)
+        fields["properties"] = {name: fields["properties"][name] for name in self._names}
+        return written
+
+
+class Estimate(Document):
+    """An estimate and its standard deviation."""
+
+    value: float
+    std: Number
+
+
+def plain(value: Any) -> Any:
+    """Return values, arrays and dataclasses as JSON has them; null for numbers that are not finite."""
+    return to_jsonable_python(value, inf_nan_mode="null", fallback=lambda array: plain(array.tolist()))
+
+
+def document_text(document: Document | Mapping[str, Any]) -> str:
+    """Return the JSON text of a document."""
+    fields = document.as_json() if isinstance(document, Document) else plain(document)
+    return json.dumps(fields, indent=2, allow_nan=False) + "\n"
+
+
+def write_document(document: Document | Mapping[str, Any], path: str | Path) -> None:
+    """Write a document as a JSON file.
+
+    Parameters
+    ----------
+    document
+        Document, or its fields.
+    path
+        File to write; an existing one is replaced.
+    """
+    Path(path).write_text(document_text(document), encoding="utf-8")
+
+
+def read_fields(path: str | Path) -> dict[str, Any]:
+    """Return the fields of a JSON file.
+
+    Raises
+    ------
+    ParameterError
+        Where the file cannot be read.
+    FormatError
+        Where it does not hold a JSON object.
+    """
+    try:
+        fields = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterError(f"{path}: {error.strerror}: give a JSON document that sprung wrote") from None
+    except (ValueError, RecursionError):
+        raise FormatError(f"{path} is not valid JSON: give a JSON document that sprung wrote") from None
+    if not isinstance(fields, dict):
+        raise FormatError(f"{path} does not hold a JSON object: give a JSON document that sprung wrote")
+    return fields
+
+
+def checked(model: type[_Document], fields: Mapping[str, Any], *, source: str) -> _Document:
+    """Return the document of fields.
+
+    Parameters
+    ----------
+    model
+        Kind of document.
+    fields
+        JSON object.
+    source
+        Name of the document in messages.
+
+    Raises
+    ------
+    FormatError
+        Where the schema is another one, or a key is missing or holds something else.
+    """
+    schema = schema_of(model)
+    if fields.get("schema") != schema:
+        raise FormatError(
+            f"{source} has the schema {fields.get('schema')!r}, but must have {schema!r}: give another one"
+        )
+    try:
+        return model.model_validate(fields)
+    except ValidationError as error:
+        raise FormatError(f"{source}: {first_problem(error)}: write it again") from None
+
+
+def schema_of(model: type[Document]) -> str:
+    """Return the name of the schema of a kind of document, such as "sprung.baseline/1"."""
+    return str(get_args(model.model_fields["schema_name"].annotation)[0])
+
+
+def first_problem(error: ValidationError) -> str:
+    """Return the first problem that a check has met, with its place."""
+    problem = error.errors(include_url=False, include_input=False)[0]
+    return f"{_place(problem['loc'])} is not valid ({problem['msg']})"
+
+
+def _place(location: Sequence[str | int]) -> str:
+    words = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in location)
+    return words.removeprefix(".") or "the document"

@@ -1,0 +1,170 @@
+"""The document of an identification, `sprung.identification/1`."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from sprung.documents.document import Computed, Document, Number, Pair, checked, plain, read_fields, write_document
+from sprung.documents.modes import IdentifiedMode, ModeValues, Participation, identified_modes, participations
+from sprung.identification import Identification, SubsetModes
+from sprung.modal import Modes
+from sprung.signals.harmonics import Harmonic
+from sprung.vehicles.usable import AnyVehicle
+
+
+class SubsetValues(ModeValues):
+    """A mode as one subset of segments has it."""
+
+    stable_rate: float
+
+
+class MergedMode(IdentifiedMode):
+    """A mode with its share in the rigid-body motions, and with what each subset says of it."""
+
+    participation: Participation | None
+    subsets: tuple[SubsetValues | None, ...]
+
+
+class SubsetDocument(Document):
+    """The modes of a subset of segments."""
+
+    n_segments: int
+    level: Pair | None
+    modes: tuple[IdentifiedMode, ...]
+
+
+class IdentificationDocument(Document):
+    """An identification as a file holds it: without stabilisation diagrams, spectra and places of the sensors."""
+
+    schema_name: Literal["sprung.identification/1"] = Field(alias="schema")
+    method: str
+    channels: tuple[str, ...]
+    sampling_rate: float
+    band: tuple[Number, Number]
+    modes: tuple[MergedMode, ...]
+    subsets: tuple[SubsetDocument, ...]
+    harmonics: tuple[Annotated[Harmonic, Computed("unit", "string", lambda line: _UNITS[line.kind])], ...]
+    settings: dict[str, Any]
+    notes: tuple[str, ...]
+
+    def as_modes(self) -> Modes:
+        """Return the modes as arrays, for comparisons and pictures."""
+        frequency, ratio, frequency_std, ratio_std, stable_rate = (
+            np.array([getattr(mode, name) for mode in self.modes], dtype=np.float64)
+            for name in (
+                *("natural_frequency", "damping_ratio", "natural_frequency_std", "damping_ratio_std"),
+                "stable_rate",
+            )
+        )
+        shapes = np.array([mode.mode_shape for mode in self.modes], dtype=np.complex128)
+        return Modes(
+            poles=2 * np.pi * frequency * (1j * np.sqrt(1 - ratio**2) - ratio),
+            mode_shapes=shapes.reshape(len(self.modes), len(self.channels)),
+            channels=self.channels,
+            natural_frequency_std=frequency_std,
+            damping_ratio_std=ratio_std,
+            stable_rate=stable_rate,
+            labels=tuple(mode.label for mode in self.modes),
+        )
+
+
+_UNITS = {"constant": "Hz", "speed": "1/m"}
+
+
+def identification_document(
+    identification: Identification, *, vehicle: AnyVehicle | None = None
+) -> IdentificationDocument:
+    """Return an identification as `sprung.identification/1`.
+
+    Parameters
+    ----------
+    identification
+        Result of any method.
+    vehicle
+        Vehicle of the identification, whose mass matrix weights the participation; None: equal masses.
+    """
+    settings = identification.settings
+    lifter = None if settings.lifter is None else {"kind": type(settings.lifter).__name__, **plain(settings.lifter)}
+    return IdentificationDocument.model_validate(
+        {
+            "schema": "sprung.identification/1",
+            "method": identification.method,
+            "channels": [channel.name for channel in identification.channels],
+            "sampling_rate": identification.sampling_rate,
+            "band": identification.band,
+            "modes": _merged_modes(identification, vehicle),
+            "subsets": [
+                SubsetDocument(n_segments=subset.n_segments, level=subset.level, modes=identified_modes(subset.modes))
+                for subset in identification.subsets
+            ],
+            "harmonics": identification.harmonics,
+            "settings": {**plain(settings), "lifter": lifter},
+            "notes": identification.notes,
+        }
+    )
+
+
+def write_identification(
+    identification: Identification, path: str | Path, *, vehicle: AnyVehicle | None = None
+) -> None:
+    """Write an identification as a JSON file, `sprung.identification/1`.
+
+    Parameters
+    ----------
+    identification
+        Result of any method.
+    path
+        File to write; an existing one is replaced.
+    vehicle
+        Vehicle of the identification, whose mass matrix weights the participation; None: equal masses.
+    """
+    write_document(identification_document(identification, vehicle=vehicle), path)
+
+
+def read_identification(path: str | Path) -> IdentificationDocument:
+    """Read an identification from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_identification` or `sprung identify --json` wrote.
+
+    Returns
+    -------
+    IdentificationDocument
+        Modes, subsets, harmonics, settings and notes. The stabilisation diagrams and spectra of an `Identification`
+        are not in the file.
+
+    Raises
+    ------
+    ParameterError
+        Where the file cannot be read.
+    FormatError
+        Where it holds something else.
+    """
+    return checked(IdentificationDocument, read_fields(path), source=str(path))
+
+
+def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) -> list[dict[str, Any]]:
+    return [
+        {
+            **dict(mode),
+            "participation": participation,
+            "subsets": [
+                _subset_values(subset, int(member)) if member >= 0 else None
+                for subset, member in zip(identification.subsets, members, strict=True)
+            ],
+        }
+        for mode, participation, members in zip(
+            identified_modes(identification.modes),
+            participations(identification.modes, identification.channels, vehicle),
+            identification.members,
+            strict=True,
+        )
+    ]
+
+
+def _subset_values(subset: SubsetModes, member: int) -> dict[str, float]:
+    return {name: getattr(subset.modes, name)[member] for name in SubsetValues.model_fields}

@@ -1,0 +1,115 @@
+"""Modes as all documents have them."""
+
+import math
+from typing import Any
+
+from sprung._arrays import Complex, Real
+from sprung.documents.document import Document, Number, plain
+from sprung.modal import Modes
+from sprung.recording import Channel
+from sprung.vehicles import ExactModes, Vehicle, structure
+from sprung.vehicles.labels import MOTIONS, rigid_body_participation
+from sprung.vehicles.usable import AnyVehicle
+
+
+class ModeValues(Document):
+    """Natural frequency [Hz] and damping ratio of a mode, with standard deviations."""
+
+    natural_frequency: float
+    natural_frequency_std: Number
+    damping_ratio: float
+    damping_ratio_std: Number
+
+
+class FittedMode(ModeValues):
+    """A mode of a fitted vehicle."""
+
+    mode_shape: Complex
+    label: str | None
+
+
+class IdentifiedMode(ModeValues):
+    """A mode identified in recordings."""
+
+    mode_shape: Complex
+    mpc: float
+    label: str | None
+    stable_rate: float
+
+
+class ExactMode(Document):
+    """A mode of a vehicle whose parameters are known."""
+
+    natural_frequency: float
+    damping_ratio: float
+    mode_shape: Complex
+    label: str | None
+
+
+class Participation(Document):
+    """Shares of the rigid-body motions in a mode, and the share of its shape that they explain."""
+
+    bounce: float
+    pitch: float
+    roll: float
+    explained: float
+
+
+def mode_documents(modes: Modes) -> list[dict[str, Any]]:
+    """Return modes as the documents of an identification have them: one JSON object for each mode.
+
+    Parameters
+    ----------
+    modes
+        Identified modes.
+
+    Returns
+    -------
+    list of dict
+        As in the `modes` of a subset in `sprung.identification/1`: without `participation` and `subsets`.
+    """
+    return [mode.as_json() for mode in identified_modes(modes)]
+
+
+def identified_modes(modes: Modes) -> tuple[IdentifiedMode, ...]:
+    """Return the documents of identified modes."""
+    return tuple(
+        IdentifiedMode(
+            **_values(modes, k),
+            natural_frequency_std=modes.natural_frequency_std[k],
+            damping_ratio_std=modes.damping_ratio_std[k],
+            mpc=modes.mpc[k],
+            stable_rate=modes.stable_rate[k],
+        )
+        for k in range(len(modes))
+    )
+
+
+def fitted_modes(modes: ExactModes, deviations: tuple[Real, Real]) -> tuple[FittedMode, ...]:
+    """Return the documents of the modes of a fitted vehicle; deviations of frequencies [Hz] and damping ratios."""
+    frequency, damping = deviations
+    return tuple(
+        FittedMode(**_values(modes, k), natural_frequency_std=frequency[k], damping_ratio_std=damping[k])
+        for k in range(modes.poles.size)
+    )
+
+
+def participations(
+    modes: Modes, channels: tuple[Channel, ...], vehicle: AnyVehicle | None
+) -> tuple[Participation | None, ...]:
+    """Return the shares of the rigid-body motions in each mode; None where the sensors do not determine them."""
+    mass = structure(vehicle).mass[:3, :3] if isinstance(vehicle, Vehicle) else None
+    shares, explained = rigid_body_participation(modes, channels, mass=mass)
+    return tuple(
+        None if math.isnan(share[0]) else Participation(**dict(zip(MOTIONS, plain(share), strict=True)), explained=fit)
+        for share, fit in zip(shares, explained, strict=True)
+    )
+
+
+def _values(modes: Modes | ExactModes, k: int) -> dict[str, Any]:
+    return {
+        "natural_frequency": modes.natural_frequency[k],
+        "damping_ratio": modes.damping_ratio[k],
+        "mode_shape": modes.mode_shapes[k],
+        "label": modes.labels[k],
+    }

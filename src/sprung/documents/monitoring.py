@@ -1,0 +1,75 @@
+"""The documents of the monitor: alerts, their history, and vehicles."""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from sprung.documents.document import Document, Pair
+
+
+class AlertEntry(Document):
+    """An alert; times are nanoseconds UTC since 1970."""
+
+    number: int
+    vehicle: str
+    cause: str
+    severity: int
+    state: str
+    raised: int
+    count: int
+    assignee: str | None
+    shelved_until: int | None
+    text: str
+
+
+class AlertsDocument(Document):
+    """Alerts in the store of a monitor."""
+
+    schema_name: Literal["sprung.alerts/1"] = Field(alias="schema")
+    alerts: tuple[AlertEntry, ...]
+
+
+class HistoryEntry(Document):
+    """A change of an alert; times are nanoseconds UTC since 1970."""
+
+    time: int
+    what: str
+    who: str
+    comment: str
+    assignee: str | None
+    shelved_until: int | None
+
+
+class AlertHistoryDocument(Document):
+    """The history of an alert, oldest entry first."""
+
+    schema_name: Literal["sprung.alert-history/1"] = Field(alias="schema")
+    number: int
+    history: tuple[HistoryEntry, ...]
+
+
+class VehicleEntry(Document):
+    """A vehicle that a monitor watches."""
+
+    vehicle: str
+    windows: int
+    baseline: int | None
+    health_index: float
+    last_seen: int
+    modes: dict[str, Pair] | tuple[dict[str, Any], ...] | None
+    state: str
+
+
+class VehiclesDocument(Document):
+    """Vehicles in the store of a monitor."""
+
+    schema_name: Literal["sprung.vehicles/1"] = Field(alias="schema")
+    vehicles: tuple[VehicleEntry, ...]
+
+
+class ReproductionDocument(Document):
+    """Reports that `sprung reproduce` wrote."""
+
+    schema_name: Literal["sprung.reproduction/1"] = Field(alias="schema")
+    seeds: int
+    files: tuple[str, ...]

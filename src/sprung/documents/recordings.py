@@ -1,0 +1,189 @@
+"""The documents of recordings: what they hold, `sprung.info/1`, and the truth of simulated ones, `sprung.truth/1`."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from sprung.documents.document import Computed, Document, Pair, checked, read_fields, write_document
+from sprung.documents.modes import ExactMode
+from sprung.signals.inspection import ChannelFacts, Inspection
+
+
+class InspectionDocument(Document):
+    """What recordings hold."""
+
+    schema_name: Literal["sprung.info/1"] = Field(alias="schema")
+    files: "tuple[FileFacts, ...]"
+
+
+class FileFacts(Document):
+    """What a recording holds: an `Inspection` with the path of its file."""
+
+    path: str
+    channels: tuple[
+        Annotated[
+            ChannelFacts,
+            Computed("is_dead", "boolean"),
+            Computed("is_clipped", "boolean"),
+            Computed("is_stuck", "boolean"),
+        ],
+        ...,
+    ]
+    sampling_rate: float
+    n_samples: int
+    duration: float
+    n_gaps: int
+    gap_duration: float
+    start: int | None
+    history: tuple[str, ...]
+
+
+class TrueValue(Document):
+    """The value of a component in SI units."""
+
+    value: float
+
+
+class SpeedFacts(Document):
+    """Mean and range of the speed of a drive [m/s]."""
+
+    mean: float
+    lowest: float
+    highest: float
+
+
+class ModesAtTime(Document):
+    """Exact modes at an instant of a recording."""
+
+    time: float
+    modes: "tuple[LabelledMode, ...]"
+
+
+class LabelledMode(Document):
+    """Natural frequency [Hz], damping ratio and label of a mode."""
+
+    natural_frequency: float
+    damping_ratio: float
+    label: str | None
+
+
+class TruthDocument(Document):
+    """What is true of a simulated recording; settings of the simulation are further keys."""
+
+    model_config = ConfigDict(extra="allow")
+
+    schema_name: Literal["sprung.truth/1"] = Field(alias="schema")
+    channels: tuple[str, ...]
+    modes: tuple[ExactMode, ...]
+    components: dict[str, dict[str, TrueValue]]
+    speed: SpeedFacts | None
+    faults: dict[str, float]
+    seed: int | None
+    modes_over_time: tuple[ModesAtTime, ...] | None = None
+    speeds: tuple[SpeedFacts, ...] | None = None
+    files: tuple[str, ...] | None = None
+    duration: float | None = None
+    sampling_rate: float | None = None
+    snr: float | None = None
+    noise_band: Pair | None = None
+
+
+def inspection_document(inspections: Mapping[str, Inspection]) -> InspectionDocument:
+    """Return facts about recordings as `sprung.info/1`.
+
+    Parameters
+    ----------
+    inspections
+        Facts by the path of the file.
+    """
+    files = [
+        {"path": path, **{name: getattr(inspection, name) for name in FileFacts.model_fields if name != "path"}}
+        for path, inspection in inspections.items()
+    ]
+    return InspectionDocument.model_validate({"schema": "sprung.info/1", "files": files})
+
+
+def write_inspections(inspections: Mapping[str, Inspection], path: str | Path) -> None:
+    """Write facts about recordings as a JSON file, `sprung.info/1`.
+
+    Parameters
+    ----------
+    inspections
+        Facts by the path of the recording.
+    path
+        File to write; an existing one is replaced.
+    """
+    write_document(inspection_document(inspections), path)
+
+
+def read_inspections(path: str | Path) -> dict[str, Inspection]:
+    """Read facts about recordings from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_inspections` or `sprung info --json` wrote.
+
+    Returns
+    -------
+    dict
+        Facts by the path of the recording.
+
+    Raises
+    ------
+    ParameterError
+        Where the file cannot be read.
+    FormatError
+        Where it holds something else.
+    """
+    document = checked(InspectionDocument, read_fields(path), source=str(path))
+    return {file.path: Inspection(**{name: value for name, value in file if name != "path"}) for file in document.files}
+
+
+def truth_document(truth: Mapping[str, Any]) -> TruthDocument:
+    """Return what a simulation says of its recording, checked, as `sprung.truth/1`.
+
+    Parameters
+    ----------
+    truth
+        Fields that `sprung.simulation.truth` gives, and the settings of the simulation.
+
+    Raises
+    ------
+    FormatError
+        Where a key is missing or holds something else.
+    """
+    return checked(TruthDocument, truth, source="the truth of a simulation")
+
+
+def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
+    """Write what a simulation says of its recording as a JSON file, `sprung.truth/1`.
+
+    Parameters
+    ----------
+    truth
+        Such as that of a `Drive`.
+    path
+        File to write; an existing one is replaced.
+    """
+    write_document(truth_document(truth), path)
+
+
+def read_truth(path: str | Path) -> TruthDocument:
+    """Read what is true of a simulated recording from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_truth` or `sprung simulate` wrote.
+
+    Raises
+    ------
+    ParameterError
+        Where the file cannot be read.
+    FormatError
+        Where it holds something else.
+    """
+    return checked(TruthDocument, read_fields(path), source=str(path))

@@ -1,0 +1,110 @@
+"""All published documents by the name of their schema, and their JSON Schemas, which come with the package."""
+
+import json
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import core_schema
+
+from sprung.documents.baseline import BaselineDocument
+from sprung.documents.corners import CornersDocument
+from sprung.documents.diagnosis import DiagnosisDocument
+from sprung.documents.document import Document, checked, read_fields, schema_of
+from sprung.documents.identification import IdentificationDocument
+from sprung.documents.monitoring import AlertHistoryDocument, AlertsDocument, ReproductionDocument, VehiclesDocument
+from sprung.documents.recordings import InspectionDocument, TruthDocument
+from sprung.errors import FormatError, ParameterError
+
+_KINDS: tuple[type[Document], ...] = (
+    AlertHistoryDocument,
+    AlertsDocument,
+    BaselineDocument,
+    CornersDocument,
+    DiagnosisDocument,
+    IdentificationDocument,
+    InspectionDocument,
+    ReproductionDocument,
+    TruthDocument,
+    VehiclesDocument,
+)
+#: Published documents by the name of their schema.
+DOCUMENTS = {schema_of(kind): kind for kind in _KINDS}
+
+
+def read_document(path: str | Path) -> Document:
+    """Read any published document from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that sprung wrote, such as with `--json`.
+
+    Returns
+    -------
+    Document
+        Document of the kind that its key `schema` names.
+
+    Raises
+    ------
+    ParameterError
+        Where the file cannot be read.
+    FormatError
+        Where its schema is unknown, or a key is missing or holds something else.
+    """
+    fields = read_fields(path)
+    schema = fields.get("schema")
+    if not isinstance(schema, str) or schema not in DOCUMENTS:
+        known = ", ".join(DOCUMENTS)
+        raise FormatError(f"{path} has the schema {schema!r}, which is not one of {known}: give another file")
+    return checked(DOCUMENTS[schema], fields, source=str(path))
+
+
+def json_schema(name: str) -> dict[str, Any]:
+    """Return the JSON Schema of a published document, as it comes with the package.
+
+    Parameters
+    ----------
+    name
+        Schema of the document, such as "sprung.baseline/1".
+
+    Raises
+    ------
+    ParameterError
+        Where there is no such document.
+    """
+    if name not in DOCUMENTS:
+        raise ParameterError(f"schema {name!r} is not one of {', '.join(DOCUMENTS)}: correct it")
+    text = (resources.files("sprung.documents") / "json_schemas" / _file_name(name)).read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def write_json_schemas(folder: str | Path) -> None:
+    """Write the JSON Schemas of all published documents, one file each, as generated from their models.
+
+    Parameters
+    ----------
+    folder
+        Existing folder; files of the same names are replaced.
+    """
+    for name, kind in DOCUMENTS.items():
+        schema = kind.model_json_schema(schema_generator=_WithoutProse)
+        text = json.dumps({"$schema": GenerateJsonSchema.schema_dialect, "$id": name, **schema}, indent=2)
+        (Path(folder) / _file_name(name)).write_text(text + "\n", encoding="utf-8")
+
+
+def _file_name(name: str) -> str:
+    """Return the file of a schema: baseline-1.json for sprung.baseline/1."""
+    return f"{name.removeprefix('sprung.').replace('/', '-')}.json"
+
+
+class _WithoutProse(GenerateJsonSchema):
+    """JSON Schemas without the docstrings of dataclasses, which are about Python, and without titles of fields."""
+
+    def dataclass_schema(self, schema: core_schema.DataclassSchema) -> dict[str, Any]:
+        return {key: value for key, value in super().dataclass_schema(schema).items() if key != "description"}
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False

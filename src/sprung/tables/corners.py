@@ -1,0 +1,45 @@
+"""Tables of a fit of springs, dampers and tyres."""
+
+from sprung.likelihood import CornerFit
+from sprung.tables.table import Table, in_words
+
+#: Letters of the longest bar, and the relative change at which it is reached.
+_BAR, _FULL = 8, 0.4
+_UNITS = {"spring": "N/m", "damper": "N s/m", "tyre": "N/m"}
+
+
+def components_table(fit: CornerFit) -> Table:
+    """Return the table of fitted springs, dampers and tyres, with bars of their change from nominal."""
+    columns = ("corner", "component", "value", "±", "change [%]", f"-{100 * _FULL:.0f} % .. +{100 * _FULL:.0f} %")
+    rows = []
+    for row, component in enumerate(fit.components):
+        value, change = fit.values[row], float(fit.values[row] / fit.nominal[row] - 1)
+        numbers = (f"{value:.4g}", f"{value * fit.log_ratios_std[row]:.2g}", f"{100 * change:+.1f}", _bar(change))
+        unknown = ("–", "–", "–", "not identifiable")
+        kind = f"{component.kind} [{_UNITS.get(component.kind, '-')}]"
+        rows.append((in_words(component.corner), kind, *(numbers if fit.is_identifiable[row] else unknown)))
+    return Table("Corners", columns, tuple(rows), n_words=2)
+
+
+def fitted_modes_table(fit: CornerFit) -> Table:
+    """Return the table of the modes of a fitted vehicle."""
+    modes, (frequency_std, damping_std) = fit.modes(), fit.modes_std()
+    rows = tuple(
+        (
+            f"{modes.natural_frequency[k]:.4g}",
+            f"{frequency_std[k]:.2g}",
+            f"{100 * modes.damping_ratio[k]:.3g}",
+            f"{100 * damping_std[k]:.2g}",
+            in_words(modes.labels[k] or ""),
+        )
+        for k in range(modes.poles.size)
+    )
+    columns = ("frequency [Hz]", "±", "damping [%]", "±", "label")
+    return Table("Modes of the fitted vehicle", columns, rows, n_words=0)
+
+
+def _bar(change: float) -> str:
+    """Draw a change as a bar to the left or right of a middle line."""
+    length = min(_BAR, round(abs(change) / _FULL * _BAR))
+    left = ("█" * length).rjust(_BAR) if change < 0 else " " * _BAR
+    return f"{left}│{'█' * length if change >= 0 else ''}"

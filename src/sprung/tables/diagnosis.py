@@ -1,0 +1,86 @@
+"""Tables of baselines and diagnoses."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sprung.diagnosis import Baseline, Detection, Diagnosis, ModeChange, Trend
+from sprung.tables.table import Table, in_words
+
+#: Hypotheses in the table.
+_SHOWN = 5
+
+
+def baseline_table(baseline: Baseline) -> Table:
+    """Return the table of mean and scatter of each component."""
+    deviations = np.sqrt(np.diag(baseline.covariance))
+    rows = tuple(
+        (in_words(str(component)), f"{100 * np.expm1(mean):+.1f}", f"{100 * deviation:.1f}")
+        for component, mean, deviation in zip(baseline.components, baseline.mean, deviations, strict=True)
+    )
+    return Table("Baseline", ("component", "change from nominal [%]", "std of a window [%]"), rows)
+
+
+def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
+    """Return the findings and sensor faults of a diagnosis in sentences, with evidence and threshold."""
+    sentences = [line for finding in diagnosis.findings for line in (finding.sentence, trend_in_words(finding.trend))]
+    sentences += [
+        f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}" for fault in diagnosis.sensor_faults
+    ]
+    if diagnosis.detection is None:
+        return sentences or ["inconclusive: no window was usable"]
+    numbers = f"ln evidence {diagnosis.detection.evidence[-1]:.1f}; alarm threshold {diagnosis.detection.threshold:.1f}"
+    return [*sentences, numbers] if sentences else [f"no change detected ({numbers})"]
+
+
+def hypotheses_table(detection: Detection) -> Table:
+    """Return the table of the best hypotheses of a change test."""
+    rows = tuple(
+        (
+            in_words(candidate.hypothesis.name).replace("all ", "every "),
+            f"{candidate.log_evidence:.1f}",
+            "" if candidate.change is None else f"{100 * candidate.change:+.1f}",
+            "" if candidate.interval is None else " .. ".join(f"{100 * end:+.1f}" for end in candidate.interval),
+        )
+        for candidate in detection.candidates[:_SHOWN]
+    )
+    return Table("Hypotheses", ("hypothesis", "ln evidence", "change [%]", "95 % [%]"), rows, n_words=1)
+
+
+def mode_changes_table(changes: Sequence[ModeChange]) -> Table:
+    """Return the table of the body modes before and after a change."""
+    columns = (
+        *("before [Hz]", "after [Hz]", "damping [%]", "after [%]", "MAC"),
+        *("measured before", "measured since", "label"),
+    )
+    rows = tuple(
+        (
+            *(f"{frequency:.3g}" for frequency in change.frequency),
+            *(f"{100 * ratio:.3g}" for ratio in change.damping),
+            f"{change.mac:.3f}",
+            _mode_in_words(change.measured_before),
+            _mode_in_words(change.measured_since),
+            change.label,
+        )
+        for change in changes
+    )
+    return Table("Body modes as the finding implies and as measured", columns, rows, n_words=0)
+
+
+def trend_in_words(trend: Trend | None) -> str:
+    """Return a sentence about how a change develops."""
+    if trend is None:
+        return "no trend: it needs a single part and at least four windows since the onset"
+    low, high = (f"{100 * end:+.1f}" for end in trend.interval)
+    if trend.interval[0] * trend.interval[1] <= 0:
+        return f"no trend: {low} to {high} % per hour of driving"
+    text = f"trend: {100 * trend.per_hour:+.1f} % ({low} to {high}) per hour of driving"
+    if trend.hours_to_limit is None:
+        return text
+    soonest, latest = trend.hours_to_limit
+    return f"{text}, 30 % {f'in {soonest:.1f} to {latest:.1f} hours' if latest else 'is reached'}"
+
+
+def _mode_in_words(mode: tuple[float, float] | None) -> str:
+    """Return frequency and damping ratio of a mode; empty where it is unknown."""
+    return "" if mode is None else f"{mode[0]:.3g} Hz, {100 * mode[1]:.3g} %"

@@ -1,0 +1,174 @@
+"""Tables of an identification."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+
+from sprung._arrays import Complex
+from sprung.identification import Identification, SubsetModes
+from sprung.modal import PoleStatus
+from sprung.signals.harmonics import Harmonic
+from sprung.tables.table import Table, in_words
+
+#: Channels below this share of the largest one are omitted from a shape in words.
+_MAIN_SHARE = 0.3
+#: Most channels or numbers in a cell, and most families of harmonics in a table.
+_MOST_WORDS, _MOST_FAMILIES = 6, 8
+#: Most reasons that explain why no mode was found.
+_MOST_REASONS = 3
+#: What the columns of `modes_table` mean.
+MODES_CAPTION = (
+    "± standard deviation; stable: share of the ladder with this mode; shape: channels above"
+    f" {100 * _MAIN_SHARE:.0f} % of the largest, + in phase with it, - against it, ~ between"
+)
+
+
+def why_none(identification: Identification) -> str:
+    """Return a sentence that explains why there is no mode."""
+    reasons: Counter[int] = Counter()
+    for subset in identification.subsets:
+        for diagram in subset.diagrams:
+            reasons.update(diagram.status.tolist())
+    if not reasons:
+        return "no mode found: no order has an oscillating pole: raise --max-order"
+    if PoleStatus.SELECTED in reasons:
+        return "no mode found in half of the subsets or more: record longer, or use fewer --subsets"
+    counts = "; ".join(
+        f"{count}: {PoleStatus(status).sentence}" for status, count in reasons.most_common(_MOST_REASONS)
+    )
+    return f"no mode found in {reasons.total()} poles ({counts}): record longer, or widen --band"
+
+
+def modes_table(identification: Identification) -> Table:
+    """Return the table of identified modes: values with standard deviations, stability, label and shape in words."""
+    modes = identification.modes
+    shapes = shapes_in_words(modes.channels, modes.mode_shapes)
+    columns = ("frequency [Hz]", "damping [%]", "stable", "MPC", "label", "shape")
+    rows = tuple(
+        (
+            with_deviation(modes.natural_frequency[k], modes.natural_frequency_std[k]),
+            with_deviation(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
+            f"{100 * modes.stable_rate[k]:.0f} %",
+            f"{modes.mpc[k]:.2f}",
+            in_words(modes.labels[k] or ""),
+            shapes[k],
+        )
+        for k in range(len(modes))
+    )
+    return Table("", columns, rows, n_words=0)
+
+
+def with_deviation(value: float, deviation: float) -> str:
+    """Return a value and its standard deviation, with two significant digits of the deviation."""
+    if not (math.isfinite(deviation) and deviation > 0):
+        return f"{value:.4g}"
+    decimals = min(max(1 - math.floor(math.log10(deviation)), 0), 6)
+    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
+
+
+def shapes_in_words(channels: Sequence[str], mode_shapes: Complex) -> list[str]:
+    """Return for each shape its main channels and the signs of their motion."""
+    return [_shape(_without_common_prefix(channels), shape.tolist()) for shape in mode_shapes]
+
+
+def _without_common_prefix(names: Sequence[str]) -> list[str]:
+    """Return names without a common prefix up to their last separator: fl, fr for acc_fl, acc_fr."""
+    cuts = [max(name.rfind(separator) for separator in "_-. ") + 1 for name in names]
+    prefixes = {name[:cut] for name, cut in zip(names, cuts, strict=True)}
+    is_common = len(prefixes) == 1 and not any(name in prefixes for name in names)
+    return [name[cuts[0] :] for name in names] if is_common else list(names)
+
+
+def _shape(names: Sequence[str], shape: Sequence[complex]) -> str:
+    """Return the main channels of a shape whose largest channel is 1."""
+    main = [k for k, part in enumerate(shape) if abs(part) >= _MAIN_SHARE]
+    named = sorted(sorted(main, key=lambda k: -abs(shape[k]))[:_MOST_WORDS])
+    words = [names[k] + _sign(shape[k]) for k in named]
+    return " ".join([*words, "..."] if len(main) > len(named) else words)
+
+
+def _sign(part: complex) -> str:
+    """Return the sign of a channel: + within 60 degrees of the phase of the largest one, - against it, ~ between."""
+    cosine = part.real / abs(part)
+    return "~" if abs(cosine) < 0.5 else "+" if cosine > 0 else "-"
+
+
+def subsets_table(identification: Identification) -> Table:
+    """Return the table of each mode in each subset of segments."""
+    columns = ("mode", *(_heading(subset) for subset in identification.subsets), "")
+    rows = tuple(
+        (
+            f"{identification.modes.natural_frequency[k]:.4g} Hz",
+            *(
+                _subset_mode(subset, int(member))
+                for subset, member in zip(identification.subsets, identification.members[k], strict=True)
+            ),
+            "",
+        )
+        for k in range(len(identification.modes))
+    )
+    return Table("Subsets of segments by level", columns, rows)
+
+
+def _heading(subset: SubsetModes) -> str:
+    """Return level and number of segments."""
+    level = "" if subset.level is None else f"{subset.level[0]:.3g} to {subset.level[1]:.3g}\n"
+    return f"{level}{counted(subset.n_segments, 'segment')}"
+
+
+def _subset_mode(subset: SubsetModes, member: int) -> str:
+    """Return frequency and damping of a mode in a subset."""
+    if member < 0:
+        return "-"
+    return f"{subset.modes.natural_frequency[member]:.4g} Hz, {100 * subset.modes.damping_ratio[member]:.3g} %"
+
+
+def harmonics_table(harmonics: Sequence[Harmonic]) -> Table:
+    """Return the table of harmonics, strongest first, with the multiples of a fundamental in one row."""
+    families: dict[tuple[str, float], list[Harmonic]] = {}
+    for line in harmonics:
+        families.setdefault((line.kind, line.fundamental or line.frequency), []).append(line)
+    rows = [_family(fundamental, lines) for (_, fundamental), lines in sorted(families.items(), key=_faintness)]
+    n_omitted = len(rows) - _MOST_FAMILIES
+    if n_omitted > 0:
+        rows = [*rows[:_MOST_FAMILIES], (f"{n_omitted} weaker", "", "", "", "")]
+    columns = ("line", "multiples", "at [Hz]", "prominence", "channels")
+    return Table("Harmonics of the excitation, not modes", columns, tuple(rows), n_words=2)
+
+
+def _faintness(family: tuple[tuple[str, float], Sequence[Harmonic]]) -> float:
+    """Return the sort key of a family: the most prominent comes first."""
+    return -max(line.prominence for line in family[1])
+
+
+def _family(fundamental: float, lines: Sequence[Harmonic]) -> tuple[str, ...]:
+    """Return the row of a fundamental and its multiples."""
+    is_constant = lines[0].kind == "constant"
+    low, high = min(line.band[0] for line in lines), max(line.band[1] for line in lines)
+    return (
+        f"{fundamental:.4g} {'Hz' if is_constant else 'per metre'}",
+        orders_in_words(sorted(line.order for line in lines)),
+        f"{low:.3g} to {high:.3g}" if len(lines) > 1 or not is_constant else f"{lines[0].frequency:.4g}",
+        f"{max(line.prominence for line in lines):.0f} dB",
+        _listed(sorted({name for line in lines for name in line.channels})),
+    )
+
+
+def orders_in_words(orders: Sequence[int]) -> str:
+    """Return rising orders as ranges, such as 1 to 4, 6; empty for a single line."""
+    if orders[-1] == 1:
+        return ""
+    starts = [k for k in range(len(orders)) if k == 0 or orders[k] > orders[k - 1] + 1]
+    runs = [(orders[first], orders[last - 1]) for first, last in pairwise([*starts, len(orders)])]
+    return _listed([f"{first}" if first == last else f"{first} to {last}" for first, last in runs], ", ")
+
+
+def _listed(words: Sequence[str], separator: str = " ") -> str:
+    """Return words in a row, with an ellipsis after the first few."""
+    return separator.join([*words[:_MOST_WORDS], *(["..."] if len(words) > _MOST_WORDS else [])])
+
+
+def counted(number: int, thing: str) -> str:
+    """Return a number of things, such as "1 mode" or "3 modes"."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"

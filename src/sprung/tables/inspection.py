@@ -1,0 +1,49 @@
+"""Tables of what recordings hold."""
+
+from datetime import UTC, datetime
+
+from sprung.signals.inspection import ChannelFacts, Inspection
+from sprung.tables.table import Table
+
+
+def inspection_table(inspection: Inspection) -> Table:
+    """Return the table of the channels of a recording: levels and faults."""
+    columns = ("channel", "quantity", "unit", "mean", "RMS", "lowest", "highest", "remarks")
+    return Table("", columns, tuple(_row(facts, inspection.n_samples) for facts in inspection.channels), n_words=3)
+
+
+def inspection_in_words(inspection: Inspection) -> str:
+    """Return length, rate, gaps and start of a recording in one line."""
+    length = f"{inspection.n_samples} samples at {inspection.sampling_rate:.8g} Hz: {_time(inspection.duration)}"
+    gaps = "no gaps"
+    if inspection.n_gaps:
+        gaps = f"{inspection.n_gaps} gap{'s' * (inspection.n_gaps > 1)} of {_time(inspection.gap_duration)} in all"
+    start = ""
+    if inspection.start is not None:
+        start = f", from {datetime.fromtimestamp(inspection.start // 10**9, tz=UTC):%Y-%m-%d %H:%M:%S} UTC"
+    return f"{length}, {gaps}{start}"
+
+
+def _time(seconds: float) -> str:
+    """Return a duration in its natural unit."""
+    if seconds < 120:
+        return f"{seconds:.4g} s"
+    return f"{seconds / 60:.4g} min" if seconds < 7200 else f"{seconds / 3600:.4g} h"
+
+
+def _row(facts: ChannelFacts, n_samples: int) -> tuple[str, ...]:
+    """Return a channel's row of the table."""
+    levels = (facts.mean, facts.rms, facts.minimum, facts.maximum)
+    numbers = ("" if level is None else f"{level:.4g}" for level in levels)
+    return (facts.name, facts.quantity, facts.unit, *numbers, _remarks(facts, n_samples))
+
+
+def _remarks(facts: ChannelFacts, n_samples: int) -> str:
+    """Return the faults of a channel in words."""
+    shares = {
+        "clipped": facts.clipped if facts.is_clipped else 0.0,
+        "stuck": facts.stuck if facts.is_stuck else 0.0,
+        "missing": 1 - facts.n_values / n_samples,
+    }
+    remarks = ["dead"] if facts.is_dead else []
+    return ", ".join(remarks + [f"{what} {100 * share:.3g} %" for what, share in shares.items() if share > 0])
