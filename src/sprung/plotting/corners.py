@@ -62,7 +62,7 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
         As for `fitted_spectra_figure`.
     """
     what = f"Corners against nominal: {source}" if source else "Corners against nominal"
-    where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: this run cannot tell."
+    where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: not identifiable from this run."
     return corner_bars(
         fit.components, fit.log_ratios, fit.log_ratios_std, is_identifiable=fit.is_identifiable, heading=(what, where)
     )
@@ -115,7 +115,7 @@ def corner_bars(
 
 
 def _draw_corner(axes: Axes, names: list[str], is_identifiable: np.ndarray, *changes: np.ndarray) -> None:
-    """Draw the bars of one corner: components, whether a run can tell them, change and its interval [%]."""
+    """Draw the bars of one corner: components, whether they are identifiable, change and its interval [%]."""
     plain(axes)
     axes.axhline(0, color=INK, linewidth=1)
     for place, (name, told, change, low, high) in enumerate(zip(names, is_identifiable, *changes, strict=True)):
