@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Observation
-from sprung.diagnosis.baseline import usual_nuisance
+from sprung.diagnosis.directions import usual_nuisance
 from sprung.vehicles import Component
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")

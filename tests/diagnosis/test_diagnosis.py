@@ -18,7 +18,7 @@ from sprung.diagnosis import (
     observe_window,
     windows,
 )
-from sprung.diagnosis.baseline import usual_nuisance
+from sprung.diagnosis.directions import usual_nuisance
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
 from sprung.simulation import (

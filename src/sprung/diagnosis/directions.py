@@ -1,0 +1,65 @@
+"""Directions in which components change together: left against right, front against rear, all of a kind."""
+
+import numpy as np
+
+from sprung._arrays import Real
+from sprung.vehicles import Component
+
+#: Usual change of all components of a kind together from window to window (payload, temperature, road), and between
+#: front and rear, in ln values.
+_COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
+USUAL_ENDS = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
+
+
+def usual_nuisance(components: tuple[Component, ...], ends: dict[str, float]) -> Real:
+    """Return the covariance of what moves components together from window to window.
+
+    Parameters
+    ----------
+    components
+        Springs, dampers and tyres.
+    ends
+        Standard deviation between front and rear of each kind, ln values.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (components, components): all of a kind by the same factor, and its axles against each other.
+    """
+    _, between, together = directions(components)
+    kinds = sorted({component.kind for component in components})
+    of_ends = np.array([ends.get(kind, max(ends.values())) for kind in kinds_of(between, components)])
+    of_all = np.array([_COMMON.get(kind, 0.2) for kind in kinds])
+    return np.asarray((between.T * of_ends**2) @ between + (together.T * of_all**2) @ together, dtype=np.float64)
+
+
+def directions(components: tuple[Component, ...]) -> tuple[Real, Real, Real]:
+    """Return directions as rows, each of shape (rows, components).
+
+    Parameters
+    ----------
+    components
+        Springs, dampers and tyres of corners.
+
+    Returns
+    -------
+    tuple
+        Left up and right down for each axle and kind; each axle against the next one; all of a kind together.
+    """
+    kinds = sorted({component.kind for component in components})
+    left = np.array([1.0 if component.side == "left" else -1.0 for component in components])
+    pairs, ends, together = [], [], []
+    for kind in kinds:
+        axles = sorted({component.axle for component in components if component.kind == kind})
+        of_axle = [np.array([float((c.axle, c.kind) == (axle, kind)) for c in components]) for axle in axles]
+        pairs += [row * left for row in of_axle]
+        ends += [of_axle[k] / 2 - of_axle[k + 1] / 2 for k in range(len(axles) - 1)]
+        together.append(np.sum(of_axle, axis=0))
+    size = len(components)
+    first, second, third = (np.array(rows).reshape(-1, size) for rows in (pairs, ends, together))
+    return first, second, third
+
+
+def kinds_of(rows: Real, components: tuple[Component, ...]) -> list[str]:
+    """Return the kind of components that each direction moves, of rows from `directions`."""
+    return [components[int(np.flatnonzero(row)[0])].kind for row in rows]
