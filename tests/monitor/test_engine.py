@@ -9,8 +9,8 @@ import pytest
 
 from sprung.diagnosis import diagnose, observe
 from sprung.errors import ParameterError
-from sprung.link import decode
-from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor, frame_block, joined
+from sprung.link import decode, frame_block, joined
+from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.recording import Channel, Recording
 from sprung.vehicles.sensor_layout import quantities_of
 

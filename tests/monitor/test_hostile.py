@@ -8,8 +8,7 @@ import cbor2
 import numpy as np
 import pytest
 
-from sprung.link import checked_map, decode, message, topic
-from sprung.monitor import frame_block, joined
+from sprung.link import checked_map, decode, frame_block, joined, message, topic
 from sprung.vehicles import vehicle_text
 
 BEGUN = 1_795_219_200_000_000_000

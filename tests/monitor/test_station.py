@@ -310,7 +310,7 @@ def test_a_box_that_identifies_itself(bench, car, drive, tmp_path):
     from sprung.box import blocks_of
     from sprung.box.onboard import OnBoard
     from sprung.link import Spool, decode, topic
-    from sprung.monitor import summary_from_document
+    from sprung.link.summaries import summary_from_document
 
     ring = Spool(tmp_path / "ring", is_synced=False)
     on_board = OnBoard(car, ring)

@@ -7,9 +7,9 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from sprung import __version__
 from sprung.errors import FormatError, ParameterError
 from sprung.link import (
     VERSION,
@@ -297,7 +297,7 @@ class Box:
                     14: self._settings.configuration,
                     "description": self._settings.description,
                     "quantities": self._announced,
-                    "program": __version__,
+                    "program": version("sprung"),
                     "versions": [VERSION],
                 },
                 is_retained=True,

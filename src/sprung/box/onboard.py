@@ -9,8 +9,8 @@ from typing import Any
 from sprung._checks import check_number
 from sprung.errors import SprungError
 from sprung.identification import modes_of_summary, summarise
-from sprung.link import Spool, checked_map
-from sprung.monitor import joined, mode_documents, summary_document
+from sprung.link import Spool, checked_map, joined
+from sprung.link.summaries import mode_documents, summary_document
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
 

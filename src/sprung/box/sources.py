@@ -9,11 +9,10 @@ from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sprung._checks import check_number
 from sprung.box.resampling import BLOCK
 from sprung.formats import read_blocks
+from sprung.link import joined
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
 
@@ -75,7 +74,7 @@ def blocks_of_file(
             elapsed += part.duration + sum(gap.duration for gap in part.gaps)
         timed = replace(part, start=begin)
         # What is read piece by piece has no gap between pieces: the last block of one may go on in the next.
-        blocks = list(blocks_of(timed if held is None else _joined(held, timed)))
+        blocks = list(blocks_of(timed if held is None else joined([held, timed])))
         yield from blocks[:-1]
         held = blocks[-1] if blocks else None
     if held is not None:
@@ -157,9 +156,3 @@ def _paced(
         if wait > 0:
             sleep(wait)
         yield block
-
-
-def _joined(one: Recording, other: Recording) -> Recording:
-    """Return two recordings, of which the second begins where the first ends, as one."""
-    gaps = tuple(replace(gap, index=gap.index + one.n_samples) for gap in other.gaps)
-    return replace(one, samples=np.concatenate([one.samples, other.samples], axis=1), gaps=gaps)

@@ -1,5 +1,9 @@
-"""From a vehicle to the monitor: frames, topics, a spool on disk, MQTT."""
+"""From a vehicle to the monitor: frames, topics, a spool on disk, MQTT.
 
+`sprung.link.summaries` (correlations on the wire) is imported by those who need it: it brings identification along.
+"""
+
+from sprung.link.blocks import Block, FrameBlock, frame_block, joined
 from sprung.link.frame import (
     CLIPPED,
     MISSING,
@@ -38,7 +42,9 @@ __all__ = [
     "UPWARDS",
     "VERSION",
     "Address",
+    "Block",
     "Frame",
+    "FrameBlock",
     "Link",
     "LinkError",
     "Sending",
@@ -49,6 +55,8 @@ __all__ = [
     "checked_map",
     "decode",
     "encode",
+    "frame_block",
+    "joined",
     "message",
     "parse_topic",
     "quantised",

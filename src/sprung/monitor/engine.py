@@ -19,8 +19,8 @@ from sprung.diagnosis import (
 )
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.identification import METHODS, IdentificationSettings
-from sprung.modal import Modes
-from sprung.monitor.blocks import Block, joined
+from sprung.link import Block, joined
+from sprung.link.summaries import mode_documents
 from sprung.recording import Channel, Gap, Recording
 from sprung.signals.harmonics import Harmonic, harmonic_from_dict
 from sprung.vehicles import Vehicle
@@ -367,27 +367,6 @@ class VehicleMonitor:
         """Return how many windows there is evidence of."""
         components = () if self._baseline is None else self._baseline.components
         return sum(one.is_conclusive and not one.sensor_faults and one.components == components for one in observations)
-
-
-def mode_documents(modes: Modes) -> list[dict[str, Any]]:
-    """Return modes as plain values, as in `sprung.identification/1`."""
-    return [
-        {
-            "natural_frequency": float(modes.natural_frequency[k]),
-            "natural_frequency_std": _number(modes.natural_frequency_std[k]),
-            "damping_ratio": float(modes.damping_ratio[k]),
-            "damping_ratio_std": _number(modes.damping_ratio_std[k]),
-            "mode_shape": {"real": modes.mode_shapes[k].real.tolist(), "imag": modes.mode_shapes[k].imag.tolist()},
-            "label": modes.labels[k],
-            "stable_rate": float(modes.stable_rate[k]),
-        }
-        for k in range(len(modes))
-    ]
-
-
-def _number(value: float) -> float | None:
-    """Return a finite number; None for any other."""
-    return float(value) if np.isfinite(value) else None
 
 
 def _are_alike(one: Block, other: Block) -> bool:

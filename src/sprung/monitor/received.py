@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sprung.errors import SprungError
-from sprung.monitor.summaries import summary_from_document
+from sprung.link.summaries import summary_from_document
 from sprung.storage import write_archive
 
 LOG = logging.getLogger("sprung.monitor")

@@ -8,8 +8,7 @@ from typing import Any
 
 from sprung._checks import required
 from sprung.errors import SprungError
-from sprung.link import decode
-from sprung.monitor.blocks import frame_block
+from sprung.link import decode, frame_block
 from sprung.monitor.engine import Event, MonitorSettings, Observed, VehicleMonitor
 from sprung.vehicles import vehicle_from_text
 

@@ -6,7 +6,7 @@ import pytest
 
 from sprung.errors import FormatError
 from sprung.identification import METHODS, modes_of_summary, summarise
-from sprung.monitor import summary_document, summary_from_document
+from sprung.link.summaries import summary_document, summary_from_document
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import read_vehicle, structure
 

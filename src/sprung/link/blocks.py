@@ -1,4 +1,4 @@
-"""Blocks of samples, as a monitor takes them in: recordings, or frames of the link."""
+"""Blocks of samples in order of time: recordings, or frames of the link."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.link import Frame
+from sprung.link.frame import Frame
 from sprung.recording import Channel, Gap, Recording
 
 #: Time between blocks that is no gap, in samples; clocks of loggers jitter.

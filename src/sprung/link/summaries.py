@@ -1,4 +1,4 @@
-"""Correlations instead of samples on the wire: what a box that identifies on board sends."""
+"""Modes and correlations as plain values: what a box that identifies on board sends instead of samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -11,6 +11,7 @@ from sprung.errors import FormatError, ParameterError
 from sprung.identification import CorrelationSummary, IdentificationSettings, Plan
 from sprung.identification.correlation import Correlations
 from sprung.identification.stabilisation import StabilityCriteria
+from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.signals.harmonics import harmonic_from_dict
@@ -18,6 +19,22 @@ from sprung.signals.harmonics import harmonic_from_dict
 #: Most bytes of all blocks of all averages.
 _ROOM = 800_000
 _LIFTERS: dict[str, Any] = {"ShortPass": ShortPass, "Exponential": Exponential}
+
+
+def mode_documents(modes: Modes) -> list[dict[str, Any]]:
+    """Return modes as plain values, one object for each: the fields of a mode that every method has."""
+    return [
+        {
+            "natural_frequency": float(modes.natural_frequency[k]),
+            "natural_frequency_std": _number(modes.natural_frequency_std[k]),
+            "damping_ratio": float(modes.damping_ratio[k]),
+            "damping_ratio_std": _number(modes.damping_ratio_std[k]),
+            "mode_shape": {"real": modes.mode_shapes[k].real.tolist(), "imag": modes.mode_shapes[k].imag.tolist()},
+            "label": modes.labels[k],
+            "stable_rate": float(modes.stable_rate[k]),
+        }
+        for k in range(len(modes))
+    ]
 
 
 def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
@@ -140,3 +157,8 @@ def _unpacked(stored: Mapping[str, Any]) -> Correlations:
 def _tuple(values: Sequence[Any] | None) -> Any:
     """Return a tuple; None stays."""
     return None if values is None else tuple(values)
+
+
+def _number(value: float) -> float | None:
+    """Return a finite number; None for any other."""
+    return float(value) if np.isfinite(value) else None
