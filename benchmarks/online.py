@@ -387,7 +387,7 @@ def latencies(folder: Path, every: int, n_others: int, n_windows: int) -> list[f
             time.sleep(0.2)
             begin = time.perf_counter()
             car.drive(1)
-            while not (last := store.observations("car", limit=1)) or last[0].number < number:
+            while not (last := store.results.observations("car", limit=1)) or last[0].number < number:
                 car.box.look()
                 time.sleep(0.002)
             times.append(time.perf_counter() - begin)
@@ -623,7 +623,7 @@ def measure_delivery(_given: argparse.Namespace, folder: Path) -> None:
         store = open_store(f"sqlite:///{folder}/{step}.sqlite")
         frames = [("car", 1, seq, 0, payload) for seq, payload in enumerate(payloads[:1000])]
         for first in range(0, 1000, step):
-            store.add_frames(frames[first : first + step], now=1)
+            store.inbox.add_frames(frames[first : first + step], now=1)
         store.close()
 
     steps = [

@@ -23,10 +23,10 @@ NOW = 1_795_219_200_000_000_000
 def store(tmp_path):
     url = f"sqlite:///{tmp_path}/store.sqlite"
     with open_store(url) as opened:
-        opened.put_vehicle("bus-17", configuration="c", description="", channels=[], now=NOW)
+        opened.inbox.put_vehicle("bus-17", configuration="c", description="", channels=[], now=NOW)
         report = Report("bus-17", "front_left.spring", 700, "front-left spring 25 % softer")
         alert = reported(None, report, AlertSettings(), NOW).alert
-        opened.put_alert(row_of(alert), history=("raised", "", ""), notify={}, now=NOW)
+        opened.alerts.put(row_of(alert), history=("raised", "", ""), notify={}, now=NOW)
     return url
 
 
@@ -61,7 +61,7 @@ def test_an_alert_from_raised_to_normal(sprung, store, monkeypatch):
     assert "assigned to nobody" in sprung("alerts", "history", "1", "--store", store).out
     assert "there is no alert 99" in sprung("alerts", "history", "99", "--store", store).err
     with open_store(store) as opened:
-        assert [(row.who, row.act) for row in opened.audited()] == [
+        assert [(row.who, row.act) for row in opened.requests.audited()] == [
             ("anna", "ack"),
             ("anna", "assign"),
             ("anna", "shelve"),
@@ -78,7 +78,7 @@ def test_vehicles_and_learning_again(sprung, store):
     assert asked.code == 0
     assert "bus-17 is to learn again what is normal, because of 'new springs': the monitor" in plain(asked)
     with open_store(store) as opened:
-        (command,) = opened.open_commands()
+        (command,) = opened.requests.open_commands()
     assert (command.vehicle, command.act, command.detail, command.who) == ("bus-17", "learn", "new springs", "anna")
     assert "bus-17: learning again, because of 'new springs': asked for at" in plain(
         sprung("vehicles", "--store", store)
@@ -95,7 +95,7 @@ def test_samples_that_are_asked_for_and_not_waited_for(sprung, store):
     asked = sprung(*words)
     assert asked.code == 0
     with open_store(store) as opened:
-        (command,) = opened.open_commands()
+        (command,) = opened.requests.open_commands()
     assert command.detail["to"] - command.detail["from"] == 300 * 10**9
     assert (command.act, command.who) == ("raw", "anna")
     for shown in (asked, sprung("vehicles", "--store", store)):
@@ -112,9 +112,9 @@ def answered(store):
         def run():
             with open_store(store) as opened:
                 end = time.monotonic() + 30.0
-                while not (asked := opened.open_commands()) and time.monotonic() < end:
+                while not (asked := opened.requests.open_commands()) and time.monotonic() < end:
                     time.sleep(0.02)
-                opened.command_done(asked[0].id, NOW, detail={"asked": asked[0].detail, **detail})
+                opened.requests.command_done(asked[0].id, NOW, detail={"asked": asked[0].detail, **detail})
 
         threads.append(threading.Thread(target=run))
         threads[-1].start()
@@ -147,16 +147,16 @@ def test_samples_that_do_not_come_are_said_with_what_to_do(sprung, store):
     assert "have not come within 0.3 s: it was last heard at 2026-11-21 00:00 UTC" in asked.err
     assert "the request stays, and goes out again when bus-17 is next heard" in asked.err
     with open_store(store) as opened:
-        assert len(opened.open_commands()) == 1
+        assert len(opened.requests.open_commands()) == 1
 
 
 def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
     with open_store(store) as opened:
-        opened.add_frames([("bus-17", 1, 0, NOW, b"x")], now=NOW)
+        opened.inbox.add_frames([("bus-17", 1, 0, NOW, b"x")], now=NOW)
         modes = ((0, NOW, {"modes": [{"natural_frequency": 1.5}], "reason": "", "is_on_board": True}),)
-        opened.commit_progress(Progress("bus-17", 1, done_seq=0, delete_through_seq=0, modes=modes))
-        row = opened.alerts()[0]
-        opened.put_alert(replace(row, is_active=False), history=("cleared", "", ""), now=NOW)
+        opened.results.commit(Progress("bus-17", 1, done_seq=0, delete_through_seq=0, modes=modes))
+        row = opened.alerts.find()[0]
+        opened.alerts.put(replace(row, is_active=False), history=("cleared", "", ""), now=NOW)
     (one,) = sprung("vehicles", "--store", store, "--json", "-").document()["vehicles"]
     assert one["state"] == "identifies on board: 1 windows of modes"
     assert one["modes"] == [{"natural_frequency": 1.5}]

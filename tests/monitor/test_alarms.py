@@ -38,7 +38,7 @@ def test_each_sender_gets_each_message_once_however_often_another_fails(store):
     for second in range(60):
         postman.send(now=NOW + second * SECOND)
     assert good.sent == bad.sent == ["car-1: silent raised (low)"]
-    assert store.due_notifications(10) == []
+    assert store.alerts.due_notifications(10) == []
 
 
 def test_a_message_that_never_gets_through_is_given_up(store):
@@ -46,19 +46,19 @@ def test_a_message_that_never_gets_through_is_given_up(store):
     postman = Postman(store, [Sender("bad", failures=10**6)])
     for hour in range(100):
         postman.send(now=NOW + hour * 3600 * SECOND)
-    assert store.due_notifications(10) == []
+    assert store.alerts.due_notifications(10) == []
 
 
 def test_trouble_that_stays_the_same_is_named_once(store):
-    alarms = Alarms(store, AlertSettings())
+    book = Alarms(store, AlertSettings())
     for second in range(5):
-        alarms.trouble("car-1", "silent", "car-1 has sent nothing", now=NOW + second)
-    assert len(store.due_notifications(10)) == 1
-    alarms.over("car-1", "silent", now=NOW + 10)
-    alarms.over("car-1", "silent", now=NOW + 11)
-    assert len(store.due_notifications(10)) == 2
-    (row,) = store.alerts()
-    assert [entry.what for entry in store.alert_history(row.id)] == ["raised", "cleared"]
+        book.trouble("car-1", "silent", "car-1 has sent nothing", now=NOW + second)
+    assert len(store.alerts.due_notifications(10)) == 1
+    book.over("car-1", "silent", now=NOW + 10)
+    book.over("car-1", "silent", now=NOW + 11)
+    assert len(store.alerts.due_notifications(10)) == 2
+    (row,) = store.alerts.find()
+    assert [entry.what for entry in store.alerts.history(row.id)] == ["raised", "cleared"]
 
 
 def test_metrics_and_health():

@@ -36,7 +36,7 @@ def answer(one, number, vehicle="car-1", **changes):
 
 
 def is_open(one, number):
-    return number in [row.id for row in one.store.open_commands()]
+    return number in [row.id for row in one.store.requests.open_commands()]
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def asking(bench, tmp_path):
     one = bench(tmp_path)
     one.describe()
     one.work()
-    return one, one.store.add_command("anna", "car-1", "raw", TIMES, now=BEGUN)
+    return one, one.store.requests.add_command("anna", "car-1", "raw", TIMES, now=BEGUN)
 
 
 def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking):
@@ -103,19 +103,19 @@ def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, d
     one.send(frames[4:])
     look(one)
     assert not is_open(one, number)
-    assert one.store.command(number).detail == {"asked": TIMES, **ANSWER}
+    assert one.store.requests.command(number).detail == {"asked": TIMES, **ANSWER}
     wishes(one)
     answer(one, number)  # a box says it again where it was asked twice
     look(one)
     assert wishes(one) == []
-    assert one.store.command(number).detail == {"asked": TIMES, **ANSWER}
+    assert one.store.requests.command(number).detail == {"asked": TIMES, **ANSWER}
 
 
 def test_an_answer_without_samples_ends_a_request(asking):
     one, number = asking
     answer(one, number, last=-1, frames=0, reason="its box holds none of that time")
     look(one)
-    row = one.store.command(number)
+    row = one.store.requests.command(number)
     assert row.done == one.now
     assert row.detail["reason"] == "its box holds none of that time"
 

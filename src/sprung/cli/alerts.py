@@ -86,11 +86,11 @@ def vehicles(
 ) -> None:
     """List the vehicles that a monitor watches; have it learn again what is normal, or ask a box for its samples."""
     with _opened(store) as opened:
-        said = [_waiting(row) for row in opened.open_commands()]
+        said = [_waiting(row) for row in opened.requests.open_commands()]
         if act is not None:
             number = _asked(opened, act, vehicle, who=who or getpass.getuser(), reason=reason, minutes=minutes)
             said = [_done(opened, number, wait)]
-        found = [_summary(opened, row.vehicle, row.last_seen) for row in opened.vehicles()]
+        found = [_summary(opened, row.vehicle, row.last_seen) for row in opened.inbox.vehicles()]
     if json is not None:
         write_json({"schema": "sprung.vehicles/1", "vehicles": found}, json)
     if json == "-":
@@ -128,7 +128,7 @@ def _rows(store: "Store", vehicle: str | None, every: bool) -> list[dict[str, An
     from sprung.monitor import alert_of
 
     found = []
-    for row in store.alerts(vehicle=vehicle):
+    for row in store.alerts.find(vehicle=vehicle):
         state = state_name(alert_of(row))
         if row.count and (every or state != "normal"):
             found.append(
@@ -172,7 +172,7 @@ def _show(found: list[dict[str, Any]]) -> None:
 
 def _history(store: "Store", number: int, json: str | None) -> None:
     """Print what happened to an alert, by whom, to whom and until when."""
-    found = [asdict(row) for row in store.alert_history(number)]
+    found = [asdict(row) for row in store.alerts.history(number)]
     if not found:
         raise ParameterError(f"there is no alert {number}: see sprung alerts --all")
     if json is not None:
@@ -200,7 +200,7 @@ def _acted(store: "Store", act: str, number: int, *, who: str, comment: str, hou
     from sprung.alerting import AlertSettings, acknowledged, assigned, commented, shelved, unshelved
     from sprung.monitor import Alarms, alert_of
 
-    row = next((one for one in store.alerts() if one.id == number), None)
+    row = next((one for one in store.alerts.find() if one.id == number), None)
     if row is None:
         raise ParameterError(f"there is no alert {number}: see sprung alerts --all")
     now = time.time_ns()
@@ -214,7 +214,7 @@ def _acted(store: "Store", act: str, number: int, *, who: str, comment: str, hou
     if act not in acts:
         raise ParameterError(f"sprung alerts {act}: the acts are {_ACTS}")
     Alarms(store, AlertSettings()).act(alert_of(row), acts[act], now=now)
-    store.audit(who, act, f"{row.vehicle} {row.cause}", comment or None, now=now)
+    store.requests.audit(who, act, f"{row.vehicle} {row.cause}", comment or None, now=now)
 
 
 def _asked(store: "Store", act: str, vehicle: str | None, *, who: str, reason: str, minutes: float) -> int:
@@ -223,11 +223,11 @@ def _asked(store: "Store", act: str, vehicle: str | None, *, who: str, reason: s
         raise ParameterError("write sprung vehicles, sprung vehicles learn ID --reason TEXT or sprung vehicles raw ID")
     if act == "learn" and not reason.strip():
         raise ParameterError(f"learning {vehicle} again needs --reason TEXT, such as 'new dampers'")
-    if vehicle not in {row.vehicle for row in store.vehicles()}:
+    if vehicle not in {row.vehicle for row in store.inbox.vehicles()}:
         raise ParameterError(f"the store knows no vehicle {vehicle!r}: see sprung vehicles")
     now = time.time_ns()
     detail = reason.strip() if act == "learn" else {"from": now - round(60e9 * minutes), "to": now}
-    return store.add_command(who, vehicle, act, detail, now=now)
+    return store.requests.add_command(who, vehicle, act, detail, now=now)
 
 
 def _done(store: "Store", number: int, wait: float) -> str:
@@ -241,7 +241,7 @@ def _done(store: "Store", number: int, wait: float) -> str:
     if row.done is None and not wait:
         return _waiting(row)
     if row.done is None:
-        (heard,) = (one.last_seen for one in store.vehicles() if one.vehicle == row.vehicle)
+        (heard,) = (one.last_seen for one in store.inbox.vehicles() if one.vehicle == row.vehicle)
         raise DataError(
             f"samples {_span(row.detail)} of {row.vehicle} have not come within {wait:g} s: it was last heard at"
             f" {_when(heard)} UTC: see whether its box and the monitor run; the request stays, and goes out again when"
@@ -258,7 +258,7 @@ def _awaited(store: "Store", number: int, wait: float) -> "CommandRow":
     end = time.monotonic() + wait
     with progress_bar() as report:
         while True:
-            row = store.command(number)
+            row = store.requests.command(number)
             if row is None:
                 raise ParameterError(f"request {number} is gone from the store: ask again")
             if row.act != "raw" or row.done is not None or time.monotonic() >= end:
@@ -284,12 +284,12 @@ def _summary(store: "Store", vehicle: str, last_seen: int) -> dict[str, Any]:
     from sprung.alerting import health_index
     from sprung.monitor import alert_of
 
-    observations = store.observations(vehicle)
-    baselines = store.baselines(vehicle)
-    active = [alert_of(row) for row in store.alerts(vehicle=vehicle, is_active=True)]
+    observations = store.results.observations(vehicle)
+    baselines = store.results.baselines(vehicle)
+    active = [alert_of(row) for row in store.alerts.find(vehicle=vehicle, is_active=True)]
     last = observations[-1].document if observations else None
     state = "; ".join(alert.text for alert in active)
-    on_board = [entry.document for entry in store.modes(vehicle) if entry.document.get("is_on_board")]
+    on_board = [entry.document for entry in store.results.modes(vehicle) if entry.document.get("is_on_board")]
     if not state and on_board and not observations:
         state = f"identifies on board: {len(on_board)} windows of modes"
     if not state:

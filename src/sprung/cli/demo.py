@@ -114,7 +114,7 @@ def _watch(
         if now - shown < 0.25:
             continue
         shown = now
-        alerts = {(row.vehicle, row.cause): alert_of(row) for row in store.alerts(is_active=True)}
+        alerts = {(row.vehicle, row.cause): alert_of(row) for row in store.alerts.find(is_active=True)}
         if callable(show):
             show(_table(station, fleet, list(alerts.values()), now - begun), refresh=True)
         spring = alerts.get((fleet[1].name, "front_left.spring"))

@@ -85,7 +85,7 @@ class Alarms:
 
     def shelves(self, *, now: int) -> None:
         """End what was shelved until now."""
-        for row in self._store.alerts():
+        for row in self._store.alerts.find():
             if row.shelved_until is not None and row.shelved_until <= now:
                 self._keep(shelf_ended(alert_of(row), now), now)
 
@@ -100,7 +100,7 @@ class Alarms:
 
     def _known(self, vehicle: str) -> dict[str, Alert]:
         """Return the alerts of a vehicle by cause."""
-        return {row.cause: alert_of(row) for row in self._store.alerts(vehicle=vehicle)}
+        return {row.cause: alert_of(row) for row in self._store.alerts.find(vehicle=vehicle)}
 
     def _keep(self, transition: Transition, now: int) -> None:
         """Store what became of an alert, and what people are to be told."""
@@ -108,7 +108,7 @@ class Alarms:
             return
         notify = asdict(message_of(transition.alert, transition)) if transition.is_notified else None
         history = (transition.what, transition.who, transition.comment)
-        self._store.put_alert(row_of(transition.alert), history=history, notify=notify, now=now)
+        self._store.alerts.put(row_of(transition.alert), history=history, notify=notify, now=now)
 
 
 class Postman:
@@ -130,7 +130,7 @@ class Postman:
 
     def send(self, *, now: int) -> None:
         """Send what is due."""
-        for row in self._store.due_notifications(100):
+        for row in self._store.alerts.due_notifications(100):
             if self._next.get(row.id, 0) > now:
                 continue
             done = self._through.setdefault(row.id, set())
@@ -138,10 +138,10 @@ class Postman:
             errors = deliver(Message(**row.document), waiting)
             done |= {sender.name for sender in waiting} - errors.keys()
             if errors and row.attempts + 1 < _MOST_ATTEMPTS:
-                self._store.notification_failed(row.id, "; ".join(errors.values()))
+                self._store.alerts.notification_failed(row.id, "; ".join(errors.values()))
                 self._next[row.id] = self._backoff.next_attempt(row.attempts + 1, now)
             else:
-                self._store.notification_sent(row.id, now)
+                self._store.alerts.notification_sent(row.id, now)
                 self._next.pop(row.id, None)
                 self._through.pop(row.id, None)
 

@@ -100,12 +100,12 @@ class Intake:
             except (FormatError, ParameterError) as error:
                 self._refuse(name, error)
         if frames:
-            stored = self.store.add_frames(frames, now=now)
+            stored = self.store.inbox.add_frames(frames, now=now)
             self.counts["frames"] += len(frames)
             arrived.update(stored)
         self._heard |= seen
         if self._heard and abs(now - self._noted) >= _NOTED_EVERY:
-            self.store.seen(self._heard)
+            self.store.inbox.seen(self._heard)
             self._heard, self._noted = {}, now
         for (vehicle, boot), contiguous in arrived.items():
             if contiguous >= 0:
@@ -143,10 +143,10 @@ class Intake:
             raise FormatError(f"names of more than {_LONGEST_NAME} characters in a description, or with a null in them")
         vehicle_from_text(text, source=f"the vehicle file of {vehicle}")
         channels = [[str(name), str(quantity)] for name, quantity in quantities.items()]
-        known = self.store.vehicle(vehicle)
+        known = self.store.inbox.vehicle(vehicle)
         if known is not None and (known.description, known.channels) == (text, channels):
             return False
-        self.store.put_vehicle(vehicle, configuration=configuration, description=text, channels=channels, now=now)
+        self.store.inbox.put_vehicle(vehicle, configuration=configuration, description=text, channels=channels, now=now)
         return True
 
     def _told(self, vehicle: str, what: str, document: dict[Any, Any]) -> None:
@@ -171,10 +171,10 @@ class Intake:
                 raise FormatError(f"{str(entry)[:40]!r} stands where boot, first and end belong")
             boot, first, _ = entry
             if first > 0:
-                known = self.store.cursor(vehicle, boot)
+                known = self.store.inbox.cursor(vehicle, boot)
                 if known.contiguous < first - 1:
-                    arrived[vehicle, boot] = self.store.declare_lost(vehicle, boot, first, now=now)
-                    self.counts["lost"] += self.store.cursor(vehicle, boot).lost - known.lost
+                    arrived[vehicle, boot] = self.store.inbox.declare_lost(vehicle, boot, first, now=now)
+                    self.counts["lost"] += self.store.inbox.cursor(vehicle, boot).lost - known.lost
         return arrived
 
 

@@ -67,8 +67,8 @@ class Station:
             will=(f"sprung/v1/{MONITOR}/state", message({0: 1, "is_dead": True})),
         )
         self._intake = Intake(store, self._link.publish)
-        self._alarms = Alarms(store, site.alerts.settings)
-        self._upkeep = Upkeep(site, store, alarms=self._alarms, publish=self._link.publish, clock=clock)
+        self._alerts = Alarms(store, site.alerts.settings)
+        self._upkeep = Upkeep(site, store, alerts=self._alerts, publish=self._link.publish, clock=clock)
         self._outage = Outage(self._link, clock)
         self._posting = Posting(Postman(store, senders_of(site.send, LOG, self._link.publish)), clock)
         self._workers = workers
@@ -94,9 +94,9 @@ class Station:
         return None if self._serving is None else self._serving.port
 
     @property
-    def alarms(self) -> Alarms:
+    def alerts(self) -> Alarms:
         """For people's acts."""
-        return self._alarms
+        return self._alerts
 
     def open(self, *, timeout: float = 0.0) -> None:
         """Begin to watch: go on from the store, start workers, connect."""
@@ -104,14 +104,14 @@ class Station:
         now = self._clock()
         for notice in self._store.notices:
             LOG.warning(notice)
-            self._alarms.trouble(MONITOR, "monitor:store", notice, now=now)
-        last = [row for row in self._store.audited(limit=1000) if row.who == MONITOR]
+            self._alerts.trouble(MONITOR, "monitor:store", notice, now=now)
+        last = [row for row in self._store.requests.audited(limit=1000) if row.who == MONITOR]
         if last and last[-1].act == "started":
-            self._alarms.trouble(
+            self._alerts.trouble(
                 MONITOR, "monitor", "the monitor stopped without a word and was started again", now=now
             )
-        self._store.audit(MONITOR, "started", "monitor", now=now)
-        for (vehicle, boot), cursor in self._store.cursors().items():
+        self._store.requests.audit(MONITOR, "started", "monitor", now=now)
+        for (vehicle, boot), cursor in self._store.inbox.cursors().items():
             stream = self._streams.setdefault(vehicle, Stream())
             stream.arrived(boot, cursor.contiguous)
             stream.dispatched[boot] = cursor.done
@@ -156,7 +156,7 @@ class Station:
         if self._serving is not None:
             self._serving.close()
         if self._serving is not None:
-            self._guarded(lambda: self._store.audit(MONITOR, "stopped", "monitor", now=self._clock()))
+            self._guarded(lambda: self._store.requests.audit(MONITOR, "stopped", "monitor", now=self._clock()))
             LOG.info("stopped")
 
     def is_idle(self) -> bool:
@@ -180,7 +180,7 @@ class Station:
             "sprung_windows_total": self._counts["windows"],
             "sprung_identifications_total": self._counts["identifications"],
             "sprung_failures_total": self._counts["failures"],
-            "sprung_alerts_active": len(self._store.alerts(is_active=True)),
+            "sprung_alerts_active": len(self._store.alerts.find(is_active=True)),
             "sprung_backlog_frames": backlog,
             **({"sprung_boxes_free_bytes": min(self._intake.health.values())} if self._intake.health else {}),
             "sprung_link_connected": float(self._link.is_connected),
@@ -273,22 +273,22 @@ class Station:
             return [], True
         found = received(kinds[0], document, self._site.archive, vehicle)
         modes = () if found is None else ((document["number"], document[4], found),)
-        self._store.commit_progress(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq, modes=modes))
+        self._store.results.commit(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq, modes=modes))
         stream.dispatched[boot] = stream.done[boot] = seq
         return [], False
 
     def _pending(self, vehicle: str, boot: int, after: int, limit: int) -> list[tuple[int, int, bytes]]:
         """Return frames of a vehicle that wait in the store."""
-        return self._store.pending(vehicle, boot, after=after, limit=limit)
+        return self._store.inbox.pending(vehicle, boot, after=after, limit=limit)
 
     def _opened(self, vehicle: str) -> bool:
         """Give a vehicle to a worker, as the store has it; tell whether its description is known."""
-        row = self._store.vehicle(vehicle)
+        row = self._store.inbox.vehicle(vehicle)
         if row is None:
             return False
-        snapshot = self._store.snapshot(vehicle)
+        snapshot = self._store.results.snapshot(vehicle)
         stream = self._streams[vehicle]
-        stream.done = {boot: self._store.cursor(vehicle, boot).done for boot in stream.contiguous}
+        stream.done = {boot: self._store.inbox.cursor(vehicle, boot).done for boot in stream.contiguous}
         stream.dispatched = dict(stream.done)
         if snapshot is not None:
             for boot, contiguous in stream.contiguous.items():
@@ -338,7 +338,7 @@ class Station:
             return
         for event in windows:
             self._archived(vehicle, boot, event)
-        self._store.commit_progress(
+        self._store.results.commit(
             Progress(
                 vehicle,
                 boot,
@@ -364,15 +364,15 @@ class Station:
             stream.done[boot] = seq
             self._finished(vehicle, boot)
         for event in windows:
-            self._alarms.window(vehicle, event, now=now)
+            self._alerts.window(vehicle, event, now=now)
         if vehicle in self._learning and is_stored:
-            self._store.command_done(self._learning.pop(vehicle)[0], now)
+            self._store.requests.command_done(self._learning.pop(vehicle)[0], now)
 
     def _finished(self, vehicle: str, boot: int) -> None:
         """Remove the frames of boots before the one of the stored state, which holds what was in them."""
         stream = self._streams[vehicle]
         for older, last in stream.finished(boot):
-            self._store.commit_progress(Progress(vehicle, older, done_seq=last, delete_through_seq=last))
+            self._store.results.commit(Progress(vehicle, older, done_seq=last, delete_through_seq=last))
             stream.done[older] = last
 
     def _archived(self, vehicle: str, boot: int, event: Observed) -> None:
@@ -407,8 +407,8 @@ class Station:
         stream = self._streams[vehicle]
         text = f"{seq - stream.done.get(boot, -1)} frames were left out: {why}"
         try:
-            self._store.commit_progress(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq))
-            self._alarms.trouble(vehicle, "monitor:analysis", text, now=now)
+            self._store.results.commit(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq))
+            self._alerts.trouble(vehicle, "monitor:analysis", text, now=now)
         except StoreError as error:
             self._refused(error)
             return

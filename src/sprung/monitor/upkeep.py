@@ -29,7 +29,7 @@ class Upkeep:
         Settings.
     store
         Open.
-    alarms
+    alerts
         Where trouble goes.
     publish
         Sends topic and payload; tells whether there was a connection.
@@ -42,11 +42,11 @@ class Upkeep:
         site: Site,
         store: Store,
         *,
-        alarms: Alarms,
+        alerts: Alarms,
         publish: Callable[[str, bytes], bool],
         clock: Callable[[], int],
     ) -> None:
-        self._site, self._store, self._alarms = site, store, alarms
+        self._site, self._store, self._alerts = site, store, alerts
         self._publish, self._clock = publish, clock
         self._begun = clock()
         folder = site.archive
@@ -71,33 +71,36 @@ class Upkeep:
             Vehicles that are to learn again: number of the request and reason.
         """
         now = self._clock()
-        self._alarms.shelves(now=now)
+        self._alerts.shelves(now=now)
         patience = round(60e9 * self._site.alerts.silent_after_minutes)
-        known = {row.vehicle for row in self._store.alerts(is_active=True) if row.cause == "silent"}
-        heard = self._store.last_seen()
+        known = {row.vehicle for row in self._store.alerts.find(is_active=True) if row.cause == "silent"}
+        heard = self._store.inbox.last_seen()
         for vehicle, last_seen in heard.items():
             is_silent = now - max(last_seen, self._begun) > patience and vehicle not in parked
             if is_silent and vehicle not in known:
                 since = datetime.fromtimestamp(last_seen / 1e9, tz=UTC)
                 text = f"{vehicle} has sent nothing since {since:%Y-%m-%d %H:%M} UTC"
-                self._alarms.trouble(vehicle, "silent", text, now=now)
+                self._alerts.trouble(vehicle, "silent", text, now=now)
             elif vehicle in known and not is_silent:
-                self._alarms.over(vehicle, "silent", now=now)
+                self._alerts.over(vehicle, "silent", now=now)
         learning = {}
-        for command in self._store.open_commands():
+        for command in self._store.requests.open_commands():
             if command.act == "raw":
                 self._see_to(command, answers.get((command.vehicle, command.id)), heard.get(command.vehicle, 0), now)
             elif command.act == "learn":
                 learning[command.vehicle] = (command.id, str(command.detail or "maintenance"))
             else:
                 LOG.warning("an act that is not known", extra={"act": command.act})
-                self._store.command_done(command.id, now)
+                self._store.requests.command_done(command.id, now)
         return learning
 
     def _see_to(self, command: CommandRow, answer: dict[str, Any] | None, heard: int, now: int) -> None:
         """Ask a box for samples, and again when it is heard after that, until all that it says it sent has come."""
-        if answer is not None and self._store.cursor(command.vehicle, answer["boot"]).contiguous >= answer["last"]:
-            self._store.command_done(command.id, now, detail={"asked": command.detail, **answer})
+        if (
+            answer is not None
+            and self._store.inbox.cursor(command.vehicle, answer["boot"]).contiguous >= answer["last"]
+        ):
+            self._store.requests.command_done(command.id, now, detail={"asked": command.detail, **answer})
             self._asked.pop(command.id, None)
             LOG.info("a request for samples is done", extra={"vehicle": command.vehicle, **answer})
             return
@@ -117,11 +120,11 @@ class Upkeep:
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
             text = f"only {free / 1e6:.0f} MB are free on the disk of the store: nothing is taken in before"
-            self._alarms.trouble(MONITOR, "monitor:disk", text, now=now)
+            self._alerts.trouble(MONITOR, "monitor:disk", text, now=now)
             return text
         self._store.check()
         for cause in ("monitor:disk", "monitor"):
-            self._alarms.over(MONITOR, cause, now=now)
+            self._alerts.over(MONITOR, cause, now=now)
         return ""
 
 

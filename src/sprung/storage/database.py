@@ -36,38 +36,38 @@ class Database:
     """
 
     def __init__(self, url: URL, *, notices: tuple[str, ...] = ()) -> None:
-        self._engine = _engine(url)
-        self._writer = self._engine.execution_options(is_writing=True)
+        self.engine = _engine(url)
+        self._writer = self.engine.execution_options(is_writing=True)
         self.notices = notices
 
     @property
-    def _path(self) -> Path | None:
+    def path(self) -> Path | None:
         """The file of SQLite."""
-        return Path(self._engine.url.database or "") if self._engine.dialect.name == "sqlite" else None
+        return Path(self.engine.url.database or "") if self.engine.dialect.name == "sqlite" else None
 
-    def _reading(self) -> AbstractContextManager[Connection]:
+    def reading(self) -> AbstractContextManager[Connection]:
         """Return a transaction that reads."""
-        return _transaction(self._engine)
+        return _transaction(self.engine)
 
-    def _writing(self) -> AbstractContextManager[Connection]:
+    def writing(self) -> AbstractContextManager[Connection]:
         """Return a transaction that writes; other writers wait until it ends."""
         return _transaction(self._writer)
 
-    def _insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
+    def insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
         """Return an INSERT that can say what happens to rows that are there."""
-        return postgresql.insert(table) if self._path is None else sqlite.insert(table)
+        return postgresql.insert(table) if self.path is None else sqlite.insert(table)
 
     def size(self) -> int:
         """Return the bytes that the store takes on disk."""
-        if self._path is not None:
-            files = (self._path.with_name(self._path.name + ending) for ending in ("", "-wal", "-shm"))
+        if self.path is not None:
+            files = (self.path.with_name(self.path.name + ending) for ending in ("", "-wal", "-shm"))
             return sum(file.stat().st_size for file in files if file.exists())
-        with self._reading() as connection:
+        with self.reading() as connection:
             return int(connection.scalar(select(func.pg_database_size(func.current_database()))) or 0)
 
     def free(self) -> int | None:
         """Return the bytes free on the disk of the store; None where that is the matter of a server."""
-        return None if self._path is None else shutil.disk_usage(self._path.parent).free
+        return None if self.path is None else shutil.disk_usage(self.path.parent).free
 
     def check(self) -> None:
         """Write and take it back.
@@ -84,16 +84,16 @@ class Database:
         free = self.free()
         if free is not None and free < LEAST_FREE:
             raise StoreError(_cannot_write(f"its disk has {free} bytes left"))
-        if self._path is not None and not (os.access(self._path, os.W_OK) and os.access(self._path.parent, os.W_OK)):
-            raise StoreError(_cannot_write(f"{self._path} is read-only"))
-        with self._writing() as connection:
+        if self.path is not None and not (os.access(self.path, os.W_OK) and os.access(self.path.parent, os.W_OK)):
+            raise StoreError(_cannot_write(f"{self.path} is read-only"))
+        with self.writing() as connection:
             values = {"vehicle": "", "boot": 0, "seq": 0, "document": bytes(1 << 16)}
-            connection.execute(self._insert(SNAPSHOTS).values(values).on_conflict_do_nothing())
+            connection.execute(self.insert(SNAPSHOTS).values(values).on_conflict_do_nothing())
             connection.rollback()
 
     def close(self) -> None:
         """Close all connections."""
-        self._engine.dispose()
+        self.engine.dispose()
 
 
 def _engine(url: URL) -> Engine:

@@ -10,10 +10,19 @@ from sprung.storage.rows import BaselineRow, Entry, Numbered, Progress, Snapshot
 from sprung.storage.schema import BASELINES, CURSORS, FINDINGS, FRAMES, MODES, OBSERVATIONS, SNAPSHOTS
 
 
-class Results(Database):
-    """Results, stored together with how far the frames are worked up."""
+class Results:
+    """Results, stored together with how far the frames are worked up.
 
-    def commit_progress(self, progress: Progress) -> None:
+    Parameters
+    ----------
+    database
+        Database of the store.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def commit(self, progress: Progress) -> None:
         """Store what the work on frames gave, in one transaction; the same again changes nothing.
 
         Raises
@@ -24,7 +33,7 @@ class Results(Database):
             Where the store cannot write; nothing is stored then.
         """
         of_boot = {"vehicle": progress.vehicle, "boot": progress.boot}
-        with self._writing() as connection:
+        with self._database.writing() as connection:
             _mark_done(connection, progress)
             self._add(connection, OBSERVATIONS, [of_boot | _numbered(one) for one in progress.observations])
             self._add(connection, MODES, [of_boot | _numbered(one) for one in progress.modes])
@@ -50,24 +59,24 @@ class Results(Database):
     def baselines(self, vehicle: str) -> list[BaselineRow]:
         """Return the baselines of a vehicle, the present one last."""
         query = select(BASELINES).where(BASELINES.c.vehicle == vehicle).order_by(BASELINES.c.version)
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return [BaselineRow(**row) for row in connection.execute(query).mappings()]
 
     def snapshot(self, vehicle: str) -> Snapshot | None:
         """Return the state from which the work on a vehicle goes on."""
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             row = connection.execute(select(SNAPSHOTS).where(SNAPSHOTS.c.vehicle == vehicle)).mappings().first()
             return None if row is None else Snapshot(**row)
 
     def _add(self, connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
         """Store rows, those that are new."""
         if rows:
-            connection.execute(self._insert(table).on_conflict_do_nothing(), rows)
+            connection.execute(self._database.insert(table).on_conflict_do_nothing(), rows)
 
     def _put_snapshot(self, connection: Connection, progress: Progress, document: bytes) -> None:
         """Store where to go on, unless the same boot has come further."""
         values = {"boot": progress.boot, "seq": progress.done_seq, "document": document}
-        row = self._insert(SNAPSHOTS).values(vehicle=progress.vehicle, **values)
+        row = self._database.insert(SNAPSHOTS).values(vehicle=progress.vehicle, **values)
         is_behind = and_(SNAPSHOTS.c.boot == progress.boot, SNAPSHOTS.c.seq > progress.done_seq)
         connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=values, where=not_(is_behind)))
 
@@ -78,7 +87,7 @@ class Results(Database):
         query = select(*columns).where(table.c.vehicle == vehicle).order_by(*newest_first).limit(limit)
         if since is not None:
             query = query.where(table.c.t0 >= since)
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return [Entry(**row) for row in reversed(connection.execute(query).mappings().all())]
 
 
