@@ -198,7 +198,7 @@ def _until(what: str, shelved_until: int | None) -> str:
 def _acted(store: "Store", act: str, number: int, *, who: str, comment: str, hours: float, to: str | None) -> None:
     """Do something to an alert, on the record."""
     from sprung.alerting import AlertSettings, acknowledged, assigned, commented, shelved, unshelved
-    from sprung.monitor import Alarms, alert_of
+    from sprung.monitor import AlertBook, alert_of
 
     row = next((one for one in store.alerts.find() if one.id == number), None)
     if row is None:
@@ -213,7 +213,7 @@ def _acted(store: "Store", act: str, number: int, *, who: str, comment: str, hou
     }
     if act not in acts:
         raise ParameterError(f"sprung alerts {act}: the acts are {_ACTS}")
-    Alarms(store, AlertSettings()).act(alert_of(row), acts[act], now=now)
+    AlertBook(store, AlertSettings()).act(alert_of(row), acts[act], now=now)
     store.requests.audit(who, act, f"{row.vehicle} {row.cause}", comment or None, now=now)
 
 

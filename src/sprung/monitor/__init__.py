@@ -1,6 +1,6 @@
 """The online monitor: vehicles in, modes, diagnoses and alerts out, for months."""
 
-from sprung.monitor.alarms import Alarms, Postman, alert_of, row_of
+from sprung.monitor.alert_book import AlertBook, Postman, alert_of, row_of
 from sprung.monitor.broker import EmbeddedBroker
 from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.monitor.intake import MONITOR, Intake
@@ -13,7 +13,7 @@ from sprung.monitor.workers import Opening, Outcome, Workers
 __all__ = [
     "FIGURES",
     "MONITOR",
-    "Alarms",
+    "AlertBook",
     "EmbeddedBroker",
     "Event",
     "Identified",

@@ -10,7 +10,7 @@ from typing import Any
 
 from sprung.errors import SprungError
 from sprung.link import UPWARDS, Link, checked_map, message
-from sprung.monitor.alarms import Alarms, Postman, senders_of
+from sprung.monitor.alert_book import AlertBook, Postman, senders_of
 from sprung.monitor.engine import Identified, Observed
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.received import received
@@ -67,7 +67,7 @@ class Station:
             will=(f"sprung/v1/{MONITOR}/state", message({0: 1, "is_dead": True})),
         )
         self._intake = Intake(store, self._link.publish)
-        self._alerts = Alarms(store, site.alerts.settings)
+        self._alerts = AlertBook(store, site.alerts.settings)
         self._upkeep = Upkeep(site, store, alerts=self._alerts, publish=self._link.publish, clock=clock)
         self._outage = Outage(self._link, clock)
         self._posting = Posting(Postman(store, senders_of(site.send, LOG, self._link.publish)), clock)
@@ -94,7 +94,7 @@ class Station:
         return None if self._serving is None else self._serving.port
 
     @property
-    def alerts(self) -> Alarms:
+    def alerts(self) -> AlertBook:
         """For people's acts."""
         return self._alerts
 

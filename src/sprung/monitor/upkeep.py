@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from sprung.link import Link, message, topic
-from sprung.monitor.alarms import Alarms, Postman
+from sprung.monitor.alert_book import AlertBook, Postman
 from sprung.monitor.intake import MONITOR
 from sprung.monitor.site import Site
 from sprung.storage import CommandRow, Retention, Store, StoreError
@@ -42,7 +42,7 @@ class Upkeep:
         site: Site,
         store: Store,
         *,
-        alerts: Alarms,
+        alerts: AlertBook,
         publish: Callable[[str, bytes], bool],
         clock: Callable[[], int],
     ) -> None:

@@ -7,7 +7,7 @@ import urllib.request
 import pytest
 
 from sprung.alerting import AlertSettings, SendError
-from sprung.monitor import FIGURES, Alarms, Postman, Serving
+from sprung.monitor import FIGURES, AlertBook, Postman, Serving
 from sprung.storage import open_store
 
 NOW = 1_795_219_200_000_000_000
@@ -32,7 +32,7 @@ def store(tmp_path):
 
 
 def test_each_sender_gets_each_message_once_however_often_another_fails(store):
-    Alarms(store, AlertSettings()).trouble("car-1", "silent", "car-1 has sent nothing", now=NOW)
+    AlertBook(store, AlertSettings()).trouble("car-1", "silent", "car-1 has sent nothing", now=NOW)
     good, bad = Sender("good"), Sender("bad", failures=3)
     postman = Postman(store, [good, bad])
     for second in range(60):
@@ -42,7 +42,7 @@ def test_each_sender_gets_each_message_once_however_often_another_fails(store):
 
 
 def test_a_message_that_never_gets_through_is_given_up(store):
-    Alarms(store, AlertSettings()).trouble("car-1", "silent", "car-1 has sent nothing", now=NOW)
+    AlertBook(store, AlertSettings()).trouble("car-1", "silent", "car-1 has sent nothing", now=NOW)
     postman = Postman(store, [Sender("bad", failures=10**6)])
     for hour in range(100):
         postman.send(now=NOW + hour * 3600 * SECOND)
@@ -50,7 +50,7 @@ def test_a_message_that_never_gets_through_is_given_up(store):
 
 
 def test_trouble_that_stays_the_same_is_named_once(store):
-    book = Alarms(store, AlertSettings())
+    book = AlertBook(store, AlertSettings())
     for second in range(5):
         book.trouble("car-1", "silent", "car-1 has sent nothing", now=NOW + second)
     assert len(store.alerts.due_notifications(10)) == 1

@@ -35,7 +35,7 @@ _MOST_ATTEMPTS = 20
 _INNER = ("streak", "worst", "notified", "evidence")
 
 
-class Alarms:
+class AlertBook:
     """Keeps the alerts of all vehicles in the store.
 
     Parameters
