@@ -13,19 +13,16 @@ from sprung.link.frame import (
     TIME_KEPT,
     TIME_SET,
     TIME_UNKNOWN,
-    VERSION,
     Frame,
-    VersionError,
-    check_vehicle,
-    checked_map,
     decode,
     encode,
-    message,
     quantised,
 )
+from sprung.link.messages import VERSION, Header, Key, VersionError, check_vehicle, checked_map, message
 from sprung.link.mqtt import Address, Link, LinkError
 from sprung.link.sending import Sending
 from sprung.link.spool import Spool, SpoolError
+from sprung.link.timer import Every
 from sprung.link.topics import DOWNWARDS, ROOT, UPWARDS, parse_topic, topic
 
 __all__ = [
@@ -43,8 +40,11 @@ __all__ = [
     "VERSION",
     "Address",
     "Block",
+    "Every",
     "Frame",
     "FrameBlock",
+    "Header",
+    "Key",
     "Link",
     "LinkError",
     "Sending",

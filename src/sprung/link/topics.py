@@ -1,7 +1,7 @@
 """Topics of the link: sprung/v1/{vehicle}/{what}."""
 
 from sprung.errors import FormatError
-from sprung.link.frame import VEHICLE
+from sprung.link.messages import VEHICLE
 
 ROOT = "sprung/v1"
 #: What a vehicle sends, and what is sent to it.
