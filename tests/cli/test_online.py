@@ -14,7 +14,7 @@ import pytest
 from sprung.alerting import AlertSettings, Report
 from sprung.alerting.rounds import reported
 from sprung.monitor import row_of
-from sprung.storage import Progress, open_store
+from sprung.storage import Progress, StoredFrame, open_store
 
 NOW = 1_795_219_200_000_000_000
 
@@ -135,10 +135,10 @@ def test_samples_that_came_are_said(sprung, store, answered):
 
 
 def test_a_box_that_has_no_such_samples_is_heard(sprung, store, answered):
-    answered({"boot": 1, "last": -1, "frames": 0, "from": 0, "to": 0, "reason": "its box holds none of that time"})
+    answered({"boot": 1, "last": -1, "frames": 0, "from": 0, "to": 0, "reason": "the box holds no samples of that time"})
     asked = sprung(*RAW, "--store", store, "--wait", "30")
     assert asked.code == 3
-    assert "of bus-17 came: its box holds none of that time" in asked.err
+    assert "of bus-17 came: the box holds no samples of that time" in asked.err
 
 
 def test_samples_that_do_not_come_are_said_with_what_to_do(sprung, store):
@@ -152,7 +152,7 @@ def test_samples_that_do_not_come_are_said_with_what_to_do(sprung, store):
 
 def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
     with open_store(store) as opened:
-        opened.inbox.add_frames([("bus-17", 1, 0, NOW, b"x")], now=NOW)
+        opened.inbox.add_frames([StoredFrame("bus-17", 1, 0, NOW, b"x")], now=NOW)
         modes = ((0, NOW, {"modes": [{"natural_frequency": 1.5}], "reason": "", "is_on_board": True}),)
         opened.results.commit(Progress("bus-17", 1, done_seq=0, delete_through_seq=0, modes=modes))
         row = opened.alerts.find()[0]

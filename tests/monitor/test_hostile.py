@@ -63,7 +63,7 @@ def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(bench, driv
     assert one.station.troubles() == ["the store cannot write: the disk is full: free space"]
     assert not any(name == topic("car-1", "ack") for name, _ in one.link.published)
     monkeypatch.setattr(one.store.inbox, "add_frames", add)
-    one.station._wait_until = 0.0
+    one.seconds += 2.0
     one.send(frames)
     assert one.station.troubles() == []
     assert len(one.store.results.observations("car-1")) == 5
@@ -84,7 +84,7 @@ def test_a_result_that_cannot_be_stored_is_worked_out_again(bench, drive, frames
     monkeypatch.setattr(one.store.results, "commit", refuse)
     one.send(frames_of(drive(0)))
     while next(left, None) is not None or one.store.inbox.cursor("car-1", 1).done < 590:
-        one.station._wait_until = 0.0
+        one.seconds += 2.0
         one.work()
     found = [(entry.number, entry.t0) for entry in one.store.results.observations("car-1")]
     assert found == [(k, BEGUN + k * 120 * 10**9) for k in range(5)]
@@ -111,7 +111,7 @@ def test_a_small_disk_fills_and_is_freed(bench, drive, frames_of, tmp_path):
         assert max(acknowledged, default=-1) <= stored < 599
         filler.unlink()
         for _ in range(3):
-            one.station._wait_until = one.station._next_sweep = 0.0
+            one.seconds += 60.0
             one.send(frames)
         assert one.station.troubles() == []
         assert len(one.store.results.observations("car-1")) == 1
@@ -125,16 +125,14 @@ def test_little_room_is_an_alert_and_stops_taking_in(bench, drive, frames_of, mo
     one.describe()
     one.work()
     monkeypatch.setattr(one.store, "free", lambda: 5_000_000)
-    one.station._next_sweep = 0.0
-    one.station.step()
+    one.look(60.0)
     (row,) = one.store.alerts.find(vehicle="monitor")
     assert (row.cause, row.is_active) == ("monitor:disk", True)
     one.link.on_message(topic("car-1", "raw"), frames_of(drive(0))[0])
     one.station.step()
     assert one.station.figures()["sprung_frames_total"] == 0
     monkeypatch.setattr(one.store, "free", lambda: 5_000_000_000)
-    one.station._next_sweep = one.station._wait_until = 0.0
-    one.station.step()
+    one.look(60.0)
     assert not one.store.alerts.find(vehicle="monitor")[0].is_active
     one.work()
     assert one.station.figures()["sprung_frames_total"] == 1
@@ -157,8 +155,7 @@ def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypa
             for k in range(2)
         )
         one.now = BEGUN + 86400 * 10**9 + 1
-        one.station._next_sweep = 0.0
-        one.station.step()
+        one.look(60.0)
         assert one.station.troubles() == ["the store cannot write: the disk is full: free space"]
         assert (old.exists(), new.exists()) == (False, True)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sprung.link import checked_map, message, topic
-from sprung.monitor import Stream, alert_of
+from sprung.monitor import alert_of
 from sprung.storage import StoreError
 
 #: 2026-11-21, UTC ns.
@@ -168,7 +168,7 @@ def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames):
     """Frames whose rate is impossible for the analysis: two strikes, an alert, and the other vehicle goes on."""
     one = bench(**WATCH)
     one.describe()
-    one.station._workers.submit = poisoned(one.station._workers.submit)
+    one.workers.submit = poisoned(one.workers.submit)
     one.send(run_frames[:900])
     one.send([decoded_again(p, boot=1, seq=k) for k, p in enumerate(run_frames[:10])])
     (row,) = one.store.alerts.find(vehicle="car-1", is_active=True)
@@ -179,7 +179,7 @@ def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames):
 
 def poisoned(submit):
     """Fail at the first two jobs."""
-    from sprung.monitor import Outcome
+    from sprung.monitor import Outcome, VehicleStatus
 
     strikes = iter(range(2))
 
@@ -187,7 +187,7 @@ def poisoned(submit):
         if next(strikes, None) is None:
             return submit(vehicle, frames, learn=learn)
         inline = submit.__self__
-        inline.outcomes_.append(Outcome(vehicle, 0, (), None, (0.0, 0, 0, ""), "it is poisoned"))
+        inline.outcomes_.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
         return None
 
     return tried
@@ -195,22 +195,22 @@ def poisoned(submit):
 
 def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run_frames):
     """The jobs before the one that fails do not forgive it, or it would be tried for ever."""
-    from sprung.monitor import Outcome
+    from sprung.monitor import Outcome, VehicleStatus
 
     one = bench(**WATCH)
     one.describe()
-    inline = one.station._workers
+    inline = one.workers
     submit = inline.submit
 
     def tried(vehicle, frames, *, learn=""):
         if run_frames[599] not in frames:
             return submit(vehicle, frames, learn=learn)
-        return inline.outcomes_.append(Outcome(vehicle, 0, (), None, (0.0, 0, 0, ""), "it is poisoned"))
+        return inline.outcomes_.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
 
     inline.submit = tried
     one.send(run_frames[:1500])
     (row,) = one.store.alerts.find(vehicle="car-1", is_active=True)
-    assert row.text == "600 frames were left out: it is poisoned"
+    assert row.text == "600 frames were excluded: it is poisoned"
     assert [entry.t0 for entry in one.store.results.observations("car-1")] == [BEGUN + 600 * 10**9]
     assert one.station.figures()["sprung_failures_total"] == 2
 
@@ -220,12 +220,10 @@ def test_learning_again_is_asked_for_in_the_store(bench, run_frames):
     one.describe()
     one.send(run_frames[:1200])
     one.store.requests.add_command("anna", "car-1", "learn", "new springs", now=BEGUN)
-    one.station._next_look = 0.0
+    one.look()
     one.work()
-    for _ in range(5):
-        one.station.step()
     assert one.store.requests.open_commands() == []
-    assert one.station.progress["car-1"][1:3] == (0, 2)
+    assert one.station.statuses["car-1"][1:3] == (0, 2)
 
 
 def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames):
@@ -233,33 +231,30 @@ def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames):
     one.describe()
     one.send(run_frames[:3])
     one.now += 2 * 3600 * 10**9
-    one.station._next_look = 0.0
-    one.station.step()
+    one.look()
     (row,) = one.store.alerts.find(vehicle="car-1")
     assert (row.cause, row.is_active) == ("silent", True)
     one.send(run_frames[3:4])
-    one.station._next_look = 0.0
-    one.station.step()
+    one.look()
     assert not alert_of(one.store.alerts.find(vehicle="car-1")[0]).is_active
     one.link.on_message(topic("car-1", "state"), message({0: 1, 2: 1, "boots": [], "is_leaving": True}))
     one.work()
     one.now += 10 * 3600 * 10**9
-    one.station._next_look = 0.0
-    one.station.step()
+    one.look()
     assert not one.store.alerts.find(vehicle="car-1")[0].is_active
 
 
-def test_a_monitor_that_stopped_without_a_word_says_so(bench, tmp_path):
+def test_a_monitor_that_stopped_unexpectedly_says_so(bench, tmp_path):
     first = bench(tmp_path)
     first.store.requests.audit("monitor", "started", "monitor", now=BEGUN)
     second = bench(tmp_path)
     (row,) = second.store.alerts.find(vehicle="monitor")
-    assert "stopped without a word" in row.text
+    assert "stopped unexpectedly" in row.text
 
 
 def test_vehicles_take_turns(bench, run_frames, monkeypatch):
     one = bench(**WATCH)
-    workers, served = one.station._workers, []
+    workers, served = one.workers, []
     monkeypatch.setattr(type(workers), "is_busy", property(lambda self: bool(self.outcomes_)))
     monkeypatch.setattr(workers, "submit", partial(noted, workers.submit, served))
     vehicles = ["car-1", "car-2", "car-3"]
@@ -276,29 +271,6 @@ def noted(submit, served, vehicle, frames, *, learn=""):
     """Remember whose turn it was."""
     served.append(vehicle)
     submit(vehicle, frames, learn=learn)
-
-
-def test_order_of_boots():
-    stream = Stream()
-    waiting = {1: list(range(3)), 2: list(range(4))}
-    stream.arrived(2, 3)
-    stream._previous[2] = (1, 3)
-
-    def pending(boot, after, limit):
-        return [(seq, 0, b"") for seq in waiting[boot] if seq > after][:limit]
-
-    assert stream.next_frames(pending, 10) == []
-    stream.arrived(1, 1)
-    stream._previous[1] = None
-    assert [frame[:2] for frame in stream.next_frames(pending, 2)] == [(1, 0), (1, 1)]
-    stream.dispatched[1] = 1
-    assert stream.next_frames(pending, 10) == []
-    stream.arrived(1, 2)
-    stream.dispatched[1] = 2
-    assert [frame[:2] for frame in stream.next_frames(pending, 10)] == [(2, k) for k in range(4)]
-    assert stream.finished(2) == [(1, 2)]
-    stream.done[1] = 2
-    assert stream.finished(2) == []
 
 
 def test_contents_are_json(expected):

@@ -50,7 +50,7 @@ def test_a_window_comes_back_with_the_state_after_it(workers, opening, drive, fr
     some.submit("car-1", frames[:200])
     first = outcome(some)
     assert (first.n_consumed, [type(event) for event in first.events]) == (120, [Observed])
-    assert first.progress[1:3] == (1, 2)
+    assert first.status[1:3] == (1, 2)
     some.open(opening("car-1", state=first.state))
     some.submit("car-1", frames[120:300])
     again = outcome(some)

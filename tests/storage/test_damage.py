@@ -6,14 +6,14 @@ import shutil
 import pytest
 from sqlalchemy import event
 
-from sprung.storage import Cursor, Progress, StoreError, open_store
+from sprung.storage import Cursor, Progress, StoredFrame, StoreError, open_store
 
 CANNOT_WRITE = "the store cannot write: .*: free space on its disk or make it writable, and it goes on"
 
 
 def fill(store, *, n_batches, payload=b"x" * 200):
     for number in range(n_batches):
-        store.inbox.add_frames([("zafira", 7, 3 * number + k, 0, payload) for k in range(3)], now=number)
+        store.inbox.add_frames([StoredFrame("zafira", 7, 3 * number + k, 0, payload) for k in range(3)], now=number)
 
 
 def fill_up(store):
@@ -22,7 +22,9 @@ def fill_up(store):
     refusal = ""
     while not refusal:
         try:
-            acknowledged = store.inbox.add_frames([("zafira", 7, acknowledged + 1, 0, b"x" * 3000)], now=0)["zafira", 7]
+            acknowledged = store.inbox.add_frames([StoredFrame("zafira", 7, acknowledged + 1, 0, b"x" * 3000)], now=0)[
+                "zafira", 7
+            ]
         except StoreError as error:
             refusal = str(error)
     assert re.fullmatch(CANNOT_WRITE, refusal)
@@ -93,7 +95,9 @@ def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path, eve
     open_store(f"sqlite:///{sqlite_file}").close()
     with open_store(f"sqlite:///{sqlite_file}") as store:
         for number in range(6):
-            store.inbox.add_frames([("zafira", 7, 3 * number + k, 0, b"x" * 500) for k in range(3)], now=number)
+            store.inbox.add_frames(
+                [StoredFrame("zafira", 7, 3 * number + k, 0, b"x" * 500) for k in range(3)], now=number
+            )
             store.results.commit(
                 Progress("zafira", 7, 3 * number + 2, 3 * number - 1, observations=((number, 0, {}),), snapshot=b"s")
             )
@@ -111,7 +115,7 @@ def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path, eve
             assert n_done <= n_arrived <= n_done + 1
             assert [entry.number for entry in store.results.observations("zafira")] == list(range(n_done))
             first = max(3 * (n_done - 1), 0)
-            kept = [seq for seq, _, _ in store.inbox.pending("zafira", 7, after=-1, limit=99)]
+            kept = [frame.seq for frame in store.inbox.pending("zafira", 7, after=-1, limit=99)]
             assert kept == list(range(first, 3 * n_arrived))
             snapshot = store.results.snapshot("zafira")
             assert (snapshot.seq if snapshot else -1) == cursor.done
@@ -137,7 +141,7 @@ def test_store_goes_on_when_it_can_write_again(sqlite_file, setting):
         event.remove(store._database.engine, "connect", limit)
         store.check()
         assert store.inbox.cursor("zafira", 7) == Cursor(acknowledged, -1, 0)
-        assert store.inbox.add_frames([("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {
             ("zafira", 7): acknowledged + 1
         }
         assert len(store.inbox.pending("zafira", 7, after=-1, limit=2000)) == acknowledged + 2
@@ -154,7 +158,7 @@ def test_full_disk(small_disk):
             store.check()
         assert store.inbox.cursor("zafira", 7).contiguous == acknowledged
         ballast.unlink()
-        assert store.inbox.add_frames([("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {
             ("zafira", 7): acknowledged + 1
         }
         assert len(store.inbox.pending("zafira", 7, after=-1, limit=2000)) == acknowledged + 2
@@ -171,13 +175,13 @@ def test_read_only_disk(small_disk):
         store.close()
         remount("ro")
         with pytest.raises(StoreError):
-            store.inbox.add_frames([("zafira", 7, 3, 0, b"")], now=0)
+            store.inbox.add_frames([StoredFrame("zafira", 7, 3, 0, b"")], now=0)
         with pytest.raises(StoreError, match=CANNOT_WRITE):
             store.check()
         with pytest.raises(StoreError):
             open_store(url)
         remount("rw")
-        assert store.inbox.add_frames([("zafira", 7, 3, 0, b"")], now=0) == {("zafira", 7): 3}
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, 3, 0, b"")], now=0) == {("zafira", 7): 3}
     with open_store(url) as store:
         assert store.inbox.cursor("zafira", 7).contiguous == 3
 

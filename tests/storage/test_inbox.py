@@ -7,22 +7,22 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sprung.errors import ParameterError
-from sprung.storage import Cursor, Progress, VehicleRow, open_store
+from sprung.storage import Cursor, Progress, StoredFrame, VehicleRow, open_store
 
 NEW_NAMES = (f"v{number}" for number in count())
 
 
 def frames(*seqs, vehicle="zafira", boot=7):
-    return [(vehicle, boot, seq, 1000 * seq, b"frame %d" % seq) for seq in seqs]
+    return [StoredFrame(vehicle, boot, seq, 1000 * seq, b"frame %d" % seq) for seq in seqs]
 
 
 def waiting(store, vehicle="zafira", boot=7, *, after=-1, limit=1000):
-    return [seq for seq, _, _ in store.inbox.pending(vehicle, boot, after=after, limit=limit)]
+    return [frame.seq for frame in store.inbox.pending(vehicle, boot, after=after, limit=limit)]
 
 
 def test_frames_come_out_in_order_as_they_went_in(store):
     assert store.inbox.add_frames(frames(2, 0, 1), now=5) == {("zafira", 7): 2}
-    assert store.inbox.pending("zafira", 7, after=0, limit=10) == [(1, 1000, b"frame 1"), (2, 2000, b"frame 2")]
+    assert store.inbox.pending("zafira", 7, after=0, limit=10) == frames(1, 2)
     assert waiting(store, limit=2) == [0, 1]
     assert store.inbox.cursor("zafira", 7) == Cursor(contiguous=2, done=-1, lost=0)
     assert store.inbox.cursor("zafira", 7).updated == 5
@@ -44,9 +44,14 @@ def test_long_run_behind_a_gap_is_taken_at_once(store):
 def test_first_of_two_frames_of_one_number_counts(store):
     store.inbox.add_frames(frames(0), now=0)
     store.inbox.add_frames(
-        [("zafira", 7, 0, 0, b"other"), ("zafira", 7, 1, 0, b"first"), ("zafira", 7, 1, 0, b"second")], now=1
+        [
+            StoredFrame("zafira", 7, 0, 0, b"other"),
+            StoredFrame("zafira", 7, 1, 0, b"first"),
+            StoredFrame("zafira", 7, 1, 0, b"second"),
+        ],
+        now=1,
     )
-    assert [payload for _, _, payload in store.inbox.pending("zafira", 7, after=-1, limit=9)] == [b"frame 0", b"first"]
+    assert [frame.payload for frame in store.inbox.pending("zafira", 7, after=-1, limit=9)] == [b"frame 0", b"first"]
 
 
 def test_boots_and_vehicles_are_kept_apart(store):
@@ -66,9 +71,9 @@ def test_nothing_asks_nothing_of_the_store(store):
 @pytest.mark.parametrize("wrong", [-1, 2**63, 1.0, "1"])
 def test_numbers_that_no_frame_has_are_refused(store, wrong):
     with pytest.raises(ParameterError, match=r"boot=.* must be a whole number from 0 to 2\^63 - 1"):
-        store.inbox.add_frames([("zafira", wrong, 0, 0, b"")], now=0)
+        store.inbox.add_frames([StoredFrame("zafira", wrong, 0, 0, b"")], now=0)
     with pytest.raises(ParameterError, match="seq="):
-        store.inbox.add_frames([*frames(0), ("zafira", 7, wrong, 0, b"")], now=0)
+        store.inbox.add_frames([*frames(0), StoredFrame("zafira", 7, wrong, 0, b"")], now=0)
     assert store.inbox.cursors() == {}
 
 
@@ -99,13 +104,13 @@ def test_order_and_repetition_do_not_matter(store, data, n_frames, n_batches):
     arrived, acknowledged = set(), -1
     for k in range(n_batches):
         batch = order[k::n_batches]
-        arrived |= {seq for _, _, seq, _, _ in batch}
+        arrived |= {frame.seq for frame in batch}
         expected = next(seq for seq in count() if seq not in arrived) - 1
         acknowledged = store.inbox.add_frames(batch, now=k).get((vehicle, 7), acknowledged)
         assert acknowledged == expected
     assert acknowledged == n_frames - 1
     assert store.inbox.cursor(vehicle, 7) == Cursor(n_frames - 1, -1, 0)
-    assert store.inbox.pending(vehicle, 7, after=-1, limit=100) == [frame[2:] for frame in once]
+    assert store.inbox.pending(vehicle, 7, after=-1, limit=100) == once
 
 
 def test_writers_take_turns(url):
@@ -142,4 +147,4 @@ def test_vehicles(store):
 def test_largest_sequence_number(store):
     last = 2**63 - 1
     store.inbox.declare_lost("zafira", 7, last, now=1)
-    assert store.inbox.add_frames([("zafira", 7, last, 0, b"")], now=2) == {("zafira", 7): last}
+    assert store.inbox.add_frames([StoredFrame("zafira", 7, last, 0, b"")], now=2) == {("zafira", 7): last}

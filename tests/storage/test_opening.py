@@ -6,7 +6,7 @@ from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, make_url, text
 
 from sprung.errors import ParameterError
-from sprung.storage import Cursor, StoreError, open_store
+from sprung.storage import Cursor, StoredFrame, StoreError, open_store
 from sprung.storage.migrations import steps, upgrade
 from sprung.storage.schema import METADATA
 
@@ -38,7 +38,7 @@ def test_every_released_schema_is_brought_up_to_date(engine, url, revision):
         connection.execute(text("INSERT INTO cursors VALUES ('zafira', 7, 12, 10, 3, 99)"))
     with open_store(url) as store:
         assert store.inbox.cursors() == {("zafira", 7): Cursor(12, 10, 3)}
-        assert store.inbox.add_frames([("zafira", 7, 13, 0, b"")], now=0) == {("zafira", 7): 13}
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, 13, 0, b"")], now=0) == {("zafira", 7): 13}
     with engine.connect() as connection:
         assert MigrationContext.configure(connection).get_current_revision() == steps().get_current_head()
         assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
@@ -67,11 +67,11 @@ def test_newer_schema_is_refused_and_left_alone(url, engine):
 
 def test_store_keeps_what_it_holds(url):
     with open_store(url) as store:
-        store.inbox.add_frames([("zafira", 7, 0, 0, b"x")], now=0)
+        store.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"x")], now=0)
         assert store.notices == ()
         assert store.size() > 10_000
     with open_store(url) as store:
-        assert store.inbox.pending("zafira", 7, after=-1, limit=1) == [(0, 0, b"x")]
+        assert store.inbox.pending("zafira", 7, after=-1, limit=1) == [StoredFrame("zafira", 7, 0, 0, b"x")]
 
 
 def test_check_leaves_no_trace(store):
@@ -123,7 +123,7 @@ def test_store_that_another_program_holds(sqlite_file, monkeypatch):
         other = sqlite3.connect(sqlite_file, isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(StoreError, match="the store is busy: database is locked: end the program"):
-            store.inbox.add_frames([("zafira", 7, 0, 0, b"")], now=0)
+            store.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"")], now=0)
         assert store.inbox.cursors() == {}
         other.close()
-        assert store.inbox.add_frames([("zafira", 7, 0, 0, b"")], now=0) == {("zafira", 7): 0}
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"")], now=0) == {("zafira", 7): 0}

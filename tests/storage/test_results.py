@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.storage import BaselineRow, Cursor, Entry, Progress, Snapshot, StoreError
+from sprung.storage import BaselineRow, Cursor, Entry, Progress, Snapshot, StoredFrame, StoreError
 
 PROGRESS = Progress(
     "zafira",
@@ -21,7 +21,7 @@ PROGRESS = Progress(
 @pytest.fixture
 def filled(store):
     """A store with five frames."""
-    store.inbox.add_frames([("zafira", 7, seq, seq, b"x") for seq in range(5)], now=0)
+    store.inbox.add_frames([StoredFrame("zafira", 7, seq, seq, b"x") for seq in range(5)], now=0)
     return store
 
 
@@ -46,7 +46,7 @@ def test_progress_is_stored(filled):
         [BaselineRow("zafira", 1, 200, "first learning", {"mean": [0.0, None]})],
         Snapshot("zafira", 7, 3, b"\x00state"),
         {("zafira", 7): Cursor(contiguous=4, done=3, lost=0)},
-        [(seq, seq, b"x") for seq in (2, 3, 4)],
+        [StoredFrame("zafira", 7, seq, seq, b"x") for seq in (2, 3, 4)],
     )
 
 
@@ -71,8 +71,8 @@ def test_progress_is_stored_as_a_whole_or_not_at_all(filled):
 
 def test_frames_worked_up_and_deleted_do_not_come_back(filled):
     filled.results.commit(PROGRESS)
-    assert filled.inbox.add_frames([("zafira", 7, 0, 0, b"x")], now=9) == {("zafira", 7): 4}
-    assert [seq for seq, _, _ in filled.inbox.pending("zafira", 7, after=-1, limit=10)] == [2, 3, 4]
+    assert filled.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"x")], now=9) == {("zafira", 7): 4}
+    assert [frame.seq for frame in filled.inbox.pending("zafira", 7, after=-1, limit=10)] == [2, 3, 4]
 
 
 def test_progress_beyond_the_frames_is_refused(filled):
@@ -86,7 +86,7 @@ def test_progress_beyond_the_frames_is_refused(filled):
 
 def test_snapshot_of_a_new_boot_replaces_the_old(filled):
     filled.results.commit(PROGRESS)
-    filled.inbox.add_frames([("zafira", 2, 0, 0, b"")], now=0)
+    filled.inbox.add_frames([StoredFrame("zafira", 2, 0, 0, b"")], now=0)
     filled.results.commit(Progress("zafira", 2, done_seq=0, snapshot=b"new"))
     assert filled.results.snapshot("zafira") == Snapshot("zafira", 2, 0, b"new")
     assert filled.results.snapshot("other") is None

@@ -134,16 +134,19 @@ def _table(station: "Station", fleet: "list[Member]", alerts: "list[Alert]", sec
     from rich.progress_bar import ProgressBar
     from rich.table import Table
 
+    from sprung.monitor import VehicleStatus
+
     table = Table(title=f"{seconds:.0f} s: {len(fleet)} cars", title_justify="left", expand=False)
     for heading in ("vehicle", "window", "baseline", "state"):
         table.add_column(heading)
     by_vehicle = {name: [alert for alert in alerts if alert.vehicle == name] for name in (one.name for one in fleet)}
     for name, own in by_vehicle.items():
-        share, taught, needed, note = station.progress.get(name, (0.0, 0, 0, ""))
-        state = (
-            "; ".join(alert.text for alert in own) or note or ("healthy" if needed and taught == needed else "learning")
-        )
-        table.add_row(name, ProgressBar(100, 100 * share, width=20), f"{taught} of {needed}", state)
+        status = station.statuses.get(name, VehicleStatus())
+        state = "; ".join(alert.text for alert in own) or status.note
+        if not state:
+            state = "no change detected" if 0 < status.n_needed == status.n_learnt else "learning"
+        learnt = f"{status.n_learnt} of {status.n_needed}"
+        table.add_row(name, ProgressBar(100, 100 * status.share, width=20), learnt, state)
     return table
 
 

@@ -1,14 +1,15 @@
 """The online monitor: vehicles in, modes, diagnoses and alerts out, for months."""
 
-from sprung.monitor.alert_book import AlertBook, Postman, alert_of, row_of
+from sprung.monitor.alert_book import AlertBook, alert_of, row_of
 from sprung.monitor.broker import EmbeddedBroker
 from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.monitor.intake import MONITOR, Intake
+from sprung.monitor.postman import Postman
 from sprung.monitor.serving import FIGURES, Serving, exposition
 from sprung.monitor.site import Site, embedded_port, read_site
 from sprung.monitor.station import Station
 from sprung.monitor.streams import Stream
-from sprung.monitor.workers import Opening, Outcome, Workers
+from sprung.monitor.workers import Opening, Outcome, VehicleStatus, Workers
 
 __all__ = [
     "FIGURES",
@@ -28,6 +29,7 @@ __all__ = [
     "Station",
     "Stream",
     "VehicleMonitor",
+    "VehicleStatus",
     "Workers",
     "alert_of",
     "embedded_port",

@@ -165,6 +165,11 @@ class Site(_Table):
         return (Path(self.store.removeprefix("sqlite:///")).parent if is_file else Path("sprung-data")) / "raw"
 
     @property
+    def correlations(self) -> Path | None:
+        """Folder of correlations that boxes sent; None where they are not kept."""
+        return None if self.archive is None else self.archive.with_name("correlations")
+
+    @property
     def http_address(self) -> tuple[str, int]:
         """Host and port."""
         return _http_address(self.http)

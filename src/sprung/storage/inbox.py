@@ -6,7 +6,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, select, tuple_, update
 
 from sprung.storage.database import Database
-from sprung.storage.rows import Cursor, Frame, VehicleRow, check_count
+from sprung.storage.rows import Cursor, StoredFrame, VehicleRow, check_count
 from sprung.storage.schema import CURSORS, FRAMES, VEHICLES
 
 Key = tuple[str, int]
@@ -67,13 +67,13 @@ class Inbox:
             rows = connection.execute(select(VEHICLES.c.vehicle, VEHICLES.c.last_seen).order_by(VEHICLES.c.vehicle))
             return {row.vehicle: row.last_seen for row in rows}
 
-    def add_frames(self, frames: Sequence[Frame], *, now: int) -> dict[Key, int]:
+    def add_frames(self, frames: Sequence[StoredFrame], *, now: int) -> dict[Key, int]:
         """Put frames into the inbox, those that are new, and sync them to disk.
 
         Parameters
         ----------
         frames
-            Vehicle, boot, seq, t0 and payload of each, in any order.
+            Frames in any order; of several with one number the first counts.
         now
             The time.
 
@@ -90,18 +90,18 @@ class Inbox:
         StoreError
             Where the store cannot write; nothing is stored then.
         """
-        batches: dict[Key, dict[int, tuple[int, bytes]]] = {}
-        for vehicle, boot, seq, t0, payload in frames:
-            key = (vehicle, check_count("boot", boot))
-            batches.setdefault(key, {}).setdefault(check_count("seq", seq), (t0, payload))
+        batches: dict[Key, dict[int, StoredFrame]] = {}
+        for frame in frames:
+            key = (frame.vehicle, check_count("boot", frame.boot))
+            batches.setdefault(key, {}).setdefault(check_count("seq", frame.seq), frame)
         if not batches:
             return {}
         with self._database.writing() as connection:
             cursors = self._locked(connection, sorted(batches), now)
             new = [
-                {"vehicle": key[0], "boot": key[1], "seq": seq, "t0": t0, "payload": payload}
+                frame._asdict()
                 for key, batch in batches.items()
-                for seq, (t0, payload) in batch.items()
+                for seq, frame in batch.items()
                 if seq > cursors[key].contiguous
             ]
             if new:
@@ -150,14 +150,15 @@ class Inbox:
         with self._database.reading() as connection:
             return _cursors(connection)
 
-    def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[tuple[int, int, bytes]]:
-        """Return seq, t0 and payload of the next frames in the inbox, up to where it is complete."""
+    def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
+        """Return at most `limit` frames that follow the number `after`, up to where the inbox is complete."""
         key = (vehicle, boot)
         complete = select(CURSORS.c.contiguous).where(_of(CURSORS, key)).scalar_subquery()
         ready = and_(_of(FRAMES, key), FRAMES.c.seq > after, FRAMES.c.seq <= complete)
-        query = select(FRAMES.c.seq, FRAMES.c.t0, FRAMES.c.payload).where(ready).order_by(FRAMES.c.seq).limit(limit)
+        columns = (FRAMES.c[name] for name in StoredFrame._fields)
+        query = select(*columns).where(ready).order_by(FRAMES.c.seq).limit(limit)
         with self._database.reading() as connection:
-            return [(row.seq, row.t0, row.payload) for row in connection.execute(query)]
+            return [StoredFrame._make(row) for row in connection.execute(query)]
 
     def boots(self, vehicle: str) -> list[int]:
         """Return the boots of a vehicle with frames in the inbox, rising."""

@@ -1,14 +1,12 @@
 """What goes into the store and comes out of it. Times are UTC nanoseconds."""
 
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from sprung.errors import ParameterError
 
 #: What JSON can hold, without NaN and infinities.
 Document: TypeAlias = dict[str, Any]
-#: Vehicle, boot, seq, t0 and payload.
-Frame: TypeAlias = tuple[str, int, int, int, bytes]
 #: Number of a window, its t0, its document.
 Numbered: TypeAlias = tuple[int, int, Document]
 
@@ -18,6 +16,31 @@ def check_count(name: str, value: int, *, at_least: int = 0) -> int:
     if not isinstance(value, int) or not at_least <= value < 2**63:
         raise ParameterError(f"{name}={value!r} must be a whole number from {at_least} to 2^63 - 1")
     return value
+
+
+class StoredFrame(NamedTuple):
+    """A frame, or a report of a box that identifies on board, as it waits in the inbox.
+
+    Parameters
+    ----------
+    vehicle
+        Name of the vehicle.
+    boot, seq
+        Number of the box's start, and of the frame since then.
+    t0
+        Time of the first sample.
+    payload
+        Bytes as they came.
+    kind
+        "raw", "corr" or "modes".
+    """
+
+    vehicle: str
+    boot: int
+    seq: int
+    t0: int
+    payload: bytes
+    kind: str = "raw"
 
 
 @dataclass(frozen=True, slots=True)

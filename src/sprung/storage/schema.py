@@ -83,6 +83,7 @@ FRAMES = Table(
     _key("boot", _INTEGER),
     _key("seq", _INTEGER),
     Column("t0", _INTEGER, nullable=False),
+    Column("kind", Text, nullable=False),
     Column("payload", LargeBinary, nullable=False),
 )
 

@@ -83,6 +83,7 @@ def _create_inbox() -> None:
         "frames",
         *_filled(Text(), "vehicle"),
         *_filled(INTEGER, "boot", "seq", "t0"),
+        *_filled(Text(), "kind"),
         *_filled(LargeBinary(), "payload"),
         PrimaryKeyConstraint("vehicle", "boot", "seq"),
     )
