@@ -377,7 +377,7 @@ def latencies(folder: Path, every: int, n_others: int, n_windows: int) -> list[f
             while not stopping.wait(1.0):
                 for other in others:
                     other.drive(1)
-                    other.box.look()
+                    other.box.step()
 
         driving = threading.Thread(target=drive_others)
         driving.start()
@@ -388,7 +388,7 @@ def latencies(folder: Path, every: int, n_others: int, n_windows: int) -> list[f
             begin = time.perf_counter()
             car.drive(1)
             while not (last := store.results.observations("car", limit=1)) or last[0].number < number:
-                car.box.look()
+                car.box.step()
                 time.sleep(0.002)
             times.append(time.perf_counter() - begin)
         stopping.set()
@@ -402,7 +402,7 @@ def latencies(folder: Path, every: int, n_others: int, n_windows: int) -> list[f
 
 def is_worked_up(car: Vehicle, monitor: Monitor, most: int = 0) -> bool:
     """Tell whether what a vehicle has sent is worked up, but for so many frames, and let its box look."""
-    car.box.look()
+    car.box.step()
     return car.has_sent and monitor.figures()["sprung_backlog_frames"] <= most
 
 
@@ -423,7 +423,7 @@ def measure_catch_up(_given: argparse.Namespace, folder: Path) -> None:
                 car.box.open()
             while not all(car.has_sent for car in cars):
                 for car in cars:
-                    car.box.look()
+                    car.box.step()
                 time.sleep(0.02)
             sent = time.monotonic() - begin
             windows = n_vehicles * HOUR // WINDOW
@@ -464,7 +464,7 @@ def measure_soak(given: argparse.Namespace, folder: Path) -> None:
         while (now := time.monotonic() - begin) < 60 * given.soak_minutes:
             for car in cars:
                 car.drive(max(0, round(pace * now) - car.seconds))
-                car.box.look()
+                car.box.step()
             if not samples or now > samples[-1][0] + 2:
                 samples.append((now, *state_of(monitor)))
             time.sleep(0.02)

@@ -77,9 +77,9 @@ def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, fo
     while True:
         for box, source in zip(boxes, sources, strict=True):
             box.take(next(source))
-            box.look()
+            box.step()
         driven += _BLOCK
         while (ahead := clock + driven / pace - time.monotonic()) > 0:
             for box in boxes:
-                box.look()
+                box.step()
             time.sleep(min(ahead, 0.02))

@@ -139,7 +139,7 @@ def _look(one: "Box", stopping: threading.Event) -> None:
     """See to the link while samples come in, and say what stands in the way."""
     said = ""
     while not stopping.wait(0.05):
-        one.look()
+        one.step()
         if one.problem != said:
             said = one.problem
             LOG.warning(said or "all is well again")

@@ -68,7 +68,7 @@ def replay(
             with progress_bar() as report:
                 for block in paced(after(source, resumed), pace, clock=time.monotonic, sleep=time.sleep):
                     box.take(block)
-                    box.look()
+                    box.step()
                     sent += block.duration
                     report(f"{sent / 60:.1f} min sent", 0.5)
                 report("waiting for the monitor", 0.9)
