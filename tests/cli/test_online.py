@@ -59,7 +59,7 @@ def test_an_alert_from_raised_to_normal(sprung, store, monkeypatch):
     assert until in sprung("alerts", "--store", store).out
     assert sprung("alerts", "assign", "1", "--store", store).code == 0
     assert "assigned to nobody" in sprung("alerts", "history", "1", "--store", store).out
-    assert "there is no alert 99" in sprung("alerts", "history", "99", "--store", store).err
+    assert "unknown alert 99" in sprung("alerts", "history", "99", "--store", store).err
     with open_store(store) as opened:
         assert [(row.who, row.act) for row in opened.requests.audited()] == [
             ("anna", "ack"),
@@ -76,13 +76,29 @@ def test_vehicles_and_learning_again(sprung, store):
     words = ("vehicles", "learn", "bus-17", "--store", store, "--reason", "new springs", "--who", "anna")
     asked = sprung(*words)
     assert asked.code == 0
-    assert "bus-17 is to learn again what is normal, because of 'new springs': the monitor" in plain(asked)
+    assert "bus-17 will relearn its baseline ('new springs') from its next usable windows" in plain(asked)
     with open_store(store) as opened:
         (command,) = opened.requests.open_commands()
     assert (command.vehicle, command.act, command.detail, command.who) == ("bus-17", "learn", "new springs", "anna")
-    assert "bus-17: learning again, because of 'new springs': asked for at" in plain(
-        sprung("vehicles", "--store", store)
+    assert "bus-17: new baseline ('new springs') requested at" in plain(sprung("vehicles", "--store", store))
+
+
+@pytest.mark.parametrize("words", [("alerts",), ("alerts", "list"), ("vehicles",), ("vehicles", "list")])
+def test_a_command_alone_lists(sprung, store, words):
+    assert (
+        sprung(*words, "--store", store, "--json", "-").document()
+        == sprung(words[0], "--store", store, "--json", "-").document()
     )
+
+
+@pytest.mark.parametrize(
+    "words", [("alerts",), ("alerts", "shelve"), ("vehicles", "raw"), ("box",), ("monitor",), ("info",)], ids=" ".join
+)
+def test_help_shows_no_types_of_flags(sprung, words):
+    shown = sprung(*words, "--help")
+    assert shown.code == 0
+    assert "<bool>" not in shown.out
+    assert "[[" not in shown.out
 
 
 def plain(outcome):
@@ -100,7 +116,7 @@ def test_samples_that_are_asked_for_and_not_waited_for(sprung, store):
     assert (command.act, command.who) == ("raw", "anna")
     for shown in (asked, sprung("vehicles", "--store", store)):
         assert "bus-17: samples 20" in plain(shown)
-        assert "and not yet done" in plain(shown)
+        assert "not yet done" in plain(shown)
 
 
 @pytest.fixture
@@ -131,21 +147,21 @@ def test_samples_that_came_are_said(sprung, store, answered):
     answered({"boot": 1, "last": 599, "frames": 600, "from": NOW, "to": NOW + 600 * 10**9, "reason": ""})
     asked = sprung(*RAW, "--store", store, "--wait", "30")
     assert asked.code == 0
-    assert "samples 2026-11-21 00:00 to 00:10 UTC of bus-17 came, 600 frames" in plain(asked)
+    assert "received samples 2026-11-21 00:00 to 00:10 UTC of bus-17, 600 frames" in plain(asked)
 
 
 def test_a_box_that_has_no_such_samples_is_heard(sprung, store, answered):
-    answered({"boot": 1, "last": -1, "frames": 0, "from": 0, "to": 0, "reason": "the box holds no samples of that time"})
+    answered({"boot": 1, "last": -1, "frames": 0, "from": 0, "to": 0, "reason": "the box holds none"})
     asked = sprung(*RAW, "--store", store, "--wait", "30")
     assert asked.code == 3
-    assert "of bus-17 came: the box holds no samples of that time" in asked.err
+    assert "of bus-17: the box holds none" in asked.err
 
 
 def test_samples_that_do_not_come_are_said_with_what_to_do(sprung, store):
     asked = sprung(*RAW, "--store", store, "--wait", "0.3")
     assert asked.code == 3
-    assert "have not come within 0.3 s: it was last heard at 2026-11-21 00:00 UTC" in asked.err
-    assert "the request stays, and goes out again when bus-17 is next heard" in asked.err
+    assert "of bus-17 within 0.3 s (last seen at 2026-11-21 00:00 UTC)" in asked.err
+    assert "the request stays open and is sent again when the vehicle is next seen" in asked.err
     with open_store(store) as opened:
         assert len(opened.requests.open_commands()) == 1
 
@@ -165,18 +181,21 @@ def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("alerts", "--store", "sqlite:///nowhere.sqlite"), "there is no store"),
-        (("alerts", "ack"), "needs the number"),
-        (("alerts", "ack", "9"), "there is no alert 9"),
-        (("alerts", "forget", "1"), "the acts are"),
+        (("alerts", "--store", "sqlite:///nowhere.sqlite"), "no store at sqlite:///nowhere.sqlite: pass"),
+        (("alerts", "ack"), "Missing argument 'NUMBER'"),
+        (("alerts", "ack", "9"), "unknown alert 9"),
+        (("alerts", "forget", "1"), "No such command 'forget'"),
+        (("alerts", "ack", "1", "--hours", "2"), "No such option"),
+        (("alerts", "shelve", "1", "--to", "anna"), "No such option"),
+        (("alerts", "--all", "ack", "1"), "--all must follow the sub-command"),
         (("alerts", "unshelve", "1"), "is not shelved"),
-        (("vehicles", "learn", "bus-17"), "needs --reason"),
-        (("vehicles", "learn", "bus-18", "--reason", "x"), "knows no vehicle 'bus-18'"),
-        (("vehicles", "forget", "bus-17"), "sprung vehicles raw ID"),
+        (("vehicles", "learn", "bus-17"), "needs a reason: give --reason TEXT"),
+        (("vehicles", "learn", "bus-18", "--reason", "x"), "unknown vehicle 'bus-18'"),
+        (("vehicles", "forget", "bus-17"), "No such command 'forget'"),
     ],
 )
 def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
-    given = words if "--store" in words else (*words, "--store", store)
+    given = words if "--store" in words or "--all" in words else (*words, "--store", store)
     found = sprung(*given)
     assert found.code == 2
     assert sentence in found.err
@@ -188,13 +207,13 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
         (("monitor", "--site", "none.toml"), "give the site file"),
         (("monitor", "--broker", "http://x"), "no address of a broker"),
         (("monitor", "--log", "xml"), "--log 'xml' is not one of json, text"),
-        (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "no name for one"),
+        (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "not a valid name"),
         (
             ("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
             "cannot be reached: nobody listens there",
         ),
-        (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or a source"),
-        (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "no vehicle can be called 'monitor'"),
+        (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or another source"),
+        (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "vehicle 'monitor' has the name of a user"),
         (("monitor", "--store", "sqlite:///run.csv", "--broker", "mqtt://127.0.0.1:1"), "is no store but another file"),
         (("monitor", "--http", "127.0.0.1", "--broker", "mqtt://127.0.0.1:1"), "write HOST:PORT"),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira", "--source", "can:x:y:z"), "needs --sampling-rate"),

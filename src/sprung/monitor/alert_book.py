@@ -1,7 +1,7 @@
 """From windows of vehicles, and trouble with monitoring them, to alerts in the store."""
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict, replace
 
 from sprung.alerting import (
@@ -78,10 +78,6 @@ class AlertBook:
         for row in self._store.alerts.find():
             if row.shelved_until is not None and row.shelved_until <= now:
                 self.put(shelf_ended(alert_of(row), now), now=now)
-
-    def act(self, alert: Alert, act: Callable[[Alert], Transition], *, now: int) -> None:
-        """Apply the act of an operator to an alert."""
-        self.put(act(alert), now=now)
 
     def put(self, transition: Transition, *, now: int) -> None:
         """Store what became of an alert, and the notification about it, if there is one."""
