@@ -210,7 +210,7 @@ def test_a_box_that_sends_all_samples_says_so_when_it_is_asked_for_them(broker, 
         box.take(block)
     answer = asked(monitor, box, seconds=(0, 5))
     assert (answer["frames"], box.n_waiting) == (0, 5)
-    assert "its box sends all samples as they come" in answer["reason"]
+    assert "the box sends all samples as they come" in answer["reason"]
     box.close()
 
 
