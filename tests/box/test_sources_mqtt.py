@@ -159,7 +159,7 @@ def test_null_is_missing_and_a_clock_that_was_not_set_is_not_used(broker):
 @pytest.mark.parametrize(
     ("address", "topics", "names", "said"),
     [
-        ("http://host", ["a"], ["a"], "is no address of a broker"),
+        ("http://host", ["a"], ["a"], "is not the address of a broker"),
         ("mqtt://host", [], ["a"], "topics=.. must be a list of one or more topics"),
         ("mqtt://host", "a/b", ["a"], "topics='a/b' must be a list"),
         ("mqtt://host", ["a/#/b"], ["a"], "'a/#/b' is no topic to subscribe to"),

@@ -13,7 +13,7 @@ import pytest
 
 from sprung.alerting import AlertSettings, Report
 from sprung.alerting.rounds import reported
-from sprung.monitor import row_of
+from sprung.monitor import Site, row_of
 from sprung.storage import Progress, StoredFrame, open_store
 
 NOW = 1_795_219_200_000_000_000
@@ -99,6 +99,13 @@ def test_help_shows_no_types_of_flags(sprung, words):
     assert shown.code == 0
     assert "<bool>" not in shown.out
     assert "[[" not in shown.out
+
+
+def test_defaults_in_the_help_of_the_monitor_are_those_of_the_site_file(sprung, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    shown = sprung("monitor", "--help").out
+    for name in ("broker", "store", "http"):
+        assert f"[default: ({Site.model_fields[name].default})]" in shown
 
 
 def plain(outcome):
@@ -205,7 +212,7 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
     ("words", "sentence"),
     [
         (("monitor", "--site", "none.toml"), "give the site file"),
-        (("monitor", "--broker", "http://x"), "no address of a broker"),
+        (("monitor", "--broker", "http://x"), "not the address of a broker"),
         (("monitor", "--log", "xml"), "--log 'xml' is not one of json, text"),
         (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "not a valid name"),
         (

@@ -112,5 +112,5 @@ def test_one_who_listens_and_says_nothing(made):
 
 
 def test_a_host_that_can_be_none_is_no_address():
-    with pytest.raises(ParameterError, match=r"'mqtt://a\.\.b' is no address of a broker"):
+    with pytest.raises(ParameterError, match=r"'mqtt://a\.\.b' is not the address of a broker"):
         Address.parse("mqtt://a..b")

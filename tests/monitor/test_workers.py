@@ -10,7 +10,7 @@ from sprung.monitor import MonitorSettings, Observed, Opening, Workers
 from sprung.vehicles import vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
 
-SETTINGS = MonitorSettings(window=120.0, identify_every=0.0, n_learning=2)
+SETTINGS = MonitorSettings(window=120.0, identify_every=0.0, learning_windows=2)
 
 
 @pytest.fixture

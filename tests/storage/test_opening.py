@@ -92,7 +92,7 @@ def test_settings_of_sqlite(sqlite_file):
 @pytest.mark.parametrize(
     ("address", "message"),
     [
-        ("store.sqlite", "is no address of a store"),
+        ("store.sqlite", "is not the address of a store"),
         ("mysql://me:secret@host/db", r"'mysql://me:\*\*\*@host/db' is an address of neither SQLite nor PostgreSQL"),
         ("sqlite://", "names no file"),
         ("sqlite:///:memory:", "names no file"),

@@ -60,9 +60,11 @@ class Address:
             port = parts.port
             (parts.hostname or "").encode("idna")
         except ValueError as error:
-            raise ParameterError(f"{shown!r} is no address of a broker: {error}") from None
+            raise ParameterError(f"{shown!r} is not the address of a broker: {error}") from None
         if parts.scheme not in {"mqtt", "mqtts"} or not parts.hostname:
-            raise ParameterError(f"{shown!r} is no address of a broker: write mqtt://host:1883 or mqtts://host:8883")
+            raise ParameterError(
+                f"{shown!r} is not the address of a broker: write mqtt://host:1883 or mqtts://host:8883"
+            )
         query = {name: values[-1] for name, values in parse_qs(parts.query).items()}
         unknown = sorted(query.keys() - {"ca", "cert", "key", "version"})
         if unknown:

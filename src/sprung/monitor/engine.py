@@ -32,7 +32,7 @@ _SHORTEST = 120.0
 
 @dataclass(frozen=True, slots=True)
 class MonitorSettings:
-    """How a vehicle is watched.
+    """How a vehicle is monitored.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ class MonitorSettings:
         Time between identifications of modes [s]; 0: none.
     method
         "cov", "acs" or "coss".
-    n_learning
-        Windows that teach a baseline.
+    learning_windows
+        Usable windows from which a baseline is learnt.
     false_alarms, hours_per_day
         Rate per vehicle and day of driving, and hours of driving in one.
     most_windows
@@ -53,7 +53,7 @@ class MonitorSettings:
     window: float = 600.0
     identify_every: float = 60.0
     method: str = "cov"
-    n_learning: int = 12
+    learning_windows: int = 12
     false_alarms: float = 1e-3
     hours_per_day: float = 8.0
     most_windows: int = 96
@@ -61,10 +61,10 @@ class MonitorSettings:
     def __post_init__(self) -> None:
         check_number("window", self.window, at_least=60, at_most=7200)
         check_number("identify_every", self.identify_every, at_least=0)
-        check_number("n_learning", self.n_learning, at_least=2)
+        check_number("learning_windows", self.learning_windows, at_least=2)
         check_number("false_alarms", self.false_alarms, above=0)
         check_number("hours_per_day", self.hours_per_day, above=0, at_most=24)
-        check_number("most_windows", self.most_windows, at_least=self.n_learning)
+        check_number("most_windows", self.most_windows, at_least=self.learning_windows)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -171,7 +171,7 @@ class VehicleMonitor:
     @property
     def learning(self) -> tuple[int, int]:
         """Windows that can teach so far, and how many are needed; equal when nothing is being learnt."""
-        needed = self._settings.n_learning
+        needed = self._settings.learning_windows
         if not self._is_learning:
             return needed, needed
         sound = sum(one.is_conclusive and not one.sensor_faults for one in self._observations)

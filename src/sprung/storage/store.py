@@ -141,7 +141,7 @@ def check_address(url: str) -> URL:
     try:
         address = make_url(url)
     except ArgumentError:
-        raise ParameterError(f"{url!r} is no address of a store: {_FORMS}") from None
+        raise ParameterError(f"{url!r} is not the address of a store: {_FORMS}") from None
     if address.drivername == "postgresql":
         address = address.set(drivername="postgresql+psycopg")
     hidden = address.render_as_string(hide_password=True)
