@@ -15,7 +15,7 @@ from urllib.parse import urlencode
 import pytest
 
 from sprung.link import UPWARDS, Address, Link, LinkError, topic
-from sprung.link.frame import LARGEST
+from sprung.link.messages import LARGEST
 
 pytest.importorskip("paho.mqtt.client")
 
