@@ -35,7 +35,7 @@ bench: $(READY)
 
 # A thousand kills of box, broker and monitor: about half an hour.
 chaos: $(READY)
-	$(BIN)/python benchmarks/chaos.py --kills 1000 --minutes 240 --drives 24 --every 1.6 --seed 1
+	$(BIN)/python benchmarks/chaos --kills 1000 --minutes 240 --drives 24 --every 1.6 --seed 1
 
 clean:
 	rm -rf $(VENV) benchmarks/.venv

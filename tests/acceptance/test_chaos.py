@@ -1,4 +1,4 @@
-"""Programs are killed, connections cut, messages lost, doubled, delayed and damaged: nothing is missing in the end."""
+"""Programs are killed, connections cut, messages lost, duplicated and damaged: nothing is missing in the end."""
 
 import json
 import shutil
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-HARNESS = Path(__file__).parents[2] / "benchmarks" / "chaos.py"
+HARNESS = Path(__file__).parents[2] / "benchmarks" / "chaos"
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 
 pytest.importorskip("paho.mqtt.client")

@@ -44,7 +44,7 @@ def until(condition, box, *, seconds=10.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it takes too long"
-        box.look()
+        box.step()
         time.sleep(0.01)
 
 
@@ -169,7 +169,7 @@ def asked(monitor, box, *, seconds=(30, 35), number=7):
     return checked_map(monitor.of("event")[-1])
 
 
-def test_a_wish_that_comes_again_is_answered_again_and_sends_nothing_twice(broker, monitor, tmp_path):
+def test_a_request_that_comes_again_is_answered_again_and_sends_nothing_twice(broker, monitor, tmp_path):
     """Nor does it after a restart of the box; another wish for the same time does."""
 
     def begun():
@@ -198,7 +198,7 @@ def test_a_wish_that_comes_again_is_answered_again_and_sends_nothing_twice(broke
     assert box.n_waiting == 10
     nothing = asked(monitor, box, number=9, seconds=(1000, 2000))
     assert nothing["frames"] == 0
-    assert "its box holds none of that time" in nothing["reason"]
+    assert "the box holds no samples of that time" in nothing["reason"]
     box.close()
     ring.close()
 
@@ -210,7 +210,7 @@ def test_a_box_that_sends_all_samples_says_so_when_it_is_asked_for_them(broker, 
         box.take(block)
     answer = asked(monitor, box, seconds=(0, 5))
     assert (answer["frames"], box.n_waiting) == (0, 5)
-    assert "its box sends all samples as they come" in answer["reason"]
+    assert "the box sends all samples as they come" in answer["reason"]
     box.close()
 
 

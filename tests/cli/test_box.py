@@ -42,8 +42,8 @@ def words(address, tmp_path):
     return ["--vehicle-id", "car-1", "--vehicle", "zafira", "--broker", address, "--spool", str(tmp_path / "spool")]
 
 
-def test_files_that_are_with_the_monitor_are_said(words, drive):
-    ended = "the source has ended, and all of car-1 is with the monitor"
+def test_the_end_of_the_source_is_logged(words, drive):
+    ended = "source finished; all frames of car-1 acknowledged"
     for said in (f"{ended}: 60 frames, 0.02 hours in this run", f"{ended}: 0 frames, 0.00 hours in this run"):
         done = subprocess.run([*RUN, str(drive), *words], capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == 0, done.stderr
@@ -52,7 +52,7 @@ def test_files_that_are_with_the_monitor_are_said(words, drive):
         assert done.stdout == ""
 
 
-def test_a_recording_that_is_left_out_is_a_warning_with_the_reason(words, drive, tmp_path):
+def test_an_unreadable_recording_is_a_warning_with_the_reason(words, drive, tmp_path):
     folder = tmp_path / "in"
     folder.mkdir()
     (folder / "a.csv").write_text("a,b\n", encoding="utf-8")
@@ -67,7 +67,7 @@ def test_a_recording_that_is_left_out_is_a_warning_with_the_reason(words, drive,
             rest = box.communicate(timeout=120)[1]
             guard.cancel()
     assert box.returncode == 0, rest
-    assert "warning a.csv was not read to its end: " in lines[0]
-    assert "a.csv" in lines[0].split("to its end: ")[1]
+    assert "warning a.csv was not read completely: " in lines[0]
+    assert "a.csv" in lines[0].split("completely: ")[1]
     assert lines[1].endswith("info    read b.parquet\n")
-    assert "is with the monitor" not in rest
+    assert "acknowledged" not in rest

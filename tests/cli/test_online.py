@@ -13,8 +13,8 @@ import pytest
 
 from sprung.alerting import AlertSettings, Report
 from sprung.alerting.rounds import reported
-from sprung.monitor import row_of
-from sprung.storage import Progress, open_store
+from sprung.monitor import Site, row_of
+from sprung.storage import Progress, StoredFrame, open_store
 
 NOW = 1_795_219_200_000_000_000
 
@@ -23,10 +23,10 @@ NOW = 1_795_219_200_000_000_000
 def store(tmp_path):
     url = f"sqlite:///{tmp_path}/store.sqlite"
     with open_store(url) as opened:
-        opened.put_vehicle("bus-17", configuration="c", description="", channels=[], now=NOW)
+        opened.inbox.put_vehicle("bus-17", configuration="c", description="", channels=[], now=NOW)
         report = Report("bus-17", "front_left.spring", 700, "front-left spring 25 % softer")
         alert = reported(None, report, AlertSettings(), NOW).alert
-        opened.put_alert(row_of(alert), history=("raised", "", ""), notify={}, now=NOW)
+        opened.alerts.put(row_of(alert), history=("raised", "", ""), notify={}, now=NOW)
     return url
 
 
@@ -59,9 +59,9 @@ def test_an_alert_from_raised_to_normal(sprung, store, monkeypatch):
     assert until in sprung("alerts", "--store", store).out
     assert sprung("alerts", "assign", "1", "--store", store).code == 0
     assert "assigned to nobody" in sprung("alerts", "history", "1", "--store", store).out
-    assert "there is no alert 99" in sprung("alerts", "history", "99", "--store", store).err
+    assert "unknown alert 99" in sprung("alerts", "history", "99", "--store", store).err
     with open_store(store) as opened:
-        assert [(row.who, row.act) for row in opened.audited()] == [
+        assert [(row.who, row.act) for row in opened.requests.audited()] == [
             ("anna", "ack"),
             ("anna", "assign"),
             ("anna", "shelve"),
@@ -76,13 +76,36 @@ def test_vehicles_and_learning_again(sprung, store):
     words = ("vehicles", "learn", "bus-17", "--store", store, "--reason", "new springs", "--who", "anna")
     asked = sprung(*words)
     assert asked.code == 0
-    assert "bus-17 is to learn again what is normal, because of 'new springs': the monitor" in plain(asked)
+    assert "bus-17 will relearn its baseline ('new springs') from its next usable windows" in plain(asked)
     with open_store(store) as opened:
-        (command,) = opened.open_commands()
+        (command,) = opened.requests.open_commands()
     assert (command.vehicle, command.act, command.detail, command.who) == ("bus-17", "learn", "new springs", "anna")
-    assert "bus-17: learning again, because of 'new springs': asked for at" in plain(
-        sprung("vehicles", "--store", store)
+    assert "bus-17: new baseline ('new springs') requested at" in plain(sprung("vehicles", "--store", store))
+
+
+@pytest.mark.parametrize("words", [("alerts",), ("alerts", "list"), ("vehicles",), ("vehicles", "list")])
+def test_a_command_alone_lists(sprung, store, words):
+    assert (
+        sprung(*words, "--store", store, "--json", "-").document()
+        == sprung(words[0], "--store", store, "--json", "-").document()
     )
+
+
+@pytest.mark.parametrize(
+    "words", [("alerts",), ("alerts", "shelve"), ("vehicles", "raw"), ("box",), ("monitor",), ("info",)], ids=" ".join
+)
+def test_help_shows_no_types_of_flags(sprung, words):
+    shown = sprung(*words, "--help")
+    assert shown.code == 0
+    assert "<bool>" not in shown.out
+    assert "[[" not in shown.out
+
+
+def test_defaults_in_the_help_of_the_monitor_are_those_of_the_site_file(sprung, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    shown = sprung("monitor", "--help").out
+    for name in ("broker", "store", "http"):
+        assert f"[default: ({Site.model_fields[name].default})]" in shown
 
 
 def plain(outcome):
@@ -95,12 +118,12 @@ def test_samples_that_are_asked_for_and_not_waited_for(sprung, store):
     asked = sprung(*words)
     assert asked.code == 0
     with open_store(store) as opened:
-        (command,) = opened.open_commands()
+        (command,) = opened.requests.open_commands()
     assert command.detail["to"] - command.detail["from"] == 300 * 10**9
     assert (command.act, command.who) == ("raw", "anna")
     for shown in (asked, sprung("vehicles", "--store", store)):
         assert "bus-17: samples 20" in plain(shown)
-        assert "and not yet done" in plain(shown)
+        assert "not yet done" in plain(shown)
 
 
 @pytest.fixture
@@ -112,9 +135,9 @@ def answered(store):
         def run():
             with open_store(store) as opened:
                 end = time.monotonic() + 30.0
-                while not (asked := opened.open_commands()) and time.monotonic() < end:
+                while not (asked := opened.requests.open_commands()) and time.monotonic() < end:
                     time.sleep(0.02)
-                opened.command_done(asked[0].id, NOW, detail={"asked": asked[0].detail, **detail})
+                opened.requests.command_done(asked[0].id, NOW, detail={"asked": asked[0].detail, **detail})
 
         threads.append(threading.Thread(target=run))
         threads[-1].start()
@@ -131,32 +154,32 @@ def test_samples_that_came_are_said(sprung, store, answered):
     answered({"boot": 1, "last": 599, "frames": 600, "from": NOW, "to": NOW + 600 * 10**9, "reason": ""})
     asked = sprung(*RAW, "--store", store, "--wait", "30")
     assert asked.code == 0
-    assert "samples 2026-11-21 00:00 to 00:10 UTC of bus-17 came, 600 frames" in plain(asked)
+    assert "received samples 2026-11-21 00:00 to 00:10 UTC of bus-17, 600 frames" in plain(asked)
 
 
 def test_a_box_that_has_no_such_samples_is_heard(sprung, store, answered):
-    answered({"boot": 1, "last": -1, "frames": 0, "from": 0, "to": 0, "reason": "its box holds none of that time"})
+    answered({"boot": 1, "last": -1, "frames": 0, "from": 0, "to": 0, "reason": "the box holds none"})
     asked = sprung(*RAW, "--store", store, "--wait", "30")
     assert asked.code == 3
-    assert "of bus-17 came: its box holds none of that time" in asked.err
+    assert "of bus-17: the box holds none" in asked.err
 
 
 def test_samples_that_do_not_come_are_said_with_what_to_do(sprung, store):
     asked = sprung(*RAW, "--store", store, "--wait", "0.3")
     assert asked.code == 3
-    assert "have not come within 0.3 s: it was last heard at 2026-11-21 00:00 UTC" in asked.err
-    assert "the request stays, and goes out again when bus-17 is next heard" in asked.err
+    assert "of bus-17 within 0.3 s (last seen at 2026-11-21 00:00 UTC)" in asked.err
+    assert "the request stays open and is sent again when the vehicle is next seen" in asked.err
     with open_store(store) as opened:
-        assert len(opened.open_commands()) == 1
+        assert len(opened.requests.open_commands()) == 1
 
 
 def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
     with open_store(store) as opened:
-        opened.add_frames([("bus-17", 1, 0, NOW, b"x")], now=NOW)
+        opened.inbox.add_frames([StoredFrame("bus-17", 1, 0, NOW, b"x")], now=NOW)
         modes = ((0, NOW, {"modes": [{"natural_frequency": 1.5}], "reason": "", "is_on_board": True}),)
-        opened.commit_progress(Progress("bus-17", 1, done_seq=0, delete_through_seq=0, modes=modes))
-        row = opened.alerts()[0]
-        opened.put_alert(replace(row, is_active=False), history=("cleared", "", ""), now=NOW)
+        opened.results.commit(Progress("bus-17", 1, done_seq=0, delete_through_seq=0, modes=modes))
+        row = opened.alerts.find()[0]
+        opened.alerts.put(replace(row, is_active=False), history=("cleared", "", ""), now=NOW)
     (one,) = sprung("vehicles", "--store", store, "--json", "-").document()["vehicles"]
     assert one["state"] == "identifies on board: 1 windows of modes"
     assert one["modes"] == [{"natural_frequency": 1.5}]
@@ -165,18 +188,21 @@ def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("alerts", "--store", "sqlite:///nowhere.sqlite"), "there is no store"),
-        (("alerts", "ack"), "needs the number"),
-        (("alerts", "ack", "9"), "there is no alert 9"),
-        (("alerts", "forget", "1"), "the acts are"),
+        (("alerts", "--store", "sqlite:///nowhere.sqlite"), "no store at sqlite:///nowhere.sqlite: pass"),
+        (("alerts", "ack"), "Missing argument 'NUMBER'"),
+        (("alerts", "ack", "9"), "unknown alert 9"),
+        (("alerts", "forget", "1"), "No such command 'forget'"),
+        (("alerts", "ack", "1", "--hours", "2"), "No such option"),
+        (("alerts", "shelve", "1", "--to", "anna"), "No such option"),
+        (("alerts", "--all", "ack", "1"), "--all must follow the sub-command"),
         (("alerts", "unshelve", "1"), "is not shelved"),
-        (("vehicles", "learn", "bus-17"), "needs --reason"),
-        (("vehicles", "learn", "bus-18", "--reason", "x"), "knows no vehicle 'bus-18'"),
-        (("vehicles", "forget", "bus-17"), "sprung vehicles raw ID"),
+        (("vehicles", "learn", "bus-17"), "needs a reason: give --reason TEXT"),
+        (("vehicles", "learn", "bus-18", "--reason", "x"), "unknown vehicle 'bus-18'"),
+        (("vehicles", "forget", "bus-17"), "No such command 'forget'"),
     ],
 )
 def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
-    given = words if "--store" in words else (*words, "--store", store)
+    given = words if "--store" in words or "--all" in words else (*words, "--store", store)
     found = sprung(*given)
     assert found.code == 2
     assert sentence in found.err
@@ -186,16 +212,16 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
     ("words", "sentence"),
     [
         (("monitor", "--site", "none.toml"), "give the site file"),
-        (("monitor", "--broker", "http://x"), "no address of a broker"),
+        (("monitor", "--broker", "http://x"), "not the address of a broker"),
         (("monitor", "--log", "xml"), "--log 'xml' is not one of json, text"),
-        (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "no name for one"),
+        (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "not a valid name"),
         (
             ("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
-            "cannot be reached: nobody listens there",
+            "cannot be reached: connection refused",
         ),
-        (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or a source"),
-        (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "no vehicle can be called 'monitor'"),
-        (("monitor", "--store", "sqlite:///run.csv", "--broker", "mqtt://127.0.0.1:1"), "is no store but another file"),
+        (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or another source"),
+        (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "vehicle 'monitor' has the name of a user"),
+        (("monitor", "--store", "sqlite:///run.csv", "--broker", "mqtt://127.0.0.1:1"), "is not a store but another"),
         (("monitor", "--http", "127.0.0.1", "--broker", "mqtt://127.0.0.1:1"), "write HOST:PORT"),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira", "--source", "can:x:y:z"), "needs --sampling-rate"),
     ],

@@ -9,8 +9,23 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sprung.errors import FormatError, ParameterError
-from sprung.link import CLIPPED, MISSING, PACKED, RAW, Frame, decode, encode, message, quantised
-from sprung.link.frame import LARGEST, MOST_SAMPLES
+from sprung.link import (
+    CLIPPED,
+    MISSING,
+    PACKED,
+    RAW,
+    TIME_KEPT,
+    Frame,
+    Header,
+    Key,
+    checked_map,
+    decode,
+    encode,
+    message,
+    quantised,
+)
+from sprung.link.frame import MOST_SAMPLES
+from sprung.link.messages import LARGEST
 
 
 def frame(samples=None, *, width=2, **fields):
@@ -54,6 +69,38 @@ def test_layout_is_the_documented_one():
     assert decode(body + zlib.crc32(body).to_bytes(4, "little")).counts.tolist() == [[-2, 70000]]
 
 
+def test_bytes_of_version_1():
+    """As the first program of version 1 wrote them."""
+    scale, counts, flags = np.array([0.001, 0.5]), np.array([[1, -2, 300], [4, 5, -32768]]), np.array([1, 4])
+    names, start = ("acc_fl", "speed"), 1_795_219_200_000_000_000
+    one = Frame("car-1", 7, 3, start, 5_000_000, names, scale, counts, 2, flags, TIME_KEPT, 12345, "cafe", (6, 90))
+    assert encode(one, codec=RAW).hex() == (
+        "b0000101656361722d3102070303041b18e9e659d5f60000051a004c4b40060207030882666163635f666c6573706565640982fb3f50"
+        "624dd2f1a9fcfb3fe00000000000000a8201040b4c0100feff2c010400050000800c000d1930390e64636166650f8206185a82f48603"
+    )
+    assert checked_map(encode(one)).keys() == set(range(16))
+
+
+def test_header_of_a_frame():
+    header = Header.of(checked_map(encode(frame(previous=(2, 90)))))
+    assert (header.boot, header.seq, header.kind, header.previous) == (3, 5, "raw", (2, 90))
+    assert header.end - header.start == 200 * 5_000_000
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({Key.BOOT: None}, "'None' found where an integer"),
+        ({Key.SEQ: -1}, "seq=-1 must be at least 0"),
+        ({Key.KIND: 5}, "'5' found where a short text"),
+        ({Key.PREVIOUS: [1]}, "boot and count of messages before"),
+    ],
+)
+def test_header_that_is_wrong(change, words):
+    with pytest.raises(FormatError, match=words):
+        Header.of({Key.BOOT: 1, Key.SEQ: 2, Key.START: 3} | change)
+
+
 @pytest.mark.parametrize(("width", "digits"), [(2, 4), (3, 6), (4, 9)])
 def test_quantisation_keeps_its_digits(width, digits):
     samples = np.random.default_rng(2).normal(size=(2, 500))
@@ -81,20 +128,20 @@ def test_packed_is_small():
     ("change", "words"),
     [
         ({0: 2}, "version 2"),
-        ({7: 0}, "that is none, or too many"),
-        ({7: 10**9}, "that is none, or too many"),
+        ({7: 0}, "samples: 1 to 524288"),
+        ({7: 10**9}, "samples: 1 to 524288"),
         ({11: b"123"}, "3 bytes for 600 samples"),
-        ({11: "text"}, "no bytes"),
+        ({11: "text"}, "not a byte string"),
         ({12: 9}, "codec 9"),
-        ({1: "../etc"}, "no name for one"),
+        ({1: "../etc"}, "not a valid name"),
         ({2: -1}, "boot=-1"),
         ({9: [float("nan")] * 3}, "scale"),
         ({8: ["a", 5, "c"]}, "short text"),
         ({3: 2**63}, "an integer"),
-        ({3: 2**70}, "no CBOR map: tag 2 stands where none belongs"),
+        ({3: 2**70}, "not a CBOR map: unexpected CBOR tag 2"),
         ({0: "9" * 10**5}, "version 9{40}: this program"),
-        ({7: 2**17, 8: list("abcde"), 9: [1.0] * 5}, "5 channels of 131072 samples: that is none, or too many"),
-        ({7: -1, 8: [], 9: []}, "that is none, or too many"),
+        ({7: 2**17, 8: list("abcde"), 9: [1.0] * 5}, "5 channels of 131072 samples: 1 to 524288"),
+        ({7: -1, 8: [], 9: []}, "samples: 1 to 524288"),
         ({5: 10**12}, "200 samples of 1e\\+12 ns: more than an hour"),
     ],
 )
@@ -146,7 +193,7 @@ def test_a_rate_whose_windows_would_never_be_complete_is_refused():
 def test_lengths_that_are_only_claimed_take_no_memory(memory_below, major, length):
     head = bytes([major << 5 | 27]) + length.to_bytes(8, "big")
     for payload in (sealed(b"\xa1\x00" + head + b"\x00" * 8), sealed(head + b"\x00" * 8)):
-        with memory_below(LARGEST), pytest.raises(FormatError, match="the message is no CBOR map"):
+        with memory_below(LARGEST), pytest.raises(FormatError, match="the message is not a CBOR map"):
             decode(payload)
 
 
@@ -168,7 +215,7 @@ def test_a_message_of_many_small_things_is_no_more_than_these(memory_below):
     ids=["decimal of a megabyte, over a minute", "pattern", "list of itself", "time", "unknown"],
 )
 def test_what_would_be_worked_out_by_a_tag_is_refused(tagged):
-    with pytest.raises(FormatError, match=r"tag \d+ stands where none belongs"):
+    with pytest.raises(FormatError, match=r"unexpected CBOR tag \d+"):
         decode(sealed(b"\xa1\x00" + tagged))
 
 
@@ -235,5 +282,5 @@ def test_any_bytes_are_refused(payload):
 
 def test_names_of_vehicles():
     for name in ("", ".", "..", "a/b", "a b", "x" * 65, "#", "+"):
-        with pytest.raises(ParameterError, match="no name for one"):
+        with pytest.raises(ParameterError, match="not a valid name"):
             frame(vehicle=name)

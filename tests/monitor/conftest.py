@@ -7,7 +7,7 @@ import pytest
 from sprung.box import blocks_of
 from sprung.link import Frame, encode, quantised
 from sprung.monitor import Site, Station
-from sprung.monitor.workers import Opening, _opened, _worked
+from sprung.monitor.workers import Opening, analyse, open_monitor
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.storage import open_store
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
@@ -98,7 +98,7 @@ class Inline:
         return vehicle in self.watched
 
     def open(self, opening: Opening):
-        self.watched[opening.vehicle] = _opened(opening)
+        self.watched[opening.vehicle] = open_monitor(opening)
 
     def close_vehicle(self, vehicle):
         self.watched.pop(vehicle, None)
@@ -107,7 +107,7 @@ class Inline:
         return True
 
     def submit(self, vehicle, frames, *, learn=""):
-        self.outcomes_.append(_worked(vehicle, self.watched[vehicle], frames, learn, ""))
+        self.outcomes_.append(analyse(vehicle, self.watched[vehicle], frames, learn=learn))
 
     def outcomes(self, *, timeout=0.0):
         found, self.outcomes_ = self.outcomes_, []
@@ -122,10 +122,16 @@ class Bench:
 
     def __init__(self, folder, car, recording, *, workers=None, **site):
         self.store = open_store(f"sqlite:///{folder}/store.sqlite")
-        self.now = BEGUN
+        self.now, self.seconds = BEGUN, 0.0
+        self.workers = workers or Inline()
         settings = Site.model_validate({"store": f"sqlite:///{folder}/store.sqlite", "http": "127.0.0.1:0", **site})
         self.station = Station(
-            settings, self.store, connect=self._linked, workers=workers or Inline(), clock=lambda: self.now
+            settings,
+            self.store,
+            connect=self._linked,
+            workers=self.workers,
+            clock=lambda: self.now,
+            timer=lambda: self.seconds,
         )
         self.station.open()
         self.car, self.quantities = car, quantities_of(recording, car.sensor)
@@ -151,9 +157,14 @@ class Bench:
         self.station.step()
         for _ in range(10_000):
             self.station.step()
-            if self.station.is_idle():
+            if self.station.is_idle:
                 return
         raise AssertionError("it never comes to rest")
+
+    def look(self, seconds=1.0):
+        """Let time pass on the station's timer, and work: after 1 s it looks around, after 60 s it sweeps the disk."""
+        self.seconds += seconds
+        self.work()
 
     def close(self):
         self.station.close()

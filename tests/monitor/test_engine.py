@@ -9,15 +9,15 @@ import pytest
 
 from sprung.diagnosis import diagnose, observe_window
 from sprung.errors import ParameterError
-from sprung.link import decode
-from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor, frame_block, joined
+from sprung.link import decode, frame_block, joined
+from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.recording import Channel, Recording
 from sprung.vehicles.sensor_layout import quantities_of
 
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000
 
-SETTINGS = MonitorSettings(identify_every=300.0, n_learning=4)
+SETTINGS = MonitorSettings(identify_every=300.0, learning_windows=4)
 
 
 def fed(monitor, recording, cuts):
@@ -104,7 +104,7 @@ def test_it_goes_on_from_its_state(car, drive, alike):
 
 def test_evidence_is_that_of_the_batch(car, drive, alike):
     """Through restarts, and a window with a dead sensor."""
-    settings = MonitorSettings(window=120.0, identify_every=0, n_learning=2)
+    settings = MonitorSettings(window=120.0, identify_every=0, learning_windows=2)
     runs = [drive(0), drive(1, "front_left.spring=-0.4")]
     parts = [run.part(k, k + 24_000) for run in runs for k in range(0, 120_000, 24_000)]
     dead = parts[5].samples.copy()
@@ -126,7 +126,7 @@ def test_evidence_is_that_of_the_batch(car, drive, alike):
 
 
 def test_evidence_of_windows_that_are_forgotten_goes(car, drive):
-    settings = MonitorSettings(window=120.0, identify_every=0, n_learning=2, most_windows=3)
+    settings = MonitorSettings(window=120.0, identify_every=0, learning_windows=2, most_windows=3)
     monitor = VehicleMonitor(car, settings=settings)
     monitor.update(drive(0))
     before = monitor.diagnosis.detection

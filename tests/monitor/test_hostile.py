@@ -8,8 +8,7 @@ import cbor2
 import numpy as np
 import pytest
 
-from sprung.link import checked_map, decode, message, topic
-from sprung.monitor import frame_block, joined
+from sprung.link import checked_map, decode, frame_block, joined, message, topic
 from sprung.vehicles import vehicle_text
 
 BEGUN = 1_795_219_200_000_000_000
@@ -33,7 +32,7 @@ def test_a_clock_that_steps_is_one_gap(bench, drive, frames_of, car, shift):
     one = bench(**WATCH)
     one.describe()
     one.send(stepped(frames, {150: shift}))
-    found = one.store.observations("car-1")
+    found = one.store.results.observations("car-1")
     assert len(found) == 5
     assert all(not entry.document["reason"] for entry in found)
     blocks = [frame_block(decode(payload), {}) for payload in stepped(frames[120:240], {30: shift})]
@@ -54,20 +53,20 @@ def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(bench, driv
     one = bench(**WATCH)
     one.describe()
     one.work()
-    add = one.store.add_frames
+    add = one.store.inbox.add_frames
 
     def refuse(*_, **__):
         raise StoreError("the store cannot write: the disk is full: free space")
 
-    monkeypatch.setattr(one.store, "add_frames", refuse)
+    monkeypatch.setattr(one.store.inbox, "add_frames", refuse)
     one.send(frames[:200])
     assert one.station.troubles() == ["the store cannot write: the disk is full: free space"]
     assert not any(name == topic("car-1", "ack") for name, _ in one.link.published)
-    monkeypatch.setattr(one.store, "add_frames", add)
-    one.station._wait_until = 0.0
+    monkeypatch.setattr(one.store.inbox, "add_frames", add)
+    one.seconds += 2.0
     one.send(frames)
     assert one.station.troubles() == []
-    assert len(one.store.observations("car-1")) == 5
+    assert len(one.store.results.observations("car-1")) == 5
 
 
 def test_a_result_that_cannot_be_stored_is_worked_out_again(bench, drive, frames_of, monkeypatch):
@@ -75,19 +74,19 @@ def test_a_result_that_cannot_be_stored_is_worked_out_again(bench, drive, frames
 
     one = bench(**WATCH)
     one.describe()
-    commit, left = one.store.commit_progress, iter(range(3))
+    commit, left = one.store.results.commit, iter(range(3))
 
     def refuse(progress):
         if next(left, None) is not None:
             raise StoreError("the store cannot write: the disk is full: free space")
         commit(progress)
 
-    monkeypatch.setattr(one.store, "commit_progress", refuse)
+    monkeypatch.setattr(one.store.results, "commit", refuse)
     one.send(frames_of(drive(0)))
-    while next(left, None) is not None or one.store.cursor("car-1", 1).done < 590:
-        one.station._wait_until = 0.0
+    while next(left, None) is not None or one.store.inbox.cursor("car-1", 1).done < 590:
+        one.seconds += 2.0
         one.work()
-    found = [(entry.number, entry.t0) for entry in one.store.observations("car-1")]
+    found = [(entry.number, entry.t0) for entry in one.store.results.observations("car-1")]
     assert found == [(k, BEGUN + k * 120 * 10**9) for k in range(5)]
 
 
@@ -108,14 +107,14 @@ def test_a_small_disk_fills_and_is_freed(bench, drive, frames_of, tmp_path):
         one.send(frames)
         assert one.station.troubles()
         acknowledged = [checked_map(payload)[3] for name, payload in one.link.published if name.endswith("/ack")]
-        stored = one.store.cursor("car-1", 1).contiguous
+        stored = one.store.inbox.cursor("car-1", 1).contiguous
         assert max(acknowledged, default=-1) <= stored < 599
         filler.unlink()
         for _ in range(3):
-            one.station._wait_until = one.station._next_sweep = 0.0
+            one.seconds += 60.0
             one.send(frames)
         assert one.station.troubles() == []
-        assert len(one.store.observations("car-1")) == 1
+        assert len(one.store.results.observations("car-1")) == 1
         one.close()
     finally:
         subprocess.run(["umount", "-l", str(disk)], check=True)
@@ -126,17 +125,15 @@ def test_little_room_is_an_alert_and_stops_taking_in(bench, drive, frames_of, mo
     one.describe()
     one.work()
     monkeypatch.setattr(one.store, "free", lambda: 5_000_000)
-    one.station._next_sweep = 0.0
-    one.station.step()
-    (row,) = one.store.alerts(vehicle="monitor")
+    one.look(60.0)
+    (row,) = one.store.alerts.find(vehicle="monitor")
     assert (row.cause, row.is_active) == ("monitor:disk", True)
     one.link.on_message(topic("car-1", "raw"), frames_of(drive(0))[0])
     one.station.step()
     assert one.station.figures()["sprung_frames_total"] == 0
     monkeypatch.setattr(one.store, "free", lambda: 5_000_000_000)
-    one.station._next_sweep = one.station._wait_until = 0.0
-    one.station.step()
-    assert not one.store.alerts(vehicle="monitor")[0].is_active
+    one.look(60.0)
+    assert not one.store.alerts.find(vehicle="monitor")[0].is_active
     one.work()
     assert one.station.figures()["sprung_frames_total"] == 1
 
@@ -152,14 +149,13 @@ def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypa
     monkeypatch.setattr(one.store, "delete_older", refuse)
     for folder in ("raw", "correlations"):
         one.now = BEGUN
-        where = one.store._path.parent / folder
+        where = one.store.folder / folder
         old, new = (
             write_archive(where, "car-1", 1, k, BEGUN + k, samples=[[1.0]], channels=["a"], sampling_rate=1.0)
             for k in range(2)
         )
         one.now = BEGUN + 86400 * 10**9 + 1
-        one.station._next_sweep = 0.0
-        one.station.step()
+        one.look(60.0)
         assert one.station.troubles() == ["the store cannot write: the disk is full: free space"]
         assert (old.exists(), new.exists()) == (False, True)
 
@@ -223,9 +219,9 @@ def test_modes_that_the_store_cannot_hold_keep_nobody_waiting(bench, drive, fram
     one.link.on_message(topic("car-2", "modes"), message(told))
     one.send(frames_of(drive(0))[:3])
     assert one.station.troubles() == []
-    assert one.store.cursor("car-2", 1).done == 0
-    assert one.store.modes("car-2") == []
-    assert one.store.cursor("car-1", 1).contiguous == 2
+    assert one.store.inbox.cursor("car-2", 1).done == 0
+    assert one.store.results.modes("car-2") == []
+    assert one.store.inbox.cursor("car-1", 1).contiguous == 2
 
 
 @pytest.mark.parametrize(
@@ -246,7 +242,7 @@ def test_descriptions_that_are_too_much_work_are_refused(bench, change):
     one.link.on_message(topic("car-1", "meta"), message(document | change))
     one.work()
     assert one.station.figures()["sprung_messages_refused_total"] == 1
-    assert one.store.vehicle("car-1") is None
+    assert one.store.inbox.vehicle("car-1") is None
     one.describe()
     one.work()
-    assert one.store.vehicle("car-1") is not None
+    assert one.store.inbox.vehicle("car-1") is not None

@@ -1,15 +1,19 @@
 """The site file: every mistake in it is one sentence with file, place, rule and remedy."""
 
+import json
 import re
 import tomllib
 from pathlib import Path
+from types import NoneType
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sprung.alerting import AlertSettings
 from sprung.errors import FormatError, ParameterError, SprungError
-from sprung.monitor import Site, read_site
+from sprung.monitor import MonitorSettings, Site, read_site
 from sprung.toml import checked
 
 MANUAL = Path(__file__).parents[2] / "docs" / "monitor.md"
@@ -30,6 +34,44 @@ def test_site_file_of_the_manual(tmp_path):
     assert site.alerts.settings.renotify_after == 24 * 3600 * 10**9
     assert [one.as_sender("a").name for one in (*site.send.webhook, *site.send.mail)] == ["a", "a"]
     assert Site() == checked(Site, {})
+
+
+def documented():
+    """Default and meaning of each key in the tables of the manual, by table and key."""
+    rows = re.findall(r"^\| `([\w.]+)` \| (.*?) \| (.*?) \|$", MANUAL.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {key: (default, meaning) for key, default, meaning in rows}
+
+
+def shown_default(field):
+    """A default as the manual writes it."""
+    if field.is_required():
+        return "required"
+    default = field.get_default()
+    if default is None or default == {}:
+        return "-"
+    return f"`{json.dumps(default)}`"
+
+
+def fields(model, table=""):
+    """Keys of a table and of those in it, with their fields."""
+    for name, field in model.model_fields.items():
+        (kind, *_) = [inner for inner in (field.annotation, *get_args(field.annotation)) if inner is not NoneType]
+        inner = next((each for each in get_args(field.annotation) if hasattr(each, "model_fields")), kind)
+        if hasattr(inner, "model_fields"):
+            yield from fields(inner, f"{table}{name}.")
+        else:
+            yield f"{table}{field.alias or name}", field
+
+
+def test_every_setting_is_in_the_manual_with_its_default():
+    expected = {key: (shown_default(field), field.description) for key, field in fields(Site)}
+    assert len(expected) == 29
+    assert {key: row for key, row in documented().items() if key in expected} == expected
+
+
+def test_defaults_are_those_of_the_parts():
+    assert Site().watch.settings == MonitorSettings()
+    assert Site().alerts.settings == AlertSettings()
 
 
 def changed(path, value):
@@ -60,12 +102,20 @@ def changed(path, value):
         (("keep", "raw_gigabytes"), 0, "keep, raw_gigabytes=0 must be above 0: correct it"),
         (("alerts", "remind_after_hours"), float("inf"), "alerts, remind_after_hours=inf must be finite: give a"),
         (("broker",), 1883, "broker=1883 must be text: write it in quotes"),
-        (("broker",), "http://x", "broker: 'http://x' is no address of a broker: write mqtt://host:1883 or mqtts://"),
-        (("broker",), "mqtt://a:b@x:99999", "broker: 'mqtt://...@x:99999' is no address of a broker: Port out of"),
-        (("broker",), "embedded:x", "broker: 'embedded:x' is no address of a broker: write embedded or embedded:PORT"),
-        (("store",), "results.sqlite", "store: 'results.sqlite' is no address of a store: write sqlite:///folder/"),
-        (("http",), "8737", "http: '8737' is no address: write HOST:PORT, such as 127.0.0.1:8737"),
-        (("http",), "a:70000", "http: 'a:70000' is no address"),
+        (
+            ("broker",),
+            "http://x",
+            "broker: 'http://x' is not the address of a broker: write mqtt://host:1883 or mqtts://",
+        ),
+        (("broker",), "mqtt://a:b@x:99999", "broker: 'mqtt://...@x:99999' is not the address of a broker: Port out of"),
+        (("broker",), "embedded:x", "broker: 'embedded:x' is not the address of a broker: write embedded or embedded"),
+        (
+            ("store",),
+            "results.sqlite",
+            "store: 'results.sqlite' is not the address of a store: write sqlite:///folder/",
+        ),
+        (("http",), "8737", "http: '8737' is not an address: write HOST:PORT, such as 127.0.0.1:8737"),
+        (("http",), "a:70000", "http: 'a:70000' is not an address"),
         (("send",), [], "send must be a table of fields"),
         (("send", "webhook"), {"url": "http://secret"}, "send, webhook must be a list: write texts in brackets"),
         (("send", "webhook", 0), {}, "[[send.webhook]] 1, url is missing: add it"),
@@ -75,7 +125,7 @@ def changed(path, value):
         (("send", "webhook", 0, "headers"), ["Key"], "[[send.webhook]] 1, headers must be a table of fields: write"),
         (("send", "mail", 0, "starttls"), "yes", "[[send.mail]] 1, starttls='yes' must be true or false: write it"),
         (("send", "mail", 0, "recipients"), [], "[[send.mail]] 1, recipients has 0 entries, but must have at least 1"),
-        (("send", "mail", 0, "recipients"), ["anna"], "[[send.mail]] 1: 'anna' is no mail address: write it like"),
+        (("send", "mail", 0, "recipients"), ["anna"], "[[send.mail]] 1: 'anna' is not a mail address: write it like"),
         (("send", "mail", 0, "recipients"), ["a@b", 1], "[[send.mail]] 1, recipients[1]=1 must be text: write it in"),
         (("send", "mail", 0, "port"), 0, "[[send.mail]] 1: port=0 must be at least 1 and at most 65535"),
         (("send", "mail", 0, "password"), 1234, "[[send.mail]] 1, password must be text: write it in quotes"),
@@ -144,7 +194,7 @@ def test_any_value_anywhere_is_read_or_refused_in_one_sentence(place, value):
         site = checked(Site, changed(place, value))
         now = 1_795_219_200_000_000_000
         assert abs(site.keep.results_before(now)) < 2**63
-        assert site.watch.settings.n_learning >= 2
+        assert site.watch.settings.learning_windows >= 2
         assert site.alerts.settings.raise_after >= 1
     except SprungError as refusal:
         message = str(refusal)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sprung.link import checked_map, message, topic
-from sprung.monitor import Stream, alert_of
+from sprung.monitor import alert_of
 from sprung.storage import StoreError
 
 #: 2026-11-21, UTC ns.
@@ -21,10 +21,10 @@ WATCH = {"watch": {"learning_windows": 2, "window_minutes": 10, "identify_every_
 def contents(store, vehicle="car-1"):
     """What the store holds of a vehicle in the end, whatever boots it came in."""
     return {
-        "observations": [(entry.t0, entry.document) for entry in store.observations(vehicle)],
-        "modes": [(entry.t0, entry.document) for entry in store.modes(vehicle)],
-        "findings": [(entry.t0, entry.document) for entry in store.findings(vehicle)],
-        "baselines": [(row.version, row.reason, row.document) for row in store.baselines(vehicle)],
+        "observations": [(entry.t0, entry.document) for entry in store.results.observations(vehicle)],
+        "modes": [(entry.t0, entry.document) for entry in store.results.modes(vehicle)],
+        "findings": [(entry.t0, entry.document) for entry in store.results.findings(vehicle)],
+        "baselines": [(row.version, row.reason, row.document) for row in store.results.baselines(vehicle)],
     }
 
 
@@ -41,7 +41,7 @@ def expected(run_frames, car, drive, tmp_path_factory, new_bench):
     bench.describe()
     bench.send(run_frames)
     found = contents(bench.store)
-    alerts = [(row.cause, row.is_active) for row in bench.store.alerts(vehicle="car-1")]
+    alerts = [(row.cause, row.is_active) for row in bench.store.alerts.find(vehicle="car-1")]
     bench.close()
     assert alerts == [("front_left.spring", True)]
     return found
@@ -68,7 +68,7 @@ def test_any_order_with_duplicates_gives_the_same_store(bench, alike, run_frames
     one.describe()
     one.work()
     assert alike(contents(one.store), expected)
-    assert one.store.boots("car-1") == []
+    assert one.store.inbox.boots("car-1") == []
 
 
 def test_a_restart_anywhere_gives_the_same_store(bench, alike, run_frames, expected, tmp_path):
@@ -110,7 +110,7 @@ def test_a_crash_after_a_window_leaves_no_frames_of_boots_before(bench, run_fram
     first = [decoded_again(payload, boot=1, seq=k) for k, payload in enumerate(run_frames[:400])]
     rest = [decoded_again(payload, boot=2, seq=k, previous=(1, 400)) for k, payload in enumerate(run_frames[400:700])]
     one = bench(tmp_path, **WATCH)
-    commit, late = one.store.commit_progress, []
+    commit, late = one.store.results.commit, []
 
     def dies(progress):
         if progress.boot == 1 and not progress.modes:
@@ -118,16 +118,16 @@ def test_a_crash_after_a_window_leaves_no_frames_of_boots_before(bench, run_fram
             raise StoreError("it is dead")
         commit(progress)
 
-    one.store.commit_progress = dies
+    one.store.results.commit = dies
     one.describe()
     one.send(first + rest)
     assert late
-    assert one.store.boots("car-1") == [1, 2]
+    assert one.store.inbox.boots("car-1") == [1, 2]
     one.close()
     again = bench(tmp_path, **WATCH)
     again.work()
-    assert again.store.boots("car-1") == [2]
-    assert [entry.boot for entry in again.store.observations("car-1")] == [2]
+    assert again.store.inbox.boots("car-1") == [2]
+    assert [entry.boot for entry in again.store.results.observations("car-1")] == [2]
 
 
 def test_acknowledged_is_what_is_stored(bench, run_frames):
@@ -168,10 +168,10 @@ def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames):
     """Frames whose rate is impossible for the analysis: two strikes, an alert, and the other vehicle goes on."""
     one = bench(**WATCH)
     one.describe()
-    one.station._workers.submit = poisoned(one.station._workers.submit)
+    one.workers.submit = poisoned(one.workers.submit)
     one.send(run_frames[:900])
     one.send([decoded_again(p, boot=1, seq=k) for k, p in enumerate(run_frames[:10])])
-    (row,) = one.store.alerts(vehicle="car-1", is_active=True)
+    (row,) = one.store.alerts.find(vehicle="car-1", is_active=True)
     assert row.cause == "monitor:analysis"
     assert "it is poisoned" in row.text
     assert one.station.figures()["sprung_failures_total"] >= 2
@@ -179,7 +179,7 @@ def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames):
 
 def poisoned(submit):
     """Fail at the first two jobs."""
-    from sprung.monitor import Outcome
+    from sprung.monitor import Outcome, VehicleStatus
 
     strikes = iter(range(2))
 
@@ -187,7 +187,7 @@ def poisoned(submit):
         if next(strikes, None) is None:
             return submit(vehicle, frames, learn=learn)
         inline = submit.__self__
-        inline.outcomes_.append(Outcome(vehicle, 0, (), None, (0.0, 0, 0, ""), "it is poisoned"))
+        inline.outcomes_.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
         return None
 
     return tried
@@ -195,23 +195,23 @@ def poisoned(submit):
 
 def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run_frames):
     """The jobs before the one that fails do not forgive it, or it would be tried for ever."""
-    from sprung.monitor import Outcome
+    from sprung.monitor import Outcome, VehicleStatus
 
     one = bench(**WATCH)
     one.describe()
-    inline = one.station._workers
+    inline = one.workers
     submit = inline.submit
 
     def tried(vehicle, frames, *, learn=""):
         if run_frames[599] not in frames:
             return submit(vehicle, frames, learn=learn)
-        return inline.outcomes_.append(Outcome(vehicle, 0, (), None, (0.0, 0, 0, ""), "it is poisoned"))
+        return inline.outcomes_.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
 
     inline.submit = tried
     one.send(run_frames[:1500])
-    (row,) = one.store.alerts(vehicle="car-1", is_active=True)
-    assert row.text == "600 frames were left out: it is poisoned"
-    assert [entry.t0 for entry in one.store.observations("car-1")] == [BEGUN + 600 * 10**9]
+    (row,) = one.store.alerts.find(vehicle="car-1", is_active=True)
+    assert row.text == "600 frames were excluded: it is poisoned"
+    assert [entry.t0 for entry in one.store.results.observations("car-1")] == [BEGUN + 600 * 10**9]
     assert one.station.figures()["sprung_failures_total"] == 2
 
 
@@ -219,13 +219,11 @@ def test_learning_again_is_asked_for_in_the_store(bench, run_frames):
     one = bench(**WATCH)
     one.describe()
     one.send(run_frames[:1200])
-    one.store.add_command("anna", "car-1", "learn", "new springs", now=BEGUN)
-    one.station._next_look = 0.0
+    one.store.requests.add_command("anna", "car-1", "learn", "new springs", now=BEGUN)
+    one.look()
     one.work()
-    for _ in range(5):
-        one.station.step()
-    assert one.store.open_commands() == []
-    assert one.station.progress["car-1"][1:3] == (0, 2)
+    assert one.store.requests.open_commands() == []
+    assert one.station.statuses["car-1"][1:3] == (0, 2)
 
 
 def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames):
@@ -233,33 +231,30 @@ def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames):
     one.describe()
     one.send(run_frames[:3])
     one.now += 2 * 3600 * 10**9
-    one.station._next_look = 0.0
-    one.station.step()
-    (row,) = one.store.alerts(vehicle="car-1")
+    one.look()
+    (row,) = one.store.alerts.find(vehicle="car-1")
     assert (row.cause, row.is_active) == ("silent", True)
     one.send(run_frames[3:4])
-    one.station._next_look = 0.0
-    one.station.step()
-    assert not alert_of(one.store.alerts(vehicle="car-1")[0]).is_active
+    one.look()
+    assert not alert_of(one.store.alerts.find(vehicle="car-1")[0]).is_active
     one.link.on_message(topic("car-1", "state"), message({0: 1, 2: 1, "boots": [], "is_leaving": True}))
     one.work()
     one.now += 10 * 3600 * 10**9
-    one.station._next_look = 0.0
-    one.station.step()
-    assert not one.store.alerts(vehicle="car-1")[0].is_active
+    one.look()
+    assert not one.store.alerts.find(vehicle="car-1")[0].is_active
 
 
-def test_a_monitor_that_stopped_without_a_word_says_so(bench, tmp_path):
+def test_a_monitor_that_stopped_unexpectedly_says_so(bench, tmp_path):
     first = bench(tmp_path)
-    first.store.audit("monitor", "started", "monitor", now=BEGUN)
+    first.store.requests.audit("monitor", "started", "monitor", now=BEGUN)
     second = bench(tmp_path)
-    (row,) = second.store.alerts(vehicle="monitor")
-    assert "stopped without a word" in row.text
+    (row,) = second.store.alerts.find(vehicle="monitor")
+    assert "stopped unexpectedly" in row.text
 
 
 def test_vehicles_take_turns(bench, run_frames, monkeypatch):
     one = bench(**WATCH)
-    workers, served = one.station._workers, []
+    workers, served = one.workers, []
     monkeypatch.setattr(type(workers), "is_busy", property(lambda self: bool(self.outcomes_)))
     monkeypatch.setattr(workers, "submit", partial(noted, workers.submit, served))
     vehicles = ["car-1", "car-2", "car-3"]
@@ -278,29 +273,6 @@ def noted(submit, served, vehicle, frames, *, learn=""):
     submit(vehicle, frames, learn=learn)
 
 
-def test_order_of_boots():
-    stream = Stream()
-    waiting = {1: list(range(3)), 2: list(range(4))}
-    stream.arrived(2, 3)
-    stream._previous[2] = (1, 3)
-
-    def pending(boot, after, limit):
-        return [(seq, 0, b"") for seq in waiting[boot] if seq > after][:limit]
-
-    assert stream.next_frames(pending, 10) == []
-    stream.arrived(1, 1)
-    stream._previous[1] = None
-    assert [frame[:2] for frame in stream.next_frames(pending, 2)] == [(1, 0), (1, 1)]
-    stream.dispatched[1] = 1
-    assert stream.next_frames(pending, 10) == []
-    stream.arrived(1, 2)
-    stream.dispatched[1] = 2
-    assert [frame[:2] for frame in stream.next_frames(pending, 10)] == [(2, k) for k in range(4)]
-    assert stream.finished(2) == [(1, 2)]
-    stream.done[1] = 2
-    assert stream.finished(2) == []
-
-
 def test_contents_are_json(expected):
     assert json.loads(json.dumps(expected["observations"][0][1])) == expected["observations"][0][1]
 
@@ -310,7 +282,7 @@ def test_a_box_that_identifies_itself(bench, car, drive, tmp_path):
     from sprung.box import blocks_of
     from sprung.box.onboard import OnBoard
     from sprung.link import Spool, decode, topic
-    from sprung.monitor import summary_from_document
+    from sprung.link.summaries import summary_from_document
 
     ring = Spool(tmp_path / "ring", is_synced=False)
     on_board = OnBoard(car, ring)
@@ -323,13 +295,13 @@ def test_a_box_that_identifies_itself(bench, car, drive, tmp_path):
         whole = {0: 1, 1: "car-1", 2: 1, 3: seq, 16: kind, **document}
         one.link.on_message(topic("car-1", kind), message(whole))
     one.work()
-    (entry,) = one.store.modes("car-1")
+    (entry,) = one.store.results.modes("car-1")
     assert entry.document == {"modes": messages[1][1]["modes"], "reason": "", "is_on_board": True}
     assert len(list((tmp_path / "store" / "correlations").rglob("*.parquet"))) == 1
-    assert one.store.observations("car-1") == []
+    assert one.store.results.observations("car-1") == []
     assert decode(frames_after(drive(0), seq=2)[0]).seq == 2
     one.send(frames_after(drive(0), seq=2))
-    assert len(one.store.observations("car-1")) == 1
+    assert len(one.store.results.observations("car-1")) == 1
 
 
 def frames_after(recording, *, seq):
@@ -374,7 +346,7 @@ def test_modes_from_a_box_amid_samples_lose_none_of_them(bench, run_frames, expe
     one.send(run_frames[:250])
     one.link.on_message(topic("car-1", "modes"), message(report))
     one.work()
-    assert one.store.boots("car-1") == []
+    assert one.store.inbox.boots("car-1") == []
     one.close()
     again = bench(tmp_path, **WATCH)
     again.send(rest)

@@ -10,7 +10,7 @@ from sprung.monitor import MonitorSettings, Observed, Opening, Workers
 from sprung.vehicles import vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
 
-SETTINGS = MonitorSettings(window=120.0, identify_every=0.0, n_learning=2)
+SETTINGS = MonitorSettings(window=120.0, identify_every=0.0, learning_windows=2)
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_a_window_comes_back_with_the_state_after_it(workers, opening, drive, fr
     some.submit("car-1", frames[:200])
     first = outcome(some)
     assert (first.n_consumed, [type(event) for event in first.events]) == (120, [Observed])
-    assert first.progress[1:3] == (1, 2)
+    assert first.status[1:3] == (1, 2)
     some.open(opening("car-1", state=first.state))
     some.submit("car-1", frames[120:300])
     again = outcome(some)

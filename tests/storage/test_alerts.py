@@ -7,15 +7,15 @@ RAISED = ("raised", "monitor", "")
 
 
 def test_alert_is_stored_and_replaced_by_its_cause(store):
-    first = store.put_alert(ALERT, history=RAISED, now=101)
-    assert store.alerts() == [first] == [replace(ALERT, id=first.id, updated=101)]
+    first = store.alerts.put(ALERT, history=RAISED, now=101)
+    assert store.alerts.find() == [first] == [replace(ALERT, id=first.id, updated=101)]
     changed = replace(
         first, severity=3, count=2, is_acknowledged=True, assignee="eve", shelved_until=10**18, document={"p": 0.001}
     )
-    second = store.put_alert(changed, history=("acknowledged", "eve", "ordered parts"), now=202)
+    second = store.alerts.put(changed, history=("acknowledged", "eve", "ordered parts"), now=202)
     assert second.id == first.id
-    assert store.alerts() == [replace(changed, updated=202)]
-    rows = store.alert_history(first.id)
+    assert store.alerts.find() == [replace(changed, updated=202)]
+    rows = store.alerts.history(first.id)
     assert rows == [
         HistoryRow(rows[0].id, first.id, 101, "raised", "monitor", "", None, None),
         HistoryRow(rows[1].id, first.id, 202, "acknowledged", "eve", "ordered parts", "eve", 10**18),
@@ -23,43 +23,43 @@ def test_alert_is_stored_and_replaced_by_its_cause(store):
 
 
 def test_alerts_are_chosen_by_vehicle_and_state(store):
-    store.put_alert(ALERT, history=RAISED, now=0)
-    store.put_alert(replace(ALERT, cause="tyre", severity=5), history=RAISED, now=0)
-    store.put_alert(replace(ALERT, vehicle="other", is_active=False, cleared=300), history=RAISED, now=0)
-    assert [alert.cause for alert in store.alerts(vehicle="zafira")] == ["tyre", "front_left.damper"]
-    assert [alert.cleared for alert in store.alerts(is_active=False)] == [300]
-    assert len(store.alerts(is_active=True)) == 2
-    assert store.alerts(vehicle="other", is_active=True) == []
+    store.alerts.put(ALERT, history=RAISED, now=0)
+    store.alerts.put(replace(ALERT, cause="tyre", severity=5), history=RAISED, now=0)
+    store.alerts.put(replace(ALERT, vehicle="other", is_active=False, cleared=300), history=RAISED, now=0)
+    assert [alert.cause for alert in store.alerts.find(vehicle="zafira")] == ["tyre", "front_left.damper"]
+    assert [alert.cleared for alert in store.alerts.find(is_active=False)] == [300]
+    assert len(store.alerts.find(is_active=True)) == 2
+    assert store.alerts.find(vehicle="other", is_active=True) == []
 
 
 def test_notifications_stay_until_sent(store):
-    alert = store.put_alert(ALERT, history=RAISED, notify={"to": "workshop"}, now=1)
-    store.put_alert(ALERT, history=("told", "monitor", ""), now=2)
-    store.put_alert(ALERT, history=("again", "monitor", ""), notify={"to": "driver"}, now=3)
-    first, second = store.due_notifications(10)
+    alert = store.alerts.put(ALERT, history=RAISED, notify={"to": "workshop"}, now=1)
+    store.alerts.put(ALERT, history=("told", "monitor", ""), now=2)
+    store.alerts.put(ALERT, history=("again", "monitor", ""), notify={"to": "driver"}, now=3)
+    first, second = store.alerts.due_notifications(10)
     assert first == NotificationRow(first.id, alert.id, 1, {"to": "workshop"}, None, 0, None)
-    store.notification_failed(first.id, "no route to host")
-    assert store.due_notifications(1) == [second], "what fails lets others pass"
-    store.notification_sent(second.id, 5)
-    (left,) = store.due_notifications(10)
+    store.alerts.notification_failed(first.id, "no route to host")
+    assert store.alerts.due_notifications(1) == [second], "what fails lets others pass"
+    store.alerts.notification_sent(second.id, 5)
+    (left,) = store.alerts.due_notifications(10)
     assert (left.id, left.attempts, left.last_error) == (first.id, 1, "no route to host")
-    store.notification_sent(first.id, 6)
-    assert store.due_notifications(10) == []
+    store.alerts.notification_sent(first.id, 6)
+    assert store.alerts.due_notifications(10) == []
     assert store.delete_older(6) == 1
     assert store.delete_older(7) == 1
 
 
 def test_commands_are_on_the_record(store):
-    store.audit("eve", "log in", "service", now=1)
-    number = store.add_command("eve", "zafira", "learn again", {"reason": "new dampers"}, now=2)
-    assert store.open_commands() == [
+    store.requests.audit("eve", "log in", "service", now=1)
+    number = store.requests.add_command("eve", "zafira", "learn again", {"reason": "new dampers"}, now=2)
+    assert store.requests.open_commands() == [
         CommandRow(number, 2, "eve", "zafira", "learn again", {"reason": "new dampers"}, None)
     ]
-    store.command_done(number, 3)
-    assert store.open_commands() == []
-    rows = store.audited()
+    store.requests.command_done(number, 3)
+    assert store.requests.open_commands() == []
+    rows = store.requests.audited()
     assert rows == [
         AuditRow(rows[0].id, 1, "eve", "log in", "service", None),
         AuditRow(rows[1].id, 2, "eve", "learn again", "zafira", {"reason": "new dampers"}),
     ]
-    assert store.audited(limit=1) == rows[1:]
+    assert store.requests.audited(limit=1) == rows[1:]

@@ -6,23 +6,25 @@ import shutil
 import pytest
 from sqlalchemy import event
 
-from sprung.storage import Cursor, Progress, StoreError, open_store
+from sprung.storage import Cursor, Progress, StoredFrame, StoreError, open_store
 
-CANNOT_WRITE = "the store cannot write: .*: free space on its disk or make it writable, and it goes on"
+CANNOT_WRITE = "the store cannot write: .*: free space on its disk or make it writable, then it continues"
 
 
 def fill(store, *, n_batches, payload=b"x" * 200):
     for number in range(n_batches):
-        store.add_frames([("zafira", 7, 3 * number + k, 0, payload) for k in range(3)], now=number)
+        store.inbox.add_frames([StoredFrame("zafira", 7, 3 * number + k, 0, payload) for k in range(3)], now=number)
 
 
 def fill_up(store):
     """Add frames until the store cannot write, and return the last that it acknowledged."""
-    acknowledged = store.cursor("zafira", 7).contiguous
+    acknowledged = store.inbox.cursor("zafira", 7).contiguous
     refusal = ""
     while not refusal:
         try:
-            acknowledged = store.add_frames([("zafira", 7, acknowledged + 1, 0, b"x" * 3000)], now=0)["zafira", 7]
+            acknowledged = store.inbox.add_frames([StoredFrame("zafira", 7, acknowledged + 1, 0, b"x" * 3000)], now=0)[
+                "zafira", 7
+            ]
         except StoreError as error:
             refusal = str(error)
     assert re.fullmatch(CANNOT_WRITE, refusal)
@@ -56,7 +58,7 @@ def test_damaged_file_is_set_aside(sqlite_file, damage):
     sqlite_file.write_bytes(content)
     with open_store(url) as store:
         (notice,) = store.notices
-        assert store.cursors() == {}
+        assert store.inbox.cursors() == {}
         fill(store, n_batches=1)
     kept = re.fullmatch(
         rf"the store {sqlite_file} was damaged \(.+\): it is kept as (store\.sqlite\.corrupt-\d{{8}}T\d{{6}}), "
@@ -66,7 +68,7 @@ def test_damaged_file_is_set_aside(sqlite_file, damage):
     assert sqlite_file.with_name(kept[1]).read_bytes() == content
     with open_store(url) as store:
         assert store.notices == ()
-        assert store.cursor("zafira", 7).contiguous == 2
+        assert store.inbox.cursor("zafira", 7).contiguous == 2
 
 
 def test_log_of_a_damaged_file_goes_with_it(sqlite_file, tmp_path):
@@ -93,8 +95,10 @@ def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path, eve
     open_store(f"sqlite:///{sqlite_file}").close()
     with open_store(f"sqlite:///{sqlite_file}") as store:
         for number in range(6):
-            store.add_frames([("zafira", 7, 3 * number + k, 0, b"x" * 500) for k in range(3)], now=number)
-            store.commit_progress(
+            store.inbox.add_frames(
+                [StoredFrame("zafira", 7, 3 * number + k, 0, b"x" * 500) for k in range(3)], now=number
+            )
+            store.results.commit(
                 Progress("zafira", 7, 3 * number + 2, 3 * number - 1, observations=((number, 0, {}),), snapshot=b"s")
             )
         copy = tmp_path / "torn.sqlite"
@@ -106,14 +110,14 @@ def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path, eve
         (tmp_path / "torn.sqlite-wal").write_bytes(log[:length])
         with open_store(f"sqlite:///{copy}") as store:
             assert store.notices == ()
-            cursor = store.cursor("zafira", 7)
+            cursor = store.inbox.cursor("zafira", 7)
             n_done, n_arrived = (cursor.done + 1) // 3, (cursor.contiguous + 1) // 3
             assert n_done <= n_arrived <= n_done + 1
-            assert [entry.number for entry in store.observations("zafira")] == list(range(n_done))
+            assert [entry.number for entry in store.results.observations("zafira")] == list(range(n_done))
             first = max(3 * (n_done - 1), 0)
-            kept = [seq for seq, _, _ in store.pending("zafira", 7, after=-1, limit=99)]
+            kept = [frame.seq for frame in store.inbox.pending("zafira", 7, after=-1, limit=99)]
             assert kept == list(range(first, 3 * n_arrived))
-            snapshot = store.snapshot("zafira")
+            snapshot = store.results.snapshot("zafira")
             assert (snapshot.seq if snapshot else -1) == cursor.done
             histories.append((n_arrived, n_done))
     assert histories == sorted(histories)
@@ -129,16 +133,18 @@ def test_store_goes_on_when_it_can_write_again(sqlite_file, setting):
         def limit(connection, _):
             connection.execute(f"PRAGMA {setting}")
 
-        store._engine.dispose()
-        event.listen(store._engine, "connect", limit)
+        store._database.engine.dispose()
+        event.listen(store._database.engine, "connect", limit)
         acknowledged = fill_up(store)
         with pytest.raises(StoreError, match=CANNOT_WRITE):
             store.check()
-        event.remove(store._engine, "connect", limit)
+        event.remove(store._database.engine, "connect", limit)
         store.check()
-        assert store.cursor("zafira", 7) == Cursor(acknowledged, -1, 0)
-        assert store.add_frames([("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {("zafira", 7): acknowledged + 1}
-        assert len(store.pending("zafira", 7, after=-1, limit=2000)) == acknowledged + 2
+        assert store.inbox.cursor("zafira", 7) == Cursor(acknowledged, -1, 0)
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {
+            ("zafira", 7): acknowledged + 1
+        }
+        assert len(store.inbox.pending("zafira", 7, after=-1, limit=2000)) == acknowledged + 2
 
 
 def test_full_disk(small_disk):
@@ -150,13 +156,15 @@ def test_full_disk(small_disk):
         assert acknowledged > 10
         with pytest.raises(StoreError, match=r"its disk has \d+ bytes left"):
             store.check()
-        assert store.cursor("zafira", 7).contiguous == acknowledged
+        assert store.inbox.cursor("zafira", 7).contiguous == acknowledged
         ballast.unlink()
-        assert store.add_frames([("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {("zafira", 7): acknowledged + 1}
-        assert len(store.pending("zafira", 7, after=-1, limit=2000)) == acknowledged + 2
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {
+            ("zafira", 7): acknowledged + 1
+        }
+        assert len(store.inbox.pending("zafira", 7, after=-1, limit=2000)) == acknowledged + 2
     with open_store(f"sqlite:///{folder}/store.sqlite") as store:
         assert store.notices == ()
-        assert store.cursor("zafira", 7).contiguous == acknowledged + 1
+        assert store.inbox.cursor("zafira", 7).contiguous == acknowledged + 1
 
 
 def test_read_only_disk(small_disk):
@@ -167,32 +175,37 @@ def test_read_only_disk(small_disk):
         store.close()
         remount("ro")
         with pytest.raises(StoreError):
-            store.add_frames([("zafira", 7, 3, 0, b"")], now=0)
+            store.inbox.add_frames([StoredFrame("zafira", 7, 3, 0, b"")], now=0)
         with pytest.raises(StoreError, match=CANNOT_WRITE):
             store.check()
         with pytest.raises(StoreError):
             open_store(url)
         remount("rw")
-        assert store.add_frames([("zafira", 7, 3, 0, b"")], now=0) == {("zafira", 7): 3}
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, 3, 0, b"")], now=0) == {("zafira", 7): 3}
     with open_store(url) as store:
-        assert store.cursor("zafira", 7).contiguous == 3
+        assert store.inbox.cursor("zafira", 7).contiguous == 3
+
+
+def write_while_the_connection_is_cut(store, other):
+    with store._database.writing() as connection:
+        own = connection.exec_driver_sql("SELECT pg_backend_pid()").scalar()
+        with other._database.writing() as killer:
+            killer.exec_driver_sql(f"SELECT pg_terminate_backend({own}, 5000)")
+        connection.exec_driver_sql("SELECT 1")
 
 
 def test_server_that_goes_away_and_comes_back(postgresql_url):
     with open_store(postgresql_url) as store, open_store(postgresql_url) as other:
         fill(store, n_batches=1)
-        with pytest.raises(StoreError, match="the store does not answer"), store._writing() as connection:  # noqa: PT012
-            own = connection.exec_driver_sql("SELECT pg_backend_pid()").scalar()
-            with other._writing() as killer:
-                killer.exec_driver_sql(f"SELECT pg_terminate_backend({own}, 5000)")
-            connection.exec_driver_sql("SELECT 1")
-        assert store.cursor("zafira", 7).contiguous == 2
+        with pytest.raises(StoreError, match="the store does not answer"):
+            write_while_the_connection_is_cut(store, other)
+        assert store.inbox.cursor("zafira", 7).contiguous == 2
         store.check()
 
 
 def test_read_only_server(postgresql_url):
     with open_store(postgresql_url) as store:
-        with store._writing() as connection:
+        with store._database.writing() as connection:
             connection.exec_driver_sql("SET SESSION default_transaction_read_only = on")
         with pytest.raises(StoreError, match=CANNOT_WRITE):
             store.check()

@@ -7,86 +7,91 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sprung.errors import ParameterError
-from sprung.storage import Cursor, Progress, VehicleRow, open_store
+from sprung.storage import Cursor, Progress, StoredFrame, VehicleRow, open_store
 
 NEW_NAMES = (f"v{number}" for number in count())
 
 
 def frames(*seqs, vehicle="zafira", boot=7):
-    return [(vehicle, boot, seq, 1000 * seq, b"frame %d" % seq) for seq in seqs]
+    return [StoredFrame(vehicle, boot, seq, 1000 * seq, b"frame %d" % seq) for seq in seqs]
 
 
 def waiting(store, vehicle="zafira", boot=7, *, after=-1, limit=1000):
-    return [seq for seq, _, _ in store.pending(vehicle, boot, after=after, limit=limit)]
+    return [frame.seq for frame in store.inbox.pending(vehicle, boot, after=after, limit=limit)]
 
 
 def test_frames_come_out_in_order_as_they_went_in(store):
-    assert store.add_frames(frames(2, 0, 1), now=5) == {("zafira", 7): 2}
-    assert store.pending("zafira", 7, after=0, limit=10) == [(1, 1000, b"frame 1"), (2, 2000, b"frame 2")]
+    assert store.inbox.add_frames(frames(2, 0, 1), now=5) == {("zafira", 7): 2}
+    assert store.inbox.pending("zafira", 7, after=0, limit=10) == frames(1, 2)
     assert waiting(store, limit=2) == [0, 1]
-    assert store.cursor("zafira", 7) == Cursor(contiguous=2, done=-1, lost=0)
-    assert store.cursor("zafira", 7).updated == 5
+    assert store.inbox.cursor("zafira", 7) == Cursor(contiguous=2, done=-1, lost=0)
+    assert store.inbox.cursor("zafira", 7).updated == 5
 
 
 def test_frames_beyond_a_gap_wait(store):
-    assert store.add_frames(frames(1, 3), now=0) == {("zafira", 7): -1}
+    assert store.inbox.add_frames(frames(1, 3), now=0) == {("zafira", 7): -1}
     assert waiting(store) == []
-    assert store.add_frames(frames(0), now=0) == {("zafira", 7): 1}
+    assert store.inbox.add_frames(frames(0), now=0) == {("zafira", 7): 1}
     assert waiting(store) == [0, 1]
-    assert store.add_frames(frames(2), now=0) == {("zafira", 7): 3}
+    assert store.inbox.add_frames(frames(2), now=0) == {("zafira", 7): 3}
 
 
 def test_long_run_behind_a_gap_is_taken_at_once(store):
-    store.add_frames(frames(*range(1, 2500)), now=0)
-    assert store.add_frames(frames(0), now=0) == {("zafira", 7): 2499}
+    store.inbox.add_frames(frames(*range(1, 2500)), now=0)
+    assert store.inbox.add_frames(frames(0), now=0) == {("zafira", 7): 2499}
 
 
 def test_first_of_two_frames_of_one_number_counts(store):
-    store.add_frames(frames(0), now=0)
-    store.add_frames(
-        [("zafira", 7, 0, 0, b"other"), ("zafira", 7, 1, 0, b"first"), ("zafira", 7, 1, 0, b"second")], now=1
+    store.inbox.add_frames(frames(0), now=0)
+    store.inbox.add_frames(
+        [
+            StoredFrame("zafira", 7, 0, 0, b"other"),
+            StoredFrame("zafira", 7, 1, 0, b"first"),
+            StoredFrame("zafira", 7, 1, 0, b"second"),
+        ],
+        now=1,
     )
-    assert [payload for _, _, payload in store.pending("zafira", 7, after=-1, limit=9)] == [b"frame 0", b"first"]
+    assert [frame.payload for frame in store.inbox.pending("zafira", 7, after=-1, limit=9)] == [b"frame 0", b"first"]
 
 
 def test_boots_and_vehicles_are_kept_apart(store):
     batch = frames(0, 1) + frames(0, boot=2**63 - 1) + frames(5, vehicle="other")
     expected = {("zafira", 7): 1, ("zafira", 2**63 - 1): 0, ("other", 7): -1}
-    assert store.add_frames(batch, now=0) == expected
-    assert {key: cursor.contiguous for key, cursor in store.cursors().items()} == expected
-    assert store.boots("zafira") == [7, 2**63 - 1]
-    assert store.boots("nobody") == []
+    assert store.inbox.add_frames(batch, now=0) == expected
+    assert {key: cursor.contiguous for key, cursor in store.inbox.cursors().items()} == expected
+    assert store.inbox.boots("zafira") == [7, 2**63 - 1]
+    assert store.inbox.boots("nobody") == []
 
 
 def test_nothing_asks_nothing_of_the_store(store):
-    assert store.add_frames([], now=0) == {}
-    assert store.cursor("nobody", 0) == Cursor(-1, -1, 0)
+    assert store.inbox.add_frames([], now=0) == {}
+    assert store.inbox.cursor("nobody", 0) == Cursor(-1, -1, 0)
 
 
 @pytest.mark.parametrize("wrong", [-1, 2**63, 1.0, "1"])
 def test_numbers_that_no_frame_has_are_refused(store, wrong):
     with pytest.raises(ParameterError, match=r"boot=.* must be a whole number from 0 to 2\^63 - 1"):
-        store.add_frames([("zafira", wrong, 0, 0, b"")], now=0)
+        store.inbox.add_frames([StoredFrame("zafira", wrong, 0, 0, b"")], now=0)
     with pytest.raises(ParameterError, match="seq="):
-        store.add_frames([*frames(0), ("zafira", 7, wrong, 0, b"")], now=0)
-    assert store.cursors() == {}
+        store.inbox.add_frames([*frames(0), StoredFrame("zafira", 7, wrong, 0, b"")], now=0)
+    assert store.inbox.cursors() == {}
 
 
 def test_lost_frames_are_counted_and_passed_over(store):
-    store.add_frames(frames(0, 3, 5, 6), now=0)
-    assert store.declare_lost("zafira", 7, 5, now=3) == 6
-    assert store.cursor("zafira", 7) == Cursor(contiguous=6, done=-1, lost=3)
+    store.inbox.add_frames(frames(0, 3, 5, 6), now=0)
+    assert store.inbox.declare_lost("zafira", 7, 5, now=3) == 6
+    assert store.inbox.cursor("zafira", 7) == Cursor(contiguous=6, done=-1, lost=3)
     assert waiting(store) == [0, 3, 5, 6]
-    assert store.add_frames(frames(1, 2, 4), now=4) == {("zafira", 7): 6}
+    assert store.inbox.add_frames(frames(1, 2, 4), now=4) == {("zafira", 7): 6}
     assert waiting(store) == [0, 3, 5, 6], "what was declared lost stays so"
-    assert store.declare_lost("zafira", 7, 4, now=5) == 6
-    assert store.cursor("zafira", 7).lost == 3
+    assert store.inbox.declare_lost("zafira", 7, 4, now=5) == 6
+    assert store.inbox.cursor("zafira", 7).lost == 3
 
 
 def test_lost_before_anything_arrived(store):
-    assert store.declare_lost("zafira", 7, 10, now=0) == 9
-    assert store.cursor("zafira", 7) == Cursor(9, -1, 10)
-    assert store.add_frames(frames(10), now=0) == {("zafira", 7): 10}
+    assert store.inbox.declare_lost("zafira", 7, 10, now=0) == 9
+    assert store.inbox.cursor("zafira", 7) == Cursor(9, -1, 10)
+    assert store.inbox.add_frames(frames(10), now=0) == {("zafira", 7): 10}
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -99,13 +104,13 @@ def test_order_and_repetition_do_not_matter(store, data, n_frames, n_batches):
     arrived, acknowledged = set(), -1
     for k in range(n_batches):
         batch = order[k::n_batches]
-        arrived |= {seq for _, _, seq, _, _ in batch}
+        arrived |= {frame.seq for frame in batch}
         expected = next(seq for seq in count() if seq not in arrived) - 1
-        acknowledged = store.add_frames(batch, now=k).get((vehicle, 7), acknowledged)
+        acknowledged = store.inbox.add_frames(batch, now=k).get((vehicle, 7), acknowledged)
         assert acknowledged == expected
     assert acknowledged == n_frames - 1
-    assert store.cursor(vehicle, 7) == Cursor(n_frames - 1, -1, 0)
-    assert store.pending(vehicle, 7, after=-1, limit=100) == [frame[2:] for frame in once]
+    assert store.inbox.cursor(vehicle, 7) == Cursor(n_frames - 1, -1, 0)
+    assert store.inbox.pending(vehicle, 7, after=-1, limit=100) == once
 
 
 def test_writers_take_turns(url):
@@ -117,29 +122,29 @@ def test_writers_take_turns(url):
             store = (one, other)[k % 2]
             for number in range(rounds):
                 together.wait(timeout=20)
-                done = store.add_frames(frames(4 * number + k), now=k)["zafira", 7]
-                store.commit_progress(Progress("zafira", 7, done_seq=done, observations=((done, 0, {}),)))
+                done = store.inbox.add_frames(frames(4 * number + k), now=k)["zafira", 7]
+                store.results.commit(Progress("zafira", 7, done_seq=done, observations=((done, 0, {}),)))
 
         list(threads.map(send, range(4)))
-        assert one.cursor("zafira", 7) == Cursor(4 * rounds - 1, 4 * rounds - 1, 0)
+        assert one.inbox.cursor("zafira", 7) == Cursor(4 * rounds - 1, 4 * rounds - 1, 0)
         assert waiting(other) == list(range(4 * rounds))
 
 
 def test_vehicles(store):
-    store.put_vehicle("b", configuration="#1", description="x = 1", channels=["fl"], now=10)
-    store.put_vehicle("a", configuration="#2", description="", channels=[{"name": "ü"}], now=11)
-    store.put_vehicle("b", configuration="#3", description="x = 2", channels=["fl", "fr"], now=12)
-    store.seen({"a": 20, "b": 5, "nobody": 30})
-    assert store.vehicles() == [
+    store.inbox.put_vehicle("b", configuration="#1", description="x = 1", channels=["fl"], now=10)
+    store.inbox.put_vehicle("a", configuration="#2", description="", channels=[{"name": "ü"}], now=11)
+    store.inbox.put_vehicle("b", configuration="#3", description="x = 2", channels=["fl", "fr"], now=12)
+    store.inbox.seen({"a": 20, "b": 5, "nobody": 30})
+    assert store.inbox.vehicles() == [
         VehicleRow("a", "#2", "", [{"name": "ü"}], first_seen=11, last_seen=20),
         VehicleRow("b", "#3", "x = 2", ["fl", "fr"], first_seen=10, last_seen=12),
     ]
-    assert [store.vehicle(name) for name in "ab"] == store.vehicles()
-    assert store.vehicle("nobody") is None
-    assert store.last_seen() == {"a": 20, "b": 12}
+    assert [store.inbox.vehicle(name) for name in "ab"] == store.inbox.vehicles()
+    assert store.inbox.vehicle("nobody") is None
+    assert store.inbox.last_seen() == {"a": 20, "b": 12}
 
 
 def test_largest_sequence_number(store):
     last = 2**63 - 1
-    store.declare_lost("zafira", 7, last, now=1)
-    assert store.add_frames([("zafira", 7, last, 0, b"")], now=2) == {("zafira", 7): last}
+    store.inbox.declare_lost("zafira", 7, last, now=1)
+    assert store.inbox.add_frames([StoredFrame("zafira", 7, last, 0, b"")], now=2) == {("zafira", 7): last}

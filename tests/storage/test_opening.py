@@ -6,7 +6,7 @@ from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, make_url, text
 
 from sprung.errors import ParameterError
-from sprung.storage import Cursor, StoreError, open_store
+from sprung.storage import Cursor, StoredFrame, StoreError, open_store
 from sprung.storage.migrations import steps, upgrade
 from sprung.storage.schema import METADATA
 
@@ -37,8 +37,8 @@ def test_every_released_schema_is_brought_up_to_date(engine, url, revision):
         upgrade(connection, target=revision)
         connection.execute(text("INSERT INTO cursors VALUES ('zafira', 7, 12, 10, 3, 99)"))
     with open_store(url) as store:
-        assert store.cursors() == {("zafira", 7): Cursor(12, 10, 3)}
-        assert store.add_frames([("zafira", 7, 13, 0, b"")], now=0) == {("zafira", 7): 13}
+        assert store.inbox.cursors() == {("zafira", 7): Cursor(12, 10, 3)}
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, 13, 0, b"")], now=0) == {("zafira", 7): 13}
     with engine.connect() as connection:
         assert MigrationContext.configure(connection).get_current_revision() == steps().get_current_head()
         assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
@@ -67,21 +67,21 @@ def test_newer_schema_is_refused_and_left_alone(url, engine):
 
 def test_store_keeps_what_it_holds(url):
     with open_store(url) as store:
-        store.add_frames([("zafira", 7, 0, 0, b"x")], now=0)
+        store.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"x")], now=0)
         assert store.notices == ()
         assert store.size() > 10_000
     with open_store(url) as store:
-        assert store.pending("zafira", 7, after=-1, limit=1) == [(0, 0, b"x")]
+        assert store.inbox.pending("zafira", 7, after=-1, limit=1) == [StoredFrame("zafira", 7, 0, 0, b"x")]
 
 
 def test_check_leaves_no_trace(store):
     store.check()
-    assert store.snapshot("") is None
-    assert (store.free() is None) == (store._engine.dialect.name == "postgresql")
+    assert store.results.snapshot("") is None
+    assert (store.free() is None) == (store._database.engine.dialect.name == "postgresql")
 
 
 def test_settings_of_sqlite(sqlite_file):
-    with open_store(f"sqlite:///{sqlite_file}") as store, store._reading() as connection:
+    with open_store(f"sqlite:///{sqlite_file}") as store, store._database.reading() as connection:
         found = [
             connection.exec_driver_sql(f"PRAGMA {name}").scalar()
             for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout")
@@ -92,7 +92,7 @@ def test_settings_of_sqlite(sqlite_file):
 @pytest.mark.parametrize(
     ("address", "message"),
     [
-        ("store.sqlite", "is no address of a store"),
+        ("store.sqlite", "is not the address of a store"),
         ("mysql://me:secret@host/db", r"'mysql://me:\*\*\*@host/db' is an address of neither SQLite nor PostgreSQL"),
         ("sqlite://", "names no file"),
         ("sqlite:///:memory:", "names no file"),
@@ -104,13 +104,13 @@ def test_other_addresses_are_refused(address, message):
 
 
 def test_server_that_is_not_there(tmp_path):
-    with pytest.raises(StoreError, match=r"the store does not answer: .*: see whether its database runs"):
+    with pytest.raises(StoreError, match=r"the store does not answer: .*: check that its database runs"):
         open_store(f"postgresql://sprung@/db?host={tmp_path}")
 
 
 def test_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(StoreError, match=r"cannot be opened: .*: see whether its folder and disk can be written"):
+    with pytest.raises(StoreError, match=r"cannot be opened: .*: check that its folder and disk can be written"):
         open_store(f"sqlite:///{tmp_path}/file/store.sqlite")
     (tmp_path / "folder").mkdir()
     with pytest.raises(StoreError, match=r"unable to open database file|Is a directory"):
@@ -123,7 +123,7 @@ def test_store_that_another_program_holds(sqlite_file, monkeypatch):
         other = sqlite3.connect(sqlite_file, isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(StoreError, match="the store is busy: database is locked: end the program"):
-            store.add_frames([("zafira", 7, 0, 0, b"")], now=0)
-        assert store.cursors() == {}
+            store.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"")], now=0)
+        assert store.inbox.cursors() == {}
         other.close()
-        assert store.add_frames([("zafira", 7, 0, 0, b"")], now=0) == {("zafira", 7): 0}
+        assert store.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"")], now=0) == {("zafira", 7): 0}

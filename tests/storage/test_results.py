@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.storage import BaselineRow, Cursor, Entry, Progress, Snapshot, StoreError
+from sprung.storage import BaselineRow, Cursor, Entry, Progress, Snapshot, StoredFrame, StoreError
 
 PROGRESS = Progress(
     "zafira",
@@ -21,24 +21,24 @@ PROGRESS = Progress(
 @pytest.fixture
 def filled(store):
     """A store with five frames."""
-    store.add_frames([("zafira", 7, seq, seq, b"x") for seq in range(5)], now=0)
+    store.inbox.add_frames([StoredFrame("zafira", 7, seq, seq, b"x") for seq in range(5)], now=0)
     return store
 
 
 def everything(store):
     return (
-        store.observations("zafira"),
-        store.modes("zafira"),
-        store.findings("zafira"),
-        store.baselines("zafira"),
-        store.snapshot("zafira"),
-        store.cursors(),
-        store.pending("zafira", 7, after=-1, limit=10),
+        store.results.observations("zafira"),
+        store.results.modes("zafira"),
+        store.results.findings("zafira"),
+        store.results.baselines("zafira"),
+        store.results.snapshot("zafira"),
+        store.inbox.cursors(),
+        store.inbox.pending("zafira", 7, after=-1, limit=10),
     )
 
 
 def test_progress_is_stored(filled):
-    filled.commit_progress(PROGRESS)
+    filled.results.commit(PROGRESS)
     assert everything(filled) == (
         [Entry("zafira", 7, 0, 100, {"level": 0.5}), Entry("zafira", 7, 1, 200, {"level": 0.25})],
         [Entry("zafira", 7, 0, 100, {"bounce": 1.52})],
@@ -46,69 +46,69 @@ def test_progress_is_stored(filled):
         [BaselineRow("zafira", 1, 200, "first learning", {"mean": [0.0, None]})],
         Snapshot("zafira", 7, 3, b"\x00state"),
         {("zafira", 7): Cursor(contiguous=4, done=3, lost=0)},
-        [(seq, seq, b"x") for seq in (2, 3, 4)],
+        [StoredFrame("zafira", 7, seq, seq, b"x") for seq in (2, 3, 4)],
     )
 
 
 def test_same_progress_again_changes_nothing(filled):
-    filled.commit_progress(PROGRESS)
+    filled.results.commit(PROGRESS)
     once = everything(filled)
-    filled.commit_progress(PROGRESS)
+    filled.results.commit(PROGRESS)
     assert everything(filled) == once
-    filled.commit_progress(Progress("zafira", 7, done_seq=4, observations=((2, 300, {}),), snapshot=b"later"))
+    filled.results.commit(Progress("zafira", 7, done_seq=4, observations=((2, 300, {}),), snapshot=b"later"))
     later = everything(filled)
-    filled.commit_progress(PROGRESS)
+    filled.results.commit(PROGRESS)
     assert everything(filled) == later
-    assert filled.snapshot("zafira") == Snapshot("zafira", 7, 4, b"later")
+    assert filled.results.snapshot("zafira") == Snapshot("zafira", 7, 4, b"later")
 
 
 def test_progress_is_stored_as_a_whole_or_not_at_all(filled):
     before = everything(filled)
     with pytest.raises(StoreError, match=r"the store cannot hold this: Out of range float values"):
-        filled.commit_progress(replace(PROGRESS, baselines=((1, 200, "", {"mean": float("nan")}),)))
+        filled.results.commit(replace(PROGRESS, baselines=((1, 200, "", {"mean": float("nan")}),)))
     assert everything(filled) == before
 
 
 def test_frames_worked_up_and_deleted_do_not_come_back(filled):
-    filled.commit_progress(PROGRESS)
-    assert filled.add_frames([("zafira", 7, 0, 0, b"x")], now=9) == {("zafira", 7): 4}
-    assert [seq for seq, _, _ in filled.pending("zafira", 7, after=-1, limit=10)] == [2, 3, 4]
+    filled.results.commit(PROGRESS)
+    assert filled.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"x")], now=9) == {("zafira", 7): 4}
+    assert [frame.seq for frame in filled.inbox.pending("zafira", 7, after=-1, limit=10)] == [2, 3, 4]
 
 
 def test_progress_beyond_the_frames_is_refused(filled):
     with pytest.raises(ParameterError, match=r"done_seq=5 .* must be at most 4, up to where its frames are complete"):
-        filled.commit_progress(Progress("zafira", 7, done_seq=5))
+        filled.results.commit(Progress("zafira", 7, done_seq=5))
     with pytest.raises(ParameterError, match="must be at most -1"):
-        filled.commit_progress(Progress("other", 0, done_seq=0))
+        filled.results.commit(Progress("other", 0, done_seq=0))
     with pytest.raises(ParameterError, match="delete_through_seq=3 is beyond done_seq=2"):
         Progress("zafira", 7, done_seq=2, delete_through_seq=3)
 
 
 def test_snapshot_of_a_new_boot_replaces_the_old(filled):
-    filled.commit_progress(PROGRESS)
-    filled.add_frames([("zafira", 2, 0, 0, b"")], now=0)
-    filled.commit_progress(Progress("zafira", 2, done_seq=0, snapshot=b"new"))
-    assert filled.snapshot("zafira") == Snapshot("zafira", 2, 0, b"new")
-    assert filled.snapshot("other") is None
+    filled.results.commit(PROGRESS)
+    filled.inbox.add_frames([StoredFrame("zafira", 2, 0, 0, b"")], now=0)
+    filled.results.commit(Progress("zafira", 2, done_seq=0, snapshot=b"new"))
+    assert filled.results.snapshot("zafira") == Snapshot("zafira", 2, 0, b"new")
+    assert filled.results.snapshot("other") is None
 
 
 def test_entries_are_read_since_a_time_and_the_last_of_them(filled):
     windows = tuple((number, 100 * number, {"n": number}) for number in range(10))
-    filled.commit_progress(Progress("zafira", 7, done_seq=0, observations=windows, modes=windows[::-1]))
-    assert [entry.number for entry in filled.observations("zafira", limit=3)] == [7, 8, 9]
-    assert [entry.number for entry in filled.modes("zafira", since=800)] == [8, 9]
-    assert [entry.number for entry in filled.modes("zafira", since=300, limit=2)] == [8, 9]
-    assert filled.observations("other") == []
+    filled.results.commit(Progress("zafira", 7, done_seq=0, observations=windows, modes=windows[::-1]))
+    assert [entry.number for entry in filled.results.observations("zafira", limit=3)] == [7, 8, 9]
+    assert [entry.number for entry in filled.results.modes("zafira", since=800)] == [8, 9]
+    assert [entry.number for entry in filled.results.modes("zafira", since=300, limit=2)] == [8, 9]
+    assert filled.results.observations("other") == []
 
 
 def test_old_results_are_deleted(filled):
-    filled.commit_progress(PROGRESS)
-    done, still_open = (filled.add_command("eve", "zafira", "learn", now=k) for k in range(2))
-    filled.command_done(done, 150)
+    filled.results.commit(PROGRESS)
+    done, still_open = (filled.requests.add_command("eve", "zafira", "learn", now=k) for k in range(2))
+    filled.requests.command_done(done, 150)
     assert filled.delete_older(200) == 3
-    assert [entry.number for entry in filled.observations("zafira")] == [1]
-    assert filled.modes("zafira") == []
-    assert len(filled.findings("zafira")) == 2
-    assert len(filled.baselines("zafira")) == 1
-    assert [command.id for command in filled.open_commands()] == [still_open]
+    assert [entry.number for entry in filled.results.observations("zafira")] == [1]
+    assert filled.results.modes("zafira") == []
+    assert len(filled.results.findings("zafira")) == 2
+    assert len(filled.results.baselines("zafira")) == 1
+    assert [command.id for command in filled.requests.open_commands()] == [still_open]
     assert filled.delete_older(200) == 0

@@ -7,14 +7,17 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from sprung import __version__
 from sprung.errors import FormatError, ParameterError
 from sprung.link import (
     VERSION,
     Address,
+    Every,
     Frame,
+    Header,
+    Key,
     Link,
     Sending,
     Spool,
@@ -30,15 +33,15 @@ from sprung.recording import Recording
 if TYPE_CHECKING:
     from sprung.box.onboard import OnBoard, Request
 
-#: Names that brokers know others by.
+#: User names of the broker that are not vehicles.
 RESERVED = ("monitor", "viewer")
-#: Seconds between two reports of the box' state, and between two looks at the link.
-_REPORT, _LOOK = 5.0, 0.02
-#: Seconds between reports of the box' health.
-_EXAMINE = 60.0
-#: Why no samples are sent when they are asked for.
-_ALL_SENT = "its box sends all samples as they come: there is nothing to ask for"
-_NONE_HELD = "its box holds none of that time: ask further back with --minutes"
+#: Time between reports of the spool, and of the box's health [s].
+_REPORT, _EXAMINE = 5.0, 60.0
+#: Time between looks at the link while the spool is drained [s].
+_LOOK = 0.02
+#: Why no samples are sent on request.
+_ALL_SENT = "the box sends all samples as they come: there is nothing to request"
+_NONE_HELD = "the box holds no samples of that time: request earlier ones with --minutes"
 #: Most bytes of samples in a frame.
 _LARGEST_DATA = 900_000
 
@@ -50,13 +53,18 @@ class BoxSettings:
     Parameters
     ----------
     vehicle
-        Its name.
+        Name of the vehicle.
     description
-        Its vehicle file.
+        Text of its vehicle file.
     width
         Bytes of a count: 2, 3 or 4.
     patience
         Time without progress after which everything is sent again [s].
+
+    Raises
+    ------
+    ParameterError
+        Where the vehicle cannot have that name.
     """
 
     vehicle: str
@@ -67,35 +75,35 @@ class BoxSettings:
     def __post_init__(self) -> None:
         check_vehicle(self.vehicle)
         if self.vehicle in RESERVED:
-            raise ParameterError(
-                f"no vehicle can be called {self.vehicle!r}: that is a user of the broker, take another name"
-            )
+            raise ParameterError(f"vehicle {self.vehicle!r} has the name of a user of the broker: use another name")
 
     @property
     def configuration(self) -> str:
-        """Of the vehicle file: the first figures of its SHA-256."""
+        """Hash of the vehicle file: the first 16 digits of its SHA-256."""
         return hashlib.sha256(self.description.encode()).hexdigest()[:16]
 
 
 class Box:
-    """Takes blocks of samples and sees to it that the monitor gets them.
+    """Sends blocks of samples until the monitor has acknowledged them.
 
-    `take` and `look` may be called from different threads.
+    `take` and `step` may be called from different threads.
 
     Parameters
     ----------
     settings
-        Vehicle and wire.
+        Vehicle, and how it sends.
     spool
-        Where frames wait.
+        Spool in which frames wait.
     address
-        Of the broker.
+        Address of the broker.
     quantities
-        Returns those of the channels of a block, which it announces.
+        Function that returns the quantity of each channel of a block, by name.
     on_board
-        Identifies modes on the vehicle; None: samples are sent.
-    clock, sleep
-        In s; any clock that only goes forward.
+        Identification on the vehicle; None: samples are sent.
+    clock
+        Present time [s] of any clock that only goes forward.
+    sleep
+        Function that waits for a time [s].
     """
 
     def __init__(
@@ -113,151 +121,139 @@ class Box:
         self._sending = Sending(spool, patience=settings.patience)
         self._on_board = on_board
         self._quantities, self._clock, self._sleep = quantities, clock, sleep
-        self._inbox: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
+        self._received: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._announced: dict[str, str] = {}
-        self._reported = self._examined = -1e9
+        self._reporting, self._examining = Every(_REPORT, clock), Every(_EXAMINE, clock)
         self._problem = ""
         self._lock = threading.Lock()
         self._link = Link(
             address,
             f"sprung-box-{settings.vehicle}",
             topics=[topic(settings.vehicle, "ack"), topic(settings.vehicle, "cmd")],
-            on_message=lambda name, payload: self._inbox.put((name, payload)),
-            on_connected=lambda: self._inbox.put(("connected", b"")),
+            on_message=lambda name, payload: self._received.put((name, payload)),
+            on_connected=lambda: self._received.put(("connected", b"")),
         )
 
     @property
     def is_connected(self) -> bool:
-        """Whether the broker has let it in."""
+        """Whether it is connected to the broker."""
         return self._link.is_connected
 
     @property
     def problem(self) -> str:
-        """Why frames do not get through, as far as known; empty where nothing stands in the way."""
+        """Why frames do not get through, as far as known; empty where they do."""
         return self._problem or self._link.problem
 
     @property
     def n_waiting(self) -> int:
-        """Frames that the monitor has not acknowledged."""
+        """Number of frames that the monitor has not acknowledged."""
         return sum(1 for _ in self._spool.frames())
 
     def open(self, *, timeout: float = 0.0) -> None:
-        """Begin to connect, as for `Link.open`."""
+        """Start to connect, as `Link.open`."""
         self._link.open(timeout=timeout)
 
     def resume_time(self) -> int | None:
-        """Return where the samples of the spool end, UTC ns; None where it is empty."""
+        """Return the end of the samples in the spool, UTC ns; None where it is empty."""
         payload = self._spool.last_frame()
-        if payload is None:
-            return None
-        document = checked_map(payload)
-        return int(document[4] + document[5] * document[7])
+        return None if payload is None else Header.of(checked_map(payload)).end
 
     def take(self, block: Recording) -> None:
-        """Keep a block as a frame."""
+        """Put a block into the spool as one or more frames."""
         with self._lock:
             self._take(block)
 
-    def look(self) -> None:
-        """See what came, and send what is due."""
+    def step(self) -> None:
+        """Handle what has arrived, and send what is due."""
         with self._lock:
-            self._look()
-
-    def _take(self, block: Recording) -> None:
-        """Keep a block as a frame."""
-        if not self._announced:
-            self._announced = dict(self._quantities(block))
-            self._announce()
-        most = _LARGEST_DATA // (len(block.names) * self._settings.width)
-        for first in range(0, block.n_samples, most):
-            encoded = self._frame(block.part(first, min(first + most, block.n_samples)))
-            (self._spool if self._on_board is None else self._on_board.ring).append(encoded)
-        if self._on_board is not None:
-            for kind, document in self._on_board.take(block):
-                self._spool_map({**document, 14: self._settings.configuration, 16: kind})
-
-    def _frame(self, block: Recording) -> Callable[[int, int], bytes]:
-        """Return what makes a block a frame of a boot and a sequence number."""
-        counts, scale, flags = quantised(block.samples, width=self._settings.width)
-        interval = round(1e9 / block.sampling_rate)
-        start = block.start or 0
-        previous = self._spool.previous
-
-        def encoded(boot: int, seq: int) -> bytes:
-            return encode(
-                Frame(
-                    self._settings.vehicle,
-                    boot,
-                    seq,
-                    start,
-                    interval,
-                    block.names,
-                    scale,
-                    counts,
-                    self._settings.width,
-                    flags,
-                    configuration=self._settings.configuration,
-                    previous=previous,
-                )
-            )
-
-        return encoded
-
-    def _spool_map(self, document: Mapping[Any, Any]) -> None:
-        """Keep a message that is no frame of samples, or a frame from the ring."""
-        previous = {} if self._spool.previous is None else {15: list(self._spool.previous)}
-        whole = {0: 1, 1: self._settings.vehicle, **document, **previous}
-        self._spool.append(lambda boot, seq: message({**whole, 2: boot, 3: seq}))
-
-    def _look(self) -> None:
-        """See what came, and send what is due."""
-        now = self._clock()
-        while True:
-            try:
-                name, payload = self._inbox.get_nowait()
-            except queue.Empty:
-                break
-            if name == "connected":
-                self._sending.start_again(now)
-                self._announce()
-                self._reported = -1e9
-            else:
-                self._told(name, payload, now)
-        if not self._link.is_connected:
-            return
-        if now - self._reported > _REPORT:
-            self._report(now)
-        if now - self._examined > _EXAMINE:
-            self._examine(now)
-        for _, _, payload in self._sending.due(now):
-            kind = "raw" if self._on_board is None else checked_map(payload).get(16, "raw")
-            if not self._link.publish(topic(self._settings.vehicle, kind), payload):
-                self._sending.start_again(now)
-                break
+            now = self._clock()
+            self._receive(now)
+            if self._link.is_connected:
+                self._send(now)
 
     def drain(self, *, timeout: float) -> bool:
         """Send what is left, and return whether all of it was acknowledged within a time [s]."""
         end = self._clock() + timeout
         while self._clock() < end:
-            self.look()
+            self.step()
             if next(self._spool.frames(), None) is None:
                 return True
             self._sleep(_LOOK)
         return False
 
     def close(self) -> None:
-        """Say that the vehicle is switched off and disconnect; what is in the spool stays there."""
-        self._report(self._clock(), is_leaving=True)
+        """Report that the vehicle is switched off and disconnect; what is in the spool stays there."""
+        self._report(is_leaving=True)
         self._link.close()
         self._spool.close()
 
-    def _told(self, name: str, payload: bytes, now: float) -> None:
-        """Heed an acknowledgement or a wish for samples; one that is garbled is passed over."""
+    def _take(self, block: Recording) -> None:
+        """Put a block into the spool, or into the ring of a box that identifies on board."""
+        if not self._announced:
+            self._announced = dict(self._quantities(block))
+            self._announce()
+        spool = self._spool if self._on_board is None else self._on_board.ring
+        most = _LARGEST_DATA // (len(block.names) * self._settings.width)
+        for first in range(0, block.n_samples, most):
+            spool.append(self._encoder(block.part(first, min(first + most, block.n_samples))))
+        if self._on_board is not None:
+            for kind, document in self._on_board.take(block):
+                self._append({**document, Key.CONFIGURATION: self._settings.configuration, Key.KIND: kind})
+
+    def _encoder(self, block: Recording) -> Callable[[int, int], bytes]:
+        """Return a function that encodes a block as the frame of a boot and a sequence number."""
+        settings = self._settings
+        counts, scale, flags = quantised(block.samples, width=settings.width)
+        interval = round(1e9 / block.sampling_rate)
+        start = block.start or 0
+        previous = self._spool.previous
+
+        def encoded(boot: int, seq: int) -> bytes:
+            frame = Frame(
+                settings.vehicle,
+                boot,
+                seq,
+                start,
+                interval,
+                block.names,
+                scale,
+                counts,
+                settings.width,
+                flags,
+                configuration=settings.configuration,
+                previous=previous,
+            )
+            return encode(frame)
+
+        return encoded
+
+    def _append(self, document: Mapping[Any, Any]) -> None:
+        """Put a report, or a frame from the ring, into the spool."""
+        previous = {} if self._spool.previous is None else {Key.PREVIOUS: list(self._spool.previous)}
+        whole = {Key.VERSION: VERSION, Key.VEHICLE: self._settings.vehicle, **document, **previous}
+        self._spool.append(lambda boot, seq: message({**whole, Key.BOOT: boot, Key.SEQ: seq}))
+
+    def _receive(self, now: float) -> None:
+        """Handle what has arrived."""
+        while True:
+            try:
+                name, payload = self._received.get_nowait()
+            except queue.Empty:
+                return
+            if name == "connected":
+                self._sending.start_again(now)
+                self._announce()
+                self._reporting.reset()
+            else:
+                self._handle(name, payload, now)
+
+    def _handle(self, name: str, payload: bytes, now: float) -> None:
+        """Handle an acknowledgement or a command; ignore malformed ones."""
         try:
             document = checked_map(payload)
-            boot, seq = document.get(2), document.get(3)
         except FormatError:
             return
+        boot, seq = document.get(Key.BOOT), document.get(Key.SEQ)
         if name.endswith("/ack") and isinstance(boot, int) and isinstance(seq, int):
             self._sending.acknowledged(boot, seq, now)
         elif name.endswith("/cmd") and document.get("do") == "speak":
@@ -269,61 +265,74 @@ class Box:
             if isinstance(number, int) and isinstance(begin, int) and isinstance(end, int):
                 self._publish("event", {"did": "raw", "number": number, **self._answer((number, begin, end))})
 
+    def _send(self, now: float) -> None:
+        """Send reports and frames that are due."""
+        if self._reporting.is_due:
+            self._report()
+        if self._examining.is_due:
+            self._examine()
+        for _, _, payload in self._sending.due(now):
+            kind = "raw" if self._on_board is None else checked_map(payload).get(Key.KIND, "raw")
+            if not self._link.publish(topic(self._settings.vehicle, kind), payload):
+                self._sending.start_again(now)
+                break
+
     def _answer(self, request: "Request") -> Mapping[str, Any]:
-        """Send the samples that are asked for, but once, and return what was sent."""
+        """Send the samples of a request, once only, and return what was sent."""
         if self._on_board is None:
             return {**self._sent([]), "reason": _ALL_SENT}
         answer = self._on_board.answers.get(request)
         if answer is None:
-            times = []
-            for frame in self._on_board.asked_for(*request[1:]):
-                self._spool_map(frame)
-                times += [frame[4], frame[4] + frame[5] * frame[7]]
-            answer = {**self._sent(times), "reason": "" if times else _NONE_HELD}
+            _, begin, end = request
+            headers = []
+            for document in self._on_board.frames_between(begin, end):
+                self._append(document)
+                headers.append(Header.of(document))
+            answer = {**self._sent(headers), "reason": "" if headers else _NONE_HELD}
             self._on_board.answers.keep(request, answer)
         return answer
 
-    def _sent(self, times: list[int]) -> dict[str, Any]:
-        """Return up to which frame, how many and of which time samples were sent; `times` of begin and end of each."""
-        place = {"boot": self._spool.boot, "last": self._spool.next_seq - 1, "frames": len(times) // 2}
-        return {**place, "from": min(times, default=0), "to": max(times, default=0)}
+    def _sent(self, headers: list[Header]) -> dict[str, Any]:
+        """Return which frames were sent last: boot, number of the last, count, begin and end."""
+        return {
+            "boot": self._spool.boot,
+            "last": self._spool.next_seq - 1,
+            "frames": len(headers),
+            "from": min((header.start for header in headers), default=0),
+            "to": max((header.end for header in headers), default=0),
+        }
 
     def _announce(self) -> None:
-        """Say what the vehicle and its channels are; kept by the broker for monitors that come later."""
+        """Publish vehicle file and channels; the broker keeps them for monitors that connect later."""
         if self._announced:
-            self._publish(
-                "meta",
-                {
-                    14: self._settings.configuration,
-                    "description": self._settings.description,
-                    "quantities": self._announced,
-                    "program": __version__,
-                    "versions": [VERSION],
-                },
-                is_retained=True,
-            )
+            document = {
+                Key.CONFIGURATION: self._settings.configuration,
+                "description": self._settings.description,
+                "quantities": self._announced,
+                "program": version("sprung"),
+                "versions": [VERSION],
+            }
+            self._publish("meta", document, is_retained=True)
 
-    def _report(self, now: float, *, is_leaving: bool = False) -> None:
-        """Say what the spool holds and has lost."""
-        self._reported = now
-        boots = self._told_before() | self._spool.boots
+    def _report(self, *, is_leaving: bool = False) -> None:
+        """Publish what the spool holds and has dropped."""
+        self._reporting.start()
+        boots = self._boot_before_oldest() | self._spool.boots
         before = dict([self._spool.previous]) if self._spool.previous else {}
         ends = {**before, self._spool.boot: self._spool.next_seq}
-        self._publish(
-            "state",
-            {
-                2: self._spool.boot,
-                "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())],
-                "dropped": self._spool.dropped,
-                "spooled": self._spool.n_bytes,
-                "time": time.time_ns(),
-                "is_leaving": is_leaving,
-            },
-        )
+        document = {
+            Key.BOOT: self._spool.boot,
+            "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())],
+            "dropped": self._spool.dropped,
+            "spooled": self._spool.n_bytes,
+            "time": time.time_ns(),
+            "is_leaving": is_leaving,
+        }
+        self._publish("state", document)
 
-    def _examine(self, now: float) -> None:
-        """Say how the box is."""
-        self._examined = now
+    def _examine(self) -> None:
+        """Publish the health of the box."""
+        self._examining.start()
         used = resource.getrusage(resource.RUSAGE_SELF)
         document = {
             "cpu_seconds": used.ru_utime + used.ru_stime,
@@ -334,13 +343,13 @@ class Box:
         }
         self._publish("health", document)
 
-    def _told_before(self) -> dict[int, int]:
-        """Return the boot that the oldest frame waits for, with its end; its frames may all have been dropped."""
+    def _boot_before_oldest(self) -> dict[int, int]:
+        """Return the boot that the oldest frame waits for, and its end; all of its frames may have been dropped."""
         oldest = next(self._spool.frames(), None)
-        previous = None if oldest is None else checked_map(oldest[2]).get(15)
-        return {} if previous is None else {previous[0]: previous[1]}
+        previous = None if oldest is None else Header.of(checked_map(oldest[2])).previous
+        return {} if previous is None else dict([previous])
 
-    def _publish(self, what: str, document: dict[Any, Any], *, is_retained: bool = False) -> None:
-        """Publish a map."""
-        whole = {0: 1, 1: self._settings.vehicle, **document}
+    def _publish(self, what: str, document: Mapping[Any, Any], *, is_retained: bool = False) -> None:
+        """Publish a map on a topic of the vehicle."""
+        whole = {Key.VERSION: VERSION, Key.VEHICLE: self._settings.vehicle, **document}
         self._link.publish(topic(self._settings.vehicle, what), message(whole), is_retained=is_retained)

@@ -26,15 +26,15 @@ class Member:
     Parameters
     ----------
     name
-        Of the vehicle.
+        Name of the vehicle.
     seed
-        Of its drives.
+        Seed of its drives.
     fault
-        Such as "front_left.spring=-0.25"; empty: healthy for good.
+        Fault, such as "front_left.spring=-0.25"; empty: none.
     dead_channel
         Sensor that dies; empty: none.
     after
-        Pieces of ten minutes before that.
+        Number of pieces of ten minutes before the fault.
     """
 
     name: str
@@ -81,9 +81,9 @@ def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, fo
     while True:
         for box, source in zip(boxes, sources, strict=True):
             box.take(next(source))
-            box.look()
+            box.step()
         driven += _BLOCK
         while (ahead := clock + driven / pace - time.monotonic()) > 0:
             for box in boxes:
-                box.look()
+                box.step()
             time.sleep(min(ahead, 0.02))

@@ -1,4 +1,4 @@
-"""Where the samples of a box come from: files, a simulator; where a box goes on, and how fast.
+"""Sources of samples: files, a simulator; where a restarted box continues, and how fast.
 
 A source is an iterator of blocks: short recordings without gaps, one after the other, each with the time of its first
 sample.
@@ -9,11 +9,10 @@ from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sprung._checks import check_number
 from sprung.box.resampling import BLOCK
 from sprung.formats import read_blocks
+from sprung.link import joined
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
 
@@ -47,9 +46,9 @@ def from_files(
     Parameters
     ----------
     paths
-        In the order of time.
+        Files in order of time.
     start
-        Of the first file that has no time of its own, UTC ns; others without time follow on.
+        Time of the first file without time, UTC ns; others without time follow it.
     sampling_rate, channels
         As for `sprung.formats.read`.
 
@@ -75,7 +74,7 @@ def blocks_of_file(
             elapsed += part.duration + sum(gap.duration for gap in part.gaps)
         timed = replace(part, start=begin)
         # What is read piece by piece has no gap between pieces: the last block of one may go on in the next.
-        blocks = list(blocks_of(timed if held is None else _joined(held, timed)))
+        blocks = list(blocks_of(timed if held is None else joined([held, timed])))
         yield from blocks[:-1]
         held = blocks[-1] if blocks else None
     if held is not None:
@@ -91,13 +90,13 @@ def from_simulator(
     Parameters
     ----------
     vehicle
-        As it is.
+        Vehicle to drive.
     settings
-        Returns those of the piece of a number, from 0.
+        Function that returns the settings of the piece of a number, from 0.
     start
-        UTC ns.
+        Time of the first sample, UTC ns.
     seed
-        Of the drive.
+        Seed of the drive.
     """
     from sprung.simulation import simulate_drive
 
@@ -110,7 +109,7 @@ def from_simulator(
 
 
 def after(blocks: Iterable[Recording], when: int | None) -> Iterator[Recording]:
-    """Yield what comes after a time (UTC ns): where a box that was stopped goes on; None: everything.
+    """Yield what comes after a time (UTC ns), where a stopped box continues; None: everything.
 
     Once the time has been reached everything is yielded, even if the clock of the source then goes back.
     """
@@ -130,16 +129,18 @@ def paced(
     clock: Callable[[], float],
     sleep: Callable[[float], None],
 ) -> Iterator[Recording]:
-    """Return blocks that come as fast as they were recorded, times `pace`; None: at once.
+    """Return blocks at a pace.
 
     Parameters
     ----------
     blocks
-        Any. Time between them in which nothing was recorded is not waited for.
+        Blocks in order of time; gaps between them are not waited for.
     pace
-        Above 0; 1 is as recorded.
-    clock, sleep
-        In s; any clock that only goes forward.
+        Speed above 0, times real time; None: no limit.
+    clock
+        Present time [s] of any clock that only goes forward.
+    sleep
+        Function that waits for a time [s].
     """
     if pace is None:
         return iter(blocks)
@@ -157,9 +158,3 @@ def _paced(
         if wait > 0:
             sleep(wait)
         yield block
-
-
-def _joined(one: Recording, other: Recording) -> Recording:
-    """Return two recordings, of which the second begins where the first ends, as one."""
-    gaps = tuple(replace(gap, index=gap.index + one.n_samples) for gap in other.gaps)
-    return replace(one, samples=np.concatenate([one.samples, other.samples], axis=1), gaps=gaps)

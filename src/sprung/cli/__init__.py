@@ -23,8 +23,10 @@ from sprung.cli import (
     replay,
     reproduce,
     simulate,
+    vehicles,
 )
 from sprung.cli.failures import explained
+from sprung.cli.help import Command, Group
 
 _HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
@@ -61,6 +63,7 @@ def _tolerant(stream: TextIO | None) -> TextIO:
 def _application() -> typer.Typer:
     """Return the application with all its commands."""
     application = typer.Typer(
+        cls=Group,
         add_completion=False,
         context_settings=_HELP,
         pretty_exceptions_enable=False,
@@ -76,13 +79,13 @@ def _application() -> typer.Typer:
         monitor.monitor,
         box.box,
         replay.replay,
-        alerts.alerts,
-        alerts.vehicles,
         demo.demo,
     )
     for command in commands:
-        application.command()(command)
+        application.command(cls=Command)(command)
     application.add_typer(simulate.simulate, name="simulate")
+    application.add_typer(alerts.application, name="alerts")
+    application.add_typer(vehicles.application, name="vehicles")
     return application
 
 

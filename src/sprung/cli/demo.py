@@ -27,14 +27,14 @@ _LEARNING, _AFTER = 4, 5
 
 def demo(
     *,
-    pace: Annotated[float, typer.Option(metavar="X", help="Times as fast as real.", min=1, max=120)] = 60.0,
-    minutes: Annotated[float, typer.Option(metavar="M", help="Give up after so long.", min=0.1)] = 5.0,
+    pace: Annotated[float, typer.Option(metavar="X", help="Speed, times real time.", min=1, max=120)] = 60.0,
+    minutes: Annotated[float, typer.Option(metavar="M", help="Longest run in minutes.", min=0.1)] = 5.0,
 ) -> None:
-    """Watch a small simulated fleet through the real link: a spring goes soft, a sensor dies, and the monitor says so.
+    """Monitor a small simulated fleet over the real link: a spring softens, a sensor dies, and both raise alerts.
 
-    Three cars drive at sixty times real time and send frames by MQTT to a monitor in this terminal. Their first four
-    windows of ten minutes teach what is normal. Then one loses a quarter of its front-left stiffness, and a sensor of
-    another dies.
+    Three cars drive at sixty times real time and send frames by MQTT to a monitor in this terminal, which learns
+    baselines from their first four windows of ten minutes. Then one car loses a quarter of its front-left spring
+    stiffness, and a sensor of another dies.
     """
     from rich.live import Live
 
@@ -88,7 +88,7 @@ def demo(
             broker.close()
     took = time.monotonic() - begun
     if seen is None:
-        raise DataError(f"no alert of the spring and the sensor within {minutes:g} minutes: is this machine very busy?")
+        raise DataError(f"no alerts of the spring and the sensor within {minutes:g} min: try a lower --pace")
     spring, sensor = seen
     screen.print(
         notes(
@@ -105,50 +105,53 @@ def demo(
 def _watch(
     station: "Station", store: "Store", fleet: "list[Member]", *, show: "object", begun: float, limit: float
 ) -> "tuple[Alert, Alert] | None":
-    """Run the monitor until both alerts have stood for a window more; None where that takes too long."""
+    """Run the monitor until both alerts have been active for another window; None where that takes too long."""
     from sprung.monitor import alert_of
 
-    shown = found_at = 0.0
+    shown = complete_at = 0.0
     while (now := time.monotonic()) - begun < limit:
         station.step()
         if now - shown < 0.25:
             continue
         shown = now
-        alerts = {(row.vehicle, row.cause): alert_of(row) for row in store.alerts(is_active=True)}
+        alerts = {(row.vehicle, row.cause): alert_of(row) for row in store.alerts.find(is_active=True)}
         if callable(show):
             show(_table(station, fleet, list(alerts.values()), now - begun), refresh=True)
         spring = alerts.get((fleet[1].name, "front_left.spring"))
         sensor = alerts.get((fleet[2].name, f"sensor:{fleet[2].dead_channel}"))
         if spring is not None and sensor is not None:
-            found_at = found_at or now
+            complete_at = complete_at or now
             others = alerts.keys() - {(spring.vehicle, spring.cause), (sensor.vehicle, sensor.cause)}
             if others:
-                raise DataError(f"there is an alert that should not be: {sorted(others)[0]}")
-            if now - found_at > 10.0:
+                raise DataError(f"unexpected alert: {' '.join(sorted(others)[0])}")
+            if now - complete_at > 10.0:
                 return spring, sensor
     return None
 
 
 def _table(station: "Station", fleet: "list[Member]", alerts: "list[Alert]", seconds: float) -> "Table":
-    """Return what is going on."""
+    """Return a table of the fleet."""
     from rich.progress_bar import ProgressBar
     from rich.table import Table
+
+    from sprung.monitor import VehicleStatus
 
     table = Table(title=f"{seconds:.0f} s: {len(fleet)} cars", title_justify="left", expand=False)
     for heading in ("vehicle", "window", "baseline", "state"):
         table.add_column(heading)
     by_vehicle = {name: [alert for alert in alerts if alert.vehicle == name] for name in (one.name for one in fleet)}
     for name, own in by_vehicle.items():
-        share, taught, needed, note = station.progress.get(name, (0.0, 0, 0, ""))
-        state = (
-            "; ".join(alert.text for alert in own) or note or ("healthy" if needed and taught == needed else "learning")
-        )
-        table.add_row(name, ProgressBar(100, 100 * share, width=20), f"{taught} of {needed}", state)
+        status = station.statuses.get(name, VehicleStatus())
+        state = "; ".join(alert.text for alert in own) or status.note
+        if not state:
+            state = "no change detected" if 0 < status.n_needed == status.n_learnt else "learning"
+        learnt = f"{status.n_learnt} of {status.n_needed}"
+        table.add_row(name, ProgressBar(100, 100 * status.share, width=20), learnt, state)
     return table
 
 
 def _free_port() -> int:
-    """Return a port that nobody listens at."""
+    """Return a free port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -1,8 +1,13 @@
-"""Logs of programs that run on: text for people, JSON lines for machines."""
+"""Logs of services: text for people, JSON lines for machines."""
 
 import json
 import logging
 from datetime import UTC, datetime
+from typing import Annotated
+
+import typer
+
+LogFormat = Annotated[str, typer.Option("--log", metavar="text|json", help="Format of the log on standard error.")]
 
 _USUAL = set(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "taskName"}
 
@@ -20,12 +25,12 @@ def log_to(form: str) -> None:
 
 
 def extras(record: logging.LogRecord) -> dict[str, object]:
-    """Return what a record says beside its message."""
+    """Return the fields of a record besides its message."""
     return {name: value for name, value in record.__dict__.items() if name not in _USUAL}
 
 
 class Text(logging.Formatter):
-    """Time, level, message, and what is beside it."""
+    """Time, level, message and further fields in one line."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return a line."""
@@ -38,8 +43,8 @@ class JsonLines(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         """Return a line."""
-        said = {"time": _time(record), "level": record.levelname.lower(), "message": record.getMessage()}
-        return json.dumps({**said, **extras(record)}, default=str)
+        fields = {"time": _time(record), "level": record.levelname.lower(), "message": record.getMessage()}
+        return json.dumps({**fields, **extras(record)}, default=str)
 
 
 def _time(record: logging.LogRecord) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sprung.cli.logs import log_to
+from sprung.cli.logs import LogFormat, log_to
 
 if TYPE_CHECKING:
     from sprung.link import Address
@@ -20,29 +20,36 @@ Broker = Annotated[
     str | None,
     typer.Option(
         metavar="URL|embedded",
-        help="mqtt://HOST:PORT, mqtts://HOST:PORT?ca=F&cert=F&key=F, or embedded: one for this machine.",
-        show_default=False,
+        help="Broker: mqtt://HOST:PORT, mqtts://HOST:PORT?ca=F&cert=F&key=F, or embedded: one for this machine only.",
+        show_default="embedded",
     ),
 ]
 StoreUrl = Annotated[
     str | None,
-    typer.Option(metavar="URL", help="sqlite:///FILE or postgresql://USER@HOST/NAME.", show_default=False),
+    typer.Option(
+        metavar="URL",
+        help="Store: sqlite:///FILE or postgresql://USER@HOST/NAME.",
+        show_default="sqlite:///sprung-data/sprung.sqlite",
+    ),
 ]
 
 
 def monitor(
     *,
-    site: Annotated[Path | None, typer.Option(metavar="SITE.toml", help="Settings.", show_default=False)] = None,
+    site: Annotated[
+        Path | None, typer.Option(metavar="SITE.toml", help="Site file with the settings.", show_default=False)
+    ] = None,
     broker: Broker = None,
     store: StoreUrl = None,
     http: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="For /metrics and /health.", show_default=False)
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Address of /metrics and /health.", show_default="127.0.0.1:8737"),
     ] = None,
-    log_format: Annotated[str, typer.Option("--log", metavar="text|json", help="Form of the log.")] = "text",
+    log_format: LogFormat = "text",
 ) -> None:
-    """Watch vehicles until stopped: frames in by MQTT, modes, diagnoses and alerts into a store.
+    """Monitor vehicles until stopped: frames come by MQTT; modes, diagnoses and alerts go into a store.
 
-    Without any option: a broker for this machine at port 1883, and results in ./sprung-data.
+    Without options it runs a broker for this machine at port 1883, and keeps results in ./sprung-data.
     """
     from sprung.link import Link
     from sprung.monitor import Site, Station, Workers, read_site
@@ -72,13 +79,13 @@ def monitor(
 
 
 def connected(broker: str) -> "tuple[Address, EmbeddedBroker | None]":
-    """Return the address of a broker, begun here where it is embedded ("embedded" or "embedded:PORT")."""
+    """Return the address of a broker, and the broker itself where it is embedded ("embedded" or "embedded:PORT")."""
     from sprung.link import Address
     from sprung.monitor import EmbeddedBroker, embedded_port
 
     port = embedded_port(broker)
     if port is None:
         return Address.parse(broker), None
-    begun = EmbeddedBroker(port=port)
-    begun.open()
-    return Address("127.0.0.1", port, version="3"), begun
+    embedded = EmbeddedBroker(port=port)
+    embedded.open()
+    return Address("127.0.0.1", port, version="3"), embedded

@@ -15,7 +15,9 @@ from sprung.errors import DataError
 VehicleId = Annotated[str, typer.Option(metavar="ID", help="Name of the vehicle.", show_default=False)]
 BrokerUrl = Annotated[
     str,
-    typer.Option(metavar="URL", help="mqtt://HOST:PORT, or mqtts://HOST:PORT?ca=F&cert=F&key=F.", show_default=False),
+    typer.Option(
+        metavar="URL", help="Broker: mqtt://HOST:PORT, or mqtts://HOST:PORT?ca=F&cert=F&key=F.", show_default=False
+    ),
 ]
 
 
@@ -27,21 +29,23 @@ def replay(
     broker: BrokerUrl = "mqtt://127.0.0.1:1883",
     pace: Annotated[
         float | None,
-        typer.Option(metavar="X", help="Times as fast as recorded; without it: at once.", show_default=False),
+        typer.Option(metavar="X", help="Speed of the replay, times real time.", show_default="no limit"),
     ] = None,
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     spool: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Keep what waits here, and go on from there when run again.", show_default=False
+            metavar="DIR",
+            help="Folder that keeps frames until they are acknowledged; run again, it continues.",
+            show_default=False,
         ),
     ] = None,
     patience: Annotated[
-        float, typer.Option(metavar="SECONDS", help="How long to wait for the last acknowledgement.", min=0)
+        float, typer.Option(metavar="SECONDS", help="Longest wait for the last acknowledgement.", min=0)
     ] = 60.0,
 ) -> None:
-    """Send recordings to a monitor as a vehicle would, and wait until it has them."""
+    """Send recordings to a monitor as a vehicle would, and wait until they are acknowledged."""
     from sprung._checks import check_number
     from sprung.box import Box, BoxSettings, after, from_files, paced
     from sprung.link import Address, Spool
@@ -67,16 +71,16 @@ def replay(
             with progress_bar() as report:
                 for block in paced(after(source, resumed), pace, clock=time.monotonic, sleep=time.sleep):
                     box.take(block)
-                    box.look()
+                    box.step()
                     sent += block.duration
                     report(f"{sent / 60:.1f} min sent", 0.5)
-                report("waiting for the monitor", 0.9)
-                is_through = box.drain(timeout=patience)
+                report("waiting for acknowledgements", 0.9)
+                is_acknowledged = box.drain(timeout=patience)
                 waiting = box.n_waiting
         finally:
             box.close()
-    if not is_through:
+    if not is_acknowledged:
         raise DataError(
-            f"the monitor has not acknowledged {waiting} frames after {patience:g} s: does it run at {broker}?"
+            f"{waiting} frames not acknowledged after {patience:g} s: check that a monitor runs at {broker}"
         )
-    console().print(notes([f"{sent / 60:.1f} min of {vehicle_id} are with the monitor"]))
+    console().print(notes([f"{sent / 60:.1f} min of {vehicle_id} sent and acknowledged"]))

@@ -1,5 +1,9 @@
-"""From a vehicle to the monitor: frames, topics, a spool on disk, MQTT."""
+"""From a vehicle to the monitor: frames, topics, a spool on disk, MQTT.
 
+`sprung.link.summaries` (correlations on the wire) is imported by those who need it: it brings identification along.
+"""
+
+from sprung.link.blocks import Block, FrameBlock, frame_block, joined
 from sprung.link.frame import (
     CLIPPED,
     MISSING,
@@ -9,19 +13,16 @@ from sprung.link.frame import (
     TIME_KEPT,
     TIME_SET,
     TIME_UNKNOWN,
-    VERSION,
     Frame,
-    VersionError,
-    check_vehicle,
-    checked_map,
     decode,
     encode,
-    message,
     quantised,
 )
+from sprung.link.messages import VERSION, Header, Key, VersionError, check_vehicle, checked_map, message
 from sprung.link.mqtt import Address, Link, LinkError
 from sprung.link.sending import Sending
 from sprung.link.spool import Spool, SpoolError
+from sprung.link.timer import Every
 from sprung.link.topics import DOWNWARDS, ROOT, UPWARDS, parse_topic, topic
 
 __all__ = [
@@ -38,7 +39,12 @@ __all__ = [
     "UPWARDS",
     "VERSION",
     "Address",
+    "Block",
+    "Every",
     "Frame",
+    "FrameBlock",
+    "Header",
+    "Key",
     "Link",
     "LinkError",
     "Sending",
@@ -49,6 +55,8 @@ __all__ = [
     "checked_map",
     "decode",
     "encode",
+    "frame_block",
+    "joined",
     "message",
     "parse_topic",
     "quantised",

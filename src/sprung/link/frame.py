@@ -1,7 +1,5 @@
-"""Frames: a second or so of a vehicle's samples as bytes (version 1: one CBOR map and 4 bytes CRC-32 of it)."""
+"""Frames: a second or so of a vehicle's samples as bytes."""
 
-import io
-import re
 import sys
 import zlib
 from dataclasses import dataclass
@@ -10,37 +8,36 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sprung._arrays import Real
-from sprung._checks import check_number, frozen_array, required
+from sprung._arrays import Indices, Real
+from sprung._checks import check_number, frozen_array
 from sprung.errors import FormatError, ParameterError
+from sprung.link.messages import (
+    VERSION,
+    Key,
+    VersionError,
+    check_vehicle,
+    checked_map,
+    integer,
+    items,
+    message,
+    previous_boot,
+    text,
+)
 
-VERSION = 1
-#: Names of vehicles, which are parts of topics and of paths.
-VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
-#: Largest frame [bytes], most channels, and most samples of all channels in one: what it holds unpacked.
-LARGEST, MOST_CHANNELS, MOST_SAMPLES = 1 << 20, 256, 1 << 19
-#: Longest frame [ns]: one could hold windows without number, each of them work. Least time between samples [ns]: a
-#: window of a higher rate would never be complete.
+#: Most samples of all channels in a frame: what it holds unpacked.
+MOST_SAMPLES = 1 << 19
+#: Longest frame [ns]: a longer one could hold any number of windows, each of them work. Least time between samples
+#: [ns]: a window of a higher rate would never be complete.
 LONGEST, LEAST_INTERVAL = 3600 * 10**9, 50_000
 #: Bits of a channel's flag.
 CLIPPED, STUCK, MISSING = 1, 2, 4
-#: Status of the time of a frame: nobody knows, set once, kept by a time server.
+#: Status of the time of a frame: unknown, set once, kept by a time server.
 TIME_UNKNOWN, TIME_SET, TIME_KEPT = 0, 1, 2
 #: Codecs of the data.
 RAW, PACKED = 0, 1
 _WIDTHS = (2, 3, 4)
-_KEYS = ("version", "vehicle", "boot", "seq", "start", "interval", "time status", "samples", "channels", "scale")
-
-
-class VersionError(FormatError):
-    """A frame of another version of the format."""
-
-
-class _Untagged(dict[int, Any]):
-    """Refuses all tags of CBOR: one decimal of a megabyte, or a date, pattern or set, is work that no message needs."""
-
-    def __missing__(self, tag: int) -> None:
-        raise FormatError(f"tag {tag} stands where none belongs")
+#: Keys without which a frame is incomplete; a missing list of flags means no flags.
+_REQUIRED = tuple(key for key in Key if key <= Key.DATA and key != Key.FLAGS)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,29 +47,36 @@ class Frame:
     Parameters
     ----------
     vehicle
-        Up to 64 letters, digits, "_", "." or "-".
+        Name of the vehicle: up to 64 letters, digits, "_", "." or "-".
     boot, seq
-        Number of the box' start, and of the frame since then, from 0.
-    start, interval
-        Time of the first sample, UTC ns since 1970, and between samples [ns], at least 50 us.
+        Number of the box's start, and of the frame since then, from 0.
+    start
+        Time of the first sample, UTC ns since 1970.
+    interval
+        Time between samples [ns], at least 50 us.
     time_status
         `TIME_UNKNOWN`, `TIME_SET` or `TIME_KEPT`.
     channels
-        Names.
+        Names of the channels.
     scale
         SI units per count, shape (channels,).
     flags
-        Bits `CLIPPED`, `STUCK`, `MISSING` of each channel, shape (channels,).
+        Bits `CLIPPED`, `STUCK`, `MISSING` of each channel, shape (channels,); None: no flag is set.
     counts
-        Shape (channels, samples), within `width` bytes; the lowest integer of that width stands for a missing value.
+        Integers within `width` bytes, shape (channels, samples); the lowest one stands for a missing value.
     width
         Bytes of a count: 2, 3 or 4.
     monotonic
-        The box' own clock at the first sample [ns], which no time server moves.
+        Monotonic clock of the box at the first sample [ns].
     configuration
-        Of the vehicle file that the box goes by.
+        Hash of the vehicle file of the box.
     previous
-        Number of the boot before and of its frames, where the box knows: what follows waits for them.
+        Number of the boot before and of its frames; None where unknown. This boot is analysed after them.
+
+    Raises
+    ------
+    ParameterError
+        Where a value is out of range, or the shapes do not fit together.
     """
 
     vehicle: str
@@ -84,7 +88,7 @@ class Frame:
     scale: Real
     counts: NDArray[np.signedinteger]
     width: int = 2
-    flags: NDArray[np.int64] | None = None
+    flags: Indices | None = None
     time_status: int = TIME_SET
     monotonic: int = 0
     configuration: str = ""
@@ -95,24 +99,23 @@ class Frame:
         for name in ("boot", "seq", "monotonic"):
             check_number(name, getattr(self, name), at_least=0, at_most=2**63 - 1)
         check_number("interval", self.interval, at_least=LEAST_INTERVAL, at_most=10**12)
-        flags = np.zeros(len(self.channels)) if self.flags is None else self.flags
         if self.width not in _WIDTHS:
             raise ParameterError(f"width={self.width} must be 2, 3 or 4 bytes")
         # A monitor keeps minutes of frames of many vehicles.
         narrow = np.int16 if self.width == 2 else np.int32
         for name, ndim, dtype in (("scale", 1, np.float64), ("flags", 1, np.int64), ("counts", 2, narrow)):
-            value = flags if name == "flags" else getattr(self, name)
-            object.__setattr__(self, name, frozen_array(name, value, ndim=ndim, dtype=dtype))
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, frozen_array(name, value, ndim=ndim, dtype=dtype))
         if self.counts.shape[0] != len(self.channels) or self.scale.size != len(self.channels):
             raise ParameterError(
-                f"{len(self.channels)} channels, but counts {self.counts.shape}: give one row for each"
+                f"{len(self.channels)} channels, but counts of shape {self.counts.shape} and {self.scale.size} scales: "
+                "give one row and one scale for each"
             )
-        if self.width not in _WIDTHS:
-            raise ParameterError(f"width={self.width} must be 2, 3 or 4 bytes")
 
     @property
     def n_samples(self) -> int:
-        """Samples of each channel."""
+        """Number of samples of each channel."""
         return int(self.counts.shape[1])
 
     @property
@@ -123,24 +126,13 @@ class Frame:
         return np.asarray(values, dtype=np.float64)
 
 
-def check_vehicle(vehicle: str) -> str:
-    """Return a vehicle's name, or say what is wrong with it."""
-    if not VEHICLE.fullmatch(vehicle):
-        raise ParameterError(
-            f"vehicle {vehicle!r} is no name for one: use up to 64 letters, digits, '_', '-' and '.', such as 'bus-17'"
-        )
-    return vehicle
-
-
-def quantised(
-    samples: Real, *, width: int = 2, scale: Real | None = None
-) -> tuple[NDArray[np.int64], Real, NDArray[np.int64]]:
+def quantised(samples: Real, *, width: int = 2, scale: Real | None = None) -> tuple[Indices, Real, Indices]:
     """Return samples as integers, the scale and the flags.
 
     Parameters
     ----------
     samples
-        Shape (channels, samples), SI; NaN where missing.
+        Samples in SI units, NaN where missing, shape (channels, samples).
     width
         Bytes of a count.
     scale
@@ -149,7 +141,7 @@ def quantised(
     Returns
     -------
     tuple
-        counts, scale and flags. Values beyond the range are cut off and flagged.
+        Counts, scale and flags as in `Frame`. Values beyond the range are clipped and flagged.
     """
     values = np.asarray(samples, dtype=np.float64)
     missing = ~np.isfinite(values)
@@ -171,33 +163,35 @@ def encode(frame: Frame, *, codec: int = PACKED) -> bytes:
     Parameters
     ----------
     frame
-        Any.
+        Frame to encode.
     codec
         `RAW`, or `PACKED`: differences along each channel, bytes of equal weight together, then zlib.
+
+    Raises
+    ------
+    ParameterError
+        Where the codec is unknown.
     """
-    cbor = required("cbor2", purpose="frames", extra="online")
-    flags = frame.flags if frame.flags is not None else np.zeros(len(frame.channels), dtype=np.int64)
-    document = {
-        0: VERSION,
-        1: frame.vehicle,
-        2: frame.boot,
-        3: frame.seq,
-        4: frame.start,
-        5: frame.interval,
-        6: frame.time_status,
-        7: frame.n_samples,
-        8: list(frame.channels),
-        9: frame.scale.tolist(),
-        10: flags.tolist(),
-        11: _data(frame.counts, frame.width, codec),
-        12: codec,
-        13: frame.monotonic,
-        14: frame.configuration,
+    document: dict[int, Any] = {
+        Key.VERSION: VERSION,
+        Key.VEHICLE: frame.vehicle,
+        Key.BOOT: frame.boot,
+        Key.SEQ: frame.seq,
+        Key.START: frame.start,
+        Key.INTERVAL: frame.interval,
+        Key.TIME_STATUS: frame.time_status,
+        Key.N_SAMPLES: frame.n_samples,
+        Key.CHANNELS: list(frame.channels),
+        Key.SCALE: frame.scale.tolist(),
+        Key.FLAGS: [0] * len(frame.channels) if frame.flags is None else frame.flags.tolist(),
+        Key.DATA: _data(frame.counts, frame.width, codec),
+        Key.CODEC: codec,
+        Key.MONOTONIC: frame.monotonic,
+        Key.CONFIGURATION: frame.configuration,
     }
     if frame.previous is not None:
-        document[15] = list(frame.previous)
-    body: bytes = cbor.dumps(document)
-    return body + zlib.crc32(body).to_bytes(4, "little")
+        document[Key.PREVIOUS] = list(frame.previous)
+    return message(document)
 
 
 def decode(payload: bytes) -> Frame:
@@ -206,92 +200,60 @@ def decode(payload: bytes) -> Frame:
     Raises
     ------
     FormatError
-        Where they are no frame of version 1 (`VersionError`: of another); nothing else, whatever they are.
+        Where they are not a frame of version 1 (`VersionError`: of another); nothing else, whatever they are.
 
     Notes
     -----
     Unknown keys are ignored. The checksum is compared before anything else is read.
     """
     document = checked_map(payload)
-    version = document.get(0)
+    version = document.get(Key.VERSION)
     if version != VERSION:
         raise VersionError(f"a frame of version {str(version)[:40]}: this program reads version {VERSION}, update it")
-    missing = [name for key, name in enumerate(_KEYS) if key not in document]
-    if missing or 11 not in document:
-        raise FormatError(f"a frame without {(missing or ['data'])[0]}: send all of the keys 0 to 11")
+    missing = next((key for key in _REQUIRED if key not in document), None)
+    if missing is not None:
+        raise FormatError(f"a frame without {missing.name.lower()} (key {missing}): send all of the keys 0 to 11")
     try:
         # One copy of each name, however many frames a monitor keeps.
-        channels = tuple(sys.intern(_text(name)) for name in _list(document[8]))
-        n_samples = _number(document[7])
+        channels = tuple(sys.intern(text(name)) for name in items(document[Key.CHANNELS]))
+        n_samples = integer(document[Key.N_SAMPLES])
         if not 0 < n_samples * len(channels) <= MOST_SAMPLES:
             raise FormatError(
-                f"a frame with {len(channels)} channels of {n_samples} samples: that is none, or too many"
+                f"a frame with {len(channels)} channels of {n_samples} samples: 1 to {MOST_SAMPLES} in all fit"
             )
-        interval = _number(document[5])
+        interval = integer(document[Key.INTERVAL])
         if n_samples * interval > LONGEST:
             raise FormatError(
                 f"a frame with {n_samples} samples of {interval:g} ns: more than an hour, send shorter ones"
             )
-        counts, width = _counts(document[11], _number(document.get(12, RAW)), len(channels), n_samples)
-        scale = np.array([float(value) for value in _list(document[9])])
+        codec = integer(document.get(Key.CODEC, RAW))
+        counts, width = _counts(document[Key.DATA], codec, len(channels), n_samples)
+        scale = np.array([float(value) for value in items(document[Key.SCALE])])
         if not np.all(np.isfinite(scale)):
-            raise FormatError("a frame whose scale is no number: send SI units per count")
+            raise FormatError("a frame whose scale is not finite: send SI units per count")
+        flags = items(document.get(Key.FLAGS, [0] * len(channels)))
         return Frame(
-            vehicle=_text(document[1]),
-            boot=_number(document[2]),
-            seq=_number(document[3]),
-            start=_number(document[4]),
+            vehicle=text(document[Key.VEHICLE]),
+            boot=integer(document[Key.BOOT]),
+            seq=integer(document[Key.SEQ]),
+            start=integer(document[Key.START]),
             interval=interval,
             channels=channels,
             scale=scale,
             counts=counts,
             width=width,
-            flags=np.array([_number(flag) for flag in _list(document.get(10, [0] * len(channels)))]),
-            time_status=_number(document[6]),
-            monotonic=_number(document.get(13, 0)),
-            configuration=_text(document.get(14, "")),
-            previous=_previous(document.get(15)),
+            flags=np.array([integer(flag) for flag in flags]),
+            time_status=integer(document[Key.TIME_STATUS]),
+            monotonic=integer(document.get(Key.MONOTONIC, 0)),
+            configuration=text(document.get(Key.CONFIGURATION, "")),
+            previous=previous_boot(document.get(Key.PREVIOUS)),
         )
     except (ParameterError, TypeError, ValueError, OverflowError) as error:
-        raise FormatError(f"a frame that contradicts itself: {error}") from None
-
-
-def checked_map(payload: bytes) -> dict[Any, Any]:
-    """Return the CBOR map in front of its CRC-32.
-
-    Raises
-    ------
-    FormatError
-        Where there is none.
-    """
-    cbor = required("cbor2", purpose="frames", extra="online")
-    if not 8 <= len(payload) <= LARGEST:
-        raise FormatError(f"{len(payload)} bytes are no message: between 8 and {LARGEST} are")
-    body, check = payload[:-4], payload[-4:]
-    if zlib.crc32(body).to_bytes(4, "little") != check:
-        raise FormatError("the checksum does not agree: the message was damaged on its way")
-    stream = io.BytesIO(body)
-    try:
-        decoder = cbor.CBORDecoder(
-            stream, max_depth=8, allow_indefinite=False, allow_duplicate_keys=False, semantic_decoders=_Untagged()
-        )
-        document = decoder.decode()
-    except (cbor.CBORError, ValueError, TypeError, OverflowError, RecursionError, MemoryError) as error:
-        raise FormatError(f"the message is no CBOR map: {error.__cause__ or error}") from None
-    if not isinstance(document, dict) or stream.tell() != len(body):
-        raise FormatError("the message is no single CBOR map")
-    return document
-
-
-def message(document: dict[Any, Any]) -> bytes:
-    """Return a map as bytes with its CRC-32; the opposite of `checked_map`."""
-    cbor = required("cbor2", purpose="frames", extra="online")
-    body: bytes = cbor.dumps(document)
-    return body + zlib.crc32(body).to_bytes(4, "little")
+        raise FormatError(f"an inconsistent frame: {error}") from None
 
 
 def _lowest(width: int) -> int:
-    """Lowest integer of a width in bytes."""
+    """Return the lowest signed integer of a width in bytes."""
     return -(1 << (8 * width - 1))
 
 
@@ -313,9 +275,9 @@ def _octets(counts: NDArray[np.signedinteger], width: int) -> NDArray[np.uint8]:
 
 
 def _counts(data: Any, codec: int, n_channels: int, n_samples: int) -> tuple[NDArray[np.int64], int]:
-    """Return the counts of bytes, and their width."""
+    """Return counts and their width in bytes."""
     if not isinstance(data, bytes):
-        raise FormatError("a frame whose data is no bytes")
+        raise FormatError("a frame whose data is not a byte string")
     size = n_channels * n_samples
     if codec == PACKED:
         unpacking = zlib.decompressobj()
@@ -324,10 +286,10 @@ def _counts(data: Any, codec: int, n_channels: int, n_samples: int) -> tuple[NDA
         except zlib.error as error:
             raise FormatError(f"a frame whose data cannot be unpacked: {error}") from None
     elif codec != RAW:
-        raise FormatError(f"a frame with the codec {codec}: this program knows {RAW} and {PACKED}, update it")
+        raise FormatError(f"a frame with the codec {codec}: this program reads {RAW} and {PACKED}, update it")
     width, rest = divmod(len(data), size)
     if rest or width not in _WIDTHS:
-        raise FormatError(f"a frame with {len(data)} bytes for {size} samples: 2, 3 or 4 for each are possible")
+        raise FormatError(f"a frame with {len(data)} bytes for {size} samples: each must have 2, 3 or 4")
     octets = np.frombuffer(data, dtype=np.uint8)
     if codec == PACKED:
         steps = _integers(np.moveaxis(octets.reshape(width, n_channels, n_samples), 0, -1), width)
@@ -341,32 +303,3 @@ def _integers(octets: NDArray[np.uint8], width: int) -> NDArray[np.int64]:
     eight = np.zeros((*octets.shape[:-1], 8), dtype=np.uint8)
     eight[..., 8 - width :] = octets
     return np.asarray(eight.view("<i8")[..., 0] >> (8 * (8 - width)), dtype=np.int64)
-
-
-def _previous(value: Any) -> tuple[int, int] | None:
-    """Return boot and number of frames of the boot before."""
-    if value is None:
-        return None
-    boot, count = (_number(one) for one in _list(value))
-    return boot, count
-
-
-def _number(value: Any) -> int:
-    """Return an integer, or refuse what is none."""
-    if not isinstance(value, int) or isinstance(value, bool) or abs(value) >= 2**63:
-        raise FormatError(f"{str(value)[:40]!r} stands where an integer belongs")
-    return value
-
-
-def _text(value: Any) -> str:
-    """Return a short text, or refuse what is none."""
-    if not isinstance(value, str) or len(value) > 256 or "\0" in value:
-        raise FormatError(f"{str(value)[:40]!r} stands where a short text belongs")
-    return value
-
-
-def _list(value: Any) -> list[Any]:
-    """Return a list, or refuse what is none."""
-    if not isinstance(value, list) or len(value) > MOST_CHANNELS:
-        raise FormatError(f"{str(value)[:40]!r} stands where a list belongs")
-    return value

@@ -1,7 +1,7 @@
 """Topics of the link: sprung/v1/{vehicle}/{what}."""
 
 from sprung.errors import FormatError
-from sprung.link.frame import VEHICLE
+from sprung.link.messages import VEHICLE
 
 ROOT = "sprung/v1"
 #: What a vehicle sends, and what is sent to it.
@@ -20,9 +20,9 @@ def parse_topic(name: str) -> tuple[str, str]:
     Raises
     ------
     FormatError
-        Where it is none of this version.
+        Where it is not a topic of this version.
     """
     parts = name.split("/")
     if len(parts) != 4 or "/".join(parts[:2]) != ROOT or not VEHICLE.fullmatch(parts[2]):
-        raise FormatError(f"{name[:120]!r} is no topic of this version: {ROOT}/VEHICLE/WHAT is")
+        raise FormatError(f"{name[:120]!r} is not a topic of this version: it must be {ROOT}/VEHICLE/WHAT")
     return parts[2], parts[3]

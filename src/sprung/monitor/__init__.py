@@ -1,25 +1,22 @@
 """The online monitor: vehicles in, modes, diagnoses and alerts out, for months."""
 
-from sprung.monitor.alarms import Alarms, Postman, alert_of, row_of
-from sprung.monitor.blocks import Block, FrameBlock, frame_block, joined
+from sprung.monitor.alert_book import AlertBook, alert_of, row_of
 from sprung.monitor.broker import EmbeddedBroker
-from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor, mode_documents
+from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.monitor.intake import MONITOR, Intake
+from sprung.monitor.postman import Postman
 from sprung.monitor.serving import FIGURES, Serving, exposition
 from sprung.monitor.site import Site, embedded_port, read_site
 from sprung.monitor.station import Station
 from sprung.monitor.streams import Stream
-from sprung.monitor.summaries import summary_document, summary_from_document
-from sprung.monitor.workers import Opening, Outcome, Workers
+from sprung.monitor.workers import Opening, Outcome, VehicleStatus, Workers
 
 __all__ = [
     "FIGURES",
     "MONITOR",
-    "Alarms",
-    "Block",
+    "AlertBook",
     "EmbeddedBroker",
     "Event",
-    "FrameBlock",
     "Identified",
     "Intake",
     "MonitorSettings",
@@ -32,15 +29,11 @@ __all__ = [
     "Station",
     "Stream",
     "VehicleMonitor",
+    "VehicleStatus",
     "Workers",
     "alert_of",
     "embedded_port",
     "exposition",
-    "frame_block",
-    "joined",
-    "mode_documents",
     "read_site",
     "row_of",
-    "summary_document",
-    "summary_from_document",
 ]

@@ -19,10 +19,10 @@ from sprung.diagnosis import (
     observation_from_dict,
     observe_window,
 )
+from sprung.documents import mode_documents
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.identification import METHODS, IdentificationSettings
-from sprung.modal import Modes
-from sprung.monitor.blocks import Block, joined
+from sprung.link import Block, joined
 from sprung.recording import Channel, Gap, Recording
 from sprung.signals.harmonics import Harmonic, harmonic_from_dict
 from sprung.vehicles import Vehicle
@@ -44,18 +44,18 @@ class MonitorSettings:
         Time between identifications of modes [s]; 0: none.
     method
         Identification method: "cov", "acs" or "coss".
-    n_learning
+    learning_windows
         Number of conclusive windows that a baseline is learnt from, at least 2.
     false_alarms, hours_per_day
         Rate of false alarms per vehicle and day of driving, and hours of driving in a day.
     most_windows
-        Number of windows that a diagnosis looks back on, at least `n_learning`.
+        Number of windows that a diagnosis looks back on, at least `learning_windows`.
     """
 
     window: float = 600.0
     identify_every: float = 60.0
     method: str = "cov"
-    n_learning: int = 12
+    learning_windows: int = 12
     false_alarms: float = 1e-3
     hours_per_day: float = 8.0
     most_windows: int = 96
@@ -63,10 +63,10 @@ class MonitorSettings:
     def __post_init__(self) -> None:
         check_number("window", self.window, at_least=60, at_most=7200)
         check_number("identify_every", self.identify_every, at_least=0)
-        check_number("n_learning", self.n_learning, at_least=2)
+        check_number("learning_windows", self.learning_windows, at_least=2)
         check_number("false_alarms", self.false_alarms, above=0)
         check_number("hours_per_day", self.hours_per_day, above=0, at_most=24)
-        check_number("most_windows", self.most_windows, at_least=self.n_learning)
+        check_number("most_windows", self.most_windows, at_least=self.learning_windows)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -176,7 +176,7 @@ class VehicleMonitor:
     @property
     def learning(self) -> tuple[int, int]:
         """Windows of the next baseline so far, and how many are needed; equal when nothing is being learnt."""
-        needed = self._settings.n_learning
+        needed = self._settings.learning_windows
         if self._detector is not None:
             return needed, needed
         sound = sum(one.is_conclusive and not one.sensor_faults for one in self._learning)
@@ -401,27 +401,6 @@ class VehicleMonitor:
         self._baseline = baseline_from_dict(learnt.to_dict())
         self._learning, self._detector = [], self._new_detector(self._baseline)
         return learnt
-
-
-def mode_documents(modes: Modes) -> list[dict[str, Any]]:
-    """Return modes as plain values, as in `sprung.identification/1`."""
-    return [
-        {
-            "natural_frequency": float(modes.natural_frequency[k]),
-            "natural_frequency_std": _number(modes.natural_frequency_std[k]),
-            "damping_ratio": float(modes.damping_ratio[k]),
-            "damping_ratio_std": _number(modes.damping_ratio_std[k]),
-            "mode_shape": {"real": modes.mode_shapes[k].real.tolist(), "imag": modes.mode_shapes[k].imag.tolist()},
-            "label": modes.labels[k],
-            "stable_rate": float(modes.stable_rate[k]),
-        }
-        for k in range(len(modes))
-    ]
-
-
-def _number(value: float) -> float | None:
-    """Return a number that is finite, otherwise None."""
-    return float(value) if np.isfinite(value) else None
 
 
 def _are_alike(block: Block, last: Block) -> bool:

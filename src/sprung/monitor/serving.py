@@ -1,4 +1,4 @@
-"""Figures of the running monitor for Prometheus, and whether it is well, by HTTP."""
+"""Figures of the running monitor for Prometheus, and its health, by HTTP."""
 
 import json
 import threading
@@ -10,17 +10,17 @@ from sprung.errors import ParameterError
 #: Name, kind and meaning of every figure.
 FIGURES = {
     "sprung_vehicles": ("gauge", "Vehicles known."),
-    "sprung_frames_total": ("counter", "Frames received and stored; one that comes twice counts twice."),
+    "sprung_frames_total": ("counter", "Frames received and stored; duplicates count."),
     "sprung_messages_total": ("counter", "Messages received."),
-    "sprung_messages_refused_total": ("counter", "Messages that were no frames of this version."),
-    "sprung_frames_lost_total": ("counter", "Frames that boxes could not keep."),
-    "sprung_windows_total": ("counter", "Windows worked up."),
+    "sprung_messages_refused_total": ("counter", "Messages that are not valid in this version."),
+    "sprung_frames_lost_total": ("counter", "Frames that boxes had to drop."),
+    "sprung_windows_total": ("counter", "Windows analysed."),
     "sprung_identifications_total": ("counter", "Identifications of modes."),
     "sprung_failures_total": ("counter", "Jobs of workers that failed."),
     "sprung_alerts_active": ("gauge", "Active alerts."),
-    "sprung_backlog_frames": ("gauge", "Frames stored and not yet worked up."),
-    "sprung_boxes_free_bytes": ("gauge", "Room on the disk of the box that has the least."),
-    "sprung_link_connected": ("gauge", "1 while the broker is connected."),
+    "sprung_backlog_frames": ("gauge", "Frames stored and not yet analysed."),
+    "sprung_boxes_free_bytes": ("gauge", "Free disk space of the box that has the least."),
+    "sprung_link_connected": ("gauge", "1 while connected to the broker."),
     "sprung_store_bytes": ("gauge", "Size of the store."),
     "sprung_store_writable": ("gauge", "1 while the store can be written."),
 }
@@ -41,11 +41,11 @@ class Serving:
     Parameters
     ----------
     address
-        Host and port.
+        Host and port; port 0 takes any free one.
     figures
-        Returns those of `FIGURES`.
+        Function that returns those of `FIGURES`.
     troubles
-        Returns sentences; none where all is well.
+        Function that returns a sentence about each trouble.
     """
 
     def __init__(
@@ -55,17 +55,57 @@ class Serving:
         figures: Callable[[], Mapping[str, float]],
         troubles: Callable[[], list[str]],
     ) -> None:
-        def answer(path: str) -> tuple[int, str, str]:
-            if path == "/metrics":
-                return 200, "text/plain; version=0.0.4", exposition(figures())
-            if path == "/health":
-                found = troubles()
-                return (
-                    (503 if found else 200),
-                    "application/json",
-                    json.dumps({"healthy": not found, "troubles": found}),
-                )
-            return 404, "text/plain", "ask for /metrics or /health\n"
+        self._address, self._figures, self._troubles = address, figures, troubles
+        self._server: ThreadingHTTPServer | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it answers."""
+        return self._server is not None
+
+    @property
+    def port(self) -> int | None:
+        """Port at which it answers; None before it is opened."""
+        return None if self._server is None else int(self._server.server_address[1])
+
+    def open(self) -> None:
+        """Start to answer.
+
+        Raises
+        ------
+        ParameterError
+            Where the address cannot be used.
+        """
+        host, port = self._address
+        try:
+            self._server = ThreadingHTTPServer(self._address, self._handler())
+        except OSError as error:
+            raise ParameterError(f"cannot listen at {host}:{port} ({error.strerror}): give another --http") from None
+        self._thread = threading.Thread(target=self._server.serve_forever, name="http", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop."""
+        if self._server is not None and self._thread is not None:
+            self._server.shutdown()
+            self._thread.join(5.0)
+            self._server.server_close()
+            self._server = self._thread = None
+
+    def _answer(self, path: str) -> tuple[int, str, str]:
+        """Return status, content type and text for a path."""
+        if path == "/metrics":
+            return 200, "text/plain; version=0.0.4", exposition(self._figures())
+        if path == "/health":
+            troubles = self._troubles()
+            document = {"healthy": not troubles, "troubles": troubles}
+            return 503 if troubles else 200, "application/json", json.dumps(document)
+        return 404, "text/plain", "not found: /metrics and /health are served\n"
+
+    def _handler(self) -> type[BaseHTTPRequestHandler]:
+        """Return the class that handles requests."""
+        answer = self._answer
 
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self) -> None:
@@ -78,28 +118,6 @@ class Serving:
                 self.wfile.write(body)
 
             def log_message(self, *_: object) -> None:
-                """Leave the log to what matters."""
+                """Log no requests."""
 
-        try:
-            self._server = ThreadingHTTPServer(address, Handler)
-        except OSError as error:
-            raise ParameterError(
-                f"nothing can be served at {address[0]}:{address[1]}: {error.strerror}: give another --http"
-            ) from None
-        self._thread = threading.Thread(target=self._server.serve_forever, name="http", daemon=True)
-
-    @property
-    def port(self) -> int:
-        """At which it answers."""
-        return int(self._server.server_address[1])
-
-    def open(self) -> None:
-        """Begin to answer."""
-        self._thread.start()
-
-    def close(self) -> None:
-        """Stop."""
-        if self._thread.is_alive():
-            self._server.shutdown()
-            self._thread.join(5.0)
-        self._server.server_close()
+        return Handler

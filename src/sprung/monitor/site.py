@@ -1,4 +1,4 @@
-"""The site file: how a monitor is set up."""
+"""The site file: settings of a monitor."""
 
 from pathlib import Path
 from typing import Literal, Self
@@ -23,43 +23,62 @@ class _Table(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class Watch(_Table):
-    """How vehicles are watched; as `MonitorSettings`, with minutes and hours as people say them."""
+_MONITOR, _ALERT = MonitorSettings(), AlertSettings()
 
-    window_minutes: float = Field(10.0, ge=1, le=120)
-    identify_every_minutes: float = Field(1.0, ge=0)
-    method: Literal["cov", "acs", "coss"] = "cov"
-    learning_windows: int = Field(12, ge=2)
-    false_alarms_per_day: float = Field(1e-3, gt=0)
-    hours_per_day: float = Field(8.0, gt=0, le=24)
-    workers: int = Field(1, ge=1, le=256)
-    seconds_per_job: float = Field(60.0, gt=0)
+
+class Watch(_Table):
+    """How vehicles are monitored."""
+
+    window_minutes: float = Field(_MONITOR.window / 60, ge=1, le=120, description="length of a window [min]")
+    identify_every_minutes: float = Field(
+        _MONITOR.identify_every / 60, ge=0, description="time between identifications of modes [min]; 0: none"
+    )
+    method: Literal["cov", "acs", "coss"] = Field("cov", description="method of identification: cov, acs or coss")
+    learning_windows: int = Field(
+        _MONITOR.learning_windows, ge=2, description="usable windows from which a baseline is learnt"
+    )
+    false_alarms_per_day: float = Field(
+        _MONITOR.false_alarms, gt=0, description="rate of false alarms of a vehicle per day of driving"
+    )
+    hours_per_day: float = Field(_MONITOR.hours_per_day, gt=0, le=24, description="hours of driving in a day")
+    workers: int = Field(1, ge=1, le=256, description="processes that analyse")
+    seconds_per_job: float = Field(
+        60.0, gt=0, description="longest time of a job [s]; one that takes longer is stopped, which is an alert"
+    )
 
     @property
     def settings(self) -> MonitorSettings:
-        """For the vehicles."""
+        """Settings of each vehicle's monitor."""
         return MonitorSettings(
             window=60 * self.window_minutes,
             identify_every=60 * self.identify_every_minutes,
             method=self.method,
-            n_learning=self.learning_windows,
+            learning_windows=self.learning_windows,
             false_alarms=self.false_alarms_per_day,
             hours_per_day=self.hours_per_day,
-            most_windows=max(96, self.learning_windows),
+            most_windows=max(_MONITOR.most_windows, self.learning_windows),
         )
 
 
 class Alerts(_Table):
-    """When alerts rise, clear and come again."""
+    """When alerts are raised, cleared and repeated."""
 
-    raise_after_windows: int = Field(1, ge=1)
-    clear_after_windows: int = Field(3, ge=1)
-    remind_after_hours: float | None = Field(None, gt=0)
-    silent_after_minutes: float = Field(60.0, gt=0)
+    raise_after_windows: int = Field(
+        _ALERT.raise_after, ge=1, description="consecutive windows with a finding before an alert is raised (hold-off)"
+    )
+    clear_after_windows: int = Field(
+        _ALERT.clear_after, ge=1, description="consecutive windows without it before an alert clears (hysteresis)"
+    )
+    remind_after_hours: float | None = Field(
+        None, gt=0, description="time between reminders of an unacknowledged alert [h]; left out: none"
+    )
+    silent_after_minutes: float = Field(
+        60.0, gt=0, description="time without messages after which a vehicle is silent, unless switched off [min]"
+    )
 
     @property
     def settings(self) -> AlertSettings:
-        """For the alerts."""
+        """Settings of the alerts."""
         remind = None if self.remind_after_hours is None else round(3600e9 * self.remind_after_hours)
         return AlertSettings(self.raise_after_windows, self.clear_after_windows, remind)
 
@@ -67,28 +86,32 @@ class Alerts(_Table):
 class Keep(_Table):
     """What is kept, and for how long."""
 
-    results_days: float = Field(730.0, gt=0, le=_MOST_DAYS)
-    raw_days: float = Field(2.0, ge=0, le=_MOST_DAYS)
-    raw_gigabytes: float = Field(20.0, gt=0)
-    free_megabytes: float = Field(200.0, ge=0)
+    results_days: float = Field(730.0, gt=0, le=_MOST_DAYS, description="age at which results are deleted [days]")
+    raw_days: float = Field(
+        2.0, ge=0, le=_MOST_DAYS, description="age at which samples (Parquet) are deleted [days]; 0: none are kept"
+    )
+    raw_gigabytes: float = Field(20.0, gt=0, description="largest size of the samples that are kept [GB]")
+    free_megabytes: float = Field(
+        200.0, ge=0, description="free disk space below which intake stops, which is an alert [MB]"
+    )
 
     def results_before(self, now: int) -> int:
-        """Time before which results go, UTC ns."""
+        """Return the time before which results are deleted, UTC ns."""
         return now - round(self.results_days * _DAY)
 
     def raw_before(self, now: int) -> int:
-        """Time before which samples go, UTC ns."""
+        """Return the time before which samples are deleted, UTC ns."""
         return now - round(self.raw_days * _DAY)
 
 
 class Webhook(_Table):
-    """Alerts by HTTP."""
+    """Notifications by HTTP."""
 
-    url: str
-    headers: dict[str, str] = {}
+    url: str = Field(description="address to which `sprung.alert/1` is posted")
+    headers: dict[str, str] = Field({}, description="headers of the request, such as an Authorization")
 
     def as_sender(self, name: str) -> WebhookSender:
-        """Return what sends."""
+        """Return the sender."""
         return WebhookSender(self.url, headers=self.headers, name=name)
 
     @model_validator(mode="after")
@@ -98,18 +121,18 @@ class Webhook(_Table):
 
 
 class Mail(_Table):
-    """Alerts by e-mail."""
+    """Notifications by e-mail."""
 
-    host: str
-    port: int = 587
-    sender: str
-    recipients: list[str] = Field(min_length=1)
-    username: str | None = None
-    password: str | None = None
-    starttls: bool = True
+    host: str = Field(description="mail server")
+    port: int = Field(587, description="its port")
+    sender: str = Field(description="address of the sender")
+    recipients: list[str] = Field(min_length=1, description="addresses of the recipients")
+    username: str | None = Field(None, description="user name at the server; left out: none")
+    password: str | None = Field(None, description="password at the server; left out: none")
+    starttls: bool = Field(True, description="whether to encrypt the connection")
 
     def as_sender(self, name: str) -> MailSender:
-        """Return what sends."""
+        """Return the sender."""
         return MailSender(**self.model_dump(), name=name)
 
     @model_validator(mode="after")
@@ -119,19 +142,23 @@ class Mail(_Table):
 
 
 class Send(_Table):
-    """Who is told of alerts, beside the log and the topic."""
+    """Who is notified of alerts, besides the log and the topic."""
 
     webhook: list[Webhook] = []
     mail: list[Mail] = []
 
 
 class Site(_Table):
-    """A monitor's settings (`sprung.site/1`)."""
+    """Settings of a monitor (`sprung.site/1`); docs/monitor.md has the table of all fields."""
 
-    schema_name: Literal["sprung.site/1"] = Field("sprung.site/1", alias="schema")
-    broker: str = "embedded"
-    store: str = "sqlite:///sprung-data/sprung.sqlite"
-    http: str = "127.0.0.1:8737"
+    schema_name: Literal["sprung.site/1"] = Field("sprung.site/1", alias="schema", description="version of the file")
+    broker: str = Field(
+        "embedded", description="embedded, embedded:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT?ca=F&cert=F&key=F"
+    )
+    store: str = Field(
+        "sqlite:///sprung-data/sprung.sqlite", description="sqlite:///FILE or postgresql://USER@HOST/NAME"
+    )
+    http: str = Field("127.0.0.1:8737", description="address of /metrics and /health")
     watch: Watch = Watch()
     alerts: Alerts = Alerts()
     keep: Keep = Keep()
@@ -158,11 +185,16 @@ class Site(_Table):
 
     @property
     def archive(self) -> Path | None:
-        """Folder for samples, beside a store in a file; None where they are not kept."""
+        """Folder of samples, next to a store in a file; None where they are not kept."""
         if not self.keep.raw_days:
             return None
         is_file = self.store.startswith("sqlite:///")
         return (Path(self.store.removeprefix("sqlite:///")).parent if is_file else Path("sprung-data")) / "raw"
+
+    @property
+    def correlations(self) -> Path | None:
+        """Folder of correlations that boxes sent; None where they are not kept."""
+        return None if self.archive is None else self.archive.with_name("correlations")
 
     @property
     def http_address(self) -> tuple[str, int]:
@@ -175,8 +207,10 @@ def read_site(path: Path) -> Site:
 
     Raises
     ------
+    ParameterError
+        Where it cannot be read.
     FormatError
-        Where it is none; the message names file, field, rule and remedy.
+        Where it is not a valid site file; the message names file, field, rule and remedy.
     """
     try:
         return checked(Site, toml_fields(path.read_bytes(), source=str(path)))
@@ -187,12 +221,18 @@ def read_site(path: Path) -> Site:
 
 
 def embedded_port(broker: str) -> int | None:
-    """Return the port of a broker that the monitor runs itself, "embedded" or "embedded:PORT"; None of any other."""
+    """Return the port of an embedded broker, "embedded" or "embedded:PORT"; None for any other.
+
+    Raises
+    ------
+    ParameterError
+        Where the port is not a number.
+    """
     word, _, port = broker.partition(":")
     if word != "embedded":
         return None
     if port and not _is_port(port):
-        raise ParameterError(f"{broker!r} is no address of a broker: write embedded or embedded:PORT")
+        raise ParameterError(f"{broker!r} is not the address of a broker: write embedded or embedded:PORT")
     return int(port or 1883)
 
 
@@ -200,10 +240,10 @@ def _http_address(http: str) -> tuple[str, int]:
     """Return host and port of an address."""
     host, _, port = http.rpartition(":")
     if not host or not _is_port(port):
-        raise ParameterError(f"{http!r} is no address: write HOST:PORT, such as 127.0.0.1:8737")
+        raise ParameterError(f"{http!r} is not an address: write HOST:PORT, such as 127.0.0.1:8737")
     return host.strip("[]"), int(port)
 
 
 def _is_port(text: str) -> bool:
-    """Tell whether a text is the number of a port."""
+    """Tell whether a text is a port number."""
     return text.isdecimal() and len(text) <= 5 and int(text) <= 65535

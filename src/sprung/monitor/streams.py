@@ -1,32 +1,38 @@
-"""In which order the frames of a vehicle are worked up, whatever the order they come in."""
+"""The order in which the frames of a vehicle are analysed, whatever the order in which they arrive."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from sprung.errors import FormatError
-from sprung.link import decode
+from sprung.link import Header, checked_map
+from sprung.storage import Cursor, StoredFrame
 
-#: A frame in the store: boot, sequence number, payload.
-Waiting = tuple[int, int, bytes]
+
+class Pending(Protocol):
+    """Reads frames of one vehicle from the inbox."""
+
+    def __call__(self, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
+        """Return the frames of a boot that follow a sequence number, at most `limit`."""
 
 
 @dataclass(slots=True)
 class Stream:
-    """Where the work on the frames of one vehicle stands.
+    """How far the frames of one vehicle have come.
 
     Parameters
     ----------
     contiguous
-        For each boot the sequence number up to which all has come or is lost.
+        For each boot the sequence number up to which every frame arrived or is lost.
     dispatched
-        For each boot the one up to which frames were given to a worker.
+        For each boot the sequence number up to which frames were given to a worker.
     done
-        For each boot the one up to which the store has them as worked up.
+        For each boot the sequence number up to which the store has the frames as analysed.
 
     Notes
     -----
     Boots follow each other by number, and one that knows where the boot before ended waits for its frames: a box that
-    was restarted goes on where it was. So every permutation of frames is worked up in the same order.
+    was restarted continues where it was. So every permutation of frames is analysed in the same order.
     """
 
     contiguous: dict[int, int] = field(default_factory=dict)
@@ -34,49 +40,75 @@ class Stream:
     done: dict[int, int] = field(default_factory=dict)
     _previous: dict[int, tuple[int, int] | None] = field(default_factory=dict)
 
+    @property
+    def has_waiting(self) -> bool:
+        """Whether frames wait for a worker."""
+        return any(self.dispatched.get(boot, -1) < last for boot, last in self.contiguous.items())
+
+    @property
+    def backlog(self) -> int:
+        """Number of frames that wait for a worker."""
+        # Copies: figures are read in another thread.
+        dispatched = dict(self.dispatched)
+        return sum(last - dispatched.get(boot, -1) for boot, last in dict(self.contiguous).items())
+
+    @property
+    def position(self) -> tuple[int, int]:
+        """Newest boot of which frames were given to a worker, and the last of them; boot 0 and -1 before the first."""
+        boot = max((boot for boot, last in self.dispatched.items() if last >= 0), default=0)
+        return boot, self.dispatched.get(boot, -1)
+
     def arrived(self, boot: int, contiguous: int) -> None:
-        """Take note of what has come."""
+        """Record that every frame of a boot up to a sequence number arrived or is lost."""
         self.contiguous[boot] = max(contiguous, self.contiguous.get(boot, -1))
 
-    def next_frames(
-        self, pending: Callable[[int, int, int], Sequence[tuple[int, int, bytes]]], limit: int
-    ) -> list[Waiting]:
-        """Return the frames to work up next, of one boot.
+    def complete(self, boot: int, seq: int) -> None:
+        """Record that the store has the frames of a boot up to a sequence number as analysed."""
+        self.dispatched[boot] = self.done[boot] = seq
+
+    def rewind(self, cursors: Mapping[int, Cursor], boot: int) -> None:
+        """Continue from what the store has; boots before `boot`, which the stored state covers, are given out."""
+        self.done = {known: cursors[known].done for known in self.contiguous}
+        self.dispatched = {known: last if known < boot else self.done[known] for known, last in self.contiguous.items()}
+
+    def next_frames(self, pending: Pending, limit: int) -> list[StoredFrame]:
+        """Return the frames to analyse next, all of one boot.
 
         Parameters
         ----------
         pending
-            Returns (sequence number, time, payload) of a boot after a sequence number, at most so many.
+            Reads frames of the vehicle.
         limit
-            Most frames.
+            Largest number of frames.
         """
         for boot in sorted(self.contiguous):
             after = self.dispatched.get(boot, -1)
             if after >= self.contiguous[boot]:
                 continue
-            found = pending(boot, after, limit)
-            if not found:
-                self.dispatched[boot] = self.contiguous[boot]  # lost, all of them
-                continue
-            if not self._is_ready(boot, found[0][2]):
-                continue
-            return [(boot, seq, payload) for seq, _, payload in found]
+            frames = pending(boot, after=after, limit=limit)
+            if not frames:
+                self.dispatched[boot] = self.contiguous[boot]  # all of them are lost
+            elif self._is_ready(frames[0]):
+                return frames
         return []
 
     def finished(self, boot: int) -> list[tuple[int, int]]:
-        """Return boots before one that were given to a worker whole, and their ends, where the store is behind."""
+        """Return boots before `boot` that were given out completely, and their ends, where the store is behind."""
         return [
-            (one, last)
-            for one, last in self.contiguous.items()
-            if one < boot and self.dispatched.get(one, -1) >= last > self.done.get(one, -1)
+            (older, last)
+            for older, last in self.contiguous.items()
+            if older < boot and self.dispatched.get(older, -1) >= last > self.done.get(older, -1)
         ]
 
-    def _is_ready(self, boot: int, first: bytes) -> bool:
-        """Tell whether all frames of the boot before a boot were given to a worker."""
-        if boot not in self._previous:
+    def _is_ready(self, first: StoredFrame) -> bool:
+        """Tell whether all frames of the boot before that of a frame were given to a worker."""
+        if first.boot not in self._previous:
             try:
-                self._previous[boot] = decode(first).previous
+                self._previous[first.boot] = Header.of(checked_map(first.payload)).previous
             except FormatError:
-                self._previous[boot] = None
-        before = self._previous[boot]
-        return before is None or before[0] >= boot or self.dispatched.get(before[0], -1) >= before[1] - 1
+                self._previous[first.boot] = None
+        previous = self._previous[first.boot]
+        if previous is None:
+            return True
+        boot, count = previous
+        return boot >= first.boot or self.dispatched.get(boot, -1) >= count - 1

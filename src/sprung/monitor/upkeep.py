@@ -1,40 +1,47 @@
-"""What a monitor sees to now and then: silent vehicles, shelves, people's acts, messages, old results, the disk."""
+"""Periodic housekeeping: silent vehicles, expired shelves, operator commands, retention, disk space."""
 
 import logging
-import threading
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable
 from datetime import UTC, datetime
-from typing import Any
 
-from sprung.link import Link, message, topic
-from sprung.monitor.alarms import Alarms, Postman
-from sprung.monitor.intake import MONITOR
+from sprung.link import VERSION, Every, Key, Link, message, topic
+from sprung.monitor.alert_book import AlertBook
+from sprung.monitor.gate import Gate
+from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.site import Site
-from sprung.storage import CommandRow, Retention, Store, StoreError
+from sprung.storage import CommandRow, Retention, Store
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Seconds between looks at what people are to be told.
-_POST = 1.0
-#: Least time before a box is asked for samples again, and between reminders that the broker is away [ns].
-_AGAIN, _REMIND = 10 * 10**9, 600 * 10**9
+#: Time between looks at vehicles and commands, and between sweeps of the disk [s].
+_LOOK, _SWEEP = 1.0, 60.0
+#: Least time before a box is asked for samples again, and between warnings that the broker cannot be reached [s].
+_ASK, _REMIND = 10.0, 600.0
 
 
 class Upkeep:
-    """Sees to what no message of a vehicle brings about.
+    """Does what no message of a vehicle brings about.
 
     Parameters
     ----------
     site
         Settings.
     store
-        Open.
-    alarms
-        Where trouble goes.
-    publish
-        Sends topic and payload; tells whether there was a connection.
+        Store of vehicles, commands and alerts.
+    alerts
+        Alerts of all vehicles.
+    intake
+        Knows which vehicles are parked, and what boxes have answered.
+    link
+        Connection to the broker.
+    gate
+        Closed while the store cannot write.
+    relearn
+        Called with each open request for a new baseline.
     clock
-        UTC ns.
+        Present time, UTC ns.
+    timer
+        Present time [s] of any clock that only goes forward.
     """
 
     def __init__(
@@ -42,146 +49,133 @@ class Upkeep:
         site: Site,
         store: Store,
         *,
-        alarms: Alarms,
-        publish: Callable[[str, bytes], bool],
+        alerts: AlertBook,
+        intake: Intake,
+        link: Link,
+        gate: Gate,
+        relearn: Callable[[CommandRow], None],
         clock: Callable[[], int],
+        timer: Callable[[], float],
     ) -> None:
-        self._site, self._store, self._alarms = site, store, alarms
-        self._publish, self._clock = publish, clock
+        self._site, self._store, self._alerts, self._intake = site, store, alerts, intake
+        self._link, self._gate, self._relearn, self._clock = link, gate, relearn, clock
         self._begun = clock()
-        folder = site.archive
-        self._archives = [] if folder is None else [Retention(folder), Retention(folder.with_name("correlations"))]
-        self._asked: dict[int, int] = {}
+        self._archives = [Retention(folder) for folder in (site.archive, site.correlations) if folder is not None]
+        self._asking: dict[int, Every] = {}
+        self._looking, self._sweeping = Every(_LOOK, timer), Every(_SWEEP, timer)
+        self._outage = Outage(link, clock)
 
-    def look(
-        self, parked: Container[str], answers: Mapping[tuple[str, int], dict[str, Any]]
-    ) -> dict[str, tuple[int, str]]:
-        """See to silent vehicles, shelves and people's acts.
-
-        Parameters
-        ----------
-        parked
-            Vehicles that said goodbye.
-        answers
-            What boxes say they sent, by vehicle and number of the request.
-
-        Returns
-        -------
-        dict
-            Vehicles that are to learn again: number of the request and reason.
-        """
+    def open(self) -> None:
+        """Record the start; raise alerts about a damaged store and a monitor that did not stop in good order."""
         now = self._clock()
-        self._alarms.shelves(now=now)
-        patience = round(60e9 * self._site.alerts.silent_after_minutes)
-        known = {row.vehicle for row in self._store.alerts(is_active=True) if row.cause == "silent"}
-        heard = self._store.last_seen()
-        for vehicle, last_seen in heard.items():
-            is_silent = now - max(last_seen, self._begun) > patience and vehicle not in parked
-            if is_silent and vehicle not in known:
-                since = datetime.fromtimestamp(last_seen / 1e9, tz=UTC)
-                text = f"{vehicle} has sent nothing since {since:%Y-%m-%d %H:%M} UTC"
-                self._alarms.trouble(vehicle, "silent", text, now=now)
-            elif vehicle in known and not is_silent:
-                self._alarms.over(vehicle, "silent", now=now)
-        learning = {}
-        for command in self._store.open_commands():
+        for notice in self._store.notices:
+            LOG.warning(notice)
+            self._alerts.report(MONITOR, "monitor:store", notice, now=now)
+        own = [row for row in self._store.requests.audited(limit=1000) if row.who == MONITOR]
+        if own and own[-1].act == "started":
+            sentence = "the monitor stopped unexpectedly and was restarted"
+            self._alerts.report(MONITOR, "monitor", sentence, now=now)
+        self._store.requests.audit(MONITOR, "started", MONITOR, now=now)
+
+    def close(self) -> None:
+        """Record the stop."""
+        self._gate.guard(lambda: self._store.requests.audit(MONITOR, "stopped", MONITOR, now=self._clock()))
+
+    def step(self) -> None:
+        """Do what is due."""
+        if self._looking.is_due:
+            self._looking.start()
+            self._outage.step()
+            self._gate.guard(self._look)
+        if self._sweeping.is_due:
+            self._sweeping.start()
+            self._gate.guard(self._sweep)
+
+    def _look(self) -> None:
+        """Update shelves and alerts of silent vehicles, and follow commands."""
+        now = self._clock()
+        self._alerts.end_shelves(now=now)
+        last_seen = self._store.inbox.last_seen()
+        self._update_silence(last_seen, now)
+        for command in self._store.requests.open_commands():
             if command.act == "raw":
-                self._see_to(command, answers.get((command.vehicle, command.id)), heard.get(command.vehicle, 0), now)
+                self._request_samples(command, last_seen.get(command.vehicle, 0), now)
             elif command.act == "learn":
-                learning[command.vehicle] = (command.id, str(command.detail or "maintenance"))
+                self._relearn(command)
             else:
-                LOG.warning("an act that is not known", extra={"act": command.act})
-                self._store.command_done(command.id, now)
-        return learning
+                LOG.warning("unknown command", extra={"act": command.act})
+                self._store.requests.command_done(command.id, now)
 
-    def _see_to(self, command: CommandRow, answer: dict[str, Any] | None, heard: int, now: int) -> None:
-        """Ask a box for samples, and again when it is heard after that, until all that it says it sent has come."""
-        if answer is not None and self._store.cursor(command.vehicle, answer["boot"]).contiguous >= answer["last"]:
-            self._store.command_done(command.id, now, detail={"asked": command.detail, **answer})
-            self._asked.pop(command.id, None)
-            LOG.info("a request for samples is done", extra={"vehicle": command.vehicle, **answer})
+    def _update_silence(self, last_seen: dict[str, int], now: int) -> None:
+        """Raise an alert for each vehicle that has become silent, and clear those of vehicles that are back."""
+        patience = round(60e9 * self._site.alerts.silent_after_minutes)
+        active = {row.vehicle for row in self._store.alerts.find(is_active=True) if row.cause == "silent"}
+        for vehicle, seen in last_seen.items():
+            is_silent = now - max(seen, self._begun) > patience and not self._intake.is_parked(vehicle)
+            if is_silent and vehicle not in active:
+                since = datetime.fromtimestamp(seen / 1e9, tz=UTC)
+                sentence = f"{vehicle} has sent nothing since {since:%Y-%m-%d %H:%M} UTC"
+                self._alerts.report(vehicle, "silent", sentence, now=now)
+            elif vehicle in active and not is_silent:
+                self._alerts.clear(vehicle, "silent", now=now)
+
+    def _request_samples(self, command: CommandRow, last_seen: int, now: int) -> None:
+        """Ask a box for samples, again whenever it was seen since, until everything that it says it sent has come."""
+        vehicle, inbox = command.vehicle, self._store.inbox
+        answer = self._intake.answer(vehicle, command.id)
+        if answer is not None and inbox.cursor(vehicle, answer["boot"]).contiguous >= answer["last"]:
+            self._store.requests.command_done(command.id, now, detail={"asked": command.detail, **answer})
+            self._asking.pop(command.id, None)
+            LOG.info("request for samples completed", extra={"vehicle": vehicle, **answer})
             return
-        asked = self._asked.get(command.id)
-        if asked is None or (heard > asked and now - asked >= _AGAIN):
-            wish = message({0: 1, "do": "raw", "number": command.id, **command.detail})
-            if self._publish(topic(command.vehicle, "cmd"), wish):
-                self._asked[command.id] = now
+        timer = self._asking.setdefault(command.id, Every(_ASK, lambda: self._clock() / 1e9))
+        is_first = timer.started is None
+        if is_first or (timer.is_due and last_seen / 1e9 > (timer.started or 0.0)):
+            request = {Key.VERSION: VERSION, "do": "raw", "number": command.id, **command.detail}
+            if self._link.publish(topic(vehicle, "cmd"), message(request)):
+                timer.start()
 
-    def sweep(self) -> str:
-        """Remove what is old, and return what is wrong with the disk: nothing may be taken in then."""
+    def _sweep(self) -> None:
+        """Delete what is old, and close the gate while disk space is short."""
         now = self._clock()
         most = round(1e9 * self._site.keep.raw_gigabytes)
-        for archive in self._archives:  # first of all: a store on a full disk cannot even delete
+        for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
             archive.prune(before=self._site.keep.raw_before(now), most_bytes=most)
         self._store.delete_older(self._site.keep.results_before(now))
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
-            text = f"only {free / 1e6:.0f} MB are free on the disk of the store: nothing is taken in before"
-            self._alarms.trouble(MONITOR, "monitor:disk", text, now=now)
-            return text
+            sentence = f"only {free / 1e6:.0f} MB are free on the disk of the store: free space, intake is stopped"
+            self._gate.set_shortage(sentence)
+            self._alerts.report(MONITOR, "monitor:disk", sentence, now=now)
+            return
         self._store.check()
+        self._gate.set_shortage("")
+        self._gate.succeed()
         for cause in ("monitor:disk", "monitor"):
-            self._alarms.over(MONITOR, cause, now=now)
-        return ""
+            self._alerts.clear(MONITOR, cause, now=now)
 
 
 class Outage:
-    """Says in the log that the broker is away: at once, every ten minutes, and when it is back.
+    """Logs that the broker cannot be reached: at once, every ten minutes, and when it is back.
 
     Parameters
     ----------
     link
-        To the broker.
+        Connection to the broker.
     clock
-        UTC ns.
+        Present time, UTC ns.
     """
 
     def __init__(self, link: Link, clock: Callable[[], int]) -> None:
-        self._link, self._clock = link, clock
-        self._said: int | None = None
+        self._link = link
+        self._reminder = Every(_REMIND, lambda: clock() / 1e9)
 
-    def look(self) -> None:
-        """See whether there is something to say."""
-        now = self._clock()
+    def step(self) -> None:
+        """Log what is due."""
         if self._link.is_connected:
-            if self._said is not None:
-                LOG.info("the broker has let the monitor in")
-            self._said = None
-        elif self._link.problem and (self._said is None or now - self._said >= _REMIND):
+            if self._reminder.started is not None:
+                LOG.info("connected to broker")
+            self._reminder.reset()
+        elif self._link.problem and self._reminder.is_due:
             LOG.warning(self._link.problem)
-            self._said = now
-
-
-class Posting:
-    """Sends messages in a thread of its own: a slow server keeps nobody else waiting.
-
-    Parameters
-    ----------
-    postman
-        With the messages.
-    clock
-        UTC ns.
-    """
-
-    def __init__(self, postman: Postman, clock: Callable[[], int]) -> None:
-        self._postman, self._clock = postman, clock
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="post", daemon=True)
-
-    def open(self) -> None:
-        """Begin to send."""
-        self._thread.start()
-
-    def close(self) -> None:
-        """Stop; what is not sent stays in the store."""
-        self._stopping.set()
-        if self._thread.is_alive():
-            self._thread.join(5.0)
-
-    def _run(self) -> None:
-        """Send what is due, until stopped."""
-        while not self._stopping.wait(_POST):
-            try:
-                self._postman.send(now=self._clock())
-            except StoreError as error:
-                LOG.warning("messages wait", extra={"reason": str(error)})
+            self._reminder.start()

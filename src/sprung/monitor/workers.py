@@ -1,35 +1,53 @@
-"""Worker processes: each watches some of the vehicles, and a slow or poisoned one is stopped, not waited for."""
+"""Worker processes: each monitors some of the vehicles; one that is too slow or dies is replaced."""
 
 import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
-from typing import Any
+from typing import Any, NamedTuple
 
 from sprung._checks import required
 from sprung.errors import SprungError
-from sprung.link import decode
-from sprung.monitor.blocks import frame_block
+from sprung.link import decode, frame_block
 from sprung.monitor.engine import Event, MonitorSettings, Observed, VehicleMonitor
 from sprung.vehicles import vehicle_from_text
 
 
+class VehicleStatus(NamedTuple):
+    """How far the monitoring of a vehicle is.
+
+    Parameters
+    ----------
+    share
+        Part of the present window that has arrived, 0 to 1.
+    n_learnt, n_needed
+        Number of windows usable for the baseline so far, and needed; equal where nothing is being learnt.
+    note
+        Why the vehicle cannot be assessed at present; empty where it can.
+    """
+
+    share: float = 0.0
+    n_learnt: int = 0
+    n_needed: int = 0
+    note: str = ""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Opening:
-    """What a worker needs to watch a vehicle.
+    """What a worker needs to monitor a vehicle.
 
     Parameters
     ----------
     vehicle
-        Its name.
+        Name of the vehicle.
     description
-        Its file.
+        Text of its vehicle file.
     quantities
-        Of its channels.
+        Quantity of each channel, by name.
     state
-        To go on from, in CBOR; None: from the beginning.
+        State to continue from, in CBOR; None: start from scratch.
     settings
-        Of a vehicle that begins.
+        Settings of a vehicle that starts from scratch.
     """
 
     vehicle: str
@@ -46,30 +64,30 @@ class Outcome:
     Parameters
     ----------
     vehicle
-        Its name.
+        Name of the vehicle.
     n_consumed
-        Frames that were taken in: all, or up to the one that completed a window.
+        Number of frames taken in: all, or up to the one that completed a window.
     events
-        In order.
+        Events in order of time.
     state
-        After a window that was completed, a new learning or no frames, in CBOR; None otherwise.
-    progress
-        Share of the present window, windows that taught and are needed, and what stands in the way.
+        State in CBOR, after a complete window, a request for a new baseline or a job without frames; None otherwise.
+    status
+        Status after the job.
     error
-        Why it failed; empty where it did not.
+        Reason of a failure; empty where there was none.
     """
 
     vehicle: str
     n_consumed: int
     events: tuple[Event, ...]
     state: bytes | None
-    progress: tuple[float, int, int, str]
+    status: VehicleStatus
     error: str = ""
 
 
 @dataclass(slots=True)
 class _Worker:
-    """A process, the connection to it, and the job it is at."""
+    """A process, the connection to it, and its present job."""
 
     process: Any
     connection: Connection
@@ -79,16 +97,16 @@ class _Worker:
 
 
 class Workers:
-    """Processes that watch vehicles.
+    """Processes that monitor vehicles.
 
     Parameters
     ----------
     count
-        Of processes.
+        Number of processes.
     limit
-        Time that a job may take [s].
+        Longest time of a job [s].
     clock
-        Any clock [s].
+        Present time [s] of any clock that only goes forward.
 
     Notes
     -----
@@ -99,11 +117,11 @@ class Workers:
     def __init__(self, count: int, *, limit: float, clock: Callable[[], float]) -> None:
         self._context = multiprocessing.get_context("spawn")
         self._limit, self._clock = limit, clock
-        self._workers = [self._started() for _ in range(count)]
+        self._workers = [self._start() for _ in range(count)]
 
     @property
     def pids(self) -> list[int]:
-        """Of the processes."""
+        """Numbers of the processes."""
         return [worker.process.pid for worker in self._workers]
 
     @property
@@ -112,13 +130,13 @@ class Workers:
         return all(worker.busy_with is not None for worker in self._workers)
 
     def is_open(self, vehicle: str) -> bool:
-        """Tell whether a process watches a vehicle."""
+        """Tell whether a process has a vehicle."""
         return any(vehicle in worker.vehicles for worker in self._workers)
 
     def open(self, opening: Opening) -> None:
         """Give a vehicle to the process with the fewest."""
         self.close_vehicle(opening.vehicle)
-        worker = min(self._workers, key=lambda one: len(one.vehicles))
+        worker = min(self._workers, key=lambda worker: len(worker.vehicles))
         worker.vehicles.add(opening.vehicle)
         self._send(worker, ("open", opening))
 
@@ -134,21 +152,31 @@ class Workers:
         return any(vehicle in worker.vehicles and worker.busy_with is None for worker in self._workers)
 
     def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
-        """Give frames to the process of a vehicle, or none to have its state; `learn`: reason to learn again first."""
-        worker = next(one for one in self._workers if vehicle in one.vehicles)
+        """Start a job.
+
+        Parameters
+        ----------
+        vehicle
+            Name of the vehicle, which a process has.
+        frames
+            Frames in order; none, to get the state.
+        learn
+            Reason to learn a new baseline from these frames on; empty: the baseline stays.
+        """
+        worker = next(worker for worker in self._workers if vehicle in worker.vehicles)
         worker.busy_with, worker.since = vehicle, self._clock()
         self._send(worker, ("work", vehicle, list(frames), learn))
 
     def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
-        """Return what is done by now, waiting for the first up to a time [s]."""
-        found = []
+        """Return the outcomes that are there, waiting up to a time [s] for the first."""
+        outcomes = []
         ready = wait([worker.connection for worker in self._workers], timeout=timeout)
         for worker in list(self._workers):
             if worker.connection in ready:
-                found.append(self._received(worker))
+                outcomes.append(self._receive(worker))
             elif worker.busy_with is not None and self._clock() - worker.since > self._limit:
-                found.append(self._replaced(worker, f"its analysis took longer than {self._limit:g} s"))
-        return [one for one in found if one is not None]
+                outcomes.append(self._replace(worker, f"its analysis took longer than {self._limit:g} s"))
+        return [outcome for outcome in outcomes if outcome is not None]
 
     def close(self) -> None:
         """Stop all processes."""
@@ -160,26 +188,26 @@ class Workers:
                 worker.process.kill()
                 worker.process.join()
 
-    def _received(self, worker: _Worker) -> Outcome | None:
-        """Return what a process sent; replace it where it is dead."""
+    def _receive(self, worker: _Worker) -> Outcome | None:
+        """Return the outcome that a process sent; replace the process where it is dead."""
         try:
             outcome: Outcome = worker.connection.recv()
         except (EOFError, OSError):
-            return self._replaced(worker, "the process of its analysis died")
+            return self._replace(worker, "the process of its analysis died")
         worker.busy_with = None
         return outcome
 
-    def _replaced(self, worker: _Worker, why: str) -> Outcome | None:
-        """Start another process in place of one, and blame the vehicle it was at."""
+    def _replace(self, worker: _Worker, reason: str) -> Outcome | None:
+        """Replace a process, and return a failed outcome of its job, if it had one."""
         worker.process.kill()
         worker.process.join()
         worker.connection.close()
-        blamed = worker.busy_with
-        self._workers[self._workers.index(worker)] = self._started()
-        return None if blamed is None else Outcome(blamed, 0, (), None, (0.0, 0, 0, ""), why)
+        vehicle = worker.busy_with
+        self._workers[self._workers.index(worker)] = self._start()
+        return None if vehicle is None else Outcome(vehicle, 0, (), None, VehicleStatus(), reason)
 
-    def _started(self) -> _Worker:
-        """Return a new process."""
+    def _start(self) -> _Worker:
+        """Start a process."""
         here, there = self._context.Pipe()
         process = self._context.Process(target=_work, args=(there,), daemon=True)
         process.start()
@@ -187,7 +215,7 @@ class Workers:
         return _Worker(process, here, set())
 
     def _send(self, worker: _Worker, message: object) -> None:
-        """Send to a process; one that is dead is found out at the next look."""
+        """Send to a process; one that is dead shows when outcomes are next collected."""
         try:
             worker.connection.send(message)
         except (BrokenPipeError, OSError):
@@ -195,8 +223,8 @@ class Workers:
 
 
 def _work(connection: Connection) -> None:
-    """Watch vehicles, in a process of its own, until told to stop."""
-    watched: dict[str, tuple[VehicleMonitor, dict[str, str]]] = {}
+    """Monitor vehicles, in a process of its own, until None is received."""
+    monitors: dict[str, tuple[VehicleMonitor, dict[str, str]]] = {}
     refused: dict[str, str] = {}
     while True:
         try:
@@ -209,35 +237,61 @@ def _work(connection: Connection) -> None:
             opening: Opening = message[1]
             refused.pop(opening.vehicle, None)
             try:
-                watched[opening.vehicle] = _opened(opening)
+                monitors[opening.vehicle] = open_monitor(opening)
             except SprungError as error:
                 refused[opening.vehicle] = str(error)
         elif message[0] == "close":
-            watched.pop(message[1], None)
+            monitors.pop(message[1], None)
         else:
             _, vehicle, frames, learn = message
-            outcome = _worked(vehicle, watched.get(vehicle), frames, learn, refused.get(vehicle, ""))
+            refusal = refused.get(vehicle, "")
+            outcome = analyse(vehicle, monitors.get(vehicle), frames, learn=learn, refusal=refusal)
             try:
                 connection.send(outcome)
             except OSError:
-                return  # the monitor is gone: whoever comes after it works from the store
+                return  # the monitor is gone; its successor continues from the store
 
 
-def _opened(opening: Opening) -> tuple[VehicleMonitor, dict[str, str]]:
-    """Return the monitor of a vehicle."""
+def open_monitor(opening: Opening) -> tuple[VehicleMonitor, dict[str, str]]:
+    """Return the monitor of a vehicle, and the quantities of its channels.
+
+    Raises
+    ------
+    SprungError
+        Where description or state cannot be used.
+    """
     vehicle = vehicle_from_text(opening.description, source=f"the vehicle file of {opening.vehicle}")
     if opening.state is None:
         return VehicleMonitor(vehicle, settings=opening.settings), dict(opening.quantities)
     return VehicleMonitor.from_state(vehicle, _cbor().loads(opening.state)), dict(opening.quantities)
 
 
-def _worked(
-    vehicle: str, pair: tuple[VehicleMonitor, dict[str, str]] | None, frames: Sequence[bytes], learn: str, refusal: str
+def analyse(
+    vehicle: str,
+    opened: tuple[VehicleMonitor, dict[str, str]] | None,
+    frames: Sequence[bytes],
+    *,
+    learn: str = "",
+    refusal: str = "",
 ) -> Outcome:
-    """Return what frames come to."""
-    if pair is None:
-        return Outcome(vehicle, 0, (), None, (0.0, 0, 0, refusal), refusal or "it is not watched")
-    monitor, quantities = pair
+    """Return what a job comes to.
+
+    Parameters
+    ----------
+    vehicle
+        Name of the vehicle.
+    opened
+        Its monitor and the quantities of its channels, from `open_monitor`; None where it could not be opened.
+    frames
+        Frames in order.
+    learn
+        As for `Workers.submit`.
+    refusal
+        Why the vehicle could not be opened.
+    """
+    if opened is None:
+        return Outcome(vehicle, 0, (), None, VehicleStatus(note=refusal), refusal or "the vehicle is not open")
+    monitor, quantities = opened
     events: list[Event] = []
     consumed, is_changed = 0, bool(learn) or not frames
     try:
@@ -249,12 +303,12 @@ def _worked(
             if any(isinstance(event, Observed) for event in events):
                 is_changed = True
                 break
-    except Exception as error:  # a vehicle's trouble must not stop the others
-        return Outcome(vehicle, consumed, (), None, (0.0, 0, 0, ""), f"{type(error).__name__}: {error}")
-    progress = (monitor.buffered, *monitor.learning, monitor.note)
-    return Outcome(vehicle, consumed, tuple(events), _cbor().dumps(monitor.state()) if is_changed else None, progress)
+    except Exception as error:  # an error in one vehicle must not stop the others
+        return Outcome(vehicle, consumed, (), None, VehicleStatus(), f"{type(error).__name__}: {error}")
+    status = VehicleStatus(monitor.buffered, *monitor.learning, monitor.note)
+    return Outcome(vehicle, consumed, tuple(events), _cbor().dumps(monitor.state()) if is_changed else None, status)
 
 
 def _cbor() -> Any:
-    """Return the package that writes states."""
+    """Return the package that encodes states."""
     return required("cbor2", purpose="the state of a vehicle", extra="online")

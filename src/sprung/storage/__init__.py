@@ -8,11 +8,11 @@ from sprung.storage.rows import (
     CommandRow,
     Cursor,
     Entry,
-    Frame,
     HistoryRow,
     NotificationRow,
     Progress,
     Snapshot,
+    StoredFrame,
     VehicleRow,
 )
 from sprung.storage.schema import StoreError
@@ -25,7 +25,6 @@ __all__ = [
     "CommandRow",
     "Cursor",
     "Entry",
-    "Frame",
     "HistoryRow",
     "NotificationRow",
     "Progress",
@@ -33,6 +32,7 @@ __all__ = [
     "Snapshot",
     "Store",
     "StoreError",
+    "StoredFrame",
     "VehicleRow",
     "check_address",
     "open_store",

@@ -1,4 +1,4 @@
-"""Alerts with their history, and the outbox of what people are to be told about them."""
+"""Alerts with their history, and the outbox of notifications."""
 
 from dataclasses import asdict, replace
 
@@ -9,20 +9,29 @@ from sprung.storage.rows import AlertRow, Document, HistoryRow, NotificationRow
 from sprung.storage.schema import ALERT_HISTORY, ALERTS, NOTIFICATIONS
 
 
-class Alerts(Database):
-    """One alert for each cause on each vehicle."""
+class Alerts:
+    """One alert for each cause on each vehicle.
 
-    def alerts(self, *, vehicle: str | None = None, is_active: bool | None = None) -> list[AlertRow]:
+    Parameters
+    ----------
+    database
+        Database of the store.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def find(self, *, vehicle: str | None = None, is_active: bool | None = None) -> list[AlertRow]:
         """Return alerts, the most severe first, then the oldest."""
         query = select(ALERTS).order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id)
         if vehicle is not None:
             query = query.where(ALERTS.c.vehicle == vehicle)
         if is_active is not None:
             query = query.where(ALERTS.c.is_active == is_active)
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return [AlertRow(**row) for row in connection.execute(query).mappings()]
 
-    def put_alert(
+    def put(
         self, row: AlertRow, *, history: tuple[str, str, str], notify: Document | None = None, now: int
     ) -> AlertRow:
         """Store an alert in place of what is stored for its vehicle and cause.
@@ -30,11 +39,11 @@ class Alerts(Database):
         Parameters
         ----------
         row
-            The alert; its `id` and `updated` do not matter.
+            Alert to store; its `id` and `updated` are ignored.
         history
-            What happened, by whom, and a comment.
+            Event, operator and comment.
         notify
-            What people are to be told; None for nothing.
+            Notification to send; None: none.
         now
             The time.
 
@@ -44,10 +53,10 @@ class Alerts(Database):
             The alert as it is stored.
         """
         values = {name: value for name, value in asdict(row).items() if name != "id"} | {"updated": now}
-        put = self._insert(ALERTS).values(values)
+        put = self._database.insert(ALERTS).values(values)
         put = put.on_conflict_do_update(index_elements=["vehicle", "cause"], set_=values)
         what, who, comment = history
-        with self._writing() as connection:
+        with self._database.writing() as connection:
             identity = connection.execute(put.returning(ALERTS.c.id)).scalar_one()
             entry = {"alert": identity, "time": now, "what": what, "who": who, "comment": comment}
             after = {"assignee": row.assignee, "shelved_until": row.shelved_until}
@@ -57,29 +66,30 @@ class Alerts(Database):
                 connection.execute(NOTIFICATIONS.insert(), message)
         return replace(row, id=identity, updated=now)
 
-    def alert_history(self, alert_id: int) -> list[HistoryRow]:
+    def history(self, alert_id: int) -> list[HistoryRow]:
         """Return what happened to an alert, in order."""
         query = select(ALERT_HISTORY).where(ALERT_HISTORY.c.alert == alert_id).order_by(ALERT_HISTORY.c.id)
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return [HistoryRow(**row) for row in connection.execute(query).mappings()]
 
     def due_notifications(self, limit: int) -> list[NotificationRow]:
-        """Return what is still to be told, first what was tried least, then the oldest."""
+        """Return notifications to send, first those with the fewest attempts, then the oldest."""
         order = (NOTIFICATIONS.c.attempts, NOTIFICATIONS.c.id)
         query = select(NOTIFICATIONS).where(NOTIFICATIONS.c.sent.is_(None)).order_by(*order).limit(limit)
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return [NotificationRow(**row) for row in connection.execute(query).mappings()]
 
     def notification_sent(self, notification_id: int, now: int) -> None:
-        """Store that people were told."""
+        """Store that a notification was delivered."""
         self._tried(notification_id, sent=now, last_error=None)
 
     def notification_failed(self, notification_id: int, error: str) -> None:
-        """Store that telling people failed once more, and how."""
+        """Store that an attempt to send a notification failed, and the error."""
         self._tried(notification_id, last_error=error)
 
     def _tried(self, notification_id: int, **outcome: int | str | None) -> None:
         """Store the outcome of one attempt."""
-        one = update(NOTIFICATIONS).where(NOTIFICATIONS.c.id == notification_id, NOTIFICATIONS.c.sent.is_(None))
-        with self._writing() as connection:
-            connection.execute(one.values(attempts=NOTIFICATIONS.c.attempts + 1, **outcome))
+        is_open = NOTIFICATIONS.c.sent.is_(None)
+        notification = update(NOTIFICATIONS).where(NOTIFICATIONS.c.id == notification_id, is_open)
+        with self._database.writing() as connection:
+            connection.execute(notification.values(attempts=NOTIFICATIONS.c.attempts + 1, **outcome))

@@ -1,4 +1,4 @@
-"""A database that says in one sentence what it cannot do, and goes on when it can again."""
+"""A database that words its errors in one sentence, and recovers from them."""
 
 import os
 import shutil
@@ -14,7 +14,7 @@ from sqlalchemy.exc import DBAPIError, StatementError
 
 from sprung.storage.schema import SNAPSHOTS, StoreError
 
-#: Seconds that a program waits for another one that writes.
+#: Time that a process waits for another one that writes [s].
 PATIENCE = 10.0
 #: Bytes free on its disk below which a store counts as full.
 LEAST_FREE = 1 << 20
@@ -30,47 +30,47 @@ class Database:
     Parameters
     ----------
     url
-        Where it is.
+        Address of the database.
     notices
         Sentences about what was found when it was opened.
     """
 
     def __init__(self, url: URL, *, notices: tuple[str, ...] = ()) -> None:
-        self._engine = _engine(url)
-        self._writer = self._engine.execution_options(is_writing=True)
+        self.engine = _engine(url)
+        self._writer = self.engine.execution_options(is_writing=True)
         self.notices = notices
 
     @property
-    def _path(self) -> Path | None:
+    def path(self) -> Path | None:
         """The file of SQLite."""
-        return Path(self._engine.url.database or "") if self._engine.dialect.name == "sqlite" else None
+        return Path(self.engine.url.database or "") if self.engine.dialect.name == "sqlite" else None
 
-    def _reading(self) -> AbstractContextManager[Connection]:
+    def reading(self) -> AbstractContextManager[Connection]:
         """Return a transaction that reads."""
-        return _transaction(self._engine)
+        return _transaction(self.engine)
 
-    def _writing(self) -> AbstractContextManager[Connection]:
+    def writing(self) -> AbstractContextManager[Connection]:
         """Return a transaction that writes; other writers wait until it ends."""
         return _transaction(self._writer)
 
-    def _insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
+    def insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
         """Return an INSERT that can say what happens to rows that are there."""
-        return postgresql.insert(table) if self._path is None else sqlite.insert(table)
+        return postgresql.insert(table) if self.path is None else sqlite.insert(table)
 
     def size(self) -> int:
         """Return the bytes that the store takes on disk."""
-        if self._path is not None:
-            files = (self._path.with_name(self._path.name + ending) for ending in ("", "-wal", "-shm"))
+        if self.path is not None:
+            files = (self.path.with_name(self.path.name + ending) for ending in ("", "-wal", "-shm"))
             return sum(file.stat().st_size for file in files if file.exists())
-        with self._reading() as connection:
+        with self.reading() as connection:
             return int(connection.scalar(select(func.pg_database_size(func.current_database()))) or 0)
 
     def free(self) -> int | None:
-        """Return the bytes free on the disk of the store; None where that is the matter of a server."""
-        return None if self._path is None else shutil.disk_usage(self._path.parent).free
+        """Return the free space on the disk of the store [bytes]; None with a server."""
+        return None if self.path is None else shutil.disk_usage(self.path.parent).free
 
     def check(self) -> None:
-        """Write and take it back.
+        """Write and roll back.
 
         Raises
         ------
@@ -84,16 +84,16 @@ class Database:
         free = self.free()
         if free is not None and free < LEAST_FREE:
             raise StoreError(_cannot_write(f"its disk has {free} bytes left"))
-        if self._path is not None and not (os.access(self._path, os.W_OK) and os.access(self._path.parent, os.W_OK)):
-            raise StoreError(_cannot_write(f"{self._path} is read-only"))
-        with self._writing() as connection:
+        if self.path is not None and not (os.access(self.path, os.W_OK) and os.access(self.path.parent, os.W_OK)):
+            raise StoreError(_cannot_write(f"{self.path} is read-only"))
+        with self.writing() as connection:
             values = {"vehicle": "", "boot": 0, "seq": 0, "document": bytes(1 << 16)}
-            connection.execute(self._insert(SNAPSHOTS).values(values).on_conflict_do_nothing())
+            connection.execute(self.insert(SNAPSHOTS).values(values).on_conflict_do_nothing())
             connection.rollback()
 
     def close(self) -> None:
         """Close all connections."""
-        self._engine.dispose()
+        self.engine.dispose()
 
 
 def _engine(url: URL) -> Engine:
@@ -149,10 +149,10 @@ def _sentence(error: BaseException | None) -> str:
         return f"the store is damaged: {cause}: restart, which sets it aside and begins a new one"
     # 08: connection_exception, 57: operator_intervention; none where no server answered
     if not code and (not state or state[:2] in {"08", "57"}):
-        return f"the store does not answer: {cause}: see whether its database runs and can be reached"
+        return f"the store does not answer: {cause}: check that its database runs and can be reached"
     return f"the store refuses this: {cause}"
 
 
 def _cannot_write(cause: str) -> str:
     """Return the sentence for a disk that is full or read-only."""
-    return f"the store cannot write: {cause}: free space on its disk or make it writable, and it goes on"
+    return f"the store cannot write: {cause}: free space on its disk or make it writable, then it continues"

@@ -6,7 +6,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, select, tuple_, update
 
 from sprung.storage.database import Database
-from sprung.storage.rows import Cursor, Frame, VehicleRow, check_count
+from sprung.storage.rows import Cursor, StoredFrame, VehicleRow, check_count
 from sprung.storage.schema import CURSORS, FRAMES, VEHICLES
 
 Key = tuple[str, int]
@@ -20,51 +20,60 @@ _ADVANCE = (
 )
 
 
-class Inbox(Database):
-    """Vehicles and their frames that are not yet worked up."""
+class Inbox:
+    """Vehicles and their frames that are not yet analysed.
+
+    Parameters
+    ----------
+    database
+        Database of the store.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
     def put_vehicle(
         self, vehicle: str, *, configuration: str, description: str, channels: Sequence[Any], now: int
     ) -> None:
-        """Store how a vehicle describes itself: hash and text of its configuration, its channels."""
+        """Store the description of a vehicle: hash and text of its configuration, its channels."""
         values = {"configuration": configuration, "description": description, "channels": list(channels)}
-        row = self._insert(VEHICLES).values(vehicle=vehicle, first_seen=now, last_seen=now, **values)
-        with self._writing() as connection:
+        row = self._database.insert(VEHICLES).values(vehicle=vehicle, first_seen=now, last_seen=now, **values)
+        with self._database.writing() as connection:
             connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_={**values, "last_seen": now}))
 
     def seen(self, times: Mapping[str, int]) -> None:
-        """Store when vehicles were last heard of, those that have described themselves."""
+        """Store when vehicles were last seen; those without a description are ignored."""
         of_vehicle = and_(VEHICLES.c.vehicle == bindparam("of"), VEHICLES.c.last_seen < bindparam("now"))
         rows = [{"of": vehicle, "now": now} for vehicle, now in sorted(times.items())]
         if rows:
-            with self._writing() as connection:
+            with self._database.writing() as connection:
                 connection.execute(update(VEHICLES).where(of_vehicle).values(last_seen=bindparam("now")), rows)
 
     def vehicles(self) -> list[VehicleRow]:
         """Return the vehicles in order of their names."""
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             rows = connection.execute(select(VEHICLES).order_by(VEHICLES.c.vehicle))
             return [VehicleRow(**row) for row in rows.mappings()]
 
     def vehicle(self, vehicle: str) -> VehicleRow | None:
-        """Return a vehicle; None where it has not described itself."""
-        with self._reading() as connection:
+        """Return a vehicle; None where it has no description."""
+        with self._database.reading() as connection:
             row = connection.execute(select(VEHICLES).where(VEHICLES.c.vehicle == vehicle)).mappings().first()
             return None if row is None else VehicleRow(**row)
 
     def last_seen(self) -> dict[str, int]:
-        """Return when each vehicle was last heard of."""
-        with self._reading() as connection:
+        """Return when each vehicle was last seen."""
+        with self._database.reading() as connection:
             rows = connection.execute(select(VEHICLES.c.vehicle, VEHICLES.c.last_seen).order_by(VEHICLES.c.vehicle))
             return {row.vehicle: row.last_seen for row in rows}
 
-    def add_frames(self, frames: Sequence[Frame], *, now: int) -> dict[Key, int]:
+    def add_frames(self, frames: Sequence[StoredFrame], *, now: int) -> dict[Key, int]:
         """Put frames into the inbox, those that are new, and sync them to disk.
 
         Parameters
         ----------
         frames
-            Vehicle, boot, seq, t0 and payload of each, in any order.
+            Frames in any order; of several with one number the first counts.
         now
             The time.
 
@@ -81,22 +90,22 @@ class Inbox(Database):
         StoreError
             Where the store cannot write; nothing is stored then.
         """
-        batches: dict[Key, dict[int, tuple[int, bytes]]] = {}
-        for vehicle, boot, seq, t0, payload in frames:
-            key = (vehicle, check_count("boot", boot))
-            batches.setdefault(key, {}).setdefault(check_count("seq", seq), (t0, payload))
+        batches: dict[Key, dict[int, StoredFrame]] = {}
+        for frame in frames:
+            key = (frame.vehicle, check_count("boot", frame.boot))
+            batches.setdefault(key, {}).setdefault(check_count("seq", frame.seq), frame)
         if not batches:
             return {}
-        with self._writing() as connection:
+        with self._database.writing() as connection:
             cursors = self._locked(connection, sorted(batches), now)
             new = [
-                {"vehicle": key[0], "boot": key[1], "seq": seq, "t0": t0, "payload": payload}
+                frame._asdict()
                 for key, batch in batches.items()
-                for seq, (t0, payload) in batch.items()
+                for seq, frame in batch.items()
                 if seq > cursors[key].contiguous
             ]
             if new:
-                connection.execute(self._insert(FRAMES).on_conflict_do_nothing(), new)
+                connection.execute(self._database.insert(FRAMES).on_conflict_do_nothing(), new)
             reached = {key: _run(batch, after=cursors[key].contiguous) for key, batch in batches.items()}
             for key in _followed(connection, reached):
                 reached[key] = _unbroken(connection, key, after=reached[key])
@@ -110,7 +119,7 @@ class Inbox(Database):
         return reached
 
     def declare_lost(self, vehicle: str, boot: int, below_seq: int, *, now: int) -> int:
-        """Wait no longer for the frames below `below_seq` that have not arrived.
+        """Declare the frames below `below_seq` lost that have not arrived.
 
         Returns
         -------
@@ -119,7 +128,7 @@ class Inbox(Database):
         """
         key = (vehicle, check_count("boot", boot))
         check_count("below_seq", below_seq)
-        with self._writing() as connection:
+        with self._database.writing() as connection:
             before = self._locked(connection, [key], now)[key]
             last = below_seq - 1
             if last <= before.contiguous:
@@ -133,34 +142,35 @@ class Inbox(Database):
 
     def cursor(self, vehicle: str, boot: int) -> Cursor:
         """Return how far the frames of one boot of a vehicle have come."""
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return _cursors(connection, _of(CURSORS, (vehicle, boot))).get((vehicle, boot), Cursor())
 
     def cursors(self) -> dict[Key, Cursor]:
         """Return how far the frames have come, by vehicle and boot."""
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return _cursors(connection)
 
-    def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[tuple[int, int, bytes]]:
-        """Return seq, t0 and payload of the next frames in the inbox, up to where it is complete."""
+    def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
+        """Return at most `limit` frames that follow the number `after`, up to where the inbox is complete."""
         key = (vehicle, boot)
         complete = select(CURSORS.c.contiguous).where(_of(CURSORS, key)).scalar_subquery()
         ready = and_(_of(FRAMES, key), FRAMES.c.seq > after, FRAMES.c.seq <= complete)
-        query = select(FRAMES.c.seq, FRAMES.c.t0, FRAMES.c.payload).where(ready).order_by(FRAMES.c.seq).limit(limit)
-        with self._reading() as connection:
-            return [(row.seq, row.t0, row.payload) for row in connection.execute(query)]
+        columns = (FRAMES.c[name] for name in StoredFrame._fields)
+        query = select(*columns).where(ready).order_by(FRAMES.c.seq).limit(limit)
+        with self._database.reading() as connection:
+            return [StoredFrame._make(row) for row in connection.execute(query)]
 
     def boots(self, vehicle: str) -> list[int]:
         """Return the boots of a vehicle with frames in the inbox, rising."""
         query = select(FRAMES.c.boot).distinct().where(FRAMES.c.vehicle == vehicle).order_by(FRAMES.c.boot)
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return list(connection.scalars(query))
 
     def _locked(self, connection: Connection, keys: Sequence[Key], now: int) -> dict[Key, Cursor]:
         """Return cursors, made where there were none; on PostgreSQL other writers of them wait from here on."""
         fresh = {"contiguous": -1, "done": -1, "lost": 0, "updated": now}
         rows = [{"vehicle": vehicle, "boot": boot, **fresh} for vehicle, boot in keys]
-        connection.execute(self._insert(CURSORS).on_conflict_do_nothing(), rows)
+        connection.execute(self._database.insert(CURSORS).on_conflict_do_nothing(), rows)
         return _cursors(connection, tuple_(CURSORS.c.vehicle, CURSORS.c.boot).in_(keys), is_locked=True)
 
 

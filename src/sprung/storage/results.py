@@ -1,4 +1,4 @@
-"""What the work on frames gives: observations, modes, findings, baselines, and where to go on after a restart."""
+"""Results of analysis: observations, modes, findings, baselines, and the state to continue from."""
 
 from typing import Any
 
@@ -10,21 +10,30 @@ from sprung.storage.rows import BaselineRow, Entry, Numbered, Progress, Snapshot
 from sprung.storage.schema import BASELINES, CURSORS, FINDINGS, FRAMES, MODES, OBSERVATIONS, SNAPSHOTS
 
 
-class Results(Database):
-    """Results, stored together with how far the frames are worked up."""
+class Results:
+    """Results, stored together with the progress of analysis.
 
-    def commit_progress(self, progress: Progress) -> None:
-        """Store what the work on frames gave, in one transaction; the same again changes nothing.
+    Parameters
+    ----------
+    database
+        Database of the store.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def commit(self, progress: Progress) -> None:
+        """Store the results of analysis in one transaction; the same again changes nothing.
 
         Raises
         ------
         ParameterError
-            Where frames are said to be worked up that are not complete.
+            Where incomplete frames are declared analysed.
         StoreError
             Where the store cannot write; nothing is stored then.
         """
         of_boot = {"vehicle": progress.vehicle, "boot": progress.boot}
-        with self._writing() as connection:
+        with self._database.writing() as connection:
             _mark_done(connection, progress)
             self._add(connection, OBSERVATIONS, [of_boot | _numbered(one) for one in progress.observations])
             self._add(connection, MODES, [of_boot | _numbered(one) for one in progress.modes])
@@ -50,24 +59,24 @@ class Results(Database):
     def baselines(self, vehicle: str) -> list[BaselineRow]:
         """Return the baselines of a vehicle, the present one last."""
         query = select(BASELINES).where(BASELINES.c.vehicle == vehicle).order_by(BASELINES.c.version)
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return [BaselineRow(**row) for row in connection.execute(query).mappings()]
 
     def snapshot(self, vehicle: str) -> Snapshot | None:
-        """Return the state from which the work on a vehicle goes on."""
-        with self._reading() as connection:
+        """Return the state from which the analysis of a vehicle continues."""
+        with self._database.reading() as connection:
             row = connection.execute(select(SNAPSHOTS).where(SNAPSHOTS.c.vehicle == vehicle)).mappings().first()
             return None if row is None else Snapshot(**row)
 
     def _add(self, connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
         """Store rows, those that are new."""
         if rows:
-            connection.execute(self._insert(table).on_conflict_do_nothing(), rows)
+            connection.execute(self._database.insert(table).on_conflict_do_nothing(), rows)
 
     def _put_snapshot(self, connection: Connection, progress: Progress, document: bytes) -> None:
-        """Store where to go on, unless the same boot has come further."""
+        """Store the state, unless that of the same boot is ahead."""
         values = {"boot": progress.boot, "seq": progress.done_seq, "document": document}
-        row = self._insert(SNAPSHOTS).values(vehicle=progress.vehicle, **values)
+        row = self._database.insert(SNAPSHOTS).values(vehicle=progress.vehicle, **values)
         is_behind = and_(SNAPSHOTS.c.boot == progress.boot, SNAPSHOTS.c.seq > progress.done_seq)
         connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=values, where=not_(is_behind)))
 
@@ -78,12 +87,12 @@ class Results(Database):
         query = select(*columns).where(table.c.vehicle == vehicle).order_by(*newest_first).limit(limit)
         if since is not None:
             query = query.where(table.c.t0 >= since)
-        with self._reading() as connection:
+        with self._database.reading() as connection:
             return [Entry(**row) for row in reversed(connection.execute(query).mappings().all())]
 
 
 def _mark_done(connection: Connection, progress: Progress) -> None:
-    """Move the cursor and delete the frames that are needed no more."""
+    """Advance the cursor and delete the frames that are no longer needed."""
     of_cursor = and_(CURSORS.c.vehicle == progress.vehicle, CURSORS.c.boot == progress.boot)
     of_frames = and_(FRAMES.c.vehicle == progress.vehicle, FRAMES.c.boot == progress.boot)
     query = select(func.coalesce(func.max(CURSORS.c.contiguous), -1)).where(of_cursor)
@@ -91,7 +100,7 @@ def _mark_done(connection: Connection, progress: Progress) -> None:
     if contiguous is None or progress.done_seq > contiguous:
         raise ParameterError(
             f"done_seq={progress.done_seq} of {progress.vehicle!r} {progress.boot} must be at most {contiguous}, "
-            f"up to where its frames are complete: work up what pending gives"
+            f"up to where its frames are complete: analyse what pending returns"
         )
     ahead = and_(of_cursor, CURSORS.c.done < progress.done_seq)
     connection.execute(update(CURSORS).where(ahead).values(done=progress.done_seq))

@@ -1,14 +1,12 @@
 """What goes into the store and comes out of it. Times are UTC nanoseconds."""
 
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from sprung.errors import ParameterError
 
 #: What JSON can hold, without NaN and infinities.
 Document: TypeAlias = dict[str, Any]
-#: Vehicle, boot, seq, t0 and payload.
-Frame: TypeAlias = tuple[str, int, int, int, bytes]
 #: Number of a window, its t0, its document.
 Numbered: TypeAlias = tuple[int, int, Document]
 
@@ -20,6 +18,31 @@ def check_count(name: str, value: int, *, at_least: int = 0) -> int:
     return value
 
 
+class StoredFrame(NamedTuple):
+    """A frame, or a report of a box that identifies on board, as it waits in the inbox.
+
+    Parameters
+    ----------
+    vehicle
+        Name of the vehicle.
+    boot, seq
+        Number of the box's start, and of the frame since then.
+    t0
+        Time of the first sample.
+    payload
+        Bytes as they came.
+    kind
+        "raw", "corr" or "modes".
+    """
+
+    vehicle: str
+    boot: int
+    seq: int
+    t0: int
+    payload: bytes
+    kind: str = "raw"
+
+
 @dataclass(frozen=True, slots=True)
 class Cursor:
     """How far the frames of one boot of a vehicle have come.
@@ -27,9 +50,9 @@ class Cursor:
     Parameters
     ----------
     contiguous
-        Up to here every frame arrived or was declared lost; -1 before the first.
+        Sequence number up to which every frame arrived or is lost; -1 before the first.
     done
-        Up to here they are worked up; -1 before the first.
+        Sequence number up to which they are analysed; -1 before the first.
     lost
         Number of frames declared lost.
     updated
@@ -78,7 +101,7 @@ class BaselineRow:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """State of the work on a vehicle after the frame `seq`, from which it goes on after a restart."""
+    """State of the analysis of a vehicle after the frame `seq`, from which it continues after a restart."""
 
     vehicle: str
     boot: int
@@ -88,16 +111,16 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """What the work on frames of one boot gave; stored as a whole or not at all.
+    """Results of the analysis of frames of one boot; stored as a whole or not at all.
 
     Parameters
     ----------
     vehicle, boot
-        Whose frames.
+        Vehicle and boot of the frames.
     done_seq
-        Up to here they are worked up.
+        Sequence number up to which they are analysed.
     delete_through_seq
-        Up to here they are needed no more, at most `done_seq`; -1 keeps all.
+        Sequence number up to which they are deleted, at most `done_seq`; -1 keeps all.
     observations, modes, findings
         Each with the number of its window, t0 and document. The findings of one window belong into one progress.
     baselines
@@ -128,13 +151,13 @@ class Progress:
         if self.delete_through_seq > self.done_seq:
             raise ParameterError(
                 f"delete_through_seq={self.delete_through_seq} is beyond done_seq={self.done_seq}: "
-                f"frames stay until they are worked up"
+                f"frames stay until they are analysed"
             )
 
 
 @dataclass(frozen=True, slots=True)
 class AlertRow:
-    """What a person is told about one cause on one vehicle; `id` and `updated` are given by the store."""
+    """Alert of one cause on one vehicle; `id` and `updated` are given by the store."""
 
     vehicle: str
     cause: str
@@ -154,7 +177,7 @@ class AlertRow:
 
 @dataclass(frozen=True, slots=True)
 class HistoryRow:
-    """What happened to an alert, by whom, and whom it was assigned to and until when it was shelved after that."""
+    """Event of an alert: what, by whom, and assignee and end of the shelf after it."""
 
     id: int
     alert: int
@@ -168,7 +191,7 @@ class HistoryRow:
 
 @dataclass(frozen=True, slots=True)
 class NotificationRow:
-    """What is to be told about an alert; `sent` is None until it was."""
+    """Notification about an alert; `sent` is None until it was delivered."""
 
     id: int
     alert: int
@@ -193,7 +216,7 @@ class AuditRow:
 
 @dataclass(frozen=True, slots=True)
 class CommandRow:
-    """What a person asks of the running monitor; `done` is None until it is."""
+    """Request of an operator to the running monitor; `done` is None until it is completed."""
 
     id: int
     created: int

@@ -11,7 +11,7 @@ from sqlalchemy.exc import ArgumentError
 
 from sprung.errors import ParameterError
 from sprung.storage.alerts import Alerts
-from sprung.storage.database import PATIENCE
+from sprung.storage.database import PATIENCE, Database
 from sprung.storage.inbox import Inbox
 from sprung.storage.requests import Requests
 from sprung.storage.results import Results
@@ -29,8 +29,33 @@ _DAMAGED = {
 }
 
 
-class Store(Inbox, Results, Alerts, Requests):
-    """Results and state of the monitor; each method is one transaction, from any thread. Made by `open_store`."""
+class Store:
+    """Results and state of the monitor; each method is one transaction, from any thread. Made by `open_store`.
+
+    Parameters
+    ----------
+    database
+        Open database with the present schema.
+
+    Attributes
+    ----------
+    inbox
+        Vehicles and their frames that wait for analysis.
+    results
+        Observations, modes, findings, baselines and snapshots.
+    alerts
+        Alerts with their history, and notifications.
+    requests
+        Commands for the monitor, and the audit trail.
+    notices
+        Sentences about what was found when the store was opened.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self.inbox, self.results = Inbox(database), Results(database)
+        self.alerts, self.requests = Alerts(database), Requests(database)
+        self.notices = database.notices
 
     def __enter__(self) -> Self:
         return self
@@ -38,16 +63,43 @@ class Store(Inbox, Results, Alerts, Requests):
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def folder(self) -> Path | None:
+        """Folder of the file of SQLite; None with a server."""
+        return None if self._database.path is None else self._database.path.parent
+
+    def size(self) -> int:
+        """Return the size of the store on disk [bytes]."""
+        return self._database.size()
+
+    def free(self) -> int | None:
+        """Return the free space on the disk of the store [bytes]; None with a server."""
+        return self._database.free()
+
+    def check(self) -> None:
+        """Write and roll back.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write, or its disk has less than 1 MiB left.
+        """
+        self._database.check()
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._database.close()
+
     def delete_older(self, before: int) -> int:
         """Delete observations and modes that begin before a time, notifications sent and commands done before it.
 
         Returns
         -------
         int
-            Number of rows deleted. A file of SQLite keeps its size and fills the room again.
+            Number of rows deleted. A file of SQLite keeps its size and reuses the space.
         """
         times = (OBSERVATIONS.c.t0, MODES.c.t0, NOTIFICATIONS.c.sent, COMMANDS.c.done)
-        with self._writing() as connection:
+        with self._database.writing() as connection:
             return sum(connection.execute(delete(time.table).where(time < before)).rowcount for time in times)
 
 
@@ -74,14 +126,14 @@ def open_store(url: str) -> Store:
 
     address = check_address(url)
     is_file = address.get_backend_name() == "sqlite"
-    store = Store(address, notices=_prepare(Path(address.database or "")) if is_file else ())
+    database = Database(address, notices=_prepare(Path(address.database or "")) if is_file else ())
     try:
-        with store._writing() as connection:
+        with database.writing() as connection:
             upgrade(connection)
     except BaseException:
-        store.close()
+        database.close()
         raise
-    return store
+    return Store(database)
 
 
 def check_address(url: str) -> URL:
@@ -89,7 +141,7 @@ def check_address(url: str) -> URL:
     try:
         address = make_url(url)
     except ArgumentError:
-        raise ParameterError(f"{url!r} is no address of a store: {_FORMS}") from None
+        raise ParameterError(f"{url!r} is not the address of a store: {_FORMS}") from None
     if address.drivername == "postgresql":
         address = address.set(drivername="postgresql+psycopg")
     hidden = address.render_as_string(hide_password=True)
@@ -114,16 +166,16 @@ def _prepare(path: Path) -> tuple[str, ...]:
         return () if damage is None else (_set_aside(path, damage),)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(
-            f"the store {path} cannot be opened: {error}: see whether its folder and disk can be written"
+            f"the store {path} cannot be opened: {error}: check that its folder and disk can be written"
         ) from error
 
 
 def _check_is_store(path: Path) -> None:
-    """Refuse a file that by name and content is something else: nobody's recording is set aside."""
+    """Refuse a file that is not a store by name and content: no recording may be set aside."""
     with path.open("rb") as file:
         begin = file.read(len(_SQLITE))
     if begin and begin != _SQLITE and path.suffix not in _ENDINGS:
-        raise ParameterError(f"{path} is no store but another file: give a new name, such as {path.stem}.sqlite")
+        raise ParameterError(f"{path} is not a store but another file: give a new name, such as {path.stem}.sqlite")
 
 
 def _damage(path: Path) -> str | None:

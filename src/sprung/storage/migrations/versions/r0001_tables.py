@@ -1,4 +1,4 @@
-"""The first tables."""
+"""The tables and indices of the first release."""
 
 from typing import Any
 
@@ -22,10 +22,19 @@ depends_on = None
 
 INTEGER = BigInteger().with_variant(Integer, "sqlite")
 DOCUMENT = Text()
+#: Name, table and columns: for reading in order of time, and for what is still to be done.
+INDICES = (
+    ("observations_in_time", "observations", ["vehicle", "t0"]),
+    ("modes_in_time", "modes", ["vehicle", "t0"]),
+    ("findings_in_time", "findings", ["vehicle", "t0"]),
+    ("alert_history_of_alert", "alert_history", ["alert"]),
+    ("notifications_sent", "notifications", ["sent"]),
+    ("commands_done", "commands", ["done"]),
+)
 
 
 def upgrade() -> None:
-    """Create the tables."""
+    """Create the tables and indices."""
     _create_inbox()
     _create_results()
     _create_alerts()
@@ -44,10 +53,12 @@ def upgrade() -> None:
         Column("detail", DOCUMENT),
         Column("done", INTEGER),
     )
+    for name, table, columns in INDICES:
+        op.create_index(name, table, columns)
 
 
 def downgrade() -> None:
-    """Drop the tables, those that refer to others first."""
+    """Drop the tables with their indices, those that refer to others first."""
     for name in ("commands", "audit", "notifications", "alert_history", "alerts", "snapshots", "baselines"):
         op.drop_table(name)
     for name in ("findings", "modes", "observations", "cursors", "frames", "vehicles"):
@@ -60,7 +71,7 @@ def _filled(kind: Any, *names: str) -> list[Column[object]]:
 
 
 def _create_inbox() -> None:
-    """Create what is known of vehicles and their frames."""
+    """Create the tables of vehicles and frames."""
     op.create_table(
         "vehicles",
         *_filled(Text(), "vehicle", "configuration", "description"),
@@ -72,6 +83,7 @@ def _create_inbox() -> None:
         "frames",
         *_filled(Text(), "vehicle"),
         *_filled(INTEGER, "boot", "seq", "t0"),
+        *_filled(Text(), "kind"),
         *_filled(LargeBinary(), "payload"),
         PrimaryKeyConstraint("vehicle", "boot", "seq"),
     )
@@ -84,7 +96,7 @@ def _create_inbox() -> None:
 
 
 def _create_results() -> None:
-    """Create what the work on frames gives."""
+    """Create the tables of results."""
     for name, more in (("observations", ()), ("modes", ()), ("findings", ("place",))):
         op.create_table(
             name,
@@ -111,7 +123,7 @@ def _create_results() -> None:
 
 
 def _create_alerts() -> None:
-    """Create what people are told."""
+    """Create the tables of alerts and notifications."""
     op.create_table(
         "alerts",
         Column("id", INTEGER, primary_key=True, autoincrement=True),
@@ -133,6 +145,8 @@ def _create_alerts() -> None:
         Column("alert", INTEGER, ForeignKey("alerts.id"), nullable=False),
         *_filled(INTEGER, "time"),
         *_filled(Text(), "what", "who", "comment"),
+        Column("assignee", Text()),
+        Column("shelved_until", INTEGER),
     )
     op.create_table(
         "notifications",

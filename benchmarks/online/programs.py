@@ -1,4 +1,4 @@
-"""Real programs to measure: a broker, a monitor, and vehicles whose frames are prepared beforehand."""
+"""Real processes to measure: a broker, a monitor, and vehicles with prepared frames."""
 
 import getpass
 import json
@@ -27,6 +27,8 @@ max_queued_messages 30000
 max_queued_bytes 268435456
 user {user}
 """
+#: Seconds of an hour, and frames of a window, one a second.
+HOUR, WINDOW = 3600, 600
 _TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -91,13 +93,13 @@ def until(condition: Callable[[], Any], *, patience: float, every: float = 0.02)
     end = time.monotonic() + patience
     while not (value := condition()):
         if time.monotonic() > end:
-            raise SystemExit(f"nothing came of it within {patience:g} s")
+            raise SystemExit(f"the condition did not hold within {patience:g} s")
         time.sleep(every)
     return value
 
 
 def free_port() -> int:
-    """Return a port at which nobody listens."""
+    """Return a free port."""
     with socket.socket() as trial:
         trial.bind(("127.0.0.1", 0))
         return int(trial.getsockname()[1])
@@ -166,12 +168,12 @@ class Monitor(Program):
 
     @property
     def workers(self) -> list[int]:
-        """Their process numbers."""
+        """Process numbers of its workers."""
         children = map(int, Path(f"/proc/{self.pid}/task/{self.pid}/children").read_text().split())
         return [pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
     def figures(self) -> dict[str, float]:
-        """Return what it says at /metrics; nothing before it answers."""
+        """Return the figures of /metrics; none before it answers."""
         try:
             with urllib.request.urlopen(self._metrics, timeout=10) as answer:
                 lines = answer.read().decode().splitlines()
@@ -200,10 +202,11 @@ class Course:
 
     def payload(self, vehicle: str, boot: int, seq: int) -> bytes:
         """Return the frame of a second as that of a vehicle."""
-        from sprung.link import message
+        from sprung.link import Key, message
 
         start = self.begin + seq * 10**9
-        return message({**self.documents[seq % len(self.documents)], 1: vehicle, 2: boot, 3: seq, 4: start})
+        own = {Key.VEHICLE: vehicle, Key.BOOT: boot, Key.SEQ: seq, Key.START: start}
+        return message({**self.documents[seq % len(self.documents)], **own})
 
 
 def course(n_drives: int = 1) -> Course:
@@ -248,7 +251,7 @@ class Vehicle:
 
     @property
     def seconds(self) -> int:
-        """That it drove."""
+        """Seconds that it drove."""
         return self._spool.next_seq
 
     @property
@@ -260,3 +263,18 @@ class Vehicle:
         """Keep more frames in the spool."""
         for _ in range(seconds):
             self._spool.append(lambda boot, seq: self._course.payload(self.name, boot, seq))
+
+
+def publisher(broker: str, **given: object) -> object:
+    """Return a link that is connected."""
+    from sprung.link import Address, Link
+
+    link = Link(Address.parse(broker), "publisher", **{"topics": [], "on_message": lambda *_: None, **given})
+    link.open(timeout=10.0)
+    return link
+
+
+def is_analysed(car: Vehicle, monitor: Monitor, most: int = 0) -> bool:
+    """Let the box of a vehicle step; tell whether everything it sent is analysed, except `most` frames."""
+    car.box.step()
+    return car.has_sent and monitor.figures()["sprung_backlog_frames"] <= most

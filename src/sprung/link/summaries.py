@@ -1,4 +1,4 @@
-"""Correlations instead of samples on the wire: what a box that identifies on board sends."""
+"""Correlations as plain values: what a box that identifies on board sends instead of samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -34,7 +34,7 @@ def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
     Notes
     -----
     Where a message would not hold all blocks, neighbours are averaged. The average stays; standard deviations change a
-    little, and with them which of a mode's poles stands for it.
+    little, and with them the choice among the poles of a mode.
     """
     plan, lifter = summary.plan, summary.settings.lifter
     settings = asdict(summary.settings) | {"harmonics": None, "lifter": None if lifter is None else _named(lifter)}
@@ -62,7 +62,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
     Raises
     ------
     FormatError
-        Where it is none.
+        Where it is incomplete or invalid.
     """
     try:
         stated = dict(document["plan"])
@@ -105,7 +105,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
             harmonics=tuple(map(harmonic_from_dict, document["harmonics"])),
         )
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, ParameterError) as error:
-        raise FormatError(f"correlations that lack or garble {error}") from None
+        raise FormatError(f"incomplete or invalid correlations: {error}") from None
 
 
 def _packed(correlations: Correlations, n_blocks: int) -> dict[str, Any]:
@@ -161,3 +161,8 @@ def _pair(values: Sequence[Any]) -> tuple[float, float]:
 def _tuple(values: Sequence[Any] | None) -> Any:
     """Return a tuple; None stays."""
     return None if values is None else tuple(values)
+
+
+def _number(value: float) -> float | None:
+    """Return a finite number; None for any other."""
+    return float(value) if np.isfinite(value) else None

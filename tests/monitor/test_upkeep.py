@@ -14,8 +14,7 @@ ANSWER = {"boot": 1, "last": 4, "frames": 5, "from": BEGUN - 600 * SECOND, "to":
 
 def look(one):
     """Let the monitor see to what is due, whatever its clock says."""
-    one.station._next_look = 0.0
-    one.work()
+    one.look()
 
 
 def wishes(one):
@@ -36,7 +35,7 @@ def answer(one, number, vehicle="car-1", **changes):
 
 
 def is_open(one, number):
-    return number in [row.id for row in one.store.open_commands()]
+    return number in [row.id for row in one.store.requests.open_commands()]
 
 
 @pytest.fixture
@@ -45,7 +44,7 @@ def asking(bench, tmp_path):
     one = bench(tmp_path)
     one.describe()
     one.work()
-    return one, one.store.add_command("anna", "car-1", "raw", TIMES, now=BEGUN)
+    return one, one.store.requests.add_command("anna", "car-1", "raw", TIMES, now=BEGUN)
 
 
 def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking):
@@ -78,7 +77,7 @@ def test_a_request_is_not_repeated_more_often_than_every_ten_seconds(asking):
 def test_a_request_is_not_lost_while_the_broker_is_away(asking, monkeypatch):
     one, number = asking
     with monkeypatch.context() as away:
-        away.setattr(one.station._upkeep, "_publish", lambda *_: False)
+        away.setattr(one.link, "publish", lambda *_: False)
         look(one)
     look(one)
     assert [wish["number"] for wish in wishes(one)] == [number]
@@ -103,21 +102,21 @@ def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, d
     one.send(frames[4:])
     look(one)
     assert not is_open(one, number)
-    assert one.store.command(number).detail == {"asked": TIMES, **ANSWER}
+    assert one.store.requests.command(number).detail == {"asked": TIMES, **ANSWER}
     wishes(one)
     answer(one, number)  # a box says it again where it was asked twice
     look(one)
     assert wishes(one) == []
-    assert one.store.command(number).detail == {"asked": TIMES, **ANSWER}
+    assert one.store.requests.command(number).detail == {"asked": TIMES, **ANSWER}
 
 
 def test_an_answer_without_samples_ends_a_request(asking):
     one, number = asking
-    answer(one, number, last=-1, frames=0, reason="its box holds none of that time")
+    answer(one, number, last=-1, frames=0, reason="the box holds no samples of that time")
     look(one)
-    row = one.store.command(number)
+    row = one.store.requests.command(number)
     assert row.done == one.now
-    assert row.detail["reason"] == "its box holds none of that time"
+    assert row.detail["reason"] == "the box holds no samples of that time"
 
 
 def test_another_vehicle_cannot_answer(asking):
@@ -142,7 +141,7 @@ def test_answers_are_bounded(asking):
         one.link.on_message(topic("car-2", "event"), message({"did": "raw", "number": k, **ANSWER}))
     one.link.on_message(topic("car-2", "event"), message({"did": "something new"}))
     one.work()
-    assert len(one.station._intake.answers) == 1000
+    assert len(one.station._intake._answers) == 1000
     assert is_open(one, number)
 
 
@@ -159,13 +158,13 @@ def log(caplog, monkeypatch):
 
 def test_a_broker_that_is_away_is_in_the_log_at_once_and_every_ten_minutes(bench, log):
     one = bench()
-    sentence = "the broker mqtt://broker:1883 cannot be reached: nobody listens there: see whether it runs"
+    sentence = "the broker mqtt://broker:1883 cannot be reached: connection refused: check that it runs"
 
     def said(minutes):
         before = len(log())
         for _ in range(60 * minutes):
             one.now += SECOND
-            one.station._outage.look()
+            one.station._upkeep._outage.step()
         return log()[before:]
 
     one.link.is_connected, one.link.problem = False, ""
@@ -178,5 +177,5 @@ def test_a_broker_that_is_away_is_in_the_log_at_once_and_every_ten_minutes(bench
     assert said(9) == []
     assert said(11) == [("WARNING", sentence)] * 2
     one.link.is_connected, one.link.problem = True, ""
-    assert said(30) == [("INFO", "the broker has let the monitor in")]
+    assert said(30) == [("INFO", "connected to broker")]
     assert one.station.troubles() == []

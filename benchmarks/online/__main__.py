@@ -1,0 +1,61 @@
+"""The monitor of a fleet: CPU and memory of a vehicle, latency, catch-up, a soak, the box, and delivery.
+
+Run as `python benchmarks/online WHAT..`.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from measuring import ONE_THREAD, print_circumstances
+
+os.environ.update(ONE_THREAD)
+
+from cpu_time import measure_cpu
+from delivery import measure_box, measure_delivery
+from memory_use import measure_memory, memory_of
+from response import measure_catch_up, measure_latency
+from soak import measure_soak
+
+MEASUREMENTS = {
+    "cpu": measure_cpu,
+    "memory": measure_memory,
+    "latency": measure_latency,
+    "catch-up": measure_catch_up,
+    "soak": measure_soak,
+    "box": measure_box,
+    "delivery": measure_delivery,
+}
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("what", nargs="*", metavar="WHAT", help=f"of {', '.join(MEASUREMENTS)}; without: all")
+    arguments.add_argument("--windows", type=int, default=9, help="of the CPU and the latency")
+    arguments.add_argument(
+        "--live", type=int, nargs="+", default=[500, 2000], help="vehicles of the station's overhead"
+    )
+    arguments.add_argument("--soak-minutes", type=float, default=2.0)
+    arguments.add_argument("--soak-vehicles", type=int, default=2)
+    arguments.add_argument("--workers", type=int, default=2, help="of the soak")
+    arguments.add_argument("--memory-of", nargs=3, help=argparse.SUPPRESS)
+    given = arguments.parse_args()
+    if given.memory_of:
+        n_vehicles, seconds, file = given.memory_of
+        print(memory_of(int(n_vehicles), int(seconds), Path(file)))
+        return
+    unknown = sorted(set(given.what) - MEASUREMENTS.keys())
+    if unknown:
+        arguments.error(f"{unknown[0]} is none of {', '.join(MEASUREMENTS)}")
+    print_circumstances(peers=())
+    for name in given.what or MEASUREMENTS:
+        with tempfile.TemporaryDirectory() as folder:
+            MEASUREMENTS[name](given, Path(folder))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""The store of a monitor, as several commands take it; and times in it."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sprung.errors import ParameterError
+
+if TYPE_CHECKING:
+    from sprung.storage import Store
+
+StoreUrl = Annotated[
+    str, typer.Option("--store", metavar="URL", help="Store: sqlite:///FILE or postgresql://USER@HOST/NAME.")
+]
+Who = Annotated[
+    str | None, typer.Option("--who", metavar="NAME", help="Name of the operator.", show_default="the user")
+]
+DEFAULT_STORE = "sqlite:///sprung-data/sprung.sqlite"
+
+
+def existing_store(url: str) -> "Store":
+    """Open a store that exists."""
+    from sprung.storage import open_store
+
+    if url.startswith("sqlite:///") and not Path(url.removeprefix("sqlite:///")).exists():
+        raise ParameterError(f"no store at {url}: pass the monitor's store with --store")
+    return open_store(url)
+
+
+def shown_time(time: int) -> str:
+    """Return a time (UTC ns) to the minute."""
+    return f"{datetime.fromtimestamp(time / 1e9, tz=UTC):%Y-%m-%d %H:%M}"
+
+
+def check_options_follow(context: typer.Context) -> None:
+    """Refuse options in front of a sub-command: they would have no effect."""
+    for parameter in context.command.params:
+        source = context.get_parameter_source(parameter.name or "")
+        if context.invoked_subcommand is not None and source is not None and source.name == "COMMANDLINE":
+            option, command = parameter.opts[0], f"{context.command_path} {context.invoked_subcommand}"
+            raise ParameterError(f"{option} must follow the sub-command: write {command} .. {option} ..")

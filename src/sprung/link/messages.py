@@ -1,0 +1,223 @@
+"""Messages: one CBOR map with named keys, followed by 4 bytes CRC-32 of it."""
+
+import io
+import re
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from sprung._checks import required
+from sprung.errors import FormatError, ParameterError
+
+VERSION = 1
+#: Names of vehicles, which are parts of topics and of paths.
+VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
+#: Largest message [bytes], and most entries of a list in it.
+LARGEST, MOST_CHANNELS = 1 << 20, 256
+
+
+class Key(IntEnum):
+    """Numbered keys of the maps on the wire."""
+
+    VERSION = 0
+    VEHICLE = 1
+    BOOT = 2
+    SEQ = 3
+    START = 4
+    INTERVAL = 5
+    TIME_STATUS = 6
+    N_SAMPLES = 7
+    CHANNELS = 8
+    SCALE = 9
+    FLAGS = 10
+    DATA = 11
+    CODEC = 12
+    MONOTONIC = 13
+    CONFIGURATION = 14
+    PREVIOUS = 15
+    KIND = 16
+
+
+class VersionError(FormatError):
+    """A frame of another version of the format."""
+
+
+class _Untagged(dict[int, Any]):
+    """Refuses all tags of CBOR: decoding a decimal of a megabyte, a date or a pattern is work that no message needs."""
+
+    def __missing__(self, tag: int) -> None:
+        raise FormatError(f"unexpected CBOR tag {tag}: send plain numbers, texts, bytes, lists and maps")
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """Place of a frame or report in the sequence of its box, and the time that it covers.
+
+    Parameters
+    ----------
+    boot, seq
+        Number of the box's start, and of the message since then, from 0.
+    start
+        Time of the first sample, UTC ns.
+    interval
+        Time between samples [ns].
+    n_samples
+        Number of samples of each channel.
+    kind
+        "raw", "corr" or "modes".
+    previous
+        Number of the boot before and of its messages, which this boot continues; None where unknown.
+    """
+
+    boot: int
+    seq: int
+    start: int
+    interval: int = 0
+    n_samples: int = 0
+    kind: str = "raw"
+    previous: tuple[int, int] | None = None
+
+    @classmethod
+    def of(cls, document: Mapping[Any, Any]) -> "Header":
+        """Return the header of a message.
+
+        Raises
+        ------
+        FormatError
+            Where boot, sequence number or time is missing or out of range.
+        """
+        return cls(
+            boot=count(document, Key.BOOT),
+            seq=count(document, Key.SEQ),
+            start=count(document, Key.START),
+            interval=count(document, Key.INTERVAL, 0),
+            n_samples=count(document, Key.N_SAMPLES, 0),
+            kind=text(document.get(Key.KIND, "raw")),
+            previous=previous_boot(document.get(Key.PREVIOUS)),
+        )
+
+    @property
+    def end(self) -> int:
+        """Time after the last sample, UTC ns."""
+        return self.start + self.interval * self.n_samples
+
+
+def check_vehicle(vehicle: str) -> str:
+    """Return the name of a vehicle.
+
+    Raises
+    ------
+    ParameterError
+        Where it cannot be part of a topic.
+    """
+    if not VEHICLE.fullmatch(vehicle):
+        raise ParameterError(
+            f"vehicle {vehicle!r} is not a valid name: use up to 64 letters, digits, '_', '-' and '.', such as 'bus-17'"
+        )
+    return vehicle
+
+
+def checked_map(payload: bytes) -> dict[Any, Any]:
+    """Return the CBOR map in front of its CRC-32.
+
+    Raises
+    ------
+    FormatError
+        Where the bytes are not a message.
+    """
+    cbor = required("cbor2", purpose="frames", extra="online")
+    if not 8 <= len(payload) <= LARGEST:
+        raise FormatError(f"a message of {len(payload)} bytes: it must have between 8 and {LARGEST}")
+    body, check = payload[:-4], payload[-4:]
+    if zlib.crc32(body).to_bytes(4, "little") != check:
+        raise FormatError("the checksum does not match: the message was damaged on its way")
+    stream = io.BytesIO(body)
+    try:
+        decoder = cbor.CBORDecoder(
+            stream, max_depth=8, allow_indefinite=False, allow_duplicate_keys=False, semantic_decoders=_Untagged()
+        )
+        document = decoder.decode()
+    except (cbor.CBORError, ValueError, TypeError, OverflowError, RecursionError, MemoryError) as error:
+        raise FormatError(f"the message is not a CBOR map: {error.__cause__ or error}") from None
+    if not isinstance(document, dict) or stream.tell() != len(body):
+        raise FormatError("the message is not a single CBOR map")
+    return document
+
+
+def message(document: Mapping[Any, Any]) -> bytes:
+    """Return a map as bytes with its CRC-32; the opposite of `checked_map`."""
+    cbor = required("cbor2", purpose="frames", extra="online")
+    body: bytes = cbor.dumps(document)
+    return body + zlib.crc32(body).to_bytes(4, "little")
+
+
+def count(document: Mapping[Any, Any], key: int | str, default: int | None = None) -> int:
+    """Return a whole number from 0 to 2^63 - 1 of a message.
+
+    Raises
+    ------
+    FormatError
+        Where it is missing, without a default, or something else.
+    """
+    value = integer(document.get(key, default))
+    if value < 0:
+        name = key.name.lower() if isinstance(key, Key) else key
+        raise FormatError(f"{name}={value} must be at least 0")
+    return value
+
+
+def integer(value: Any) -> int:
+    """Return a 64-bit integer.
+
+    Raises
+    ------
+    FormatError
+        Where it is something else.
+    """
+    if not isinstance(value, int) or isinstance(value, bool) or abs(value) >= 2**63:
+        raise FormatError(f"{str(value)[:40]!r} found where an integer is expected")
+    return value
+
+
+def text(value: Any) -> str:
+    """Return a short text.
+
+    Raises
+    ------
+    FormatError
+        Where it is something else.
+    """
+    if not isinstance(value, str) or len(value) > 256 or "\0" in value:
+        raise FormatError(f"{str(value)[:40]!r} found where a short text is expected")
+    return value
+
+
+def items(value: Any) -> list[Any]:
+    """Return a list with at most one entry for each channel.
+
+    Raises
+    ------
+    FormatError
+        Where it is something else.
+    """
+    if not isinstance(value, list) or len(value) > MOST_CHANNELS:
+        raise FormatError(f"{str(value)[:40]!r} found where a list is expected")
+    return value
+
+
+def previous_boot(value: Any) -> tuple[int, int] | None:
+    """Return number and count of messages of the boot before; None where there was none.
+
+    Raises
+    ------
+    FormatError
+        Where it is something else.
+    """
+    if value is None:
+        return None
+    numbers = [integer(number) for number in items(value)]
+    if len(numbers) != 2 or min(numbers) < 0:
+        raise FormatError(f"{str(value)[:40]!r} found where boot and count of messages before are expected")
+    return numbers[0], numbers[1]

@@ -1,0 +1,129 @@
+"""From windows of vehicles, and trouble with monitoring them, to alerts in the store."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, replace
+
+from sprung.alerting import (
+    Alert,
+    AlertSettings,
+    Report,
+    Transition,
+    absent,
+    assess,
+    is_of_suspension,
+    message_of,
+    reported,
+    shelf_ended,
+)
+from sprung.diagnosis import Diagnosis, SensorFault
+from sprung.monitor.engine import Observed
+from sprung.storage import AlertRow, Store
+
+#: Severity of a sensor that fails, of a silent vehicle, and of trouble with the monitor itself.
+_SENSOR, _SILENT, _MONITOR = 400, 300, 800
+_INNER = ("streak", "worst", "notified", "evidence")
+
+
+class AlertBook:
+    """Keeps the alerts of all vehicles in the store.
+
+    Parameters
+    ----------
+    store
+        Store of the alerts.
+    settings
+        Hold-off, hysteresis and reminders.
+    """
+
+    def __init__(self, store: Store, settings: AlertSettings) -> None:
+        self._store, self._settings = store, settings
+
+    def take_window(self, vehicle: str, event: Observed, *, now: int) -> None:
+        """Raise, update and clear the alerts that a window gives rise to."""
+        sensors = event.observation.sensor_faults
+        reports = [_of_sensor(vehicle, fault) for fault in _first_of_each_channel(sensors)]
+        if event.diagnosis is not None:
+            reports += _of_diagnosis(vehicle, event.diagnosis)
+        is_sound = event.observation.is_conclusive and not sensors
+        transitions = assess(
+            self._known(vehicle),
+            reports,
+            looked_for=lambda cause: (
+                cause.startswith("sensor:") or (is_of_suspension(cause) and event.diagnosis is not None)
+            ),
+            is_inhibited=not is_sound,
+            settings=self._settings,
+            now=now,
+        )
+        for transition in transitions:
+            self.put(transition, now=now)
+
+    def report(self, vehicle: str, cause: str, text: str, *, now: int) -> None:
+        """Raise an alert about monitoring itself at once: cause "silent", or one that begins with "monitor"."""
+        severity = _SILENT if cause == "silent" else _MONITOR
+        known = self._known(vehicle).get(cause)
+        if known is not None and known.is_active and known.text == text:
+            return
+        self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
+
+    def clear(self, vehicle: str, cause: str, *, now: int) -> None:
+        """Clear an alert about monitoring itself at once, if it is active."""
+        known = self._known(vehicle).get(cause)
+        if known is not None and known.is_active:
+            self.put(absent(known, self._at_once, now), now=now)
+
+    def end_shelves(self, *, now: int) -> None:
+        """End the shelves whose time has come."""
+        for row in self._store.alerts.find():
+            if row.shelved_until is not None and row.shelved_until <= now:
+                self.put(shelf_ended(alert_of(row), now), now=now)
+
+    def put(self, transition: Transition, *, now: int) -> None:
+        """Store what became of an alert, and the notification about it, if there is one."""
+        if transition.what == "none":
+            return
+        notify = asdict(message_of(transition.alert, transition)) if transition.is_notified else None
+        history = (transition.what, transition.who, transition.comment)
+        self._store.alerts.put(row_of(transition.alert), history=history, notify=notify, now=now)
+
+    @property
+    def _at_once(self) -> AlertSettings:
+        """Settings without hold-off and hysteresis."""
+        return replace(self._settings, raise_after=1, clear_after=1)
+
+    def _known(self, vehicle: str) -> dict[str, Alert]:
+        """Return the alerts of a vehicle by cause."""
+        return {row.cause: alert_of(row) for row in self._store.alerts.find(vehicle=vehicle)}
+
+
+def alert_of(row: AlertRow) -> Alert:
+    """Return the alert of a row."""
+    fields = {name: value for name, value in asdict(row).items() if name not in {"id", "document"}}
+    return Alert(**fields, **row.document)
+
+
+def row_of(alert: Alert) -> AlertRow:
+    """Return the row of an alert."""
+    fields = asdict(alert)
+    inner = {name: fields.pop(name) for name in _INNER}
+    return AlertRow(**fields, document=json.loads(json.dumps(inner, default=str)))
+
+
+def _first_of_each_channel(faults: Iterable[SensorFault]) -> list[SensorFault]:
+    """Return the first fault of each channel."""
+    return list({fault.channel: fault for fault in reversed(list(faults))}.values())
+
+
+def _of_sensor(vehicle: str, fault: SensorFault) -> Report:
+    """Return the report of a sensor fault."""
+    text = f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}"
+    return Report(vehicle, f"sensor:{fault.channel}", _SENSOR, text, {"kind": fault.kind})
+
+
+def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
+    """Return the reports of the findings of a diagnosis."""
+    return [
+        Report(vehicle, f"{finding.corner}.{finding.component}", finding.severity_number, finding.sentence, evidence)
+        for finding, evidence in zip(diagnosis.findings, diagnosis.to_dict()["findings"], strict=True)
+    ]

@@ -1,0 +1,226 @@
+"""What operators see and do: alerts, vehicles, requests to the running monitor. For the command line and for HTTP.
+
+Everything goes through the store, so that it works whether or not a monitor runs; every act is in the audit trail.
+Times are UTC ns.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import partial
+from typing import Any
+
+from sprung._checks import check_number
+from sprung.alerting import (
+    AlertSettings,
+    Transition,
+    acknowledged,
+    assigned,
+    commented,
+    health_index,
+    shelved,
+    state_name,
+    unshelved,
+)
+from sprung.errors import ParameterError
+from sprung.monitor.alert_book import AlertBook, alert_of
+from sprung.storage import AlertRow, Store
+
+
+def alerts_document(store: Store, *, vehicle: str | None = None, is_complete: bool = False) -> dict[str, Any]:
+    """Return alerts as `sprung.alerts/1`, the most severe first.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    vehicle
+        Name of a vehicle; None: alerts of all vehicles.
+    is_complete
+        Whether alerts that are normal again are included.
+    """
+    alerts = []
+    for row in store.alerts.find(vehicle=vehicle):
+        state = state_name(alert_of(row))
+        if row.count and (is_complete or state != "normal"):
+            alerts.append(_entry(row, state))
+    return {"schema": "sprung.alerts/1", "alerts": alerts}
+
+
+def history_document(store: Store, number: int) -> dict[str, Any]:
+    """Return what happened to an alert as `sprung.alert-history/1`, the oldest first.
+
+    Raises
+    ------
+    ParameterError
+        Where there is no alert of that number.
+    """
+    _alert_row(store, number)
+    rows = [asdict(row) for row in store.alerts.history(number)]
+    history = [{name: value for name, value in row.items() if name not in {"id", "alert"}} for row in rows]
+    return {"schema": "sprung.alert-history/1", "number": number, "history": history}
+
+
+def acknowledge(store: Store, number: int, *, who: str, comment: str = "", now: int) -> None:
+    """Acknowledge an alert.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    number
+        Alert number.
+    who
+        Name of the operator.
+    comment
+        Comment for the history.
+    now
+        Present time.
+
+    Raises
+    ------
+    ParameterError
+        Where there is no alert of that number, or nothing to acknowledge.
+    """
+    _act(store, number, "ack", acknowledged, who=who, comment=comment, now=now)
+
+
+def shelve(store: Store, number: int, *, hours: float, who: str, comment: str = "", now: int) -> None:
+    """Send no notifications of an alert for some hours; other parameters as for `acknowledge`.
+
+    Raises
+    ------
+    ParameterError
+        Where there is no alert of that number, or the time is not above 0.
+    """
+    until = now + round(3600e9 * check_number("hours", hours, above=0))
+    _act(store, number, "shelve", partial(shelved, until=until), who=who, comment=comment, now=now)
+
+
+def unshelve(store: Store, number: int, *, who: str, comment: str = "", now: int) -> None:
+    """End the shelf of an alert; parameters as for `acknowledge`.
+
+    Raises
+    ------
+    ParameterError
+        Where there is no alert of that number, or it is not shelved.
+    """
+    _act(store, number, "unshelve", unshelved, who=who, comment=comment, now=now)
+
+
+def assign(store: Store, number: int, *, assignee: str | None, who: str, comment: str = "", now: int) -> None:
+    """Assign an alert to somebody, or to nobody (None); other parameters as for `acknowledge`.
+
+    Raises
+    ------
+    ParameterError
+        Where there is no alert of that number, or it is assigned so already.
+    """
+    _act(store, number, "assign", partial(assigned, assignee=assignee), who=who, comment=comment, now=now)
+
+
+def add_comment(store: Store, number: int, *, who: str, comment: str, now: int) -> None:
+    """Add a comment to the history of an alert; parameters as for `acknowledge`.
+
+    Raises
+    ------
+    ParameterError
+        Where there is no alert of that number, or the comment is empty.
+    """
+    _act(store, number, "comment", commented, who=who, comment=comment, now=now)
+
+
+def relearn(store: Store, vehicle: str, *, reason: str, who: str, now: int) -> int:
+    """Ask the monitor to learn a new baseline of a vehicle, such as after maintenance; return the request's number.
+
+    Raises
+    ------
+    ParameterError
+        Where the vehicle is unknown, or the reason is empty.
+    """
+    if not reason.strip():
+        raise ParameterError(f"a new baseline of {vehicle} needs a reason: give --reason TEXT, such as 'new dampers'")
+    _check_known(store, vehicle)
+    return store.requests.add_command(who, vehicle, "learn", reason.strip(), now=now)
+
+
+def request_samples(store: Store, vehicle: str, *, minutes: float, who: str, now: int) -> int:
+    """Ask the box of a vehicle for its samples of the last minutes; return the request's number.
+
+    Raises
+    ------
+    ParameterError
+        Where the vehicle is unknown, or the time is not above 0.
+    """
+    check_number("minutes", minutes, above=0)
+    _check_known(store, vehicle)
+    return store.requests.add_command(who, vehicle, "raw", {"from": now - round(60e9 * minutes), "to": now}, now=now)
+
+
+def vehicles_document(store: Store) -> dict[str, Any]:
+    """Return summaries of all vehicles as `sprung.vehicles/1`, by name."""
+    vehicles = [vehicle_summary(store, row.vehicle, row.last_seen) for row in store.inbox.vehicles()]
+    return {"schema": "sprung.vehicles/1", "vehicles": vehicles}
+
+
+def vehicle_summary(store: Store, vehicle: str, last_seen: int) -> dict[str, Any]:
+    """Return windows, baseline, health index, modes and state of a vehicle, as in `sprung.vehicles/1`."""
+    observations = store.results.observations(vehicle)
+    baselines = store.results.baselines(vehicle)
+    active = [alert_of(row) for row in store.alerts.find(vehicle=vehicle, is_active=True)]
+    reports = [entry.document for entry in store.results.modes(vehicle) if entry.document.get("is_on_board")]
+    last = observations[-1].document if observations else None
+    modes = last["modes"] if last else reports[-1]["modes"] if reports else None
+    state = "; ".join(alert.text for alert in active)
+    if not state and reports and not observations:
+        state = f"identifies on board: {len(reports)} windows of modes"
+    if not state:
+        state = "learning" if not baselines else (last["reason"] if last and last["reason"] else "no alert")
+    return {
+        "vehicle": vehicle,
+        "windows": len(observations),
+        "baseline": baselines[-1].version if baselines else None,
+        "health_index": health_index(active),
+        "last_seen": last_seen,
+        "modes": modes,
+        "state": state,
+    }
+
+
+def _entry(row: AlertRow, state: str) -> dict[str, Any]:
+    """Return an alert as in `sprung.alerts/1`."""
+    return {
+        "number": row.id,
+        "vehicle": row.vehicle,
+        "cause": row.cause,
+        "severity": row.severity,
+        "state": state,
+        "raised": row.raised,
+        "count": row.count,
+        "assignee": row.assignee,
+        "shelved_until": row.shelved_until,
+        "text": row.text,
+    }
+
+
+def _act(
+    store: Store, number: int, name: str, act: Callable[..., Transition], *, who: str, comment: str, now: int
+) -> None:
+    """Apply an act to an alert, and record it in the audit trail."""
+    row = _alert_row(store, number)
+    transition = act(alert_of(row), who=who, now=now, comment=comment)
+    AlertBook(store, AlertSettings()).put(transition, now=now)
+    store.requests.audit(who, name, f"{row.vehicle} {row.cause}", comment or None, now=now)
+
+
+def _alert_row(store: Store, number: int) -> AlertRow:
+    """Return the row of an alert."""
+    row = next((row for row in store.alerts.find() if row.id == number), None)
+    if row is None:
+        raise ParameterError(f"unknown alert {number}: sprung alerts list --all shows all alerts")
+    return row
+
+
+def _check_known(store: Store, vehicle: str) -> None:
+    """Refuse a vehicle that the store does not have."""
+    if store.inbox.vehicle(vehicle) is None:
+        raise ParameterError(f"unknown vehicle {vehicle!r}: sprung vehicles shows the known ones")

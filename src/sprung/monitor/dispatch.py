@@ -1,0 +1,217 @@
+"""Frames to workers, vehicle by vehicle in turn, and what becomes of the jobs."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+from sprung.monitor.engine import MonitorSettings
+from sprung.monitor.ledger import Ledger
+from sprung.monitor.streams import Stream
+from sprung.monitor.workers import Opening, Outcome, VehicleStatus, Workers
+from sprung.storage import CommandRow, Cursor, Store, StoredFrame, StoreError
+
+LOG = logging.getLogger("sprung.monitor")
+
+#: Most frames of one job.
+_JOB = 300
+#: Failures after which the frames of a job are excluded.
+_STRIKES = 2
+
+
+class Dispatch:
+    """Gives the frames of each vehicle to workers, in order, and stores what comes back.
+
+    Parameters
+    ----------
+    store
+        Store of frames, descriptions and states.
+    workers
+        Processes that analyse.
+    ledger
+        Stores results.
+    settings
+        How vehicles are monitored that begin.
+
+    Notes
+    -----
+    A vehicle has at most one job. One whose job fails is opened again from what is stored; where that fails twice in
+    a row the frames are excluded.
+    """
+
+    def __init__(self, store: Store, workers: Workers, ledger: Ledger, settings: MonitorSettings) -> None:
+        self._store, self._workers, self._ledger, self._settings = store, workers, ledger, settings
+        self._streams: dict[str, Stream] = {}
+        self._jobs: dict[str, Sequence[StoredFrame]] = {}
+        self._learning: dict[str, CommandRow] = {}
+        self._strikes: dict[str, int] = {}
+        self._statuses: dict[str, VehicleStatus] = {}
+        self._n_failures = 0
+
+    @property
+    def statuses(self) -> Mapping[str, VehicleStatus]:
+        """Status of each vehicle after its last job."""
+        return self._statuses
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no job is under way."""
+        return not self._jobs
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Figures of `sprung.monitor.serving.FIGURES` about vehicles, jobs and their results."""
+        return {
+            **self._ledger.figures,
+            "sprung_vehicles": len(self._streams),
+            "sprung_backlog_frames": sum(stream.backlog for stream in list(self._streams.values())),
+            "sprung_failures_total": self._n_failures,
+        }
+
+    def open(self) -> None:
+        """Continue from what the store has."""
+        for (vehicle, boot), cursor in self._store.inbox.cursors().items():
+            self.add(vehicle, boot, cursor.contiguous)
+            stream = self._streams[vehicle]
+            stream.dispatched[boot] = cursor.done
+
+    def close(self) -> None:
+        """Stop the workers."""
+        self._workers.close()
+
+    def add(self, vehicle: str, boot: int, contiguous: int) -> None:
+        """Record that the frames of a boot arrived up to a sequence number."""
+        self._streams.setdefault(vehicle, Stream()).arrived(boot, contiguous)
+
+    def describe(self, vehicle: str) -> None:
+        """Record that a vehicle has a new description: its frames are analysed again from what is stored."""
+        LOG.info("vehicle described", extra={"vehicle": vehicle})
+        self._workers.close_vehicle(vehicle)
+
+    def relearn(self, command: CommandRow) -> None:
+        """Let a vehicle learn a new baseline before its next frames; requests for one vehicle come in turn."""
+        self._learning.setdefault(command.vehicle, command)
+
+    def give(self) -> int:
+        """Give frames to workers: the vehicle served last comes last. Return the number of jobs and reports.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot be used.
+        """
+        n_given = 0
+        for vehicle in list(self._streams):
+            if self._workers.is_busy:
+                break
+            n_given += self._give(vehicle)
+        return n_given
+
+    def collect(self, *, timeout: float) -> list[Outcome]:
+        """Return the outcomes that are there, waiting up to a time [s] for the first."""
+        return self._workers.outcomes(timeout=timeout)
+
+    def settle(self, outcome: Outcome) -> None:
+        """Store what a job came to.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write: the vehicle continues from what is stored.
+        """
+        vehicle = outcome.vehicle
+        frames = self._jobs.pop(vehicle, ())
+        if outcome.error:
+            self._fail(vehicle, frames, outcome.error)
+        elif self._workers.is_open(vehicle):  # else it was described anew meanwhile
+            try:
+                self._commit(outcome, frames[: outcome.n_consumed])
+            except StoreError:
+                # The worker is ahead of the store.
+                self._workers.close_vehicle(vehicle)
+                raise
+
+    def _give(self, vehicle: str) -> bool:
+        """Give the next frames of a vehicle to its worker, or store the next report of its box."""
+        stream, workers = self._streams[vehicle], self._workers
+        if vehicle in self._jobs or not (stream.has_waiting or vehicle in self._learning):
+            return False
+        if not (workers.is_open(vehicle) or self._open(vehicle)) or not workers.is_free(vehicle):
+            return False
+        frames = stream.next_frames(partial(self._store.inbox.pending, vehicle), _JOB)
+        if frames and frames[0].kind != "raw":
+            return self._give_report(stream, frames[0])
+        if not frames and vehicle not in self._learning:
+            return False
+        n_samples = next((k for k, frame in enumerate(frames) if frame.kind != "raw"), len(frames))
+        self._submit(vehicle, frames[:n_samples])
+        return True
+
+    def _give_report(self, stream: Stream, report: StoredFrame) -> bool:
+        """Store a report of a box; first the state of the worker, which holds the frames before it."""
+        if stream.dispatched.get(report.boot, -1) > stream.done.get(report.boot, -1):
+            self._submit(report.vehicle, [])
+        else:
+            self._ledger.store_report(report)
+            stream.complete(report.boot, report.seq)
+        return True
+
+    def _submit(self, vehicle: str, frames: Sequence[StoredFrame]) -> None:
+        """Start a job; one without frames gives the state. The vehicle moves to the end of the line."""
+        learn = self._learning.get(vehicle)
+        reason = "" if learn is None else str(learn.detail or "maintenance")
+        self._jobs[vehicle] = frames
+        self._workers.submit(vehicle, [frame.payload for frame in frames], learn=reason)
+        self._streams[vehicle] = self._streams.pop(vehicle)
+
+    def _open(self, vehicle: str) -> bool:
+        """Give a vehicle to a worker, as the store has it; tell whether its description is known."""
+        row = self._store.inbox.vehicle(vehicle)
+        if row is None:
+            return False
+        snapshot = self._store.results.snapshot(vehicle)
+        stream = self._streams[vehicle]
+        cursors: dict[int, Cursor] = {boot: self._store.inbox.cursor(vehicle, boot) for boot in stream.contiguous}
+        stream.rewind(cursors, -1 if snapshot is None else snapshot.boot)
+        if snapshot is not None:
+            self._finish_boots(vehicle, snapshot.boot)
+        state = None if snapshot is None else snapshot.document
+        self._workers.open(Opening(vehicle, row.description, dict(row.channels), state, self._settings))
+        return True
+
+    def _commit(self, outcome: Outcome, taken: Sequence[StoredFrame]) -> None:
+        """Store the results of a job, and how far its vehicle has come."""
+        vehicle = outcome.vehicle
+        stream = self._streams[vehicle]
+        boot, seq = (taken[-1].boot, taken[-1].seq) if taken else stream.position
+        if self._ledger.commit(outcome, boot, seq):
+            stream.done[boot] = seq
+            self._finish_boots(vehicle, boot)
+            self._ledger.update_alerts(vehicle, outcome.events)
+            if vehicle in self._learning:
+                self._ledger.finish_learning(self._learning.pop(vehicle).id)
+            self._strikes.pop(vehicle, None)  # not before: a window that fails begins with jobs that do not
+        self._statuses[vehicle] = outcome.status
+        if taken:
+            stream.dispatched[boot] = seq
+
+    def _finish_boots(self, vehicle: str, boot: int) -> None:
+        """Remove the frames of boots before that of the stored state, which holds what was in them."""
+        stream = self._streams[vehicle]
+        for older, last in stream.finished(boot):
+            self._ledger.complete(vehicle, older, last)
+            stream.done[older] = last
+
+    def _fail(self, vehicle: str, frames: Sequence[StoredFrame], reason: str) -> None:
+        """Try a job again from what is stored; exclude its frames where it fails again."""
+        self._n_failures += 1
+        strikes = self._strikes[vehicle] = self._strikes.get(vehicle, 0) + 1
+        LOG.error("analysis failed", extra={"vehicle": vehicle, "reason": reason, "strikes": strikes})
+        self._workers.close_vehicle(vehicle)
+        if strikes < _STRIKES or not frames:
+            return
+        boot, seq = frames[-1].boot, frames[-1].seq
+        stream = self._streams[vehicle]
+        n_frames = seq - stream.done.get(boot, -1)
+        self._ledger.exclude(vehicle, boot, seq, n_frames=n_frames, reason=reason)
+        stream.complete(boot, seq)
+        self._strikes.pop(vehicle)

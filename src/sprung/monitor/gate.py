@@ -1,0 +1,62 @@
+"""Whether work may be taken in: not while the store cannot write."""
+
+import logging
+from collections.abc import Callable
+from typing import TypeVar
+
+from sprung.link import Every
+from sprung.storage import StoreError
+
+T = TypeVar("T")
+
+LOG = logging.getLogger("sprung.monitor")
+
+#: Time for which nothing is taken in after the store could not write [s].
+_PAUSE = 2.0
+
+
+class Gate:
+    """Closed for two seconds after each error of the store, and while the disk is too full.
+
+    Parameters
+    ----------
+    clock
+        Present time [s] of any clock that only goes forward.
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._pause = Every(_PAUSE, clock)
+        self._error = self._shortage = ""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether work may be taken in: what is analysed while the store cannot write is analysed again."""
+        return self._pause.is_due and not self._shortage
+
+    @property
+    def trouble(self) -> str:
+        """Why the store cannot be used; empty where it can."""
+        return self._shortage or self._error
+
+    def refuse(self, error: StoreError) -> None:
+        """Record an error of the store, and close for a while."""
+        if str(error) != self._error:
+            LOG.error(str(error))
+        self._error = str(error)
+        self._pause.start()
+
+    def succeed(self) -> None:
+        """Record that the store has written."""
+        self._error = ""
+
+    def set_shortage(self, sentence: str) -> None:
+        """Stay closed while disk space is short: `sentence` says so; empty where it is not."""
+        self._shortage = sentence
+
+    def guard(self, act: Callable[[], T]) -> T | None:
+        """Return the result of something that needs the store; None, and closed, where the store cannot write."""
+        try:
+            return act()
+        except StoreError as error:
+            self.refuse(error)
+            return None

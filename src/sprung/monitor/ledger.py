@@ -1,0 +1,200 @@
+"""What comes of analysis: results and progress in one transaction, samples in an archive, alerts."""
+
+import json
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from sprung.errors import SprungError
+from sprung.link import checked_map
+from sprung.monitor.alert_book import AlertBook
+from sprung.monitor.engine import Event, Identified, Observed
+from sprung.monitor.on_board import archive_correlations, reported_modes
+from sprung.monitor.site import Site
+from sprung.monitor.workers import Outcome
+from sprung.storage import Progress, Store, StoredFrame, write_archive
+
+LOG = logging.getLogger("sprung.monitor")
+
+
+class Ledger:
+    """Stores what jobs of workers give.
+
+    Parameters
+    ----------
+    site
+        Settings; the archive among them.
+    store
+        Store of results and progress.
+    alerts
+        Alerts of all vehicles.
+    clock
+        Present time, UTC ns.
+    """
+
+    def __init__(self, site: Site, store: Store, *, alerts: AlertBook, clock: Callable[[], int]) -> None:
+        self._store, self._alerts, self._clock = store, alerts, clock
+        self._samples, self._correlations = site.archive, site.correlations
+        self._n_windows = self._n_identifications = 0
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Figures of `sprung.monitor.serving.FIGURES` about results and the store."""
+        return {
+            "sprung_windows_total": self._n_windows,
+            "sprung_identifications_total": self._n_identifications,
+            "sprung_alerts_active": len(self._store.alerts.find(is_active=True)),
+            "sprung_store_bytes": self._store.size(),
+        }
+
+    def commit(self, outcome: Outcome, boot: int, seq: int) -> bool:
+        """Store the events of a job: those of a window in one transaction with the state after it.
+
+        Parameters
+        ----------
+        outcome
+            What the job came to.
+        boot, seq
+            Boot of its frames, and the last of them.
+
+        Returns
+        -------
+        bool
+            Whether the frames up to `seq` are stored as analysed, which needs a state.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write.
+        """
+        windows = [event for event in outcome.events if isinstance(event, Observed)]
+        modes = tuple(_modes(event) for event in outcome.events if isinstance(event, Identified))
+        self._n_windows += len(windows)
+        self._n_identifications += len(modes)
+        is_saved = outcome.state is not None
+        if not (modes or is_saved):
+            return False
+        now = self._clock()
+        for event in windows:
+            self._archive(outcome.vehicle, boot, event)
+        done = seq if is_saved else -1
+        self._store.results.commit(
+            Progress(
+                outcome.vehicle,
+                boot,
+                done_seq=done,
+                delete_through_seq=done,
+                observations=tuple(_numbered(event, event.observation.to_dict()) for event in windows),
+                modes=modes,
+                findings=tuple(_numbered(event, finding) for event in windows for finding in _findings(event)),
+                baselines=tuple(baseline for event in windows for baseline in _baselines(event, now)),
+                snapshot=outcome.state,
+            )
+        )
+        return is_saved
+
+    def update_alerts(self, vehicle: str, events: tuple[Event, ...]) -> None:
+        """Raise, update and clear the alerts that windows give rise to.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write.
+        """
+        for event in events:
+            if isinstance(event, Observed):
+                self._alerts.take_window(vehicle, event, now=self._clock())
+
+    def complete(self, vehicle: str, boot: int, seq: int) -> None:
+        """Remove the frames of a boot up to a sequence number: the stored state holds what was in them.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write.
+        """
+        self._store.results.commit(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq))
+
+    def exclude(self, vehicle: str, boot: int, seq: int, *, n_frames: int, reason: str) -> None:
+        """Remove the frames of a job that failed again and again, and raise an alert.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write.
+        """
+        self.complete(vehicle, boot, seq)
+        sentence = f"{n_frames} frames were excluded: {reason}"
+        self._alerts.report(vehicle, "monitor:analysis", sentence, now=self._clock())
+
+    def finish_learning(self, command: int) -> None:
+        """Store that a request for a new baseline was followed.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write.
+        """
+        self._store.requests.command_done(command, self._clock())
+
+    def store_report(self, frame: StoredFrame) -> None:
+        """Store modes, or archive correlations, that a box has identified; invalid ones are logged and removed.
+
+        Raises
+        ------
+        StoreError
+            Where the store cannot write.
+        """
+        modes: tuple[tuple[int, int, dict[str, Any]], ...] = ()
+        try:
+            document = checked_map(frame.payload)
+            if frame.kind == "modes":
+                modes = ((document["number"], frame.t0, reported_modes(document)),)
+            elif self._correlations is not None:
+                archive_correlations(document, self._correlations, frame.vehicle)
+        except SprungError as error:
+            LOG.warning("report of a box discarded", extra={"vehicle": frame.vehicle, "reason": str(error)})
+        self._store.results.commit(
+            Progress(frame.vehicle, frame.boot, done_seq=frame.seq, delete_through_seq=frame.seq, modes=modes)
+        )
+
+    def _archive(self, vehicle: str, boot: int, event: Observed) -> None:
+        """Write the samples of a window to the archive; a failure is logged and stops nothing."""
+        recording = event.recording
+        if self._samples is None:
+            return
+        try:
+            write_archive(
+                self._samples,
+                vehicle,
+                boot,
+                event.number,
+                recording.start or 0,
+                samples=recording.samples,
+                channels=recording.names,
+                sampling_rate=recording.sampling_rate,
+            )
+        except (SprungError, OSError) as error:
+            LOG.warning("samples were not archived", extra={"vehicle": vehicle, "reason": str(error)})
+
+
+def _numbered(event: Observed, document: dict[str, Any]) -> tuple[int, int, dict[str, Any]]:
+    """Return number, time and a document of a window."""
+    return event.number, event.recording.start or 0, document
+
+
+def _modes(event: Identified) -> tuple[int, int, dict[str, Any]]:
+    """Return number, time and document of an identification."""
+    document = {"modes": list(event.modes), "reason": event.reason}
+    return event.number, event.start or 0, json.loads(json.dumps(document))
+
+
+def _findings(event: Observed) -> list[dict[str, Any]]:
+    """Return the findings of a window as documents."""
+    return [] if event.diagnosis is None else event.diagnosis.to_dict()["findings"]
+
+
+def _baselines(event: Observed, now: int) -> list[tuple[int, int, str, dict[str, Any]]]:
+    """Return version, time, reason and document of the baseline that a window completed, if it did."""
+    baseline = event.baseline
+    return [] if baseline is None else [(baseline.version, now, baseline.reason, baseline.to_dict())]

@@ -1,0 +1,94 @@
+"""Notifications from the store to people, until every sender has passed them on."""
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+
+from sprung.alerting import Backoff, LogSender, Message, PublishSender, Sender, deliver
+from sprung.monitor.site import Send
+from sprung.storage import Store, StoreError
+
+LOG = logging.getLogger("sprung.monitor")
+
+#: Attempts after which a notification is given up.
+_MOST_ATTEMPTS = 20
+#: Time between looks at the notifications [s].
+_EVERY = 1.0
+
+
+class Postman:
+    """Sends notifications, again and again until every sender has passed them on.
+
+    Parameters
+    ----------
+    store
+        Store of the notifications.
+    senders
+        Senders, each of which has its own attempts.
+    """
+
+    def __init__(self, store: Store, senders: Sequence[Sender]) -> None:
+        self._store, self._senders = store, senders
+        self._backoff = Backoff()
+        self._next: dict[int, int] = {}
+        self._delivered: dict[int, set[str]] = {}
+
+    def send(self, *, now: int) -> None:
+        """Send what is due."""
+        for row in self._store.alerts.due_notifications(100):
+            if self._next.get(row.id, 0) > now:
+                continue
+            delivered = self._delivered.setdefault(row.id, set())
+            waiting = [sender for sender in self._senders if sender.name not in delivered]
+            errors = deliver(Message(**row.document), waiting)
+            delivered |= {sender.name for sender in waiting} - errors.keys()
+            if errors and row.attempts + 1 < _MOST_ATTEMPTS:
+                self._store.alerts.notification_failed(row.id, "; ".join(errors.values()))
+                self._next[row.id] = self._backoff.next_attempt(row.attempts + 1, now)
+            else:
+                self._store.alerts.notification_sent(row.id, now)
+                self._next.pop(row.id, None)
+                self._delivered.pop(row.id, None)
+
+
+class Posting:
+    """Lets a postman send in a thread of its own: a slow server delays nothing else.
+
+    Parameters
+    ----------
+    postman
+        Sends the notifications.
+    clock
+        Present time, UTC ns.
+    """
+
+    def __init__(self, postman: Postman, clock: Callable[[], int]) -> None:
+        self._postman, self._clock = postman, clock
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="post", daemon=True)
+
+    def open(self) -> None:
+        """Start to send."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop; what is not sent stays in the store."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join(5.0)
+
+    def _run(self) -> None:
+        """Send what is due, until stopped."""
+        while not self._stopping.wait(_EVERY):
+            try:
+                self._postman.send(now=self._clock())
+            except StoreError as error:
+                LOG.warning("notifications wait for the store", extra={"reason": str(error)})
+
+
+def senders_of(send: Send, publish: Callable[[str, bytes], object]) -> list[Sender]:
+    """Return the senders of a site: the log, the topic, and those of the site file."""
+    senders: list[Sender] = [LogSender(LOG), PublishSender(publish)]
+    senders += [hook.as_sender(f"webhook {number}") for number, hook in enumerate(send.webhook, start=1)]
+    senders += [mail.as_sender(f"mail {number}") for number, mail in enumerate(send.mail, start=1)]
+    return senders

@@ -1,0 +1,84 @@
+"""What operators do to alerts and ask of the monitor, by way of the store."""
+
+import pytest
+
+from sprung.alerting import AlertSettings
+from sprung.errors import ParameterError
+from sprung.monitor import AlertBook, desk
+from sprung.storage import open_store
+
+NOW = 1_795_219_200_000_000_000
+HOUR = 3600 * 10**9
+
+
+@pytest.fixture
+def store(tmp_path):
+    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
+        opened.inbox.put_vehicle("car-1", configuration="c", description="", channels=[], now=NOW)
+        AlertBook(opened, AlertSettings()).report("car-1", "silent", "car-1 has sent nothing", now=NOW)
+        yield opened
+
+
+def alert(store):
+    (entry,) = desk.alerts_document(store)["alerts"]
+    return entry
+
+
+def test_acts_on_an_alert(store):
+    desk.acknowledge(store, 1, who="anna", comment="seen", now=NOW + 1)
+    assert alert(store)["state"] == "acknowledged"
+    desk.assign(store, 1, assignee="bert", who="anna", now=NOW + 2)
+    assert alert(store)["assignee"] == "bert"
+    desk.shelve(store, 1, hours=2.0, who="bert", now=NOW + 3)
+    assert alert(store)["shelved_until"] == NOW + 3 + 2 * HOUR
+    desk.unshelve(store, 1, who="bert", now=NOW + 4)
+    assert alert(store)["shelved_until"] is None
+    desk.add_comment(store, 1, who="anna", comment="on its way", now=NOW + 5)
+    history = desk.history_document(store, 1)["history"]
+    assert [(entry["what"], entry["who"]) for entry in history[1:]] == [
+        ("acknowledged", "anna"),
+        ("assigned", "anna"),
+        ("shelved", "bert"),
+        ("unshelved", "bert"),
+        ("commented", "anna"),
+    ]
+    audit = [(row.who, row.act, row.subject, row.time) for row in store.requests.audited()]
+    assert audit[0] == ("anna", "ack", "car-1 silent", NOW + 1)
+    assert [row[1] for row in audit] == ["ack", "assign", "shelve", "unshelve", "comment"]
+
+
+def test_alerts_that_are_normal_again_are_listed_if_wanted(store):
+    AlertBook(store, AlertSettings()).clear("car-1", "silent", now=NOW + 1)
+    desk.acknowledge(store, 1, who="anna", now=NOW + 2)
+    assert desk.alerts_document(store)["alerts"] == []
+    assert [entry["state"] for entry in desk.alerts_document(store, is_complete=True)["alerts"]] == ["normal"]
+    assert desk.alerts_document(store, vehicle="car-2", is_complete=True)["alerts"] == []
+
+
+def test_requests(store):
+    desk.relearn(store, "car-1", reason=" new dampers ", who="anna", now=NOW)
+    desk.request_samples(store, "car-1", minutes=5.0, who="bert", now=NOW)
+    learn, raw = store.requests.open_commands()
+    assert (learn.act, learn.detail, learn.who) == ("learn", "new dampers", "anna")
+    assert (raw.act, raw.detail) == ("raw", {"from": NOW - 300 * 10**9, "to": NOW})
+    (vehicle,) = desk.vehicles_document(store)["vehicles"]
+    assert (vehicle["vehicle"], vehicle["state"], vehicle["last_seen"]) == ("car-1", "car-1 has sent nothing", NOW)
+
+
+@pytest.mark.parametrize(
+    ("act", "words"),
+    [
+        (lambda store: desk.acknowledge(store, 7, who="anna", now=NOW), "unknown alert 7: sprung alerts list --all"),
+        (lambda store: desk.history_document(store, 7), "unknown alert 7"),
+        (lambda store: desk.shelve(store, 1, hours=0.0, who="anna", now=NOW), "hours=0"),
+        (lambda store: desk.relearn(store, "car-1", reason=" ", who="anna", now=NOW), "needs a reason"),
+        (lambda store: desk.relearn(store, "car-9", reason="x", who="anna", now=NOW), "unknown vehicle 'car-9'"),
+        (lambda store: desk.request_samples(store, "car-9", minutes=1, who="a", now=NOW), "unknown vehicle 'car-9'"),
+        (lambda store: desk.request_samples(store, "car-1", minutes=0, who="a", now=NOW), "minutes=0"),
+    ],
+)
+def test_acts_that_are_impossible(store, act, words):
+    with pytest.raises(ParameterError, match=words):
+        act(store)
+    assert store.requests.open_commands() == []
+    assert store.requests.audited() == []

@@ -1,0 +1,60 @@
+"""Frames of several boots come out in one order, whatever they are."""
+
+import pytest
+
+from sprung.link import Key, message
+from sprung.monitor import Stream
+from sprung.storage import Cursor, StoredFrame
+
+
+def test_order_of_boots():
+    stream = Stream()
+    frames = {1: list(range(3)), 2: list(range(4))}
+    stream.arrived(2, 3)
+    stream._previous[2] = (1, 3)
+
+    def pending(boot, *, after, limit):
+        return [StoredFrame("car-1", boot, seq, 0, b"") for seq in frames[boot] if seq > after][:limit]
+
+    assert stream.next_frames(pending, 10) == []
+    stream.arrived(1, 1)
+    stream._previous[1] = None
+    assert [(frame.boot, frame.seq) for frame in stream.next_frames(pending, 2)] == [(1, 0), (1, 1)]
+    stream.dispatched[1] = 1
+    assert stream.next_frames(pending, 10) == []
+    stream.arrived(1, 2)
+    stream.dispatched[1] = 2
+    assert [(frame.boot, frame.seq) for frame in stream.next_frames(pending, 10)] == [(2, k) for k in range(4)]
+    assert stream.finished(2) == [(1, 2)]
+    stream.done[1] = 2
+    assert stream.finished(2) == []
+
+
+@pytest.mark.parametrize("kind", ["raw", "modes"])
+def test_a_boot_waits_for_the_one_before(kind):
+    """Also where it begins with a report, which is not a frame."""
+    document = {Key.BOOT: 2, Key.SEQ: 0, Key.START: 5, Key.KIND: kind, Key.PREVIOUS: [1, 3]}
+    first = StoredFrame("car-1", 2, 0, 5, message(document), kind)
+
+    def pending(boot, *, after, limit):
+        return [first] if boot == 2 else []
+
+    stream = Stream()
+    stream.arrived(2, 0)
+    assert stream.next_frames(pending, 10) == []
+    stream.arrived(1, 2)
+    stream.complete(1, 2)
+    assert stream.next_frames(pending, 10) == [first]
+
+
+def test_backlog_and_position():
+    stream = Stream()
+    assert (stream.position, stream.backlog, stream.has_waiting) == ((0, -1), 0, False)
+    stream.arrived(1, 4)
+    stream.arrived(3, 9)
+    stream.dispatched[1] = 4
+    assert (stream.position, stream.backlog, stream.has_waiting) == ((1, 4), 10, True)
+    stream.complete(3, 5)
+    assert (stream.position, stream.backlog, stream.has_waiting) == ((3, 5), 4, True)
+    stream.rewind({1: Cursor(4, 2), 3: Cursor(9, 0)}, 3)
+    assert (stream.dispatched, stream.done) == ({1: 4, 3: 0}, {1: 2, 3: 0})
