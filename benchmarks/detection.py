@@ -217,14 +217,14 @@ def vehicle_life(n_healthy, folder, seed):
 
 def windows(n_healthy, folder, life):
     """Return the observations of learning, healthy and faulty windows, and their modes where the thesis' way runs."""
-    from sprung.diagnosis import observation_from_dict
+    from sprung.documents import observation_document, observation_from_document
     from sprung.vehicles import Component, Fault
 
     seed = life["seed"]
     kept = folder / f"{seed}.json.gz" if folder else None
     if kept and kept.exists():
         document = json.loads(gzip.decompress(kept.read_bytes()))
-        return [*([observation_from_dict(one) for one in part] for part in document), None]
+        return [*([observation_from_document(one) for one in part] for part in document), None]
     file, real = described(seed)
     fault = (Fault(Component.parse(life["name"]), -life["size"]),)
     numbers = (range(LEARNING), range(LEARNING, LEARNING + n_healthy), range(1000, 1000 + MINUTES[-1] // 10))
@@ -235,7 +235,7 @@ def windows(n_healthy, folder, life):
     observations, modes = ([[pair[k] for pair in part] for part in parts] for k in range(2))
     if kept:
         folder.mkdir(parents=True, exist_ok=True)
-        document = [[one.to_dict() for one in part] for part in observations]
+        document = [[observation_document(one) for one in part] for part in observations]
         kept.write_bytes(gzip.compress(json.dumps(document).encode()))
     return [*observations, modes if is_thesis(seed) else None]
 

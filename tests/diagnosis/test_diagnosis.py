@@ -9,16 +9,15 @@ import pytest
 from sprung.diagnosis import (
     Observation,
     SensorFault,
-    baseline_from_dict,
     detect,
     diagnose,
     false_discoveries,
     learn,
-    observation_from_dict,
     observe_window,
     windows,
 )
 from sprung.diagnosis.directions import usual_nuisance
+from sprung.documents import baseline_document, baseline_from_document, observation_document, observation_from_document
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Channel, Recording
 from sprung.simulation import (
@@ -89,7 +88,7 @@ def test_a_file_that_explains_its_windows_badly_is_remarked_on(baseline):
     taught = learn(bad)
     (note,) = taught.notes
     assert "off by 51 %" in note
-    assert baseline_from_dict(taught.to_dict()).notes == taught.notes
+    assert baseline_from_document(baseline_document(taught).as_json()).notes == taught.notes
     assert note in diagnose(bad, taught).notes
     assert baseline.notes == ()
 
@@ -209,14 +208,14 @@ def test_too_few_windows_are_refused_with_the_reason():
 
 
 def test_baseline_and_observations_survive_json(baseline):
-    again = baseline_from_dict(json.loads(json.dumps(baseline.to_dict())))
-    one = observation_from_dict(json.loads(json.dumps(healthy(1)[0].to_dict())))
+    again = baseline_from_document(json.loads(json.dumps(baseline_document(baseline).as_json())))
+    one = observation_from_document(json.loads(json.dumps(observation_document(healthy(1)[0]))))
     assert again.residual(one) == pytest.approx(baseline.residual(healthy(1)[0]))
     assert (again.version, again.reason) == (1, "first learning")
     later = learn(healthy(8), reason="new dampers", previous=again)
     assert (later.version, later.reason) == (2, "new dampers")
     with pytest.raises(ParameterError, match="incomplete or invalid"):
-        baseline_from_dict({**baseline.to_dict(), "mean": "much"})
+        baseline_from_document({**baseline_document(baseline).as_json(), "mean": "much"})
 
 
 def test_sensor_faults_never_become_findings(baseline):
@@ -303,7 +302,7 @@ def test_sentences_of_intervals_and_axles():
 def test_a_baseline_of_the_wrong_shape_is_refused(baseline):
     for name, value in (("mean", [0.0]), ("covariance", [[1.0]]), ("design", [[np.nan] * 4] * 4)):
         with pytest.raises(ParameterError, match=f"{name} of a baseline must be"):
-            baseline_from_dict({**baseline.to_dict(), name: value})
+            baseline_from_document({**baseline_document(baseline).as_json(), name: value})
 
 
 def test_without_a_baseline_limits_are_wide():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import diagnose, observe_window
+from sprung.documents import diagnosis_document, finding_document, observation_document
 from sprung.errors import ParameterError
 from sprung.link import decode, frame_block, joined
 from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor
@@ -37,7 +38,7 @@ def test_online_is_batch(car, drive, alike, seed):
     events = fed(VehicleMonitor(car, settings=SETTINGS), run, cuts)
     assert [type(event) for event in events] == [Identified, Identified, Observed]
     online, batch = events[-1].observation, observe_window(run, car, time=BEGUN / 1e9)
-    assert alike(online.to_dict(), batch.to_dict())
+    assert alike(observation_document(online), observation_document(batch))
     assert np.array_equal(events[-1].recording.samples, run.samples)
 
 
@@ -46,7 +47,10 @@ def test_window_ends_within_a_block(car, drive, alike):
     monitor = VehicleMonitor(car, settings=MonitorSettings(identify_every=0))
     events = list(monitor.update(whole))
     assert [event.number for event in events] == [0, 1]
-    assert alike(events[1].observation.to_dict(), observe_window(drive(1), car, time=drive(1).start / 1e9).to_dict())
+    assert alike(
+        observation_document(events[1].observation),
+        observation_document(observe_window(drive(1), car, time=drive(1).start / 1e9)),
+    )
     assert monitor.buffered == 0
 
 
@@ -86,9 +90,12 @@ def test_it_goes_on_from_its_state(car, drive, alike):
         found = list(stopped.update(run.part(0, 70_001)))
         stopped = VehicleMonitor.from_state(car, cbor2.loads(cbor2.dumps(stopped.state())))
         found += stopped.update(run.part(70_001, run.n_samples))
-        assert alike(found[-1].observation.to_dict(), expected[-1].observation.to_dict())
+        assert alike(observation_document(found[-1].observation), observation_document(expected[-1].observation))
         if expected[-1].diagnosis is not None:
-            assert alike(found[-1].diagnosis.to_dict()["findings"], expected[-1].diagnosis.to_dict()["findings"])
+            assert alike(
+                [finding_document(finding) for finding in found[-1].diagnosis.findings],
+                [finding_document(finding) for finding in expected[-1].diagnosis.findings],
+            )
             first, second = (
                 {time: test.p_value for time, test in one[-1].diagnosis.residual_tests.items()}
                 for one in (found, expected)
@@ -117,8 +124,8 @@ def test_evidence_is_that_of_the_batch(car, drive, alike):
         if expected.diagnosis is None:
             continue
         batch = diagnose(through.observations, through.baseline, windows_per_day=settings.hours_per_day * 30)
-        assert expected.diagnosis.to_dict() == batch.to_dict()
-        assert alike(found.diagnosis.to_dict(), batch.to_dict())
+        assert diagnosis_document(expected.diagnosis).as_json() == diagnosis_document(batch).as_json()
+        assert alike(diagnosis_document(found.diagnosis).as_json(), diagnosis_document(batch).as_json())
         for one in (expected, found):
             assert alike(one.diagnosis.detection.evidence.tolist(), batch.detection.evidence.tolist())
     assert through.observations[3].sensor_faults
@@ -142,7 +149,10 @@ def test_frames_give_what_their_samples_give(car, drive, frames_of, alike):
     blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]
     monitor = VehicleMonitor(car, settings=SETTINGS)
     events = [event for block in blocks for event in monitor.update(block)]
-    assert alike(events[-1].observation.to_dict(), observe_window(joined(blocks), car, time=BEGUN / 1e9).to_dict())
+    assert alike(
+        observation_document(events[-1].observation),
+        observation_document(observe_window(joined(blocks), car, time=BEGUN / 1e9)),
+    )
 
 
 def test_other_channels_begin_a_new_window(car, drive):

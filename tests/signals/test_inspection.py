@@ -1,5 +1,3 @@
-import json
-
 import numpy as np
 import pytest
 
@@ -138,10 +136,3 @@ def test_blocks_equal_the_whole():
 def test_nothing_to_inspect():
     with pytest.raises(DataError, match="no blocks"):
         inspect_blocks([])
-
-
-def test_plain_values_for_json():
-    facts = inspect(recording(np.zeros(30), np.arange(30), np.full(30, np.nan))).to_dict()
-    again = json.loads(json.dumps(facts, allow_nan=False))
-    assert [channel["is_dead"] for channel in again["channels"]] == [True, False, True]
-    assert again["channels"][1]["maximum"] == 29

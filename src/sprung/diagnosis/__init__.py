@@ -1,7 +1,7 @@
 """From windows of driving to findings: sensor checks, baseline, change tests, localisation, advice."""
 
 from sprung.diagnosis.assessment import diagnose, diagnosis_of
-from sprung.diagnosis.baseline import Baseline, baseline_from_dict, nominal_baseline
+from sprung.diagnosis.baseline import Baseline, nominal_baseline
 from sprung.diagnosis.changes import (
     INTERVAL_95,
     Candidate,
@@ -14,7 +14,7 @@ from sprung.diagnosis.evidence import ModeChange, mode_changes
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import learn
-from sprung.diagnosis.observation import Observation, observation_from_dict, observe, observe_window, windows
+from sprung.diagnosis.observation import Observation, observe, observe_window, windows
 from sprung.diagnosis.residuals import (
     ResidualReference,
     ResidualStatistics,
@@ -46,7 +46,6 @@ __all__ = [
     "ResidualTest",
     "SensorFault",
     "Trend",
-    "baseline_from_dict",
     "compare_residuals",
     "detect",
     "diagnose",
@@ -57,7 +56,6 @@ __all__ = [
     "learn_residuals",
     "mode_changes",
     "nominal_baseline",
-    "observation_from_dict",
     "observe",
     "observe_window",
     "residual_statistics",

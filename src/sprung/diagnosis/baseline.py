@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -10,11 +9,10 @@ from sprung._arrays import Real
 from sprung._checks import frozen_array
 from sprung.diagnosis.directions import USUAL_ENDS, directions, usual_nuisance
 from sprung.diagnosis.observation import Observation
-from sprung.diagnosis.residuals import ResidualReference, residual_reference_from_dict
+from sprung.diagnosis.residuals import ResidualReference
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
-SCHEMA = "sprung.baseline/1"
 #: Conditions that contrasts may follow, and one unit of each: kg, ln of the road's roughness, m/s.
 CONDITIONS = {"payload": 100.0, "roughness": 1.4, "speed": 5.0}
 #: Information about slopes that are 0 by assumption.
@@ -139,69 +137,6 @@ class Baseline:
         A condition that is unknown is 0.
         """
         return units_of(observation, self.middle)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the baseline as plain values for JSON."""
-        return {
-            "schema": SCHEMA,
-            "vehicle": self.vehicle,
-            "version": self.version,
-            "reason": self.reason,
-            "n_windows": self.n_windows,
-            "n_refused": self.n_refused,
-            "model_error": self.model_error,
-            "components": list(map(str, self.components)),
-            "mean": self.mean.tolist(),
-            "covariance": self.covariance.tolist(),
-            "nuisance": self.nuisance.tolist(),
-            "design": self.design.tolist(),
-            "degrees": self.degrees,
-            "taught": list(self.taught),
-            "conditions": {
-                name: {
-                    "middle": self.middle.get(name),
-                    "range": list(self.ranges[name]) if name in self.ranges else None,
-                    "slopes": self.slopes[:, k].tolist(),
-                }
-                for k, name in enumerate(CONDITIONS)
-            },
-            "residuals": None if self.residuals is None else self.residuals.to_dict(),
-        }
-
-
-def baseline_from_dict(document: dict[str, Any]) -> Baseline:
-    """Return the baseline of plain values.
-
-    Raises
-    ------
-    ParameterError
-        Where the document is not a baseline.
-    """
-    if document.get("schema") != SCHEMA:
-        raise ParameterError(f"the baseline has the schema {document.get('schema')!r}, not {SCHEMA!r}: learn it again")
-    try:
-        conditions = document["conditions"]
-        return Baseline(
-            vehicle=str(document["vehicle"]),
-            components=tuple(map(Component.parse, document["components"])),
-            mean=np.array(document["mean"], dtype=np.float64),
-            covariance=np.array(document["covariance"], dtype=np.float64),
-            slopes=np.array([conditions[name]["slopes"] for name in CONDITIONS], dtype=np.float64).T,
-            middle={name: one["middle"] for name, one in conditions.items() if one["middle"] is not None},
-            ranges={name: (one["range"][0], one["range"][1]) for name, one in conditions.items() if one["range"]},
-            nuisance=np.array(document["nuisance"], dtype=np.float64),
-            design=np.array(document["design"], dtype=np.float64),
-            degrees=float(document["degrees"]),
-            taught=tuple(map(float, document["taught"])),
-            n_windows=int(document["n_windows"]),
-            n_refused=int(document["n_refused"]),
-            version=int(document["version"]),
-            reason=str(document["reason"]),
-            model_error=float(document.get("model_error", 0.0)),
-            residuals=residual_reference_from_dict(document["residuals"]) if document.get("residuals") else None,
-        )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise ParameterError(f"the baseline is incomplete or invalid ({error}): learn it again") from None
 
 
 def vehicle_of(observations: Iterable[Observation]) -> str:

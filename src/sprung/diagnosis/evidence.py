@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -44,19 +43,6 @@ class ModeChange:
     shapes: Real
     measured_before: tuple[float, float] | None = None
     measured_since: tuple[float, float] | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the change as plain values."""
-        return {
-            "label": self.label,
-            "natural_frequency": list(self.frequency),
-            "damping_ratio": list(self.damping),
-            "mac": self.mac,
-            "channels": list(self.channels),
-            "shapes": self.shapes.tolist(),
-            "measured_before": None if self.measured_before is None else list(self.measured_before),
-            "measured_since": None if self.measured_since is None else list(self.measured_since),
-        }
 
 
 def mode_changes(

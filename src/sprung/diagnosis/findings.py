@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
 
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import Detection
@@ -136,78 +135,9 @@ class Diagnosis:
         """Whether a window could be compared, and no fault was detected in suspension and sensors."""
         return self.detection is not None and not self.findings and not self.sensor_faults
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the JSON object `sprung.diagnosis/1`."""
-        return {
-            "schema": "sprung.diagnosis/1",
-            "vehicle": None if self.baseline is None else self.baseline.vehicle,
-            "baseline": None if self.baseline is None else self.baseline.version,
-            "false_alarms": self.false_alarms,
-            "healthy": self.is_healthy,
-            "findings": [_plain(finding) for finding in self.findings],
-            "sensor_faults": [
-                {"channel": fault.channel, "kind": fault.kind, "detail": fault.detail} for fault in self.sensor_faults
-            ],
-            "windows": [one.to_dict() for one in self.observations],
-            "detection": None
-            if self.detection is None
-            else {
-                "times": self.detection.times.tolist(),
-                "evidence": self.detection.evidence.tolist(),
-                "e_value": self.detection.e_value,
-                "threshold": self.detection.threshold,
-                "first_alert": self.detection.first_alert,
-                "hypotheses": [
-                    {
-                        "name": one.hypothesis.name,
-                        "kind": one.hypothesis.scope,
-                        "log_evidence": one.log_evidence,
-                        "explained": one.explained,
-                        "change": one.change,
-                        "interval": _listed(one.interval),
-                        "score": one.score,
-                        "onset": one.onset,
-                        "onset_interval": list(one.onset_interval),
-                    }
-                    for one in self.detection.candidates
-                ],
-            },
-            "notes": list(self.notes),
-        }
-
 
 def time_in_words(time: float) -> str:
     """Return a time [s] in words: minutes since the first window, or a date where it counts from 1970."""
     if time < _DATED:
         return f"{time / 60:.0f} min"
     return f"{datetime.fromtimestamp(time, tz=UTC):%Y-%m-%d %H:%M} UTC"
-
-
-def _listed(interval: tuple[float, float] | None) -> list[float] | None:
-    """Return an interval as JSON has it."""
-    return None if interval is None else list(interval)
-
-
-def _plain(finding: Finding) -> dict[str, Any]:
-    """Return a finding as plain values."""
-    return {
-        "corner": finding.corner,
-        "component": finding.component,
-        "change": finding.change,
-        "interval": _listed(finding.interval),
-        "score": finding.score,
-        "severity": finding.severity,
-        "severity_number": finding.severity_number,
-        "advice": finding.advice,
-        "since": finding.since,
-        "since_interval": list(finding.since_interval),
-        "runner_up": finding.runner_up,
-        "trend": None
-        if finding.trend is None
-        else {
-            "per_hour": finding.trend.per_hour,
-            "interval": list(finding.trend.interval),
-            "hours_to_limit": _listed(finding.trend.hours_to_limit),
-        },
-        "sentence": finding.sentence,
-    }

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -76,36 +75,6 @@ class Observation:
     def without_segments(self) -> "Observation":
         """Return the observation with no more than a comparison needs of the residual test's statistics."""
         return self if self.residuals is None else replace(self, residuals=self.residuals.without_segments())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the observation as plain values for JSON."""
-        return {
-            "time": self.time,
-            "components": list(map(str, self.components)),
-            "log_ratios": self.log_ratios.tolist(),
-            "covariance": self.covariance.tolist(),
-            "conditions": self.conditions,
-            "modes": {name: list(values) for name, values in self.modes.items()},
-            "sensor_faults": [
-                {"channel": fault.channel, "kind": fault.kind, "detail": fault.detail} for fault in self.sensor_faults
-            ],
-            "reason": self.reason,
-        }
-
-
-def observation_from_dict(document: dict[str, Any]) -> Observation:
-    """Return the observation of plain values."""
-    size = len(document["log_ratios"])
-    return Observation(
-        time=float(document["time"]),
-        components=tuple(map(Component.parse, document["components"])),
-        log_ratios=np.array(document["log_ratios"], dtype=np.float64),
-        covariance=np.array(document["covariance"], dtype=np.float64).reshape(size, size),
-        conditions=dict(document["conditions"]),
-        modes={name: (values[0], values[1]) for name, values in document["modes"].items()},
-        sensor_faults=tuple(SensorFault(**fault) for fault in document["sensor_faults"]),
-        reason=document["reason"],
-    )
 
 
 def windows(

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -123,33 +122,6 @@ class ResidualReference:
     def block_rows(self) -> int:
         """Block rows of the Hankel matrix."""
         return int(self.null_space.shape[0]) // len(self.channels)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the reference as plain values for JSON."""
-        return {
-            "channels": list(self.channels),
-            "sampling_rate": self.sampling_rate,
-            "segment": self.segment,
-            "null_space": self.null_space.round(12).tolist(),
-            "whitening": [[float(f"{value:.9g}") for value in row] for row in self.whitening],
-            "center": self.center,
-            "scatter": self.scatter,
-            "n_windows": self.n_windows,
-        }
-
-
-def residual_reference_from_dict(document: dict[str, Any]) -> ResidualReference:
-    """Return the reference of plain values."""
-    return ResidualReference(
-        channels=tuple(document["channels"]),
-        sampling_rate=float(document["sampling_rate"]),
-        segment=float(document["segment"]),
-        null_space=np.array(document["null_space"], dtype=np.float64),
-        whitening=np.array(document["whitening"], dtype=np.float64),
-        center=float(document["center"]),
-        scatter=float(document["scatter"]),
-        n_windows=int(document["n_windows"]),
-    )
 
 
 @dataclass(frozen=True, slots=True)

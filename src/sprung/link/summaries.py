@@ -161,8 +161,3 @@ def _pair(values: Sequence[Any]) -> tuple[float, float]:
 def _tuple(values: Sequence[Any] | None) -> Any:
     """Return a tuple; None stays."""
     return None if values is None else tuple(values)
-
-
-def _number(value: float) -> float | None:
-    """Return a finite number; None for any other."""
-    return float(value) if np.isfinite(value) else None

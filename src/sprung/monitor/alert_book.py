@@ -17,6 +17,7 @@ from sprung.alerting import (
     shelf_ended,
 )
 from sprung.diagnosis import Diagnosis, SensorFault
+from sprung.documents import finding_document
 from sprung.monitor.engine import Observed
 from sprung.storage import AlertRow, Store
 
@@ -124,6 +125,12 @@ def _of_sensor(vehicle: str, fault: SensorFault) -> Report:
 def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
     """Return the reports of the findings of a diagnosis."""
     return [
-        Report(vehicle, f"{finding.corner}.{finding.component}", finding.severity_number, finding.sentence, evidence)
-        for finding, evidence in zip(diagnosis.findings, diagnosis.to_dict()["findings"], strict=True)
+        Report(
+            vehicle,
+            f"{finding.corner}.{finding.component}",
+            finding.severity_number,
+            finding.sentence,
+            finding_document(finding),
+        )
+        for finding in diagnosis.findings
     ]

@@ -13,13 +13,17 @@ from sprung.diagnosis import (
     Diagnosis,
     Observation,
     ResidualStatistics,
-    baseline_from_dict,
     diagnosis_of,
     learn,
-    observation_from_dict,
     observe_window,
 )
-from sprung.documents import mode_documents
+from sprung.documents import (
+    baseline_document,
+    baseline_from_document,
+    mode_documents,
+    observation_document,
+    observation_from_document,
+)
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.identification import METHODS, IdentificationSettings
 from sprung.link import Block, joined
@@ -264,10 +268,10 @@ class VehicleMonitor:
             "settings": asdict(self._settings),
             "reason": self._reason,
             "is_learning": self._detector is None,
-            "baseline": None if self._baseline is None else self._baseline.to_dict(),
+            "baseline": None if self._baseline is None else baseline_document(self._baseline).as_json(),
             "n_windows": self._n_windows,
             "n_identified": self._n_identified,
-            "observations": [observation.to_dict() for observation in self.observations],
+            "observations": [observation_document(observation) for observation in self.observations],
             "residuals": [_stored_statistics(observation.residuals) for observation in self.observations],
             "evidence": [] if self._detector is None else self._detector.evidence.tolist(),
             "modes": list(self._modes),
@@ -298,12 +302,12 @@ class VehicleMonitor:
             )
         try:
             monitor = cls(vehicle, settings=MonitorSettings(**state["settings"]))
-            monitor._baseline = None if state["baseline"] is None else baseline_from_dict(dict(state["baseline"]))
+            monitor._baseline = None if state["baseline"] is None else baseline_from_document(dict(state["baseline"]))
             monitor._reason = state["reason"]
             monitor._n_windows, monitor._n_identified = state["n_windows"], state["n_identified"]
             statistics = state.get("residuals", [None] * len(state["observations"]))
             observations = [
-                monitor._restored_observation(observation_from_dict(document), _restored_statistics(stored))
+                monitor._restored_observation(observation_from_document(document), _restored_statistics(stored))
                 for document, stored in zip(state["observations"], statistics, strict=True)
             ]
             if state["is_learning"] or monitor._baseline is None:
@@ -371,7 +375,9 @@ class VehicleMonitor:
         time = recording.start / 1e9 if recording.start is not None else number * self._settings.window
         observed = observe_window(recording, self._vehicle, time=time)
         # As it is after a restart: the order in memory of its arrays would show in the last digit of findings.
-        observation = self._restored_observation(observation_from_dict(observed.to_dict()), observed.residuals)
+        observation = self._restored_observation(
+            observation_from_document(observation_document(observed)), observed.residuals
+        )
         self._note = observation.reason
         learnt: Baseline | None = None
         if self._detector is None:
@@ -398,7 +404,7 @@ class VehicleMonitor:
         except DataError as error:
             self._note = str(error)
             return None
-        self._baseline = baseline_from_dict(learnt.to_dict())
+        self._baseline = baseline_from_document(baseline_document(learnt).as_json())
         self._learning, self._detector = [], self._new_detector(self._baseline)
         return learnt
 

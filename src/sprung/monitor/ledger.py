@@ -5,6 +5,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
+from sprung.documents import baseline_document, finding_document, observation_document
 from sprung.errors import SprungError
 from sprung.link import checked_map
 from sprung.monitor.alert_book import AlertBook
@@ -84,7 +85,7 @@ class Ledger:
                 boot,
                 done_seq=done,
                 delete_through_seq=done,
-                observations=tuple(_numbered(event, event.observation.to_dict()) for event in windows),
+                observations=tuple(_numbered(event, observation_document(event.observation)) for event in windows),
                 modes=modes,
                 findings=tuple(_numbered(event, finding) for event in windows for finding in _findings(event)),
                 baselines=tuple(baseline for event in windows for baseline in _baselines(event, now)),
@@ -191,10 +192,10 @@ def _modes(event: Identified) -> tuple[int, int, dict[str, Any]]:
 
 def _findings(event: Observed) -> list[dict[str, Any]]:
     """Return the findings of a window as documents."""
-    return [] if event.diagnosis is None else event.diagnosis.to_dict()["findings"]
+    return [] if event.diagnosis is None else [finding_document(finding) for finding in event.diagnosis.findings]
 
 
 def _baselines(event: Observed, now: int) -> list[tuple[int, int, str, dict[str, Any]]]:
     """Return version, time, reason and document of the baseline that a window completed, if it did."""
     baseline = event.baseline
-    return [] if baseline is None else [(baseline.version, now, baseline.reason, baseline.to_dict())]
+    return [] if baseline is None else [(baseline.version, now, baseline.reason, baseline_document(baseline).as_json())]

@@ -4,7 +4,7 @@ Dead, stuck, clipped and missing are defined here and nowhere else; who judges b
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -100,13 +100,6 @@ class Inspection:
     gap_duration: float
     start: int | None
     history: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the facts as plain values for JSON."""
-        facts = asdict(self)
-        for plain, channel in zip(facts["channels"], self.channels, strict=True):
-            plain.update(is_dead=channel.is_dead, is_clipped=channel.is_clipped, is_stuck=channel.is_stuck)
-        return facts
 
 
 def is_condition(name: str, quantity: str) -> bool:
