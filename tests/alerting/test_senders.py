@@ -271,7 +271,7 @@ def test_mail_with_a_wrong_password():
 @pytest.mark.parametrize(
     ("refused", "sentence", "count"),
     [
-        (["bob@example.org"], "refused bob@example.org and took the others", 1),
+        (["bob@example.org"], "refused bob@example.org and accepted the others", 1),
         (["ann@example.org", "bob@example.org"], "refused ann@example.org, bob@example.org: check", 0),
     ],
 )
@@ -282,7 +282,7 @@ def test_mail_with_refused_recipients(refused, sentence, count):
 
 
 def test_mail_without_a_server():
-    with pytest.raises(SendError, match=r"mail server 127\.0\.0\.1:\d+ did not take the mail"):
+    with pytest.raises(SendError, match=r"mail server 127\.0\.0\.1:\d+ did not accept the mail"):
         mail(closed_port()).send(a_message())
     with smtp_server(greeting="554 go away") as (port, _, _), pytest.raises(SendError, match="554"):
         mail(port).send(a_message())
@@ -350,8 +350,8 @@ def test_backoff_doubles_up_to_the_longest():
         (lambda: WebhookSender("http://a/", timeout=0), "timeout=0 must be above 0"),
         (lambda: mail(25, recipients=[]), "at least one address"),
         (lambda: mail(25, recipients="ann@example.org"), "must be a list"),
-        (lambda: mail(25, recipients=["ann@example.org\nBcc: x@y"]), "is no mail address"),
-        (lambda: mail(25, sender="car"), "'car' is no mail address"),
+        (lambda: mail(25, recipients=["ann@example.org\nBcc: x@y"]), "is not a mail address"),
+        (lambda: mail(25, sender="car"), "'car' is not a mail address"),
         (lambda: mail(25, username="ann"), "give both or none"),
         (lambda: mail(70000), "port=70000 must be"),
         (lambda: Backoff(first=0), "first=0 must be above 0"),

@@ -222,9 +222,9 @@ def test_assignee_stays_through_a_recurrence_and_can_be_taken_back():
     ("act", "sentence"),
     [
         (lambda: shelved(STATES["U"], "ann", NOW, NOW), "until=1000 is not after now"),
-        (lambda: acknowledged(STATES["U"], " ", NOW), "who is empty: name the person to acknowledge"),
+        (lambda: acknowledged(STATES["U"], " ", NOW), "who is empty: name the operator who wants to acknowledge"),
         (lambda: assigned(STATES["U"], "ann", None, NOW), "assigned to nobody already"),
-        (lambda: assigned(STATES["U"], "ann", "", NOW), "has no name"),
+        (lambda: assigned(STATES["U"], "ann", "", NOW), "is empty: give a name"),
         (lambda: commented(STATES["U"], "ann", NOW, " "), "is empty: write"),
         (
             lambda: reported(STATES["U"], report(vehicle="van"), SETTINGS, NOW),
@@ -233,7 +233,7 @@ def test_assignee_stays_through_a_recurrence_and_can_be_taken_back():
         (lambda: reported(STATES["U"], report(cause="silent"), SETTINGS, NOW), "give the alert of the same"),
         (lambda: report(0), "severity=0 must be at least 1"),
         (lambda: report(1001), "severity=1001 must be .*at most 1000"),
-        (lambda: report(cause=""), "must both have a name"),
+        (lambda: report(cause=""), "must not be empty"),
         (lambda: replace(STATES["U"], severity=0), "severity=0"),
         (lambda: AlertSettings(raise_after=0), "raise_after=0 must be at least 1"),
         (lambda: AlertSettings(clear_after=0), "clear_after=0 must be at least 1"),

@@ -94,7 +94,7 @@ def test_what_is_no_signal_is_passed_over(database):
     assert np.array_equal(found, expected, equal_nan=True)
     assert len(said) == 1
     assert said[0].startswith("CAN message ACC (id 0x100) cannot be decoded (")
-    assert said[0].endswith("see whether the database is that of this bus")
+    assert said[0].endswith("check that the database is that of this bus")
 
 
 def test_extended_ids_and_units_that_are_unknown(database):
@@ -143,9 +143,7 @@ def test_bus_that_breaks_down_or_cannot_be_opened(database):
         raise can.CanOperationError("Network is down")
 
     blocks = from_can(broken(), database, names=["acc_fl"], sampling_rate=100.0)
-    with pytest.raises(
-        FormatError, match=r"CAN bus or log cannot be read on \(Network is down\): see whether it is up"
-    ):
+    with pytest.raises(FormatError, match=r"CAN bus or log cannot be read on \(Network is down\): check that it is up"):
         list(blocks)
     with pytest.raises(ParameterError, match="the CAN bus nonsense can0 cannot be opened"):
         can_bus("nonsense", "can0")
@@ -156,10 +154,10 @@ def test_databases_that_cannot_be_read(tmp_path):
     path.write_text(DBC)
     assert [item.name for item in can_database(path).messages] == ["ACC", "DRIVE", "LONG"]
     path.write_text("BO_ nonsense")
-    with pytest.raises(FormatError, match=r"bus.dbc is no CAN database that can be read"):
+    with pytest.raises(FormatError, match=r"bus.dbc cannot be read as a CAN database"):
         can_database(path)
     path.write_text('VERSION ""\n')
     with pytest.raises(FormatError, match=r"bus.dbc describes no CAN messages"):
         can_database(path)
-    with pytest.raises(FormatError, match=r"absent.dbc: there is no such file"):
+    with pytest.raises(FormatError, match=r"absent.dbc: no such file"):
         can_database(tmp_path / "absent.dbc")

@@ -258,7 +258,7 @@ def test_file_or_folder_that_is_taken_away(tmp_path):
     watched.mkdir()
     folder = Folder(watched, lambda: folder.put("a.csv", text(100)), (watched / "a.csv").unlink, watched.rmdir)
     assert list(folder.blocks) == []
-    with pytest.raises(ParameterError, match="in is no folder: give the one that files come into"):
+    with pytest.raises(ParameterError, match="in is not a folder: give the one in which files appear"):
         Folder(watched)
 
 

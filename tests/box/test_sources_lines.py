@@ -54,13 +54,13 @@ def test_first_lines_that_name_no_channels(text, said):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("x,2", "line 13 of standard input, channel 'a': 'x' is no measured value: send a number, or nothing"),
-        ("1,inf", "line 13 of standard input, channel 'b': 'inf' is no measured value"),
+        ("x,2", "line 13 of standard input, channel 'a': 'x' is not a measured value: send a number, or nothing"),
+        ("1,inf", "line 13 of standard input, channel 'b': 'inf' is not a measured value"),
         ("1,1e300", "channel 'b': '1e300' is no"),
         ("1,2,3", "line 13 of standard input has 3 values for 2 channels: '1,2,3': send one for each"),
         ("1", "line 13 of standard input has 1 values for 2 channels"),
         ("1;2", "line 13 of standard input has 1 values for 2 channels: '1;2'"),
-        ('"1,2', "channel 'a': '.1' is no measured value"),
+        ('"1,2', "channel 'a': '.1' is not a measured value"),
         ("\0,1", "channel 'a'"),
         ("1," * 40_000, "line 13 of standard input is longer"),
     ],
@@ -81,7 +81,7 @@ def from_lines_into(blocks, text):
 
 def test_bytes_that_are_no_text():
     stream = io.TextIOWrapper(io.BytesIO(b"a\n1\n" + b"\xff\xfe\n" * 3), encoding="utf-8")
-    with pytest.raises(FormatError, match="of standard input is no text in UTF-8"):
+    with pytest.raises(FormatError, match="of standard input is not text in UTF-8"):
         list(from_lines(stream, sampling_rate=10.0, start=lambda: START))
 
 

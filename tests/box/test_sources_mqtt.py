@@ -77,7 +77,7 @@ def received(broker, messages, *, names, rate=100.0, **options):
     reader.join(timeout=5)
     sender.close()
     assert not reader.is_alive()
-    assert "has a message that is no JSON: 'hello'" in said[0]
+    assert "has a message that is not JSON: 'hello'" in said[0]
     return blocks, said[1:-1]
 
 
@@ -131,15 +131,15 @@ def test_messages_that_cannot_be_used_are_told_once_and_passed_over(broker):
     blocks, said = received(broker, [*good[:50], *bad, *bad, *good[50:]], names=["a"])
     assert np.allclose(joined(blocks)[0], np.arange(200), atol=1e-3)
     expected = [
-        "topic 'sensors/1' has a message that is no JSON",
-        "topic 'sensors/2' has a message that is no JSON",
+        "topic 'sensors/1' has a message that is not JSON",
+        "topic 'sensors/2' has a message that is not JSON",
         "topic 'sensors/3' has a message of 70002 bytes: send at most 65536",
         "topic 'sensors/4' has the message [1, 2]: send an object of numbers, or one number",
         "topic 'sensors/5' has the message True",
         "topic 'sensors/6': time is 'noon': send seconds since 1970, or leave it out",
         "topic 'sensors/7': time is 1700000000000.0: send seconds since 1970",
         "topic 'sensors/8': 'a' is '1': send a number, or null",
-        "topic 'sensors/9' has none of the channels, but 'time', 'b': see how channels are named",
+        "topic 'sensors/9' has none of the channels, but 'time', 'b': check the names",
         "topic 'sensors/c' has none of the channels, but 'c'",
     ]
     assert len(said) == len(expected)
@@ -162,9 +162,9 @@ def test_null_is_missing_and_a_clock_that_was_not_set_is_not_used(broker):
         ("http://host", ["a"], ["a"], "is not the address of a broker"),
         ("mqtt://host", [], ["a"], "topics=.. must be a list of one or more topics"),
         ("mqtt://host", "a/b", ["a"], "topics='a/b' must be a list"),
-        ("mqtt://host", ["a/#/b"], ["a"], "'a/#/b' is no topic to subscribe to"),
-        ("mqtt://host", ["a/b+"], ["a"], "'a/b.' is no topic to subscribe to"),
-        ("mqtt://host", [""], ["a"], "'' is no topic to subscribe to"),
+        ("mqtt://host", ["a/#/b"], ["a"], "'a/#/b' is not a topic filter"),
+        ("mqtt://host", ["a/b+"], ["a"], "'a/b.' is not a topic filter"),
+        ("mqtt://host", [""], ["a"], "'' is not a topic filter"),
         ("mqtt://host", ["a"], [], "no channel is named"),
     ],
 )

@@ -217,11 +217,11 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
         (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "not a valid name"),
         (
             ("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
-            "cannot be reached: nobody listens there",
+            "cannot be reached: connection refused",
         ),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or another source"),
         (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "vehicle 'monitor' has the name of a user"),
-        (("monitor", "--store", "sqlite:///run.csv", "--broker", "mqtt://127.0.0.1:1"), "is no store but another file"),
+        (("monitor", "--store", "sqlite:///run.csv", "--broker", "mqtt://127.0.0.1:1"), "is not a store but another"),
         (("monitor", "--http", "127.0.0.1", "--broker", "mqtt://127.0.0.1:1"), "write HOST:PORT"),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira", "--source", "can:x:y:z"), "needs --sampling-rate"),
     ],

@@ -125,7 +125,7 @@ def changed(path, value):
         (("send", "webhook", 0, "headers"), ["Key"], "[[send.webhook]] 1, headers must be a table of fields: write"),
         (("send", "mail", 0, "starttls"), "yes", "[[send.mail]] 1, starttls='yes' must be true or false: write it"),
         (("send", "mail", 0, "recipients"), [], "[[send.mail]] 1, recipients has 0 entries, but must have at least 1"),
-        (("send", "mail", 0, "recipients"), ["anna"], "[[send.mail]] 1: 'anna' is no mail address: write it like"),
+        (("send", "mail", 0, "recipients"), ["anna"], "[[send.mail]] 1: 'anna' is not a mail address: write it like"),
         (("send", "mail", 0, "recipients"), ["a@b", 1], "[[send.mail]] 1, recipients[1]=1 must be text: write it in"),
         (("send", "mail", 0, "port"), 0, "[[send.mail]] 1: port=0 must be at least 1 and at most 65535"),
         (("send", "mail", 0, "password"), 1234, "[[send.mail]] 1, password must be text: write it in quotes"),

@@ -158,7 +158,7 @@ def log(caplog, monkeypatch):
 
 def test_a_broker_that_is_away_is_in_the_log_at_once_and_every_ten_minutes(bench, log):
     one = bench()
-    sentence = "the broker mqtt://broker:1883 cannot be reached: nobody listens there: see whether it runs"
+    sentence = "the broker mqtt://broker:1883 cannot be reached: connection refused: check that it runs"
 
     def said(minutes):
         before = len(log())

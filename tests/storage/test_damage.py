@@ -8,7 +8,7 @@ from sqlalchemy import event
 
 from sprung.storage import Cursor, Progress, StoredFrame, StoreError, open_store
 
-CANNOT_WRITE = "the store cannot write: .*: free space on its disk or make it writable, and it goes on"
+CANNOT_WRITE = "the store cannot write: .*: free space on its disk or make it writable, then it continues"
 
 
 def fill(store, *, n_batches, payload=b"x" * 200):

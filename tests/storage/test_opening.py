@@ -104,13 +104,13 @@ def test_other_addresses_are_refused(address, message):
 
 
 def test_server_that_is_not_there(tmp_path):
-    with pytest.raises(StoreError, match=r"the store does not answer: .*: see whether its database runs"):
+    with pytest.raises(StoreError, match=r"the store does not answer: .*: check that its database runs"):
         open_store(f"postgresql://sprung@/db?host={tmp_path}")
 
 
 def test_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(StoreError, match=r"cannot be opened: .*: see whether its folder and disk can be written"):
+    with pytest.raises(StoreError, match=r"cannot be opened: .*: check that its folder and disk can be written"):
         open_store(f"sqlite:///{tmp_path}/file/store.sqlite")
     (tmp_path / "folder").mkdir()
     with pytest.raises(StoreError, match=r"unable to open database file|Is a directory"):

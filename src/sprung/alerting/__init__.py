@@ -1,4 +1,4 @@
-"""What a person is told: alerts with hold-off, hysteresis, acknowledgement and shelving, and ways to send them."""
+"""Alerts with hold-off, hysteresis, acknowledgement and shelving, and senders of notifications."""
 
 from sprung.alerting.alerts import (
     STEPS,

@@ -1,4 +1,4 @@
-"""Alerts as values: what a person is told of one cause in one vehicle, in the words of ANSI/ISA-18.2 (IEC 62682)."""
+"""Alerts as values: one for each cause in a vehicle, in the terms of ANSI/ISA-18.2 (IEC 62682)."""
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -8,10 +8,10 @@ from sprung.errors import ParameterError
 
 #: Names of the five steps of severity, from 1 to 200, 201 to 400 and so on.
 STEPS = ("note", "low", "medium", "high", "critical")
-#: Causes that tell of the watching and not of the vehicle.
+#: Causes that concern monitoring and not the vehicle.
 WATCHING = ("silent", "monitor")
 
-#: What can become of an alert. "pending": only the count of reports moved; "none": nothing is different from before.
+#: What can become of an alert. "pending": only the count of reports changed; "none": nothing changed.
 Change = Literal[
     "raised",
     "updated",
@@ -37,7 +37,7 @@ class AlertSettings:
     clear_after
         Hysteresis: consecutive windows without a report before it clears, at least 1.
     renotify_after
-        Time after which an active alert that nobody acknowledged is told again [ns]; None: never.
+        Time after which an active, unacknowledged alert is notified again [ns]; None: never.
     """
 
     raise_after: int = 1
@@ -48,25 +48,25 @@ class AlertSettings:
         check_number("raise_after", self.raise_after, at_least=1, advice="1 raises at the first report")
         check_number("clear_after", self.clear_after, at_least=1, advice="1 clears at the first window without it")
         if self.renotify_after is not None:
-            check_number("renotify_after", self.renotify_after, above=0, advice="None never tells again")
+            check_number("renotify_after", self.renotify_after, above=0, advice="None never notifies again")
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What one window found.
+    """What one window reports of one cause.
 
     Parameters
     ----------
     vehicle
-        Its name.
+        Name of the vehicle.
     cause
-        The same words for the same thing every time: "front_left.spring", "sensor:acc_fl", "silent", "monitor".
+        Identifier of the cause, the same every time: "front_left.spring", "sensor:acc_fl", "silent", "monitor".
     severity
         1 to 1000, as in OPC 10000-110.
     text
-        What a person reads.
+        Sentence for people.
     evidence
-        Plain values behind it, such as numbers, intervals and addresses of windows.
+        Plain values behind the report, such as numbers, intervals and addresses of windows.
     """
 
     vehicle: str
@@ -82,18 +82,18 @@ class Report:
 
 @dataclass(frozen=True, slots=True)
 class Alert:
-    """What people are told of one cause in one vehicle. Times are UTC ns since 1970.
+    """State of one cause in one vehicle. Times are UTC ns since 1970.
 
     Parameters
     ----------
     vehicle, cause, severity, text, evidence
-        Of the last report, see `Report`; once it cleared, of the last one while it was active.
+        Contents of the last report, see `Report`; once the alert cleared, of the last one while it was active.
     is_active
         Whether the cause holds now.
     is_acknowledged
-        Whether somebody has seen it; also true of what never was active, as there is nothing to see.
+        Whether an operator has acknowledged it; also true of one that never was active.
     shelved_until
-        End of the time in which nobody is notified; None where it is not shelved.
+        End of the shelf, until which nobody is notified; None where it is not shelved.
     raised
         When it last became active; of one that never did, its first report.
     updated
@@ -103,14 +103,14 @@ class Alert:
     count
         How often it became active; 0 is one in its first hold-off, which no list of alerts should show.
     assignee
-        Who looks after it.
+        Name of the person responsible; None: nobody.
     streak
         Consecutive windows that speak against `is_active`: reports of an inactive alert, absences of an active one.
     worst
-        Highest severity since `raised`. Only what goes a step beyond it is told again, so that a severity between two
-        steps tells once.
+        Highest severity since `raised`. Only a severity a step above it is notified again, so that one that varies
+        between two steps is notified once.
     notified
-        When people were last told since `raised`; None where they were not.
+        Time of the last notification since `raised`; None before the first.
     """
 
     vehicle: str
@@ -136,26 +136,26 @@ class Alert:
 
     @property
     def is_shelved(self) -> bool:
-        """Whether nobody is notified, until the shelf ends or somebody ends it."""
+        """Whether it is shelved: nobody is notified until the shelf ends."""
         return self.shelved_until is not None
 
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """An alert after something happened to it, and what that was.
+    """An alert after an event, and the event.
 
     Parameters
     ----------
     alert
-        The new value; equal to the old one where `what` is "none".
+        Alert after the event; equal to the one before where `what` is "none".
     what
-        See `Change`.
+        Event, see `Change`.
     who
-        The person who did it; empty where a window did.
+        Name of the operator; empty where a window caused it.
     comment
-        In the person's words.
+        Comment of the operator.
     is_notified
-        Whether people are to be told.
+        Whether a notification is due.
     """
 
     alert: Alert
@@ -166,7 +166,7 @@ class Transition:
 
 
 def state_name(alert: Alert) -> str:
-    """Return the state in the words of ISA-18.2.
+    """Return the state in the terms of ISA-18.2.
 
     Returns
     -------
@@ -187,16 +187,16 @@ def severity_step(severity: int) -> int:
 
 
 def is_of_suspension(cause: str) -> bool:
-    """Whether a cause is a change of the suspension, and not of a sensor ("sensor:acc_fl") or of the watching."""
+    """Whether a cause is a change of the suspension, and not of a sensor ("sensor:acc_fl") or of monitoring."""
     return ":" not in cause and cause not in WATCHING
 
 
 def _check_severity(severity: int) -> None:
-    """Refuse what is no severity."""
+    """Refuse a severity out of range."""
     check_number("severity", severity, at_least=1, at_most=1000)
 
 
 def _check_names(vehicle: str, cause: str) -> None:
-    """Refuse an alert of nothing."""
+    """Refuse an alert without vehicle or cause."""
     if not vehicle or not cause:
-        raise ParameterError(f"vehicle {vehicle!r} and cause {cause!r} must both have a name: say what it is about")
+        raise ParameterError(f"vehicle {vehicle!r} and cause {cause!r} must not be empty: name both")

@@ -1,4 +1,4 @@
-"""Delivery: every sender gets its chance, and failed ones come again, ever later."""
+"""Delivery to every sender, with increasing waits after failures."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,28 +12,28 @@ _SECOND = 1_000_000_000
 
 
 class SendError(SprungError):
-    """A message that a sender could not pass on; it says to whom, why, and what to check."""
+    """A message that a sender could not deliver; it says where, why, and what to check."""
 
 
 class Sender(Protocol):
-    """Anything that passes messages on."""
+    """Anything that delivers messages."""
 
     @property
     def name(self) -> str:
-        """Name by which its errors are known; no two senders of a list share one."""
+        """Name of the sender, unique in a list of senders."""
 
     def send(self, message: Message) -> None:
-        """Pass a message on, or raise `SendError`."""
+        """Deliver a message, or raise `SendError`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Backoff:
-    """When to try again.
+    """Waits between attempts, doubled after each failure.
 
     Parameters
     ----------
     first
-        Wait after the first failure [ns]; every further failure doubles it.
+        Wait after the first failure [ns].
     most
         Longest wait [ns].
     """
@@ -46,7 +46,7 @@ class Backoff:
         check_number("most", self.most, at_least=self.first, advice="no wait can be shorter than the first")
 
     def next_attempt(self, attempts: int, now: int) -> int:
-        """Return the time of the next attempt [UTC ns] after so many failed ones, the last of them `now`.
+        """Return the time of the next attempt [UTC ns] after a number of failures, the last of them `now`.
 
         Examples
         --------
@@ -58,12 +58,12 @@ class Backoff:
 
 
 def deliver(message: Message, senders: Iterable[Sender]) -> dict[str, str]:
-    """Pass a message to every sender.
+    """Give a message to every sender.
 
     Returns
     -------
     dict
-        For each sender that failed, by name, one sentence that says why; empty where all went well.
+        For each sender that failed, by name, the reason in one sentence; empty where all succeeded.
     """
     failed = {}
     for sender in senders:

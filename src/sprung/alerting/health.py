@@ -1,4 +1,4 @@
-"""One number for planning."""
+"""The health index: one number for planning."""
 
 from collections.abc import Iterable
 
@@ -6,22 +6,22 @@ from sprung.alerting.alerts import WATCHING, Alert, is_of_suspension
 
 
 def health_index(alerts: Iterable[Alert]) -> float:
-    """Return the health of a vehicle from 0 (inspect it first) to 100 (nothing is known against it).
+    """Return the health of a vehicle from 0 (inspect first) to 100 (no active alert).
 
     Parameters
     ----------
     alerts
-        Of one vehicle.
+        Alerts of one vehicle.
 
     Notes
     -----
     100 - max(w severity / 10) over the active alerts, with w = 1 for the suspension, 1/3 for sensors, and 0 for what
-    only tells of the watching ("silent", "monitor"). A critical change (900) gives 10, a dead sensor of severity 600
+    only concerns monitoring ("silent", "monitor"). A critical change (900) gives 10, a dead sensor of severity 600
     gives 80.
 
-    It orders vehicles for planning and nothing else: it raises no alert, and no alert is raised or cleared from it. A
-    shelved or acknowledged alert counts like any other, as neither mends the vehicle. Where a vehicle is silent or
-    could not be assessed, 100 means that nothing is known, not that nothing is wrong.
+    It serves to order vehicles for planning only: no alert is raised or cleared by it. A shelved or acknowledged alert
+    counts like any other, as neither repairs the vehicle. Where a vehicle is silent or could not be assessed, 100 means
+    that nothing is known, not that nothing is wrong.
 
     Examples
     --------

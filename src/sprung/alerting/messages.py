@@ -1,4 +1,4 @@
-"""What is sent to people and programs about an alert."""
+"""Notifications about alerts, for people and programs."""
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -12,24 +12,24 @@ _WORDS = {"updated": "still active", "unshelved": "off the shelf", "commented": 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message, the same for all senders.
+    """A notification, the same for all senders.
 
     Parameters
     ----------
     vehicle
-        Its name.
+        Name of the vehicle.
     what
-        What became of the alert, see `Change`.
+        Event of the alert, see `Change`.
     severity
         1 to 1000.
     subject
-        One line.
+        Subject in one line.
     text
-        A few lines for people.
+        Text of a few lines for people.
     time
         UTC ns.
     document
-        JSON object `sprung.alert/1` for programs.
+        Contents as `sprung.alert/1`, for programs.
     """
 
     vehicle: str
@@ -42,14 +42,14 @@ class Message:
 
 
 def message_of(alert: Alert, transition: Transition) -> Message:
-    """Return the message about what became of an alert.
+    """Return the notification about an event of an alert.
 
     Parameters
     ----------
     alert
-        After it, as in `transition.alert`.
+        Alert after the event, as in `transition.alert`.
     transition
-        What became of it.
+        The event.
     """
     step = STEPS[severity_step(alert.severity)]
     words = _WORDS.get(transition.what, transition.what)
@@ -113,7 +113,7 @@ def _written(time: int) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON can hold: no odd evidence may keep an alert from being told."""
+    """Return a value as JSON can hold it: unusual evidence must not prevent a notification."""
     if isinstance(value, float):
         return float(value) if isfinite(value) else None
     if value is None or isinstance(value, bool | int | str):

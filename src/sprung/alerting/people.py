@@ -1,4 +1,4 @@
-"""What people do to alerts: acknowledge, shelve, assign, comment. Nobody is notified but at the end of a shelf."""
+"""Acts of operators on alerts: acknowledge, shelve, assign, comment. Only the end of a shelf notifies."""
 
 from dataclasses import replace
 
@@ -7,18 +7,18 @@ from sprung.errors import ParameterError
 
 
 def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
-    """Say that somebody has seen an alert; one that cleared returns to normal.
+    """Acknowledge an alert; one that cleared returns to normal.
 
     Parameters
     ----------
     alert
-        Active or cleared, and not acknowledged since.
+        Alert that is active or cleared, and not acknowledged since.
     who
-        Name of the person.
+        Name of the operator.
     now
-        UTC ns.
+        Present time, UTC ns.
     comment
-        In the person's words.
+        Comment for the history.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def unshelved(alert: Alert, who: str, now: int, comment: str = "") -> Transition
 
 
 def shelf_ended(alert: Alert, now: int) -> Transition:
-    """End the shelf of an alert whose time has come; one that is active notifies, even if it was acknowledged.
+    """End the shelf of an alert at its time; one that is active notifies, even if it was acknowledged.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def shelf_ended(alert: Alert, now: int) -> Transition:
 
 
 def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: str = "") -> Transition:
-    """Give an alert to somebody to look after, or to nobody (None).
+    """Assign an alert to somebody, or to nobody (None).
 
     Raises
     ------
@@ -86,7 +86,7 @@ def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: st
     """
     _check_who(alert, who, "assign")
     if assignee is not None and not assignee.strip():
-        raise ParameterError(f"assignee of {_name(alert)} has no name: give one, or None for nobody")
+        raise ParameterError(f"assignee of {_name(alert)} is empty: give a name, or None for nobody")
     if assignee == alert.assignee:
         raise ParameterError(f"{_name(alert)} is assigned to {assignee or 'nobody'} already: name somebody else")
     return Transition(replace(alert, assignee=assignee, updated=now), "assigned", who, comment)
@@ -102,12 +102,12 @@ def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
     """
     _check_who(alert, who, "comment on")
     if not comment.strip():
-        raise ParameterError(f"comment on {_name(alert)} is empty: write what others should know")
+        raise ParameterError(f"comment on {_name(alert)} is empty: write a comment")
     return Transition(replace(alert, updated=now), "commented", who, comment)
 
 
 def _off_shelf(alert: Alert, now: int, who: str = "", comment: str = "") -> Transition:
-    """Take an alert off its shelf and tell of it where it is active."""
+    """End the shelf of an alert, and notify where it is active."""
     notified = now if alert.is_active else alert.notified
     back = replace(alert, shelved_until=None, updated=now, notified=notified)
     return Transition(back, "unshelved", who, comment, is_notified=alert.is_active)
@@ -119,6 +119,6 @@ def _name(alert: Alert) -> str:
 
 
 def _check_who(alert: Alert, who: str, act: str) -> None:
-    """Refuse an act of nobody."""
+    """Refuse an act without an operator."""
     if not who.strip():
-        raise ParameterError(f"who is empty: name the person to {act} {_name(alert)}")
+        raise ParameterError(f"who is empty: name the operator who wants to {act} {_name(alert)}")

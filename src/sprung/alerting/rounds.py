@@ -1,4 +1,4 @@
-"""What a window does to alerts: it reports a cause or finds it absent; a round of a vehicle takes all its causes."""
+"""What a window does to alerts: it reports a cause, or finds it absent; a round takes all causes of a vehicle."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -14,13 +14,13 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
     Parameters
     ----------
     alert
-        Of this vehicle and cause; None where there never was one.
+        Alert of this vehicle and cause; None where there never was one.
     report
-        What a window found.
+        Report of a window.
     settings
-        Its `raise_after` and `renotify_after` count here.
+        Settings, of which `raise_after` and `renotify_after` are used.
     now
-        UTC ns.
+        Present time, UTC ns.
 
     Returns
     -------
@@ -29,9 +29,9 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
 
     Notes
     -----
-    A recurrence raises the same alert again: counted, and unacknowledged. An active alert is told again where its
-    severity goes a step above the worst so far, which also takes back the acknowledgement; or as a reminder, where
-    nobody acknowledged it for `renotify_after`. A shelved one changes in the same way and is told to nobody.
+    A recurrence raises the same alert again, counted and unacknowledged. An active alert is notified again where its
+    severity rises a step above the worst so far, which also withdraws the acknowledgement; or as a reminder, where
+    nobody acknowledged it for `renotify_after`. A shelved one changes in the same way without notifications.
     """
     if alert is None:
         alert = _unheard(report, now)
@@ -43,7 +43,7 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
     if alert.is_active:
         return _updated(alert, report, settings, now)
     if alert.streak + 1 < settings.raise_after:
-        # Until it recurs, an alert that cleared goes on telling what it was.
+        # Until it recurs, an alert that cleared keeps its contents.
         held = alert if alert.count else _with(alert, report)
         return Transition(replace(held, streak=alert.streak + 1, updated=now), "pending")
     risen = replace(
@@ -62,7 +62,7 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
 
 
 def absent(alert: Alert, settings: AlertSettings, now: int) -> Transition:
-    """Take a window that looked for a cause and did not find it.
+    """Take a window that checked for a cause and did not find it.
 
     Returns
     -------
@@ -89,22 +89,22 @@ def assess(
     settings: AlertSettings,
     now: int,
 ) -> list[Transition]:
-    """Take one round of a vehicle: what its window reported, and what it looked for and did not find.
+    """Take one round of a vehicle: what its window reported, and what it checked for and did not find.
 
     Parameters
     ----------
     alerts
         Alerts of the vehicle by cause.
     reports
-        Of this round. Of several of one cause the most severe counts, once.
+        Reports of this round; of several about one cause the most severe counts, once.
     looked_for
-        Whether the round could have found a cause; what it could not find is not absent.
+        Function that tells whether the round could have found a cause; otherwise it is not absent.
     is_inhibited
-        Bad data, or a vehicle offline: causes of the suspension neither rise, change nor clear.
+        Whether causes of the suspension neither rise, change nor clear, as with bad data.
     settings
-        See `AlertSettings`.
+        Hold-off, hysteresis and reminders.
     now
-        UTC ns.
+        Present time, UTC ns.
 
     Returns
     -------
@@ -142,8 +142,8 @@ def _updated(alert: Alert, report: Report, settings: AlertSettings, now: int) ->
     worst = max(alert.worst, alert.severity)
     is_worse = severity_step(report.severity) > severity_step(worst)
     is_acknowledged = alert.is_acknowledged and not is_worse
-    told = alert.raised if alert.notified is None else alert.notified
-    is_due = not is_acknowledged and settings.renotify_after is not None and now - told >= settings.renotify_after
+    last = alert.raised if alert.notified is None else alert.notified
+    is_due = not is_acknowledged and settings.renotify_after is not None and now - last >= settings.renotify_after
     is_notified = (is_worse or is_due) and not alert.is_shelved
     changed = replace(
         _with(alert, report),

@@ -1,4 +1,4 @@
-"""Ways to tell: a log, a webhook, mail, a topic. Network and logger are given, and no message names a secret."""
+"""Senders: a log, a webhook, mail, a topic. Network and logger are arguments; no error message contains a secret."""
 
 import json
 import logging
@@ -28,7 +28,7 @@ _VEHICLE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
 
 class LogSender:
-    """Writes subject and finding to a log, at a level by severity; what cleared is only worth INFO."""
+    """Writes subject and text to a log, at a level by severity; alerts that cleared at INFO."""
 
     def __init__(self, logger: logging.Logger, *, name: str = "log") -> None:
         self.name = name
@@ -42,7 +42,7 @@ class LogSender:
 
 
 class _Unmoved(urllib.request.HTTPRedirectHandler):
-    """Follows no redirection: it would turn the POST into a GET and take the headers to another host."""
+    """Follows no redirection, which would turn the POST into a GET and send the headers to another host."""
 
     def redirect_request(self, *_: Any) -> None:
         return None
@@ -54,15 +54,15 @@ class WebhookSender:
     Parameters
     ----------
     url
-        http or https. It may hold a secret: errors name its host only.
+        Address, http or https. It may contain a secret: errors name its host only.
     headers
-        Added to each request, such as an Authorization.
+        Headers of each request, such as an Authorization.
     timeout
-        For connecting, and for each answer [s].
+        Longest wait for the connection, and for each answer [s].
     opener
-        Opens requests; None: one that follows no redirections.
+        Opener of requests; None: one that follows no redirection.
     name
-        See `Sender`.
+        Name of the sender, see `Sender`.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class WebhookSender:
         self._opener = urllib.request.build_opener(_Unmoved) if opener is None else opener
 
     def send(self, message: Message) -> None:
-        """Post, and take any answer of 2xx for success."""
+        """Post; any answer of 2xx is success."""
         try:
             request = urllib.request.Request(self._url, _json(message), self._headers, method="POST")
             with self._opener.open(request, timeout=self._timeout):
@@ -110,20 +110,20 @@ class MailSender:
     Parameters
     ----------
     host, port
-        Of the mail server (SMTP submission, RFC 6409).
+        Host and port of the mail server (SMTP submission, RFC 6409).
     sender, recipients
-        Addresses.
+        Addresses of sender and recipients.
     username, password
-        For servers that ask for them; both or none.
+        Credentials at the server; both or none.
     starttls
-        Whether to encrypt after connecting; a server that cannot gets neither password nor mail.
+        Whether to encrypt after connecting; a server that cannot receives neither password nor mail.
     connect
-        Called with host, port and timeout. For a server that encrypts from the start: smtplib.SMTP_SSL with a context
-        that checks certificates (functools.partial), and `starttls` False.
+        Function of host, port and timeout that connects. For a server that encrypts from the start: smtplib.SMTP_SSL
+        with a context that checks certificates (functools.partial), and `starttls` False.
     timeout
-        For each answer [s].
+        Longest wait for each answer [s].
     name
-        See `Sender`.
+        Name of the sender, see `Sender`.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class MailSender:
             raise ParameterError(f"recipients={recipients!r} must be a list of at least one address")
         for address in (sender, *recipients):
             if not re.fullmatch(r"[^@\s,;<>]+@[^@\s,;<>]+", address):
-                raise ParameterError(f"{address!r} is no mail address: write it like name@example.org")
+                raise ParameterError(f"{address!r} is not a mail address: write it like name@example.org")
         if (username is None) != (password is None):
             raise ParameterError("username and password of the mail server go together: give both or none")
         self.name = name
@@ -169,9 +169,9 @@ class MailSender:
         except smtplib.SMTPRecipientsRefused as error:
             raise SendError(f"{where} refused {', '.join(error.recipients)}: check the recipients") from None
         except (OSError, ValueError) as error:  # SMTPException is an OSError
-            raise SendError(f"{where} did not take the mail ({error})") from error
+            raise SendError(f"{where} did not accept the mail ({error})") from error
         if refused:
-            raise SendError(f"{where} refused {', '.join(refused)} and took the others: check the recipients")
+            raise SendError(f"{where} refused {', '.join(refused)} and accepted the others: check the recipients")
 
     def _mail(self, message: Message) -> EmailMessage:
         """Return the mail; marked as automatic (RFC 3834), so that no absence note answers it."""

@@ -13,7 +13,7 @@ from sprung.errors import FormatError, ParameterError
 from sprung.recording import Channel, Recording
 from sprung.units import conversion
 
-# Stamps before 2000 [ns] do not count from 1970: they are seconds since the adapter or the log began.
+# Stamps before 2000 [ns] do not count from 1970, but from the start of the adapter or the log.
 _YEAR_2000 = 946_684_800_000_000_000
 
 
@@ -25,24 +25,24 @@ def from_can(
     sampling_rate: float,
     longest: float = 0.5,
     start: Callable[[], int] = time.time_ns,
-    on_problem: Callable[[str], None] = lambda _said: None,
+    on_problem: Callable[[str], None] = lambda _sentence: None,
 ) -> Iterator[Recording]:
     """Return the blocks of signals on a CAN bus, in SI units where the database states a known unit.
 
     Parameters
     ----------
     messages
-        Of python-can: a `Bus`, or a `LogReader`.
+        Messages of python-can, from a `Bus` or a `LogReader`.
     database
-        Of cantools: says where signals lie in messages.
+        Database of cantools, which locates signals in messages.
     names
-        Of the signals; MESSAGE.SIGNAL where several messages have one of that name.
+        Names of the signals; MESSAGE.SIGNAL where several messages have one of that name.
     sampling_rate, longest
         As for `Regular`.
     start
         Returns the time of the first message, UTC ns, where stamps do not count from 1970.
     on_problem
-        Called with a sentence when a message of an id cannot be decoded for the first time; it is passed over.
+        Called with a sentence when a message of an id cannot be decoded for the first time; such messages are ignored.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
         return can.Bus(interface=interface, channel=channel, **settings)
     except (OSError, can.CanError, ValueError, ImportError) as error:
         raise ParameterError(
-            f"the CAN bus {interface} {channel} cannot be opened ({_detail(error)}): see whether it is connected and up"
+            f"the CAN bus {interface} {channel} cannot be opened ({_detail(error)}): check that it is connected and up"
         ) from None
 
 
@@ -74,11 +74,11 @@ def can_database(path: str | PathLike[str]) -> Any:
     cantools = required("cantools", purpose="a CAN database", extra="can")
     path = Path(path)
     if not path.is_file():
-        raise FormatError(f"{path}: there is no such file")
+        raise FormatError(f"{path}: no such file")
     try:
         database = cantools.database.load_file(path)
     except (cantools.Error, OSError, ValueError) as error:
-        raise FormatError(f"{path} is no CAN database that can be read ({_detail(error)}): give a DBC file") from None
+        raise FormatError(f"{path} cannot be read as a CAN database ({_detail(error)}): give a DBC file") from None
     if not getattr(database, "messages", None):
         raise FormatError(f"{path} describes no CAN messages: give the database of the bus")
     return database
@@ -86,7 +86,7 @@ def can_database(path: str | PathLike[str]) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class _Signal:
-    """A signal of a message, the name it was asked for, its channel, and its factor to SI."""
+    """A signal of a message: its name there, its channel, and its factor to SI."""
 
     name: str
     channel: Channel
@@ -95,13 +95,13 @@ class _Signal:
 
 @dataclass(frozen=True, slots=True)
 class _Wanted:
-    """A message of the database and what is wanted of it."""
+    """A message of the database, and the requested signals in it."""
 
     message: Any
     signals: tuple[_Signal, ...]
 
     def by_name(self, name: str) -> list[_Signal]:
-        """Return the signal that was asked for by a name, if it is in this message."""
+        """Return the signal of a requested name, if it is in this message."""
         return [signal for signal in self.signals if signal.channel.name == name]
 
 
@@ -152,21 +152,21 @@ def _blocks(
         key = message.arbitration_id, bool(message.is_extended_id)
         if message.is_error_frame or message.is_remote_frame or key not in wanted:
             continue
-        one = wanted[key]
+        requested = wanted[key]
         try:
-            decoded = one.message.decode(bytes(message.data), decode_choices=False)
+            decoded = requested.message.decode(bytes(message.data), decode_choices=False)
         except (cantools.Error, ValueError, KeyError) as error:
             if key not in broken:
                 broken.add(key)
                 on_problem(
-                    f"CAN message {one.message.name} (id {key[0]:#x}) cannot be decoded ({_detail(error)}): see "
-                    "whether the database is that of this bus"
+                    f"CAN message {requested.message.name} (id {key[0]:#x}) cannot be decoded ({_detail(error)}): "
+                    "check that the database is that of this bus"
                 )
             continue
         stamp = round(message.timestamp * 1e9)
         if offset is None:
             offset = 0 if stamp >= _YEAR_2000 else start() - stamp
-        values = {s.channel.name: float(decoded[s.name]) * s.factor for s in one.signals if s.name in decoded}
+        values = {s.channel.name: float(decoded[s.name]) * s.factor for s in requested.signals if s.name in decoded}
         yield from regular.add(stamp if stamp >= _YEAR_2000 else stamp + offset, values)
     yield from regular.finish()
 
@@ -177,9 +177,9 @@ def _received(messages: Iterable[Any]) -> Iterator[Any]:
     try:
         yield from (message for message in messages if message is not None)
     except (OSError, can.CanError, ValueError) as error:
-        raise FormatError(f"the CAN bus or log cannot be read on ({_detail(error)}): see whether it is up") from None
+        raise FormatError(f"the CAN bus or log cannot be read on ({_detail(error)}): check that it is up") from None
 
 
 def _detail(error: Exception) -> str:
-    """Return what an error says, in one line."""
+    """Return the message of an error in one line."""
     return " ".join(str(error).split())[:200] or type(error).__name__

@@ -26,15 +26,15 @@ class Member:
     Parameters
     ----------
     name
-        Of the vehicle.
+        Name of the vehicle.
     seed
-        Of its drives.
+        Seed of its drives.
     fault
-        Such as "front_left.spring=-0.25"; empty: healthy for good.
+        Fault, such as "front_left.spring=-0.25"; empty: none.
     dead_channel
         Sensor that dies; empty: none.
     after
-        Pieces of ten minutes before that.
+        Number of pieces of ten minutes before the fault.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Blocks of files that come into a watched folder."""
+"""Blocks of files that appear in a watched folder."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -9,7 +9,7 @@ from sprung.errors import ParameterError, SprungError
 from sprung.formats import FORMATS
 from sprung.recording import Recording
 
-#: Seconds between two looks, and for which a file must not have changed before it is read.
+#: Time between two looks at the folder, and for which a file must be unchanged before it is read [s].
 SETTLED = 2.0
 
 
@@ -24,21 +24,21 @@ def from_folder(
     sampling_rate: float | None = None,
     channels: Sequence[str] | None = None,
 ) -> Iterator[Recording]:
-    """Return the blocks of files that come into a folder, by name.
+    """Return the blocks of files that appear in a folder, by name.
 
     Parameters
     ----------
     folder
-        Watched for files of the formats that can be read. A file is read when it has not changed for 2 s, and once:
-        a new one needs a name of its own.
+        Folder in which files of any readable format appear. A file is read once, when it has not changed for 2 s; a
+        new one needs a new name.
     start
-        Returns the time of a file that has none of its own, UTC ns; it follows on the one before if that is later.
+        Function that returns the time of a file without time, UTC ns; it follows the one before if that ends later.
     is_done
-        Whether to stop watching; asked when all that has settled is read.
+        Function that tells whether to stop, called when all settled files are read.
     sleep
-        Waits for a time [s].
+        Function that waits for a time [s].
     done
-        Called with the name of each file that was read, and why not to its end; empty where it was.
+        Called with the name of each file that was read, and why it was not read completely; empty where it was.
     known
         Names of files that were read before.
     sampling_rate, channels
@@ -47,11 +47,11 @@ def from_folder(
     Raises
     ------
     ParameterError
-        Where there is no such folder.
+        Where the folder does not exist.
     """
     if not folder.is_dir():
-        raise ParameterError(f"{folder} is no folder: give the one that files come into")
-    return _watched(
+        raise ParameterError(f"{folder} is not a folder: give the one in which files appear")
+    return _watch(
         folder,
         start=start,
         is_done=is_done,
@@ -63,7 +63,7 @@ def from_folder(
     )
 
 
-def _watched(
+def _watch(
     folder: Path,
     *,
     start: Callable[[], int],
@@ -80,16 +80,16 @@ def _watched(
     while True:
         now = _states(folder, finished)
         for name in [name for name in sorted(now) if _is_settled(now[name], seen.get(name))]:
-            begin, said = max(start(), free), ""
+            begin, problem = max(start(), free), ""
             try:
                 end = yield from blocks_of_file(
                     folder / name, start=begin, sampling_rate=sampling_rate, channels=channels
                 )
                 free = end if end > begin else free
             except SprungError as error:
-                said = str(error)
+                problem = str(error)
             finished.add(name)
-            done(name, said)
+            done(name, problem)
         seen = now
         if is_done():
             return
@@ -97,7 +97,7 @@ def _watched(
 
 
 def _states(folder: Path, finished: set[str]) -> dict[str, tuple[int, int]]:
-    """Return size and time of change [ns] of each file that is still to be read; hidden ones are none."""
+    """Return size and time of change [ns] of each file that is still to be read; hidden ones are ignored."""
     states = {}
     try:
         for path in folder.iterdir():
@@ -106,7 +106,7 @@ def _states(folder: Path, finished: set[str]) -> dict[str, tuple[int, int]]:
                 status = path.stat()
                 states[path.name] = status.st_size, status.st_mtime_ns
     except OSError:
-        # A file or the folder was taken away during the look: the next one sees what is left.
+        # A file or the folder was removed meanwhile: the next look finds what is left.
         return states
     return states
 

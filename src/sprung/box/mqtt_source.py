@@ -12,11 +12,11 @@ from sprung.errors import FormatError, ParameterError
 from sprung.link import Address, Link
 from sprung.recording import Recording
 
-# Times to wait [s]: for the broker at first, for a message before looking whether to stop, and for more of a block.
+# Longest waits [s]: for the broker, for a message between checks whether to stop, and for more of a block.
 _CONNECT, _LOOK, _PAUSE = 10.0, 0.2, 5.0
 # Messages that wait to be read, and bytes of one, at most.
 _MOST_WAITING, _LARGEST = 100_000, 1 << 16
-# Different problems that are told; further ones are passed over in silence.
+# Most different problems that are reported.
 _MOST_PROBLEMS = 100
 # A time before 2000 or after 2100 [s] is that of a clock that was not set, or in another unit.
 _YEAR_2000, _YEAR_2100 = 946_684_800, 4_102_444_800
@@ -30,7 +30,7 @@ def from_mqtt(
     sampling_rate: float,
     longest: float = 0.5,
     is_done: Callable[[], bool] = lambda: False,
-    on_problem: Callable[[str], None] = lambda _said: None,
+    on_problem: Callable[[str], None] = lambda _sentence: None,
     clock: Callable[[], int] = time.time_ns,
 ) -> Iterator[Recording]:
     """Return the blocks of what sensors publish: JSON objects, or one number per topic.
@@ -38,27 +38,27 @@ def from_mqtt(
     Parameters
     ----------
     address
-        Of the broker, such as mqtt://host:1883.
+        Address of the broker, such as mqtt://host:1883.
     topics
-        To subscribe to, with + and # as MQTT has them.
+        Topic filters to subscribe to, with the wildcards + and #.
     names
-        Of the channels. An object has values under these names, in SI units, and "time" in s since 1970; a message
-        that is one number is that of the channel which the last level of its topic names.
+        Names of the channels. An object has values under these names, in SI units, and "time" in s since 1970; a
+        message that is one number is that of the channel which the last level of its topic names.
     sampling_rate, longest
         As for `Regular`.
     is_done
-        Whether to stop; asked about five times a second.
+        Function that tells whether to stop, called about five times a second.
     on_problem
-        Called with a sentence when a topic has a message that cannot be used for the first time; it is passed over.
+        Called with a sentence when a topic has a message that cannot be used for the first time; it is ignored.
     clock
-        Time now, UTC ns: that of messages without time, or with one before 2000 from a clock that was not set.
+        Present time, UTC ns: that of messages without time, or with one before 2000 from a clock that was not set.
 
     Raises
     ------
     ParameterError
         Where address, topics or names cannot be used.
     LinkError
-        Where the broker cannot be reached within 10 s; when it goes away later, it is waited for.
+        Where the broker cannot be reached within 10 s; a later loss of the connection is waited out.
     """
     broker = Address.parse(address) if isinstance(address, str) else address
     if isinstance(topics, str) or not topics:
@@ -108,44 +108,42 @@ def _blocks(
 
 
 class _Reader:
-    """Turns messages into values, and tells each problem once."""
+    """Turns messages into values, and reports each problem once."""
 
     def __init__(self, names: Sequence[str], on_problem: Callable[[str], None]) -> None:
         self._names, self._on_problem = frozenset(names), on_problem
-        self._told: set[tuple[str, str]] = set()
+        self._reported: set[tuple[str, str]] = set()
         self.has_overflowed = False
 
     def values(self, topic: str, payload: bytes, arrived: int) -> Iterator[tuple[int, dict[str, float]]]:
         """Yield the time and values of a message, if it has any."""
         if self.has_overflowed:
             self.has_overflowed = False
-            self._tell("", "overflow", f"more than {_MOST_WAITING} messages wait to be read: some are lost: send fewer")
+            self._report("", "overflow", f"more than {_MOST_WAITING} messages wait, some are lost: send fewer")
         try:
             document = _parsed(topic, payload)
             when = _time(topic, document, arrived)
         except FormatError as error:
-            self._tell(topic, "message", str(error))
+            self._report(topic, "message", str(error))
             return
         values = {}
         for name in self._names & document.keys():
             value = _number(document[name])
             if value is None:
-                self._tell(
+                self._report(
                     topic, name, f"topic {_short(topic)}: {name!r} is {_short(document[name])}: send a number, or null"
                 )
             else:
                 values[name] = value
         if not self._names & document.keys():
             has = ", ".join(_short(name) for name in list(document)[:5]) or "nothing"
-            self._tell(
-                topic, "names", f"topic {_short(topic)} has none of the channels, but {has}: see how channels are named"
-            )
+            self._report(topic, "names", f"topic {_short(topic)} has none of the channels, but {has}: check the names")
         yield when, values
 
-    def _tell(self, topic: str, kind: str, said: str) -> None:
-        """Tell a problem of a kind of a topic, but once."""
-        if (topic, kind) not in self._told and len(self._told) < _MOST_PROBLEMS:
-            self._told.add((topic, kind))
+    def _report(self, topic: str, kind: str, said: str) -> None:
+        """Report a problem of a kind of a topic, once only."""
+        if (topic, kind) not in self._reported and len(self._reported) < _MOST_PROBLEMS:
+            self._reported.add((topic, kind))
             self._on_problem(said)
 
 
@@ -157,8 +155,8 @@ def _parsed(topic: str, payload: bytes) -> Mapping[str, Any]:
         document = json.loads(payload)
     except (ValueError, RecursionError):
         raise FormatError(
-            f"topic {_short(topic)} has a message that is no JSON: {_short(payload.decode(errors='replace'))}: send an "
-            "object of numbers, or one number"
+            f"topic {_short(topic)} has a message that is not JSON: {_short(payload.decode(errors='replace'))}: send "
+            "an object of numbers, or one number"
         ) from None
     if isinstance(document, dict):
         return document
@@ -197,9 +195,7 @@ def _check_filter(topic: str) -> None:
     levels = topic.split("/")
     is_wrong = any(("+" in level or "#" in level) and len(level) > 1 for level in levels) or "#" in levels[:-1]
     if not topic or is_wrong or "\0" in topic or len(topic.encode()) > 65535:
-        raise ParameterError(
-            f"{topic[:60]!r} is no topic to subscribe to: + and # stand for whole levels, # for the last"
-        )
+        raise ParameterError(f"{topic[:60]!r} is not a topic filter: + and # stand for whole levels, # for the last")
 
 
 def _short(value: object) -> str:

@@ -15,18 +15,18 @@ from sprung.recording import Channel, Recording
 #: Length of a block [s].
 BLOCK = 1.0
 
-# A time that is further than this from the latest one [s] is that of a pause, of a clock that was set, or wrong.
+# A time that is further than this from the latest one [s] indicates a pause, a clock that was set, or an error.
 _STEP = 2.0
-# Such a time is believed when it has gone on for so long [s], or for so many messages, with no other in between.
+# Such times are accepted after this time [s], or number of messages, without others in between.
 _WITNESSED = 1.0
 _MOST_WITNESSES = 10_000
-# Values of channels may come so much later [s] than those of others of the same time.
+# Longest delay of the values of a channel after those of others of the same time [s].
 _PATIENCE = 1.0
-# Values of a channel that are kept at most: more come in 3 s only from senders gone wild.
+# Most values of a channel that are kept: only faulty senders send more in 3 s.
 _MOST_VALUES = 20_000
-# No sensor gives numbers beyond this; their squares would overflow.
+# Largest plausible value of a sensor; squares of larger ones would overflow.
 _LARGEST = 1e100
-# What lies so close to a sample, in sample intervals, is its value: stamps that are floats are rounded.
+# A value this close to a sample, in sample intervals, is taken as it is: floating-point stamps are rounded.
 _NEAR = 0.01
 
 
@@ -36,12 +36,12 @@ class Regular:
     Parameters
     ----------
     channels
-        Or their names.
+        Channels, or their names.
     sampling_rate
-        Of the blocks [Hz], at most 100,000. Nothing is filtered: it must be no less than that of the values.
+        Sampling rate of the blocks [Hz], at most 100,000. Nothing is filtered: it must not be below that of the values.
     longest
-        Time between two values of a channel [s], at most 2, beyond which those between them are missing. Channels
-        that are slower than 2 Hz need more than the 0.5 it is by default.
+        Longest time between two values of a channel [s], at most 2; across longer ones samples are missing. Channels
+        slower than 2 Hz need more than the default.
 
     Notes
     -----
@@ -50,12 +50,12 @@ class Regular:
     apart they are missing, unless a value is within 1 % of a sample interval.
 
     A block is complete when 1 s more has come, so values of one time need not come together. The times of a channel
-    must rise: a value that is no later than the one before is left out.
+    must increase: a value that is not later than the one before is discarded.
 
     A time more than 2 s from the latest one, forward or back, is a pause, a clock that was set, or an error. It is
-    believed once such times have gone on for 1 s: then what there was is closed, and blocks begin anew. Until then
-    one time that agrees with the old ones shows that it was an error, and such values are left out. Where senders'
-    clocks contradict each other for good, those who came first are kept.
+    accepted once such times have continued for 1 s: then the present blocks are closed, and new ones begin. Until then
+    a single time that agrees with the old ones shows an error, and such values are discarded. Where the clocks of
+    senders disagree permanently, the values of those that came first are kept.
 
     Memory is bounded whatever comes.
 
@@ -73,7 +73,7 @@ class Regular:
         self._channels = tuple(Channel(item) if isinstance(item, str) else item for item in channels)
         names = [channel.name for channel in self._channels]
         if not names:
-            raise ParameterError("no channel is named: say which ones blocks are to have")
+            raise ParameterError("no channel is named: name those of the blocks")
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
             raise ParameterError(f"channel {repeated[0]!r} is named more than once: name it once")
@@ -90,13 +90,13 @@ class Regular:
 
     @property
     def n_left_out(self) -> int:
-        """Messages and values that were left out because their time was of no use."""
+        """Number of messages and values that were discarded because of their time."""
         return self._n_left_out
 
     def add(self, when: int, values: Mapping[str, float]) -> list[Recording]:
         """Take in values at a time (UTC ns), and return the blocks that are complete with them.
 
-        Values of other channels than those named are passed over.
+        Values of other channels are ignored.
         """
         known = {name: float(value) for name, value in values.items() if name in self._points}
         if not known:
@@ -130,12 +130,12 @@ class Regular:
         return off <= _STEP * 1e9 and not (self._waiting and abs(when - self._waiting[-1][0]) < off)
 
     def _doubt(self) -> None:
-        """Leave out what came with times that nothing has borne out."""
+        """Discard what came with times that were not confirmed."""
         self._n_left_out += len(self._waiting)
         self._waiting = []
 
     def _begin_anew(self) -> list[Recording]:
-        """Close what there is, and go on with what came with another time."""
+        """Close the present blocks, and continue with what came with other times."""
         blocks = self._rest()
         self._forget()
         waiting, self._waiting = self._waiting, []

@@ -1,4 +1,4 @@
-"""Where the samples of a box come from: files, a simulator; where a box goes on, and how fast.
+"""Sources of samples: files, a simulator; where a restarted box continues, and how fast.
 
 A source is an iterator of blocks: short recordings without gaps, one after the other, each with the time of its first
 sample.
@@ -46,9 +46,9 @@ def from_files(
     Parameters
     ----------
     paths
-        In the order of time.
+        Files in order of time.
     start
-        Of the first file that has no time of its own, UTC ns; others without time follow on.
+        Time of the first file without time, UTC ns; others without time follow it.
     sampling_rate, channels
         As for `sprung.formats.read`.
 
@@ -90,13 +90,13 @@ def from_simulator(
     Parameters
     ----------
     vehicle
-        As it is.
+        Vehicle to drive.
     settings
-        Returns those of the piece of a number, from 0.
+        Function that returns the settings of the piece of a number, from 0.
     start
-        UTC ns.
+        Time of the first sample, UTC ns.
     seed
-        Of the drive.
+        Seed of the drive.
     """
     from sprung.simulation import simulate_drive
 
@@ -109,7 +109,7 @@ def from_simulator(
 
 
 def after(blocks: Iterable[Recording], when: int | None) -> Iterator[Recording]:
-    """Yield what comes after a time (UTC ns): where a box that was stopped goes on; None: everything.
+    """Yield what comes after a time (UTC ns), where a stopped box continues; None: everything.
 
     Once the time has been reached everything is yielded, even if the clock of the source then goes back.
     """
@@ -129,16 +129,18 @@ def paced(
     clock: Callable[[], float],
     sleep: Callable[[float], None],
 ) -> Iterator[Recording]:
-    """Return blocks that come as fast as they were recorded, times `pace`; None: at once.
+    """Return blocks at a pace.
 
     Parameters
     ----------
     blocks
-        Any. Time between them in which nothing was recorded is not waited for.
+        Blocks in order of time; gaps between them are not waited for.
     pace
-        Above 0; 1 is as recorded.
-    clock, sleep
-        In s; any clock that only goes forward.
+        Speed above 0, times real time; None: no limit.
+    clock
+        Present time [s] of any clock that only goes forward.
+    sleep
+        Function that waits for a time [s].
     """
     if pace is None:
         return iter(blocks)

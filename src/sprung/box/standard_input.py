@@ -13,13 +13,13 @@ from sprung.errors import FormatError
 from sprung.formats.table import MISSING, Column, chosen_columns, is_number, is_time
 from sprung.recording import Channel, Recording
 
-# What messages call the stream.
+# Name of the stream in messages.
 _NAME = "standard input"
-# No line of a table is longer.
+# Longest line [characters].
 _LONGEST_LINE = 1 << 16
-# No sensor gives numbers beyond this; their squares would overflow.
+# Largest plausible value of a sensor; squares of larger ones would overflow.
 _LARGEST = 1e100
-# A wait for a line that is longer [s] may be a pause of the sender.
+# A longer wait for a line [s] may be a pause of the sender.
 _PAUSE = 2.0
 
 
@@ -29,12 +29,12 @@ def from_lines(lines: IO[str], *, sampling_rate: float, start: Callable[[], int]
     Parameters
     ----------
     lines
-        Of the stream. The first has the names of the channels, with units in brackets as in files; the others have a
-        number for each, or nothing where it is missing.
+        Lines of the stream. The first has the names of the channels, with units in brackets as in files; the others
+        have a number for each, or nothing where it is missing.
     sampling_rate
-        Of the lines [Hz].
+        Sampling rate of the lines [Hz].
     start
-        Returns the time now, UTC ns.
+        Function that returns the present time, UTC ns.
 
     Raises
     ------
@@ -55,17 +55,17 @@ def _blocks(lines: IO[str], sampling_rate: float, start: Callable[[], int]) -> I
     texts = _texts(lines)
     columns = _columns(texts)
     collected = _Collected(columns, sampling_rate)
-    asked = start()
+    began = start()
     try:
         for number, text in texts:
             came = start()
-            if collected.is_interrupted(asked, came):
+            if collected.is_interrupted(began, came):
                 yield from collected.block()
                 collected.begin_anew()
             collected.add(_values(text, number, columns), came)
             if collected.is_full:
                 yield from collected.block()
-            asked = start()
+            began = start()
     except FormatError:
         yield from collected.block()
         raise
@@ -89,15 +89,15 @@ class _Collected:
         """Whether there are the lines of a block."""
         return len(self._rows) >= self._step
 
-    def is_interrupted(self, asked: int, came: int) -> bool:
-        """Tell whether a line that was asked for and came at times [ns] follows a pause.
+    def is_interrupted(self, began: int, came: int) -> bool:
+        """Tell whether a line for which the wait began and ended at times [ns] follows a pause.
 
-        A line that came late is no pause if lines before it came early, as from a sender that writes many at once.
+        A late line is not a pause if lines before it came early, as from a sender that writes many at once.
         """
         if self._next is None:
             return False
         counted = self._next + len(self._rows) * 1e9 / self._sampling_rate
-        return came - asked < -self._pause or (came - asked > self._pause and came - counted > self._pause)
+        return came - began < -self._pause or (came - began > self._pause and came - counted > self._pause)
 
     def add(self, values: list[float], came: int) -> None:
         """Take in a line."""
@@ -128,7 +128,7 @@ def _texts(lines: IO[str]) -> Iterator[tuple[int, str]]:
         try:
             line = lines.readline(_LONGEST_LINE)
         except UnicodeDecodeError:
-            raise FormatError(f"line {number} of {_NAME} is no text in UTF-8: send names and numbers") from None
+            raise FormatError(f"line {number} of {_NAME} is not text in UTF-8: send names and numbers") from None
         if not line:
             return
         if len(line) >= _LONGEST_LINE:
@@ -172,13 +172,13 @@ def _values(text: str, number: int, columns: tuple[Column, ...]) -> list[float]:
             values.append(float(field))
         else:
             raise FormatError(
-                f"line {number} of {_NAME}, channel {column.name!r}: {field[:40]!r} is no measured value: send a "
+                f"line {number} of {_NAME}, channel {column.name!r}: {field[:40]!r} is not a measured value: send a "
                 "number, or nothing where it is missing"
             )
     return values
 
 
 def _bare(field: str) -> str:
-    """Return what is in a field, without blanks and quotes around it."""
+    """Return the contents of a field, without blanks and quotes around it."""
     text = field.strip()
     return text[1:-1].strip() if len(text) > 1 and text[0] == text[-1] == '"' else text

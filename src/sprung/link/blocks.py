@@ -11,28 +11,28 @@ from sprung._arrays import Real
 from sprung.link.frame import Frame
 from sprung.recording import Channel, Gap, Recording
 
-#: Time between blocks that is no gap, in samples; clocks of loggers jitter.
+#: Largest time between blocks that is not a gap, in samples; clocks of loggers jitter.
 _TOLERANCE = 2.5
 
 
 class Block(Protocol):
-    """Some samples; a `Recording` is one."""
+    """Samples of several channels; a `Recording` is one."""
 
     @property
     def samples(self) -> Real:
-        """SI, shape (channels, samples)."""
+        """Samples in SI units, shape (channels, samples)."""
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """One for each row."""
+        """Channel of each row."""
 
     @property
     def sampling_rate(self) -> float:
-        """In Hz."""
+        """Sampling rate [Hz]."""
 
     @property
     def n_samples(self) -> int:
-        """Of each channel."""
+        """Number of samples of each channel."""
 
     @property
     def start(self) -> int | None:
@@ -45,14 +45,14 @@ class Block(Protocol):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FrameBlock:
-    """A frame as a block: its integers are kept, which takes a quarter of the room of samples.
+    """A frame as a block: it keeps the integers, which take a quarter of the memory of samples.
 
     Parameters
     ----------
     frame
-        Of any vehicle.
+        Frame of a vehicle.
     channels
-        With the quantities that the box announced.
+        Channels with the quantities that the box announced.
     """
 
     frame: Frame
@@ -65,17 +65,17 @@ class FrameBlock:
 
     @property
     def samples(self) -> Real:
-        """SI, NaN where missing."""
+        """Samples in SI units, NaN where missing, shape (channels, samples)."""
         return self.frame.samples
 
     @property
     def sampling_rate(self) -> float:
-        """In Hz."""
+        """Sampling rate [Hz]."""
         return 1e9 / self.frame.interval
 
     @property
     def n_samples(self) -> int:
-        """Of each channel."""
+        """Number of samples of each channel."""
         return self.frame.n_samples
 
     @property

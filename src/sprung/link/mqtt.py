@@ -1,4 +1,4 @@
-"""A connection to an MQTT broker that comes back by itself."""
+"""A connection to an MQTT broker that is restored by itself."""
 
 import re
 import socket
@@ -25,20 +25,20 @@ class LinkError(SprungError):
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where a broker is, from mqtt://user:password@host:port or mqtts://host:port?ca=F&cert=F&key=F.
+    """Address of a broker, from mqtt://user:password@host:port or mqtts://host:port?ca=F&cert=F&key=F.
 
     Parameters
     ----------
     host, port
-        1883 and, with TLS, 8883 where the address names none.
+        Host, and port: by default 1883, with TLS 8883.
     user, password
-        Empty: none.
+        Credentials; empty: none.
     is_encrypted
-        TLS.
+        Whether TLS is used.
     ca, cert, key
-        Files: of the authority, the client's certificate and its key.
+        Files with the certificate of the authority, that of the client and its key.
     version
-        Of MQTT to begin with: "5" or "3".
+        Version of MQTT to start with: "5" or "3".
     """
 
     host: str
@@ -53,7 +53,13 @@ class Address:
 
     @classmethod
     def parse(cls, url: str) -> "Address":
-        """Return the address of a URL."""
+        """Return the address of a URL.
+
+        Raises
+        ------
+        ParameterError
+            Where the URL cannot be used; passwords are not shown.
+        """
         shown = re.sub("//[^@/]*@", "//...@", url)
         try:
             parts = urlsplit(url)
@@ -68,7 +74,7 @@ class Address:
         query = {name: values[-1] for name, values in parse_qs(parts.query).items()}
         unknown = sorted(query.keys() - {"ca", "cert", "key", "version"})
         if unknown:
-            raise ParameterError(f"{shown!r} says {unknown[0]!r}: only ca, cert, key and version can be given")
+            raise ParameterError(f"{shown!r} has the parameter {unknown[0]!r}: use ca, cert, key and version only")
         secure = parts.scheme == "mqtts"
         return cls(
             parts.hostname,
@@ -84,27 +90,27 @@ class Address:
 
 
 class Link:
-    """A connection that subscribes again and goes on whenever the broker comes back.
+    """A connection that is restored, with its subscriptions, whenever the broker is back.
 
     Parameters
     ----------
     address
-        Of the broker.
+        Address of the broker.
     name
-        Of this client; another of the same name is thrown out by the broker.
+        Name of this client; the broker disconnects another one of the same name.
     topics
-        To subscribe to, QoS 1.
+        Topics to subscribe to, with QoS 1.
     on_message
         Called with topic and payload, in a thread of the link.
     on_connected
         Called after every connection, in a thread of the link.
     will
-        Topic and payload that the broker publishes when this client is gone without a word; with MQTT 5 only.
+        Topic and payload that the broker publishes when this client is lost; with MQTT 5 only.
 
     Notes
     -----
-    MQTT 5, or 3.1.1 where the broker knows no 5. QoS 1 is no promise: a broker that dies loses what it has confirmed.
-    What counts is the acknowledgement of whoever receives.
+    MQTT 5, or 3.1.1 where the broker does not support 5. QoS 1 does not guarantee delivery: a broker that dies loses
+    what it has confirmed. What counts is the acknowledgement of the receiver.
     """
 
     def __init__(
@@ -121,7 +127,7 @@ class Link:
         self._address, self._name, self._topics = address, name, tuple(topics)
         self._on_message, self._on_connected, self._will = on_message, on_connected, will
         self._is_connected = threading.Event()
-        # Connected, or sure that a second attempt would end like the first.
+        # Connected, or certain that another attempt would fail like the first.
         self._is_decided = threading.Event()
         self._problem = self._refusal = ""
         self._is_closed = False
@@ -129,35 +135,35 @@ class Link:
 
     @property
     def is_connected(self) -> bool:
-        """Whether the broker has let it in."""
+        """Whether it is connected to the broker."""
         return self._is_connected.is_set()
 
     @property
     def problem(self) -> str:
-        """What stands in the way, where, and what to do, as far as known; empty where nothing does."""
+        """Why there is no connection, and what to do, as far as known; empty where there is one."""
         return self._problem
 
     def open(self, *, timeout: float = 0.0, is_patient: bool = False) -> None:
-        """Begin to connect, and wait up to a time [s] for it.
+        """Start to connect, and wait up to a time [s] for the connection.
 
         Parameters
         ----------
         timeout
-            0: return at once, and go on trying.
+            Longest wait [s]; 0: return at once, and keep trying.
         is_patient
-            Whether to wait for the whole time, too, where there is no such host, nobody listens or the broker refuses.
+            Whether to wait for the whole time even where the host is unknown or refuses the connection.
 
         Raises
         ------
         LinkError
-            Where a time was given and has passed, or is not worth waiting for.
+            Where there is no connection after that time.
         """
         self._start()
         if not timeout:
             return
         (self._is_connected if is_patient else self._is_decided).wait(timeout)
         if not self.is_connected:
-            problem = self.problem or self._unreachable("no answer: see whether it runs there")
+            problem = self.problem or self._unreachable("no answer: check that it runs there")
             self.close()
             raise LinkError(problem)
 
@@ -187,7 +193,7 @@ class Link:
             client.username_pw_set(self._address.user, self._address.password or None)
         if self._address.is_encrypted:
             client.tls_set_context(_context(self._address))
-        # The embedded broker, which knows only 3.1.1, lets nobody in who leaves a will; it would die with the monitor.
+        # The embedded broker, which supports 3.1.1 only, refuses clients with a will; it ends with the monitor anyway.
         if self._will is not None and protocol == self._mqtt.MQTTv5:
             client.will_set(self._will[0], self._will[1], qos=1)
         client.on_connect = self._connected
@@ -198,7 +204,7 @@ class Link:
         return client
 
     def _start(self) -> None:
-        """Let the client connect in its own thread."""
+        """Connect in a thread of the client."""
         self._client.connect_async(self._address.host, self._address.port, keepalive=20)
         self._client.loop_start()
 
@@ -208,7 +214,8 @@ class Link:
             threading.Thread(target=self._fall_back, args=(client,), daemon=True).start()
             return
         if reason.is_failure:
-            self._refusal = f"the broker {self._address} refuses: {reason}: see user, password and certificate"
+            advice = "check user, password and certificate"
+            self._refusal = f"the broker {self._address} refuses the connection: {reason}: {advice}"
             self._problem = self._refusal
             self._is_decided.set()
             return
@@ -220,7 +227,7 @@ class Link:
         self._on_connected()
 
     def _fall_back(self, client: Any) -> None:
-        """Go on with MQTT 3.1.1."""
+        """Continue with MQTT 3.1.1."""
         client.disconnect()
         client.loop_stop()
         self._client = self._made(self._mqtt.MQTTv311)
@@ -229,18 +236,18 @@ class Link:
             self.close()
 
     def _disconnected(self, client: Any, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
-        """Take note."""
+        """Record the loss of the connection."""
         if client is not self._client:
             return
         if self.is_connected:
-            self._problem = f"the broker {self._address} was lost: {reason}: see whether it runs"
+            self._problem = f"the broker {self._address} was lost: {reason}: check that it runs"
         else:
-            advice = "see whether it is a broker, and user, password and certificate"
-            self._problem = self._refusal or f"the broker {self._address} hangs up: {reason}: {advice}"
+            advice = "check that it is a broker, and user, password and certificate"
+            self._problem = self._refusal or f"the broker {self._address} closed the connection: {reason}: {advice}"
         self._is_connected.clear()
 
     def _failed(self, _client: Any, _data: Any) -> None:
-        """Take note; paho calls this while it handles the error."""
+        """Record why an attempt failed; paho calls this while it handles the error."""
         error = sys.exception()
         self._problem = self._unreachable(_why(error))
         if isinstance(error, socket.gaierror | ConnectionRefusedError):
@@ -251,25 +258,25 @@ class Link:
         return f"the broker {self._address} cannot be reached: {why}"
 
     def _published(self, _client: Any, _data: Any, _number: int, reason: Any, _properties: Any) -> None:
-        """Take note of what the broker refuses, as where a vehicle's name is not that of its certificate."""
+        """Record what the broker refuses, as where a vehicle's name is not that of its certificate."""
         if reason.is_failure:
-            self._problem = f"the broker refuses what is sent: {reason}"
+            self._problem = f"the broker refuses messages: {reason}"
 
 
 def _why(error: BaseException | None) -> str:
     """Return why a connection failed, and what to do."""
     if isinstance(error, socket.gaierror):
         if error.errno == socket.EAI_AGAIN:
-            return "its name cannot be looked up: see whether it is right, and this machine's network"
-        return "there is no such host: correct its name"
+            return "its name cannot be resolved: check the name, and the network of this machine"
+        return "unknown host: correct its name"
     if isinstance(error, ConnectionRefusedError):
-        return "nobody listens there: see whether it runs, and at that port"
+        return "connection refused: check that the broker is running on that port"
     if isinstance(error, TimeoutError):
-        return "the attempt timed out: see whether its machine is on, and whether a firewall stands between"
+        return "the attempt timed out: check that its machine is on, and that no firewall blocks it"
     if isinstance(error, ssl.SSLError):
         detail = getattr(error, "verify_message", None) or getattr(error, "reason", None) or error
-        return f"TLS fails: {detail}: see ca, cert and key, and whether the host is called as in its certificate"
-    return f"{getattr(error, 'strerror', None) or error or 'no answer'}: see whether it runs there"
+        return f"TLS failed: {detail}: check ca, cert and key, and that the host is named in its certificate"
+    return f"{getattr(error, 'strerror', None) or error or 'no answer'}: check that it runs there"
 
 
 def _context(address: Address) -> ssl.SSLContext:
@@ -279,5 +286,5 @@ def _context(address: Address) -> ssl.SSLContext:
         if address.cert:
             context.load_cert_chain(address.cert, address.key or None, password="")
     except (OSError, ssl.SSLError) as error:
-        raise ParameterError(f"a certificate of {address} cannot be used: {error}: see ca, cert and key") from None
+        raise ParameterError(f"a certificate of {address} cannot be used: {error}: check ca, cert and key") from None
     return context

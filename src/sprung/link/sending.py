@@ -1,4 +1,4 @@
-"""What to send next: frames of a spool in order, a bounded number ahead of what was acknowledged."""
+"""Which frames of a spool to send next: in order, a bounded number ahead of the acknowledgements."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -8,14 +8,14 @@ from sprung.link.spool import Spool
 
 
 class Sending:
-    """Where the sending of a spool stands.
+    """Progress of sending a spool.
 
     Parameters
     ----------
     spool
-        With the frames.
+        Spool with the frames.
     ahead
-        Most frames that are on their way without an acknowledgement.
+        Largest number of frames sent and not acknowledged.
     patience
         Time without any progress after which everything is sent again [s].
 
@@ -58,9 +58,9 @@ class Sending:
             yield found_boot, seq, payload
 
     def acknowledged(self, boot: int, seq: int, now: float) -> None:
-        """Take note that the monitor holds all frames of a boot up to a sequence number."""
+        """Record that the monitor has all frames of a boot up to a sequence number."""
         self._spool.acknowledge(boot, seq)
         before = len(self._under_way)
-        self._under_way = deque(one for one in self._under_way if one[0] != boot or one[1] > seq)
+        self._under_way = deque(frame for frame in self._under_way if frame[0] != boot or frame[1] > seq)
         if len(self._under_way) < before:
             self._last_progress = now

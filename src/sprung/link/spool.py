@@ -1,4 +1,4 @@
-"""The box' spool: frames on disk until the monitor has them, in a bounded number of bytes."""
+"""The spool of a box: frames on disk until the monitor has them, in bounded space."""
 
 import fcntl
 import os
@@ -42,18 +42,18 @@ class Spool:
     Parameters
     ----------
     folder
-        Of its own; made where missing.
+        Folder of this spool alone; created where missing.
     most_bytes
-        That it may take.
+        Largest size [bytes].
     is_synced
         Whether each append reaches the disk before it returns.
     boot_from
-        Lowest number of this boot, such as the time in seconds, so that a box with a new disk counts on.
+        Lowest number of this boot, such as the time in seconds, so that a box with a new disk continues to count.
 
     Notes
     -----
-    A file of records: mark, boot, sequence number, length, payload, CRC-32 of all of that. A torn end is cut off when
-    the spool is opened.
+    A file of records: mark, boot, sequence number, length, payload, CRC-32 of all of that. An incomplete end is
+    cut off when the spool is opened.
     """
 
     def __init__(self, folder: Path, *, most_bytes: int = 1 << 28, is_synced: bool = True, boot_from: int = 0) -> None:
@@ -93,17 +93,17 @@ class Spool:
 
     @property
     def dropped(self) -> int:
-        """Frames lost since this start, for want of room or because the disk refused them."""
+        """Number of frames dropped since this start, as there was no space or the disk failed."""
         return self._dropped
 
     @property
     def n_bytes(self) -> int:
-        """On disk."""
+        """Size on disk [bytes]."""
         return sum(one.size for one in self._files)
 
     @property
     def free(self) -> int:
-        """Bytes free on the disk of the spool."""
+        """Free space on the disk of the spool [bytes]."""
         return shutil.disk_usage(self._folder).free
 
     @property
@@ -124,12 +124,12 @@ class Spool:
         Parameters
         ----------
         encoded
-            Returns the payload for a boot and a sequence number.
+            Function that returns the payload for a boot and a sequence number.
 
         Returns
         -------
         bool
-            Whether it was kept; one that the disk refuses counts as dropped.
+            Whether it was kept; one that cannot be written counts as dropped.
         """
         payload = encoded(self._boot, self._seq)
         record = _record(self._boot, self._seq, payload)
@@ -152,7 +152,7 @@ class Spool:
     def acknowledge(self, boot: int, seq: int) -> None:
         """Forget the frames of a boot up to a sequence number."""
         self._acknowledged[boot] = max(seq, self._acknowledged.get(boot, -1))
-        # The newest file stays: after a restart it tells where the boot before ended.
+        # The newest file stays: after a restart it shows where the boot before ended.
         for one in [file for file in self._files[:-1] if file.boot == boot and file.last <= seq]:
             self._remove(one)
 
@@ -166,7 +166,7 @@ class Spool:
                     yield found_boot, seq, payload
 
     def close(self) -> None:
-        """Close the file that is written, and let others use the spool."""
+        """Close the file that is written, and release the spool."""
         self._close()
         if self._lock >= 0:
             os.close(self._lock)
@@ -227,7 +227,7 @@ class Spool:
         return last, max(known, default=None)
 
     def _write_boot(self) -> None:
-        """Remember the number of this boot, and what was before."""
+        """Write the number of this boot, and of the one before."""
         part = self._folder / "boot.part"
         with part.open("w", encoding="ascii") as file:
             file.write(" ".join(map(str, (self._boot, *(self._previous or ())))))
@@ -243,9 +243,7 @@ def _locked(path: Path) -> int:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         os.close(handle)
-        raise SpoolError(
-            f"the spool {path.parent} is in use by another box: stop that one, or give another folder"
-        ) from None
+        raise SpoolError(f"the spool {path.parent} is in use by another box: stop it, or give another folder") from None
     return handle
 
 
@@ -256,7 +254,7 @@ def _record(boot: int, seq: int, payload: bytes) -> bytes:
 
 
 def _records(path: Path) -> Iterator[tuple[int, int, bytes]]:
-    """Yield the sound records of a file, up to the first that is torn."""
+    """Yield the intact records of a file, up to the first incomplete one."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -274,7 +272,7 @@ def _records(path: Path) -> Iterator[tuple[int, int, bytes]]:
 
 
 def _scanned(path: Path) -> _File | None:
-    """Return what a file holds; one without a sound record is removed."""
+    """Return the contents of a file; one without an intact record is removed."""
     found = [(boot, seq, len(payload)) for boot, seq, payload in _records(path)]
     if not found:
         path.unlink(missing_ok=True)

@@ -43,7 +43,7 @@ def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
     Notes
     -----
     Where a message would not hold all blocks, neighbours are averaged. The average stays; standard deviations change a
-    little, and with them which of a mode's poles stands for it.
+    little, and with them the choice among the poles of a mode.
     """
     plan, settings = summary.plan, asdict(summary.plan.settings) | {"harmonics": None}
     lifter: Any = summary.plan.settings.lifter
@@ -73,7 +73,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
     Raises
     ------
     FormatError
-        Where it is none.
+        Where it is incomplete or invalid.
     """
     try:
         stated = dict(document["plan"])
@@ -111,7 +111,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
             harmonics=tuple(map(harmonic_from_dict, document["harmonics"])),
         )
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, ParameterError) as error:
-        raise FormatError(f"correlations that lack or garble {error}") from None
+        raise FormatError(f"incomplete or invalid correlations: {error}") from None
 
 
 def _packed(correlations: Correlations, n_blocks: int) -> dict[str, Any]:

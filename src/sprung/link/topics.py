@@ -20,9 +20,9 @@ def parse_topic(name: str) -> tuple[str, str]:
     Raises
     ------
     FormatError
-        Where it is none of this version.
+        Where it is not a topic of this version.
     """
     parts = name.split("/")
     if len(parts) != 4 or "/".join(parts[:2]) != ROOT or not VEHICLE.fullmatch(parts[2]):
-        raise FormatError(f"{name[:120]!r} is no topic of this version: {ROOT}/VEHICLE/WHAT is")
+        raise FormatError(f"{name[:120]!r} is not a topic of this version: it must be {ROOT}/VEHICLE/WHAT")
     return parts[2], parts[3]

@@ -17,7 +17,7 @@ class EmbeddedBroker:
     Parameters
     ----------
     host, port
-        Where it listens.
+        Address at which it listens.
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = 1883) -> None:
@@ -30,7 +30,13 @@ class EmbeddedBroker:
         self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
 
     def open(self) -> None:
-        """Begin to listen."""
+        """Start to listen.
+
+        Raises
+        ------
+        LinkError
+            Where it cannot listen.
+        """
         for name in ("amqtt", "transitions"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._thread.start()
@@ -38,7 +44,7 @@ class EmbeddedBroker:
         if self._problem or not self._started.is_set():
             raise LinkError(
                 f"the embedded broker cannot listen at {self._listens_at}: {self._problem or 'no answer'}: "
-                "stop what listens there, or give --broker"
+                "stop the program that listens there, or give --broker"
             )
 
     def close(self) -> None:
@@ -59,7 +65,7 @@ class EmbeddedBroker:
         try:
             self._broker = self._module.Broker(settings, loop=self._loop)
             self._loop.run_until_complete(self._broker.start())
-        except Exception as error:  # whatever the library raises, the monitor must say it
+        except Exception as error:  # whatever the library raises is reported
             self._problem = str(error.__cause__ or error)
             self._started.set()
             return

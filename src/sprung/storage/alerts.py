@@ -1,4 +1,4 @@
-"""Alerts with their history, and the outbox of what people are to be told about them."""
+"""Alerts with their history, and the outbox of notifications."""
 
 from dataclasses import asdict, replace
 
@@ -39,11 +39,11 @@ class Alerts:
         Parameters
         ----------
         row
-            The alert; its `id` and `updated` do not matter.
+            Alert to store; its `id` and `updated` are ignored.
         history
-            What happened, by whom, and a comment.
+            Event, operator and comment.
         notify
-            What people are to be told; None for nothing.
+            Notification to send; None: none.
         now
             The time.
 
@@ -73,22 +73,23 @@ class Alerts:
             return [HistoryRow(**row) for row in connection.execute(query).mappings()]
 
     def due_notifications(self, limit: int) -> list[NotificationRow]:
-        """Return what is still to be told, first what was tried least, then the oldest."""
+        """Return notifications to send, first those with the fewest attempts, then the oldest."""
         order = (NOTIFICATIONS.c.attempts, NOTIFICATIONS.c.id)
         query = select(NOTIFICATIONS).where(NOTIFICATIONS.c.sent.is_(None)).order_by(*order).limit(limit)
         with self._database.reading() as connection:
             return [NotificationRow(**row) for row in connection.execute(query).mappings()]
 
     def notification_sent(self, notification_id: int, now: int) -> None:
-        """Store that people were told."""
+        """Store that a notification was delivered."""
         self._tried(notification_id, sent=now, last_error=None)
 
     def notification_failed(self, notification_id: int, error: str) -> None:
-        """Store that telling people failed once more, and how."""
+        """Store that an attempt to send a notification failed, and the error."""
         self._tried(notification_id, last_error=error)
 
     def _tried(self, notification_id: int, **outcome: int | str | None) -> None:
         """Store the outcome of one attempt."""
-        one = update(NOTIFICATIONS).where(NOTIFICATIONS.c.id == notification_id, NOTIFICATIONS.c.sent.is_(None))
+        is_open = NOTIFICATIONS.c.sent.is_(None)
+        notification = update(NOTIFICATIONS).where(NOTIFICATIONS.c.id == notification_id, is_open)
         with self._database.writing() as connection:
-            connection.execute(one.values(attempts=NOTIFICATIONS.c.attempts + 1, **outcome))
+            connection.execute(notification.values(attempts=NOTIFICATIONS.c.attempts + 1, **outcome))

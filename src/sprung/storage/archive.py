@@ -54,7 +54,7 @@ def write_archive(
     vehicle
         1 to 64 letters, digits, dots, dashes and underscores.
     boot, first_seq
-        Of the first frame.
+        Boot and sequence number of the first frame.
     t0
         Time of the first sample, UTC nanoseconds; also the time of the file.
     samples

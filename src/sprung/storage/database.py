@@ -1,4 +1,4 @@
-"""A database that says in one sentence what it cannot do, and goes on when it can again."""
+"""A database that words its errors in one sentence, and recovers from them."""
 
 import os
 import shutil
@@ -14,7 +14,7 @@ from sqlalchemy.exc import DBAPIError, StatementError
 
 from sprung.storage.schema import SNAPSHOTS, StoreError
 
-#: Seconds that a program waits for another one that writes.
+#: Time that a process waits for another one that writes [s].
 PATIENCE = 10.0
 #: Bytes free on its disk below which a store counts as full.
 LEAST_FREE = 1 << 20
@@ -30,7 +30,7 @@ class Database:
     Parameters
     ----------
     url
-        Where it is.
+        Address of the database.
     notices
         Sentences about what was found when it was opened.
     """
@@ -66,11 +66,11 @@ class Database:
             return int(connection.scalar(select(func.pg_database_size(func.current_database()))) or 0)
 
     def free(self) -> int | None:
-        """Return the bytes free on the disk of the store; None where that is the matter of a server."""
+        """Return the free space on the disk of the store [bytes]; None with a server."""
         return None if self.path is None else shutil.disk_usage(self.path.parent).free
 
     def check(self) -> None:
-        """Write and take it back.
+        """Write and roll back.
 
         Raises
         ------
@@ -149,10 +149,10 @@ def _sentence(error: BaseException | None) -> str:
         return f"the store is damaged: {cause}: restart, which sets it aside and begins a new one"
     # 08: connection_exception, 57: operator_intervention; none where no server answered
     if not code and (not state or state[:2] in {"08", "57"}):
-        return f"the store does not answer: {cause}: see whether its database runs and can be reached"
+        return f"the store does not answer: {cause}: check that its database runs and can be reached"
     return f"the store refuses this: {cause}"
 
 
 def _cannot_write(cause: str) -> str:
     """Return the sentence for a disk that is full or read-only."""
-    return f"the store cannot write: {cause}: free space on its disk or make it writable, and it goes on"
+    return f"the store cannot write: {cause}: free space on its disk or make it writable, then it continues"

@@ -21,7 +21,7 @@ _ADVANCE = (
 
 
 class Inbox:
-    """Vehicles and their frames that are not yet worked up.
+    """Vehicles and their frames that are not yet analysed.
 
     Parameters
     ----------
@@ -35,14 +35,14 @@ class Inbox:
     def put_vehicle(
         self, vehicle: str, *, configuration: str, description: str, channels: Sequence[Any], now: int
     ) -> None:
-        """Store how a vehicle describes itself: hash and text of its configuration, its channels."""
+        """Store the description of a vehicle: hash and text of its configuration, its channels."""
         values = {"configuration": configuration, "description": description, "channels": list(channels)}
         row = self._database.insert(VEHICLES).values(vehicle=vehicle, first_seen=now, last_seen=now, **values)
         with self._database.writing() as connection:
             connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_={**values, "last_seen": now}))
 
     def seen(self, times: Mapping[str, int]) -> None:
-        """Store when vehicles were last heard of, those that have described themselves."""
+        """Store when vehicles were last seen; those without a description are ignored."""
         of_vehicle = and_(VEHICLES.c.vehicle == bindparam("of"), VEHICLES.c.last_seen < bindparam("now"))
         rows = [{"of": vehicle, "now": now} for vehicle, now in sorted(times.items())]
         if rows:
@@ -56,13 +56,13 @@ class Inbox:
             return [VehicleRow(**row) for row in rows.mappings()]
 
     def vehicle(self, vehicle: str) -> VehicleRow | None:
-        """Return a vehicle; None where it has not described itself."""
+        """Return a vehicle; None where it has no description."""
         with self._database.reading() as connection:
             row = connection.execute(select(VEHICLES).where(VEHICLES.c.vehicle == vehicle)).mappings().first()
             return None if row is None else VehicleRow(**row)
 
     def last_seen(self) -> dict[str, int]:
-        """Return when each vehicle was last heard of."""
+        """Return when each vehicle was last seen."""
         with self._database.reading() as connection:
             rows = connection.execute(select(VEHICLES.c.vehicle, VEHICLES.c.last_seen).order_by(VEHICLES.c.vehicle))
             return {row.vehicle: row.last_seen for row in rows}
@@ -119,7 +119,7 @@ class Inbox:
         return reached
 
     def declare_lost(self, vehicle: str, boot: int, below_seq: int, *, now: int) -> int:
-        """Wait no longer for the frames below `below_seq` that have not arrived.
+        """Declare the frames below `below_seq` lost that have not arrived.
 
         Returns
         -------

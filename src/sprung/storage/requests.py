@@ -1,4 +1,4 @@
-"""What people ask of the running monitor, and the record of who did what."""
+"""Requests of operators to the running monitor, and the audit trail."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from sprung.storage.schema import AUDIT, COMMANDS
 
 
 class Requests:
-    """Commands and the audit; nothing is ever taken out of the audit.
+    """Requests and the audit trail, from which nothing is ever deleted.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Requests:
             return [AuditRow(**row) for row in reversed(rows)]
 
     def add_command(self, who: str, vehicle: str, act: str, detail: Any = None, *, now: int) -> int:
-        """Ask something of the running monitor, on the record, and return the number of the request."""
+        """Store a request to the running monitor, with an entry in the audit trail, and return its number."""
         row = {"created": now, "who": who, "vehicle": vehicle, "act": act, "detail": detail}
         record = {"time": now, "who": who, "act": act, "subject": vehicle, "detail": detail}
         with self._database.writing() as connection:
@@ -42,19 +42,19 @@ class Requests:
             return int(connection.execute(COMMANDS.insert().values(row).returning(COMMANDS.c.id)).scalar_one())
 
     def open_commands(self) -> list[CommandRow]:
-        """Return what is asked and not yet done, the oldest first."""
+        """Return open requests, the oldest first."""
         query = select(COMMANDS).where(COMMANDS.c.done.is_(None)).order_by(COMMANDS.c.id)
         with self._database.reading() as connection:
             return [CommandRow(**row) for row in connection.execute(query).mappings()]
 
     def command(self, command_id: int) -> CommandRow | None:
-        """Return a request of any age; None where there is none of that number."""
+        """Return a request, open or done; None where the number is unknown."""
         with self._database.reading() as connection:
             row = connection.execute(select(COMMANDS).where(COMMANDS.c.id == command_id)).mappings().first()
             return None if row is None else CommandRow(**row)
 
     def command_done(self, command_id: int, now: int, *, detail: Any = None) -> None:
-        """Store that the monitor did what it was asked, and what came of it in place of the detail, if it is given."""
+        """Store that a request was completed; `detail` replaces that of the request, if given."""
         one = update(COMMANDS).where(COMMANDS.c.id == command_id, COMMANDS.c.done.is_(None))
         with self._database.writing() as connection:
             connection.execute(one.values(done=now, **({} if detail is None else {"detail": detail})))

@@ -1,4 +1,4 @@
-"""What the work on frames gives: observations, modes, findings, baselines, and where to go on after a restart."""
+"""Results of analysis: observations, modes, findings, baselines, and the state to continue from."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from sprung.storage.schema import BASELINES, CURSORS, FINDINGS, FRAMES, MODES, O
 
 
 class Results:
-    """Results, stored together with how far the frames are worked up.
+    """Results, stored together with the progress of analysis.
 
     Parameters
     ----------
@@ -23,12 +23,12 @@ class Results:
         self._database = database
 
     def commit(self, progress: Progress) -> None:
-        """Store what the work on frames gave, in one transaction; the same again changes nothing.
+        """Store the results of analysis in one transaction; the same again changes nothing.
 
         Raises
         ------
         ParameterError
-            Where frames are said to be worked up that are not complete.
+            Where incomplete frames are declared analysed.
         StoreError
             Where the store cannot write; nothing is stored then.
         """
@@ -63,7 +63,7 @@ class Results:
             return [BaselineRow(**row) for row in connection.execute(query).mappings()]
 
     def snapshot(self, vehicle: str) -> Snapshot | None:
-        """Return the state from which the work on a vehicle goes on."""
+        """Return the state from which the analysis of a vehicle continues."""
         with self._database.reading() as connection:
             row = connection.execute(select(SNAPSHOTS).where(SNAPSHOTS.c.vehicle == vehicle)).mappings().first()
             return None if row is None else Snapshot(**row)
@@ -74,7 +74,7 @@ class Results:
             connection.execute(self._database.insert(table).on_conflict_do_nothing(), rows)
 
     def _put_snapshot(self, connection: Connection, progress: Progress, document: bytes) -> None:
-        """Store where to go on, unless the same boot has come further."""
+        """Store the state, unless that of the same boot is ahead."""
         values = {"boot": progress.boot, "seq": progress.done_seq, "document": document}
         row = self._database.insert(SNAPSHOTS).values(vehicle=progress.vehicle, **values)
         is_behind = and_(SNAPSHOTS.c.boot == progress.boot, SNAPSHOTS.c.seq > progress.done_seq)
@@ -92,7 +92,7 @@ class Results:
 
 
 def _mark_done(connection: Connection, progress: Progress) -> None:
-    """Move the cursor and delete the frames that are needed no more."""
+    """Advance the cursor and delete the frames that are no longer needed."""
     of_cursor = and_(CURSORS.c.vehicle == progress.vehicle, CURSORS.c.boot == progress.boot)
     of_frames = and_(FRAMES.c.vehicle == progress.vehicle, FRAMES.c.boot == progress.boot)
     query = select(func.coalesce(func.max(CURSORS.c.contiguous), -1)).where(of_cursor)
@@ -100,7 +100,7 @@ def _mark_done(connection: Connection, progress: Progress) -> None:
     if contiguous is None or progress.done_seq > contiguous:
         raise ParameterError(
             f"done_seq={progress.done_seq} of {progress.vehicle!r} {progress.boot} must be at most {contiguous}, "
-            f"up to where its frames are complete: work up what pending gives"
+            f"up to where its frames are complete: analyse what pending returns"
         )
     ahead = and_(of_cursor, CURSORS.c.done < progress.done_seq)
     connection.execute(update(CURSORS).where(ahead).values(done=progress.done_seq))

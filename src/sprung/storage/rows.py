@@ -50,9 +50,9 @@ class Cursor:
     Parameters
     ----------
     contiguous
-        Up to here every frame arrived or was declared lost; -1 before the first.
+        Sequence number up to which every frame arrived or is lost; -1 before the first.
     done
-        Up to here they are worked up; -1 before the first.
+        Sequence number up to which they are analysed; -1 before the first.
     lost
         Number of frames declared lost.
     updated
@@ -101,7 +101,7 @@ class BaselineRow:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """State of the work on a vehicle after the frame `seq`, from which it goes on after a restart."""
+    """State of the analysis of a vehicle after the frame `seq`, from which it continues after a restart."""
 
     vehicle: str
     boot: int
@@ -111,16 +111,16 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """What the work on frames of one boot gave; stored as a whole or not at all.
+    """Results of the analysis of frames of one boot; stored as a whole or not at all.
 
     Parameters
     ----------
     vehicle, boot
-        Whose frames.
+        Vehicle and boot of the frames.
     done_seq
-        Up to here they are worked up.
+        Sequence number up to which they are analysed.
     delete_through_seq
-        Up to here they are needed no more, at most `done_seq`; -1 keeps all.
+        Sequence number up to which they are deleted, at most `done_seq`; -1 keeps all.
     observations, modes, findings
         Each with the number of its window, t0 and document. The findings of one window belong into one progress.
     baselines
@@ -151,13 +151,13 @@ class Progress:
         if self.delete_through_seq > self.done_seq:
             raise ParameterError(
                 f"delete_through_seq={self.delete_through_seq} is beyond done_seq={self.done_seq}: "
-                f"frames stay until they are worked up"
+                f"frames stay until they are analysed"
             )
 
 
 @dataclass(frozen=True, slots=True)
 class AlertRow:
-    """What a person is told about one cause on one vehicle; `id` and `updated` are given by the store."""
+    """Alert of one cause on one vehicle; `id` and `updated` are given by the store."""
 
     vehicle: str
     cause: str
@@ -177,7 +177,7 @@ class AlertRow:
 
 @dataclass(frozen=True, slots=True)
 class HistoryRow:
-    """What happened to an alert, by whom, and whom it was assigned to and until when it was shelved after that."""
+    """Event of an alert: what, by whom, and assignee and end of the shelf after it."""
 
     id: int
     alert: int
@@ -191,7 +191,7 @@ class HistoryRow:
 
 @dataclass(frozen=True, slots=True)
 class NotificationRow:
-    """What is to be told about an alert; `sent` is None until it was."""
+    """Notification about an alert; `sent` is None until it was delivered."""
 
     id: int
     alert: int
@@ -216,7 +216,7 @@ class AuditRow:
 
 @dataclass(frozen=True, slots=True)
 class CommandRow:
-    """What a person asks of the running monitor; `done` is None until it is."""
+    """Request of an operator to the running monitor; `done` is None until it is completed."""
 
     id: int
     created: int

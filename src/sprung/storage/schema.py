@@ -75,7 +75,7 @@ VEHICLES = Table(
     Column("last_seen", _INTEGER, nullable=False),
 )
 
-#: Frames that arrived and are not yet worked up.
+#: Frames that arrived and are not yet analysed.
 FRAMES = Table(
     "frames",
     METADATA,
@@ -172,7 +172,7 @@ ALERT_HISTORY = Table(
     Index("alert_history_of_alert", "alert"),
 )
 
-#: What is to be told to people, until it was.
+#: Notifications, until they are delivered.
 NOTIFICATIONS = Table(
     "notifications",
     METADATA,
@@ -197,7 +197,7 @@ AUDIT = Table(
     Column("detail", Json),
 )
 
-#: What people ask of the running monitor.
+#: Requests of operators to the running monitor.
 COMMANDS = Table(
     "commands",
     METADATA,

@@ -166,16 +166,16 @@ def _prepare(path: Path) -> tuple[str, ...]:
         return () if damage is None else (_set_aside(path, damage),)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(
-            f"the store {path} cannot be opened: {error}: see whether its folder and disk can be written"
+            f"the store {path} cannot be opened: {error}: check that its folder and disk can be written"
         ) from error
 
 
 def _check_is_store(path: Path) -> None:
-    """Refuse a file that by name and content is something else: nobody's recording is set aside."""
+    """Refuse a file that is not a store by name and content: no recording may be set aside."""
     with path.open("rb") as file:
         begin = file.read(len(_SQLITE))
     if begin and begin != _SQLITE and path.suffix not in _ENDINGS:
-        raise ParameterError(f"{path} is no store but another file: give a new name, such as {path.stem}.sqlite")
+        raise ParameterError(f"{path} is not a store but another file: give a new name, such as {path.stem}.sqlite")
 
 
 def _damage(path: Path) -> str | None:
