@@ -316,7 +316,7 @@ def test_certificate_of_another_authority_is_refused(shipped, certificates, tmp_
 def test_link_refuses_a_broker_of_another_authority(shipped, certificates, tmp_path):
     other = make_test_ca(tmp_path, "A")
     where = address(shipped, other, certificates / "A")
-    assert_refused(shipped, where, says="cannot be reached: TLS fails: self-signed certificate")
+    assert_refused(shipped, where, says="cannot be reached: TLS failed: self-signed certificate")
     with pytest.raises(LinkError, match="TLS failed"):
         Client(shipped, "intruder", address=where).link.open(timeout=1.0)
 
@@ -448,5 +448,5 @@ def test_largest_frame_passes_and_a_larger_packet_does_not(client):
     assert vehicle.link.publish(topic("A", "raw"), bytes(LARGEST))
     assert monitor.heard_until((topic("A", "raw"), bytes(LARGEST))) == []
     vehicle.link.publish(topic("A", "raw"), bytes(LARGEST + 100_000))
-    eventually(lambda: not vehicle.link.is_connected, "the broker hangs up")
+    eventually(lambda: not vehicle.link.is_connected, "the broker closes the connection")
     assert monitor.link.is_connected

@@ -15,7 +15,7 @@ class Every:
 
     Examples
     --------
-    >>> times = iter([0.0, 0.0, 9.0, 10.0])
+    >>> times = iter([0.0, 9.0, 10.0])
     >>> timer = Every(10.0, lambda: next(times))
     >>> timer.is_due
     True
