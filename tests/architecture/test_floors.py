@@ -18,8 +18,7 @@ FLOORS = (
     ("simulation", "diagnosis"),
     ("documents", "tables"),
     ("plotting", "storage", "link", "alerting"),
-    ("reproduce", "monitor"),
-    ("box",),
+    ("reproduce", "monitor", "box"),
     ("cli",),
 )
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}
