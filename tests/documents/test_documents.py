@@ -77,7 +77,7 @@ def window(generator, time, *, change=0.0):
     values[0] += change
     conditions = {name: float(generator.uniform(1, 2)) for name in ("payload", "roughness", "speed")}
     modes = {"roll": (2.0, 0.2)}
-    return sprung.Observation(time, COMPONENTS, values, 0.02**2 * np.eye(12), conditions, modes, ())
+    return sprung.Observation(time, COMPONENTS, values, 0.02**2 * np.eye(12), conditions, modes, (), vehicle="car")
 
 
 @pytest.fixture(scope="module")

@@ -77,7 +77,7 @@ class Output:
         check_file("--out", self.out)
         check_file("--json", self.json)
         if self.json is not None and Path(self.json).resolve() == self.out.resolve():
-            raise ParameterError(f"--json {self.json} would be written over --out: give another name")
+            raise ParameterError(f"--json {self.json} would overwrite --out: give another name")
 
     @property
     def paths(self) -> list[Path]:
