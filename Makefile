@@ -20,10 +20,10 @@ demo: $(READY)
 	$(BIN)/sprung demo
 
 test: check
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --durations=25 --durations-min=5
 
-fast: $(READY)
-	$(BIN)/python -m pytest -n auto -m "not slow"
+fast: check
+	$(BIN)/python -m pytest -n auto -m "not slow" --durations=25 --durations-min=5
 
 check: $(READY)
 	$(BIN)/ruff check .
