@@ -85,7 +85,7 @@ def identification_document(
     vehicle
         Vehicle of the identification, whose mass matrix weights the participation; None: equal masses.
     """
-    settings = identification.settings
+    settings = identification.effective_settings
     lifter = None if settings.lifter is None else {"kind": type(settings.lifter).__name__, **plain(settings.lifter)}
     return IdentificationDocument.model_validate(
         {
