@@ -26,7 +26,6 @@ from sprung.cli import (
     vehicles,
 )
 from sprung.cli.failures import explained
-from sprung.cli.help import Command, Group
 
 _HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
@@ -63,7 +62,6 @@ def _tolerant(stream: TextIO | None) -> TextIO:
 def _application() -> typer.Typer:
     """Return the application with all its commands."""
     application = typer.Typer(
-        cls=Group,
         add_completion=False,
         context_settings=_HELP,
         pretty_exceptions_enable=False,
@@ -82,7 +80,7 @@ def _application() -> typer.Typer:
         demo.demo,
     )
     for command in commands:
-        application.command(cls=Command)(command)
+        application.command()(command)
     application.add_typer(simulate.simulate, name="simulate")
     application.add_typer(alerts.application, name="alerts")
     application.add_typer(vehicles.application, name="vehicles")

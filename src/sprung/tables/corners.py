@@ -38,6 +38,12 @@ def fitted_modes_table(fit: CornerFit) -> Table:
     return Table("Modes of the fitted vehicle", columns, rows, n_words=0)
 
 
+def payload_in_words(fit: CornerFit) -> list[str]:
+    """Return a sentence about the fitted payload; none where it was not fitted."""
+    mass = fit.payload.get("payload_mass")
+    return [] if mass is None else [f"payload: {mass['value']:.0f} ± {mass['std']:.0f} kg"]
+
+
 def _bar(change: float) -> str:
     """Draw a change as a bar to the left or right of a middle line."""
     length = min(_BAR, round(abs(change) / _FULL * _BAR))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sprung.diagnosis import Baseline, Detection, Diagnosis, ModeChange, Trend
-from sprung.tables.table import Table, in_words
+from sprung.tables.table import Table, counted, in_words
 
 #: Hypotheses in the table.
 _SHOWN = 5
@@ -21,6 +21,24 @@ def baseline_table(baseline: Baseline) -> Table:
     return Table("Baseline", ("component", "change from nominal [%]", "std of a window [%]"), rows)
 
 
+def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
+    """Return version, conditions and notes of a baseline in sentences.
+
+    Parameters
+    ----------
+    baseline
+        Baseline.
+    n_windows
+        Number of windows that it could be learnt from.
+    """
+    learnt = f"learnt from {baseline.n_windows} of {counted(n_windows, 'window')}"
+    sentences = [f"version {baseline.version} ({baseline.reason}): {learnt}"]
+    if baseline.ranges:
+        ranges = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in baseline.ranges.items())
+        sentences.append(f"conditions: {ranges}")
+    return [*sentences, *baseline.notes]
+
+
 def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
     """Return the findings and sensor faults of a diagnosis in sentences, with evidence and threshold."""
     sentences = [line for finding in diagnosis.findings for line in (finding.sentence, trend_in_words(finding.trend))]
@@ -31,6 +49,38 @@ def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
         return sentences or ["inconclusive: no window was usable"]
     numbers = f"ln evidence {diagnosis.detection.evidence[-1]:.1f}; alarm threshold {diagnosis.detection.threshold:.1f}"
     return [*sentences, numbers] if sentences else [f"no change detected ({numbers})"]
+
+
+def why_inconclusive(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
+    """Return why no window was usable.
+
+    Parameters
+    ----------
+    diagnosis
+        Diagnosis without a usable window.
+    baseline
+        Baseline that its windows were compared with; None: the vehicle file.
+    """
+    reasons = [observation.reason for observation in diagnosis.observations if not observation.is_conclusive]
+    if reasons:
+        return reasons[0]
+    if baseline is not None and diagnosis.observations:
+        return "their components differ from those of the baseline: fit the same ones, or learn again"
+    return diagnosis.notes[-1] if diagnosis.notes else "there are no windows"
+
+
+def diagnosis_tables(diagnosis: Diagnosis, changes: Sequence[ModeChange]) -> list[Table]:
+    """Return all tables of a diagnosis that have rows.
+
+    Parameters
+    ----------
+    diagnosis
+        Diagnosis.
+    changes
+        Modes before and after its findings.
+    """
+    tables = [] if diagnosis.detection is None else [hypotheses_table(diagnosis.detection)]
+    return [*tables, mode_changes_table(changes)] if changes else tables
 
 
 def hypotheses_table(detection: Detection) -> Table:

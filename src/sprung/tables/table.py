@@ -1,6 +1,7 @@
 """A table of text, for the command line, reports and pages."""
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,14 +18,33 @@ class Table:
         Cells of each row.
     n_words
         Number of leading columns that hold words.
+    caption
+        What the columns mean, in a line under the table; empty for none.
     """
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     n_words: int = 1
+    caption: str = ""
 
 
 def in_words(name: str) -> str:
     """Return a name such as "front_left.spring" in words."""
     return name.replace("_", " ").replace(".", " ")
+
+
+def counted(number: int, thing: str) -> str:
+    """Return a number of things, such as "1 mode" or "3 modes"."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def time_in_words(time: int) -> str:
+    """Return a time (UTC ns) to the minute, such as "2026-11-21 08:30"."""
+    return f"{datetime.fromtimestamp(time / 1e9, tz=UTC):%Y-%m-%d %H:%M}"
+
+
+def span_in_words(begin: int, end: int) -> str:
+    """Return a span of time (UTC ns), such as "2026-11-21 08:30 to 08:40 UTC"."""
+    first, last = time_in_words(begin), time_in_words(end)
+    return f"{first} to {last.removeprefix(first[:11])} UTC"
