@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: more threads are slower
     sys.stdout, sys.stderr = _tolerant(sys.stdout), _tolerant(sys.stderr)
     command = get_command(_application())
-    _hide_type_of_flags(command)
+    _hide_types(command)
     return explained(lambda: command.main(arguments, prog_name="sprung", standalone_mode=False))
 
 
@@ -87,13 +87,15 @@ def _application() -> typer.Typer:
     return application
 
 
-def _hide_type_of_flags(command: Any) -> None:
-    """Show options without a value as such in the help of a command and its sub-commands, not as <bool>."""
+def _hide_types(command: Any) -> None:
+    """Show neither <bool> after flags nor <list[Path]> after arguments in the help of all commands."""
     for parameter in (*command.params, command.get_help_option(typer.Context(command, **_HELP))):
         if getattr(parameter, "is_flag", False):
             parameter.metavar = ""
+        if parameter.param_type_name == "argument":
+            parameter.display_type_rich = lambda ctx: None
     for subcommand in getattr(command, "commands", {}).values():
-        _hide_type_of_flags(subcommand)
+        _hide_types(subcommand)
 
 
 def _print_version(is_given: bool) -> None:

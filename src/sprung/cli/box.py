@@ -31,8 +31,7 @@ def box(
         str,
         option(
             "SOURCE",
-            "Source of samples: files, folder:DIR, stdin, can:INTERFACE:CHANNEL:DATABASE.dbc, mqtt:URL#TOPIC or"
-            " simulator.",
+            "Source of samples: files, folder:DIR, stdin, can:INTERFACE:CHANNEL:FILE.dbc, mqtt:URL#TOPIC or simulator.",
         ),
     ] = "files",
     spool: Annotated[Path, option("DIR", "Folder of frames that are not acknowledged.")] = Path("sprung-spool"),
@@ -56,8 +55,9 @@ def box(
 ) -> None:
     """Send a vehicle's samples to a monitor, from a source through a spool on disk.
 
-    Runs until the source ends and everything is acknowledged, or until it is stopped. Started again, it continues where
-    it was.
+    Runs until the source ends and everything is acknowledged, or until it is stopped.
+
+    Started again, it continues where it was.
     """
     from sprung.box import Listener, SourceSettings, open_source
     from sprung.box.running import box_of, send_live

@@ -20,9 +20,9 @@ def demo(
 ) -> None:
     """Monitor a small simulated fleet over the real link: a spring softens, a sensor dies, and both raise alerts.
 
-    Three cars drive at sixty times real time and send frames by MQTT to a monitor in this terminal, which learns
-    baselines from their first four windows of ten minutes. Then one car loses a quarter of its front-left spring
-    stiffness, and a sensor of another dies.
+    Three cars send frames by MQTT to a monitor in this terminal, which learns baselines from their first 40 minutes.
+
+    Then one loses a quarter of its front-left spring stiffness, and a sensor of another dies.
     """
     from rich.live import Live
 

@@ -22,6 +22,6 @@ def info(files: Files, *, sampling_rate: SamplingRate = None, channels: Channels
             )
         inspections[str(path)] = inspection
         if json != "-":
-            facts = [tables.inspection_in_words(inspection), *inspection.history]
-            show(tables.inspection_table(inspection), facts, heading=str(path))
+            heading = f"{path}: {tables.inspection_in_words(inspection)}"
+            show(tables.inspection_table(inspection), inspection.history, heading=heading)
     write_result(inspection_document(inspections), json)

@@ -74,7 +74,7 @@ def grid_of(table: "Table") -> "Grid":
     cells = [[printable_lines(cell) for cell in row] for row in table.rows]
     kept = [k for k in range(len(table.columns)) if k == 0 or any(row[k] for row in cells)]
     for k in kept:
-        has_words = k < table.n_words or k == len(table.columns) - 1
+        has_words = k < table.n_words or (table.ends_in_words and k == len(table.columns) - 1)
         grid.add_column(
             table.columns[k], justify="left" if has_words else "right", overflow="fold", no_wrap=not has_words
         )

@@ -11,7 +11,7 @@ from sprung.cli.output import show
 from sprung.cli.progress import progress_bar
 
 VehicleId = Annotated[str, option("ID", "Name of the vehicle.", show_default=False)]
-BrokerUrl = Annotated[str, option("URL", "Broker: mqtt://HOST:PORT, or mqtts://HOST:PORT?ca=F&cert=F&key=F.")]
+BrokerUrl = Annotated[str, option("URL", "Broker: mqtt://HOST:PORT, or mqtts://HOST:PORT with ?ca=F&cert=F&key=F.")]
 
 
 def replay(

@@ -1,10 +1,10 @@
 """The commands `sprung simulate road`, `rail`, `rig`, `chain` and `quarter`."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from sprung.simulation.runs import SimulatedRun, StationaryRun
     from sprung.vehicles import Fault
     from sprung.vehicles.usable import AnyVehicle
+
+    #: A simulation that lacks only its seed.
+    Simulation = Callable[..., SimulatedDrive | SimulatedRun]
 
 _MOST_SAMPLES = 1e8
 
@@ -62,13 +65,6 @@ class Output:
         if self.n_records == 1:
             return [self.out]
         return [self.out.with_stem(f"{self.out.stem}-{k:02d}") for k in range(1, self.n_records + 1)]
-
-
-class Simulation(Protocol):
-    """A simulation that lacks only the seed."""
-
-    def __call__(self, *, seed: int | list[int]) -> "SimulatedDrive | SimulatedRun":
-        """Simulate a record."""
 
 
 @simulate.command()
@@ -297,7 +293,7 @@ def _check_length(duration: float, sampling_rate: float) -> None:
     check_number("samples in a record", n_samples, at_most=_MOST_SAMPLES, advice="lower --minutes, or use --records")
 
 
-def _write(simulation: Simulation, vehicle: "AnyVehicle", settings: dict[str, Any], output: Output) -> None:
+def _write(simulation: "Simulation", vehicle: "AnyVehicle", settings: dict[str, Any], output: Output) -> None:
     """Simulate and write the recordings, and the truth and the vehicle file next to them; print the files."""
     from sprung import tables
     from sprung.formats import write

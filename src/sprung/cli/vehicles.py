@@ -46,16 +46,12 @@ def learn(
     json: Json = None,
 ) -> None:
     """Learn a new baseline of a vehicle, such as after maintenance."""
-    from sprung.monitor import Site, desk
+    from sprung.monitor.desk import relearn
+    from sprung.monitor.requests import relearning_in_words
 
     with existing_store(store) as opened:
-        desk.relearn(opened, vehicle, reason=reason, who=who or getpass.getuser(), now=time.time_ns())
-        sentence = (
-            f"{vehicle} will relearn its baseline ({reason.strip()!r}) from its next usable windows "
-            f"(learning_windows of the site file, default {Site().watch.learning_windows}); change detection resumes "
-            "after that"
-        )
-        _print_vehicles(opened, json, [sentence])
+        relearn(opened, vehicle, reason=reason, who=who or getpass.getuser(), now=time.time_ns())
+        _print_vehicles(opened, json, [relearning_in_words(vehicle, reason)])
 
 
 @application.command()

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 
 from sprung.errors import DataError, ParameterError
+from sprung.monitor.site import Site
 from sprung.storage import CommandRow, Store
 from sprung.tables import span_in_words, time_in_words
 
@@ -50,6 +51,14 @@ def wait_for_samples(
     if not row.detail["frames"]:
         raise DataError(f"no samples {_span(row.detail['asked'])} of {row.vehicle}: {row.detail['reason']}")
     return f"received samples {_span(row.detail)} of {row.vehicle}, {row.detail['frames']} frames"
+
+
+def relearning_in_words(vehicle: str, reason: str) -> str:
+    """Return the sentence about a request for a new baseline."""
+    return (
+        f"{vehicle} will relearn its baseline ({reason.strip()!r}) from its next usable windows (learning_windows of"
+        f" the site file, default {Site().watch.learning_windows}); change detection resumes after that"
+    )
 
 
 def open_request_in_words(row: CommandRow) -> str:

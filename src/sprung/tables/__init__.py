@@ -20,11 +20,10 @@ from sprung.tables.identification import (
     shapes_in_words,
     subsets_table,
     why_none,
-    with_deviation,
 )
 from sprung.tables.inspection import inspection_in_words, inspection_table, true_modes_table
 from sprung.tables.monitoring import alert_history_table, alerts_table, vehicles_table
-from sprung.tables.table import Table, counted, span_in_words, time_in_words
+from sprung.tables.table import Table, counted, span_in_words, time_in_words, with_deviation
 
 __all__ = [
     "Table",

@@ -1,6 +1,5 @@
 """Tables of an identification."""
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
@@ -9,7 +8,7 @@ from sprung._arrays import Complex
 from sprung.identification import Identification, SubsetModes
 from sprung.modal import PoleStatus
 from sprung.signals.harmonics import Harmonic
-from sprung.tables.table import Table, counted, in_words
+from sprung.tables.table import Table, counted, in_words, with_deviation
 
 #: Channels below this share of the largest one are omitted from a shape in words.
 _MAIN_SHARE = 0.3
@@ -19,7 +18,7 @@ _MOST_WORDS, _MOST_FAMILIES = 6, 8
 _MOST_REASONS = 3
 #: What the columns of `modes_table` mean.
 _MODES_CAPTION = (
-    "± standard deviation; stable: share of the ladder with this mode; shape: channels above"
+    "± standard deviation; stable: share of the model orders with this mode; shape: channels above"
     f" {100 * _MAIN_SHARE:.0f} % of the largest, + in phase with it, - against it, ~ between"
 )
 
@@ -77,14 +76,6 @@ def modes_table(identification: Identification) -> Table:
     return Table("", columns, rows, n_words=0, caption=_MODES_CAPTION)
 
 
-def with_deviation(value: float, deviation: float) -> str:
-    """Return a value and its standard deviation, with two significant digits of the deviation."""
-    if not (math.isfinite(deviation) and deviation > 0):
-        return f"{value:.4g}"
-    decimals = min(max(1 - math.floor(math.log10(deviation)), 0), 6)
-    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
-
-
 def shapes_in_words(channels: Sequence[str], mode_shapes: Complex) -> list[str]:
     """Return for each shape its main channels and the signs of their motion."""
     return [_shape(_without_common_prefix(channels), shape.tolist()) for shape in mode_shapes]
@@ -126,7 +117,7 @@ def subsets_table(identification: Identification) -> Table:
         )
         for k in range(len(identification.modes))
     )
-    return Table("Subsets of segments by level", columns, rows)
+    return Table("Modes in subsets of segments, by the level of their signals", columns, rows)
 
 
 def _heading(subset: SubsetModes) -> str:

@@ -12,8 +12,8 @@ def true_modes_table(truth: Mapping[str, Any]) -> Table:
     """Return the table of the exact modes of a simulated recording, from its `sprung.truth/1`."""
     rows = tuple(
         (
-            f"{mode['natural_frequency']:.4g}",
-            f"{100 * mode['damping_ratio']:.4g}",
+            f"{mode['natural_frequency']:#.4g}",
+            f"{100 * mode['damping_ratio']:#.4g}",
             in_words(mode["label"] or ""),
         )
         for mode in truth["modes"]

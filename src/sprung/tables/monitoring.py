@@ -46,7 +46,7 @@ def vehicles_table(document: Mapping[str, Any]) -> Table:
         )
         for vehicle in document["vehicles"]
     )
-    return Table("", ("vehicle", "windows", "baseline", "health index", "last seen (UTC)", "state"), rows)
+    return Table("", ("vehicle", "windows", "baseline", "health (of 100)", "last seen (UTC)", "state"), rows)
 
 
 def _event_in_words(entry: Mapping[str, Any]) -> str:

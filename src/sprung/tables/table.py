@@ -1,5 +1,6 @@
 """A table of text, for the command line, reports and pages."""
 
+import math
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -13,11 +14,13 @@ class Table:
     title
         Title; empty for none.
     columns
-        Headings. The first `n_words` columns and the last one hold words, the others numbers.
+        Headings. The first `n_words` columns hold words, and the last one where `ends_in_words`; the others numbers.
     rows
         Cells of each row.
     n_words
         Number of leading columns that hold words.
+    ends_in_words
+        Whether the last column holds words.
     caption
         What the columns mean, in a line under the table; empty for none.
     """
@@ -26,12 +29,21 @@ class Table:
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     n_words: int = 1
+    ends_in_words: bool = True
     caption: str = ""
 
 
 def in_words(name: str) -> str:
     """Return a name such as "front_left.spring" in words."""
     return name.replace("_", " ").replace(".", " ")
+
+
+def with_deviation(value: float, deviation: float) -> str:
+    """Return a value and its standard deviation, with two significant digits of the deviation."""
+    if not (math.isfinite(deviation) and deviation > 0):
+        return f"{value:.4g}"
+    decimals = min(1 - math.floor(math.log10(deviation)), 6)
+    return " ± ".join(f"{round(number, decimals):.{max(decimals, 0)}f}" for number in (value, deviation))
 
 
 def counted(number: int, thing: str) -> str:
