@@ -19,6 +19,7 @@ FLOORS = (
     ("documents", "tables"),
     ("plotting", "storage", "link", "alerting"),
     ("reproduce", "monitor", "box"),
+    ("demo",),
     ("cli",),
 )
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

@@ -211,29 +211,14 @@ def test_json_file_and_table_go_together(sprung, chain, tmp_path):
 
 def test_large_files_are_read_in_blocks(sprung, chain, monkeypatch):
     whole = sprung("identify", chain, "--json", "-").document()["modes"]
-    monkeypatch.setattr("sprung.cli.files.LARGE", 10_000)
-    monkeypatch.setattr("sprung.cli.files.BLOCK_SAMPLES", 6_000)
+    monkeypatch.setattr("sprung.formats.records.LARGE", 10_000)
+    monkeypatch.setattr("sprung.formats.records.BLOCK_SAMPLES", 6_000)
     modes = sprung("identify", chain, chain, "--json", "-").document()["modes"]
     assert len(modes) == 3
     for mode, reference in zip(modes, whole, strict=True):
         assert mode["natural_frequency"] == pytest.approx(
             reference["natural_frequency"], abs=3 * reference["natural_frequency_std"]
         )
-
-
-def test_files_small_by_themselves_but_large_together_are_not_held_together(chain, monkeypatch):
-    from sprung.cli.files import records
-
-    small = chain.stat().st_size
-    monkeypatch.setattr("sprung.cli.files.LARGE", 2 * small)
-    told = []
-    runs = records(
-        [chain] * 3, sampling_rate=None, channels=None, report=lambda doing, share: told.append((doing, share))
-    )
-    assert told == []
-    first = next(iter(runs))
-    assert first.n_samples == 24_000
-    assert told == [("reading run.csv", 0.0)]
 
 
 def test_figures_are_written_and_named(sprung, chain, tmp_path):

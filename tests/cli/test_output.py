@@ -1,7 +1,7 @@
 import pytest
 
-from sprung.cli.files import names
-from sprung.cli.printing import printable
+from sprung.cli.checks import names
+from sprung.cli.output import printable
 from sprung.errors import ParameterError
 
 

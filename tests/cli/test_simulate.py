@@ -35,7 +35,7 @@ def test_truth_and_vehicle_stand_beside_the_recording(sprung, tmp_path):
     assert document["components"]["mass_1"]["spring"]["value"] == 9800.0
     assert (document["seed"], document["speed"], document["faults"]) == (7, None, {})
     assert document["files"] == [str(path)]
-    assert read_vehicle(f"{path}.vehicle.toml") == read_description("chain3")
+    assert read_description(f"{path}.vehicle.toml") == read_description("chain3")
 
 
 def test_vehicle_file_that_was_written_can_be_simulated(sprung, tmp_path):

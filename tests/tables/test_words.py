@@ -12,6 +12,7 @@ from sprung.tables import counted, orders_in_words, shapes_in_words, trend_in_wo
 def test_values_have_the_digits_that_their_uncertainty_leaves():
     assert with_deviation(7.01234, 0.0123) == "7.012 ± 0.012"
     assert with_deviation(1234.5, 67.0) == "1234 ± 67"
+    assert with_deviation(44279.6, 723.4) == "44280 ± 720"
     assert with_deviation(0.1882345, 0.00024) == "0.18823 ± 0.00024"
     assert with_deviation(19.6543, math.nan) == "19.65"
     assert with_deviation(19.6543, 0.0) == "19.65"
@@ -40,8 +41,8 @@ def test_counts_in_words():
 @pytest.mark.parametrize(
     ("trend", "words"),
     [
-        (None, "no trend: it needs a single part and at least four windows since the onset"),
-        (Trend(0.01, (-0.01, 0.03), None), "no trend: -1.0 to +3.0 % per hour of driving"),
+        (None, "trend not estimated: it needs a single part and at least four windows since the onset"),
+        (Trend(0.01, (-0.01, 0.03), None), "no trend detected: -1.0 to +3.0 % per hour of driving"),
         (Trend(0.02, (0.01, 0.03), None), "trend: +2.0 % (+1.0 to +3.0) per hour of driving"),
         (
             Trend(-0.02, (-0.03, -0.01), (2.0, 6.0)),

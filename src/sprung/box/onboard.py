@@ -127,3 +127,19 @@ class OnBoard:
             header = Header.of(document)
             if header.start < end and header.end > begin:
                 yield document
+
+
+def on_board_in(folder: Path, vehicle: Vehicle, *, most_bytes: int) -> OnBoard:
+    """Return identification on a vehicle that keeps its samples, and its answers to requests, in a folder.
+
+    Parameters
+    ----------
+    folder
+        Folder, created where it does not exist.
+    vehicle
+        Vehicle with its sensors.
+    most_bytes
+        Largest size of the samples.
+    """
+    ring = Spool(folder, most_bytes=most_bytes)
+    return OnBoard(vehicle, ring, answers=Answers(folder / "answers.json"))

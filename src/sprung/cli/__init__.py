@@ -26,7 +26,6 @@ from sprung.cli import (
     vehicles,
 )
 from sprung.cli.failures import explained
-from sprung.cli.help import Command, Group
 
 _HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
@@ -47,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: more threads are slower
     sys.stdout, sys.stderr = _tolerant(sys.stdout), _tolerant(sys.stderr)
     command = get_command(_application())
-    _hide_type_of_flags(command)
+    _hide_types(command)
     return explained(lambda: command.main(arguments, prog_name="sprung", standalone_mode=False))
 
 
@@ -63,7 +62,6 @@ def _tolerant(stream: TextIO | None) -> TextIO:
 def _application() -> typer.Typer:
     """Return the application with all its commands."""
     application = typer.Typer(
-        cls=Group,
         add_completion=False,
         context_settings=_HELP,
         pretty_exceptions_enable=False,
@@ -82,20 +80,22 @@ def _application() -> typer.Typer:
         demo.demo,
     )
     for command in commands:
-        application.command(cls=Command)(command)
+        application.command()(command)
     application.add_typer(simulate.simulate, name="simulate")
     application.add_typer(alerts.application, name="alerts")
     application.add_typer(vehicles.application, name="vehicles")
     return application
 
 
-def _hide_type_of_flags(command: Any) -> None:
-    """Show options without a value as such in the help of a command and its sub-commands, not as <bool>."""
+def _hide_types(command: Any) -> None:
+    """Show neither <bool> after flags nor <list[Path]> after arguments in the help of all commands."""
     for parameter in (*command.params, command.get_help_option(typer.Context(command, **_HELP))):
         if getattr(parameter, "is_flag", False):
             parameter.metavar = ""
+        if parameter.param_type_name == "argument":
+            parameter.display_type_rich = lambda ctx: None
     for subcommand in getattr(command, "commands", {}).values():
-        _hide_type_of_flags(subcommand)
+        _hide_types(subcommand)
 
 
 def _print_version(is_given: bool) -> None:

@@ -4,20 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.documents import write_json
-from sprung.cli.files import (
-    Channels,
-    Files,
-    Json,
-    Minutes,
-    SamplingRate,
-    VehicleFile,
-    check_file,
-    names,
-    option,
-    records,
-)
-from sprung.cli.printing import console, notes, rich_table
+from sprung.cli.checks import check_file, names
+from sprung.cli.options import Channels, Files, Json, Minutes, SamplingRate, VehicleFile, option
+from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
 
@@ -42,6 +31,7 @@ def baseline(
     json: Json = None,
 ) -> None:
     """Learn the baseline of a vehicle from drives while it is healthy."""
+    from sprung import tables
     from sprung.diagnosis import learn
     from sprung.documents import baseline_document, write_baseline
     from sprung.vehicles import read_vehicle
@@ -56,17 +46,11 @@ def baseline(
         observations = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
         )
-    learnt = learn(
-        observations,
-        reason=reason.strip() or "first learning",
-        previous=before,
-        n_windows=n_windows,
-    )
+    learnt = learn(observations, reason=reason.strip() or "first learning", previous=before, n_windows=n_windows)
     write_baseline(learnt, out)
-    if json is not None:
-        write_json(baseline_document(learnt), json)
-    if json != "-":
-        _show(learnt, observations, out)
+    if write_result(baseline_document(learnt), json):
+        sentences = tables.baseline_in_words(learnt, n_windows=len(observations))
+        show(tables.baseline_table(learnt), [*sentences, f"wrote {out}"])
 
 
 def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":
@@ -94,28 +78,12 @@ def observed(
     """Return the observations of all windows of files."""
     from sprung._checks import check_number
     from sprung.diagnosis import observe_window, windows
+    from sprung.formats.records import read_records
 
     check_number("--window", minutes, at_least=1)
-    recordings = records(files, sampling_rate=sampling_rate, channels=names(channels), report=report)
+    recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
     observations: list[Observation] = []
     for number, (time, part) in enumerate(windows(recordings, length=60 * minutes), start=1):
         report(f"window {number}", 0.5)
         observations.append(observe_window(part, vehicle, time=time))
     return observations
-
-
-def _show(baseline: "Baseline", observations: "list[Observation]", out: Path) -> None:
-    """Print mean and scatter of the components, and notes."""
-    from sprung.tables import baseline_table
-
-    conditions = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in baseline.ranges.items())
-    learnt = f"learnt from {baseline.n_windows} of {len(observations)} windows"
-    sentences = [
-        f"version {baseline.version} ({baseline.reason}): {learnt}",
-        *([f"conditions: {conditions}"] if conditions else []),
-        *baseline.notes,
-        f"wrote {out}",
-    ]
-    screen = console()
-    screen.print(rich_table(baseline_table(baseline)))
-    screen.print(notes(sentences))

@@ -4,32 +4,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.documents import write_json
-from sprung.cli.files import (
-    INPUT,
-    Channels,
-    Figures,
-    Files,
-    Json,
-    SamplingRate,
-    VehicleFile,
-    check_file,
-    names,
-    option,
-    records,
-    save_figures,
-)
-from sprung.cli.printing import console, notes, rich_table
+from sprung.cli.checks import check_file, check_folder, names
+from sprung.cli.options import INPUT, Channels, Figures, Files, Json, SamplingRate, VehicleFile, option
+from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
     from sprung.likelihood import CornerFit
-    from sprung.modal import Modes
-    from sprung.recording import Recording
-    from sprung.vehicles import Vehicle
 
 
 def corners(
@@ -73,11 +56,15 @@ def corners(
     json: Json = None,
 ) -> None:
     """Estimate the springs, dampers and tyres of every corner from the spectra of a drive or a rig run."""
+    from sprung import tables
+    from sprung.diagnosis.drives import fit_drive
     from sprung.documents import corners_document
-    from sprung.likelihood import CornerSettings, fit_corners
+    from sprung.formats.records import read_records
+    from sprung.likelihood import CornerSettings
     from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle])
+    check_folder("--figures", figures)
     description = read_vehicle(vehicle)
     settings = CornerSettings(
         band=band,
@@ -89,42 +76,19 @@ def corners(
         kind=kind,
     )
     with progress_bar() as report:
-        recordings = list(records(files, sampling_rate=sampling_rate, channels=names(channels), report=report))
+        recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
         report("fitting", 0.5)
-        fit = fit_corners(recordings, description, settings=settings, modes=_modes(recordings, description))
-        paths = [] if figures is None else _save(fit, figures, ", ".join(path.name for path in files))
-    if json is not None:
-        write_json(corners_document(fit), json)
-    if json != "-":
-        _show(fit, paths)
+        fit = fit_drive(recordings, description, settings=settings)
+        paths = _draw(fit, figures, ", ".join(path.name for path in files))
+    if write_result(corners_document(fit), json):
+        words = [*tables.payload_in_words(fit), *fit.notes, *(f"wrote {path}" for path in paths)]
+        show(tables.components_table(fit), tables.fitted_modes_table(fit), words)
 
 
-def _modes(recordings: "list[Recording]", vehicle: "Vehicle") -> "Modes | None":
-    """Return identified modes, which give the fit another start and a check; None where there are none."""
-    from sprung.errors import DataError, IdentificationError
-    from sprung.identification import cov_ssi
+def _draw(fit: "CornerFit", folder: "Path | None", source: str) -> "list[Path]":
+    """Write the figures and return their paths."""
+    if folder is None:
+        return []
+    from sprung.plotting.saving import corner_figures, save
 
-    try:
-        return cov_ssi(recordings, vehicle=vehicle).modes
-    except (DataError, IdentificationError):
-        return None
-
-
-def _save(fit: "CornerFit", folder: "Path", source: str) -> "list[Path]":
-    """Write the figures."""
-    from sprung.plotting import corners_figure, correlation_figure, fitted_spectra_figure
-
-    draw = {"corners": corners_figure, "spectra": fitted_spectra_figure, "correlation": correlation_figure}
-    return save_figures({name: figure(fit, source=source) for name, figure in draw.items()}, folder)
-
-
-def _show(fit: "CornerFit", paths: "Sequence[Path]") -> None:
-    """Print corners with bars against nominal, body modes and notes."""
-    from sprung.tables import components_table, fitted_modes_table
-
-    screen = console()
-    screen.print(rich_table(components_table(fit)))
-    screen.print(rich_table(fitted_modes_table(fit)))
-    mass = fit.payload.get("payload_mass")
-    sentences = [] if mass is None else [f"payload: {mass['value']:.0f} ± {mass['std']:.0f} kg"]
-    screen.print(notes([*sentences, *fit.notes, *(f"wrote {path}" for path in paths)]))
+    return save(corner_figures(fit, source=source), folder)

@@ -4,21 +4,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.baseline import baseline_of, observed
-from sprung.cli.documents import write_json
-from sprung.cli.files import (
-    INPUT,
-    Channels,
-    Figures,
-    Files,
-    Json,
-    Minutes,
-    SamplingRate,
-    VehicleFile,
-    check_file,
-    option,
-    save_figures,
-)
-from sprung.cli.printing import console, notes, rich_table
+from sprung.cli.checks import check_file, check_folder
+from sprung.cli.options import INPUT, Channels, Figures, Files, Json, Minutes, SamplingRate, VehicleFile, option
+from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 from sprung.errors import DataError
 
@@ -48,13 +36,13 @@ def diagnose(
     json: Json = None,
 ) -> None:
     """Find which spring, damper, tyre or sensor changed, by how much, since when and with what certainty."""
+    from sprung import diagnosis, tables
     from sprung._checks import check_number
-    from sprung.diagnosis import diagnose as diagnosed
-    from sprung.diagnosis import mode_changes
     from sprung.documents import diagnosis_document
     from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle, *([baseline] if baseline else [])])
+    check_folder("--figures", figures)
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
     description = read_vehicle(vehicle)
     normal = None if baseline is None else baseline_of(description, baseline)
@@ -62,62 +50,28 @@ def diagnose(
         observations = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
         )
-        found = diagnosed(
-            observations,
-            normal,
-            false_alarms=false_alarms,
-            windows_per_day=hours_per_day * 60 / window,
+        result = diagnosis.diagnose(
+            observations, normal, false_alarms=false_alarms, windows_per_day=hours_per_day * 60 / window
         )
         changes = [
             change
-            for one in found.findings
-            for change in mode_changes(description, one, normal, observations=observations)
+            for finding in result.findings
+            for change in diagnosis.mode_changes(description, finding, normal, observations=observations)
         ]
-        paths = [] if figures is None else _save(found, normal, changes, figures)
-    if json is not None:
-        write_json(diagnosis_document(found, modes=changes), json)
-    if json != "-":
-        _show(found, changes, paths)
-    if found.detection is None and not found.sensor_faults:
-        raise DataError(f"no window was usable: {_why_not(found, normal)}")
+        paths = _draw(result, normal, changes, figures)
+    if write_result(diagnosis_document(result, modes=changes), json):
+        words = [*result.notes, *(f"wrote {path}" for path in paths)]
+        show(tables.diagnosis_in_words(result), *tables.diagnosis_tables(result, changes), words)
+    if result.detection is None and not result.sensor_faults:
+        raise DataError(f"no window was usable: {tables.why_inconclusive(result, normal)}")
 
 
-def _why_not(found: "Diagnosis", normal: "Baseline | None") -> str:
-    """Return why no window was usable."""
-    reasons = [one.reason for one in found.observations if not one.is_conclusive]
-    if reasons:
-        return reasons[0]
-    if normal is not None and found.observations:
-        return "their components differ from those of the baseline: fit the same ones, or learn again"
-    return found.notes[-1] if found.notes else "there are no windows"
-
-
-def _save(
-    diagnosis: "Diagnosis", baseline: "Baseline | None", changes: "Sequence[ModeChange]", folder: Path
+def _draw(
+    diagnosis: "Diagnosis", baseline: "Baseline | None", changes: "Sequence[ModeChange]", folder: Path | None
 ) -> list[Path]:
-    """Write the figures."""
-    from sprung.plotting import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
-
-    if diagnosis.detection is None:
+    """Write the figures and return their paths."""
+    if folder is None or diagnosis.detection is None:
         return []
-    figures = {
-        "evidence": evidence_figure(diagnosis),
-        "trends": trends_figure(diagnosis, baseline),
-        "corners": corner_changes_figure(diagnosis, baseline),
-    }
-    if changes:
-        figures["modes"] = mode_changes_figure(changes, heading=diagnosis.findings[0].sentence)
-    return save_figures(figures, folder)
+    from sprung.plotting.saving import diagnosis_figures, save
 
-
-def _show(diagnosis: "Diagnosis", changes: "Sequence[ModeChange]", paths: "Sequence[Path]") -> None:
-    """Print findings, sensor faults and the best hypotheses."""
-    from sprung import tables
-
-    screen = console()
-    screen.print(notes(tables.diagnosis_in_words(diagnosis)))
-    if diagnosis.detection is not None:
-        screen.print(rich_table(tables.hypotheses_table(diagnosis.detection)))
-    if changes:
-        screen.print(rich_table(tables.mode_changes_table(changes)))
-    screen.print(notes([*diagnosis.notes, *(f"wrote {path}" for path in paths)]))
+    return save(diagnosis_figures(diagnosis, baseline, changes), folder)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import typer
 
-from sprung.cli.printing import printable
+from sprung.cli.output import printable
 from sprung.errors import DataError, IdentificationError, SprungError
 
 DONE, BAD_INPUT, NO_ANSWER, INTERRUPTED = 0, 2, 3, 130

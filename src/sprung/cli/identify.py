@@ -1,15 +1,14 @@
 """The command `sprung identify`."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sprung.cli.documents import write_json
-from sprung.cli.files import INPUT, Channels, Figures, Files, Json, SamplingRate, check_file, names, option, records
-from sprung.cli.printing import console, notes, printable, rich_table
+from sprung.cli.checks import check_file, check_folder, names
+from sprung.cli.options import INPUT, Channels, Figures, Files, Json, SamplingRate, option
+from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 from sprung.errors import IdentificationError, ParameterError
 
@@ -86,111 +85,83 @@ def identify(
     json: Json = None,
 ) -> None:
     """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
+    from sprung import tables
     from sprung.documents import identification_document
+    from sprung.formats.records import read_records
     from sprung.identification import METHODS
-    from sprung.tables import why_none
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
-    if figures is not None and figures.exists() and not figures.is_dir():
-        raise ParameterError(f"--figures {figures} is a file: give the name of a folder")
+    check_folder("--figures", figures)
     if subsets is not None and method != "coss":
         raise ParameterError(f"--subsets {subsets} needs --method coss: {method} does not sort segments")
-    options = {
-        "band": band,
-        "decimate_to": decimate_to,
-        "segment": segment,
-        "n_subsets": subsets,
-        "block_rows": block_rows,
-        "max_order": max_order,
-    }
+    settings = _settings(
+        thesis=thesis,
+        stable_rate=stable_rate,
+        cepstrum=cepstrum,
+        references=references,
+        band=band,
+        decimate_to=decimate_to,
+        segment=segment,
+        n_subsets=subsets,
+        block_rows=block_rows,
+        max_order=max_order,
+    )
+    source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
     with progress_bar() as report:
-        settings = _with_names(
-            _thesis_settings(options) if thesis else _settings(options), references, cepstrum, stable_rate
-        )
         description = None if vehicle is None else read_description(vehicle)
-        recordings = records(files, sampling_rate=sampling_rate, channels=names(channels), report=report)
+        recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
         identification = METHODS[method](recordings, settings=settings, vehicle=description, on_progress=report)
         if figures is not None:
             report("drawing figures", 1.0)
-        paths = _figures(identification, figures, files)
-    if json is not None:
-        write_json(identification_document(identification, vehicle=description), json)
-    if json != "-":
-        _show(identification, files=files, figures=paths)
+        paths = _draw(identification, figures, Path(source).name)
+    if write_result(identification_document(identification, vehicle=description), json):
+        words = [*identification.notes, *(f"wrote {path}" for path in paths)]
+        heading = f"{source}: {tables.identification_in_words(identification)}"
+        show(*tables.identification_tables(identification), words, heading=heading)
     if not len(identification.modes):
-        raise IdentificationError(why_none(identification))
+        raise IdentificationError(tables.why_none(identification))
 
 
-def _settings(options: dict[str, Any]) -> "IdentificationSettings":
-    """Return settings with the options that are not None."""
-    from sprung.identification import IdentificationSettings
-
-    return IdentificationSettings(**{name: value for name, value in options.items() if value is not None})
-
-
-def _thesis_settings(options: dict[str, Any]) -> "IdentificationSettings":
-    """Return the settings of the thesis with the options that are not None."""
-    from sprung.identification import as_in_thesis
-    from sprung.identification.settings import THESIS_ROWS
-
-    first, last = THESIS_ROWS[0], options["block_rows"] or THESIS_ROWS[1]
-    if options["max_order"] is not None:
-        raise ParameterError(
-            f"--max-order {options['max_order']} does not apply with --thesis, whose ladder is over block rows: leave"
-            " it out"
-        )
-    if last <= first:
-        raise ParameterError(f"--block-rows {last} must be above {first} with --thesis, whose ladder starts there")
-    return as_in_thesis(_settings({**options, "block_rows": None}), rows=(first, last))
-
-
-def _with_names(
-    settings: "IdentificationSettings", references: str | None, cepstrum: float | None, stable_rate: float | None
+def _settings(
+    *, thesis: bool, stable_rate: float | None, cepstrum: float | None, references: str | None, **numbers: Any
 ) -> "IdentificationSettings":
-    """Return the settings with references, lifter and stable rate where they are given."""
+    """Return the settings that the options give; what is None is chosen from the data."""
+    from sprung.identification import IdentificationSettings, as_in_thesis
+    from sprung.identification.settings import THESIS_ROWS
     from sprung.signals.cepstrum import ShortPass
 
-    if references == "disjoint":
-        settings = replace(settings, has_disjoint_references=True)
-    elif references is not None:
-        settings = replace(settings, references=names(references))
-    if cepstrum is not None:
-        settings = replace(settings, lifter=ShortPass(cepstrum))
-    if stable_rate is not None:
-        settings = replace(settings, criteria=replace(settings.criteria, stable_rate=stable_rate))
-    return settings
+    rows = (THESIS_ROWS[0], numbers["block_rows"] or THESIS_ROWS[1])
+    if thesis:
+        _check_ladder(numbers["max_order"], rows)
+        numbers["block_rows"] = None
+    settings = IdentificationSettings(
+        lifter=None if cepstrum is None else ShortPass(cepstrum),
+        references=None if references == "disjoint" else names(references),
+        has_disjoint_references=references == "disjoint",
+        **{name: value for name, value in numbers.items() if value is not None},
+    )
+    if thesis:
+        settings = as_in_thesis(settings, rows=rows)
+    if stable_rate is None:
+        return settings
+    return replace(settings, criteria=replace(settings.criteria, stable_rate=stable_rate))
 
 
-def _figures(identification: "Identification", folder: Path | None, files: Sequence[Path]) -> list[Path]:
+def _check_ladder(max_order: int | None, rows: tuple[int, int]) -> None:
+    """Refuse options that do not go with the ladder of --thesis."""
+    if max_order is not None:
+        raise ParameterError(
+            f"--max-order {max_order} does not apply with --thesis, whose ladder is over block rows: leave it out"
+        )
+    if rows[1] <= rows[0]:
+        raise ParameterError(f"--block-rows {rows[1]} must be above {rows[0]} with --thesis, whose ladder starts there")
+
+
+def _draw(identification: "Identification", folder: Path | None, source: str) -> list[Path]:
     """Write the figures and return their paths."""
     if folder is None:
         return []
     from sprung.plotting import save_figures
 
-    return save_figures(identification, folder, source=files[0].name if len(files) == 1 else f"{len(files)} files")
-
-
-def _show(identification: "Identification", *, files: Sequence[Path], figures: Sequence[Path]) -> None:
-    """Print modes, harmonics and notes."""
-    from sprung import tables
-
-    screen = console()
-    source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
-    modes = f"{tables.counted(len(identification.modes), 'mode')} by {identification.method}"
-    channels = tables.counted(len(identification.channels), "channel")
-    heading = f"{source}: {modes} from {channels} at {identification.sampling_rate:.5g} Hz"
-    screen.print(printable(heading), style="bold", soft_wrap=True)
-    if len(identification.modes):
-        screen.print(rich_table(tables.modes_table(identification)))
-        screen.print(tables.MODES_CAPTION, style="dim")
-    if len(identification.modes) and len(identification.subsets) > 1:
-        screen.print()
-        screen.print(rich_table(tables.subsets_table(identification)))
-    if identification.harmonics:
-        screen.print()
-        screen.print(rich_table(tables.harmonics_table(identification.harmonics)))
-    screen.print()
-    screen.print(notes(identification.notes))
-    if figures:
-        screen.print(printable(f"figures: {', '.join(map(str, figures))}"), soft_wrap=True)
+    return save_figures(identification, folder, source=source)

@@ -1,13 +1,15 @@
-"""Logs of services: text for people, JSON lines for machines."""
+"""Logs of services, text for people and JSON lines for machines; and the signals that stop them."""
 
 import json
 import logging
+import signal
+import threading
 from datetime import UTC, datetime
 from typing import Annotated
 
-import typer
+from sprung.cli.options import option
 
-LogFormat = Annotated[str, typer.Option("--log", metavar="text|json", help="Format of the log on standard error.")]
+LogFormat = Annotated[str, option("text|json", "Format of the log on standard error.", "--log")]
 
 _USUAL = set(logging.makeLogRecord({}).__dict__) | {"message", "asctime", "taskName"}
 
@@ -22,6 +24,15 @@ def log_to(form: str) -> None:
     root = logging.getLogger("sprung")
     root.handlers, root.propagate = [handler], False
     root.setLevel(logging.INFO)
+
+
+def stop_on_signals() -> threading.Event:
+    """Return an event that SIGINT and SIGTERM set."""
+    stopping = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # In a thread: the signal may come while this one holds the lock of the event, and would wait for itself.
+        signal.signal(number, lambda *_: threading.Thread(target=stopping.set).start())
+    return stopping
 
 
 def extras(record: logging.LogRecord) -> dict[str, object]:

@@ -1,49 +1,36 @@
 """The command `sprung monitor`."""
 
 import os
-import signal
-import threading
 import time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-import typer
-
-from sprung.cli.logs import LogFormat, log_to
-
-if TYPE_CHECKING:
-    from sprung.link import Address
-    from sprung.monitor import EmbeddedBroker
-
-Broker = Annotated[
-    str | None,
-    typer.Option(
-        metavar="URL|embedded",
-        help="Broker: mqtt://HOST:PORT, mqtts://HOST:PORT?ca=F&cert=F&key=F, or embedded: one for this machine only.",
-        show_default="embedded",
-    ),
-]
-StoreUrl = Annotated[
-    str | None,
-    typer.Option(
-        metavar="URL",
-        help="Store: sqlite:///FILE or postgresql://USER@HOST/NAME.",
-        show_default="sqlite:///sprung-data/sprung.sqlite",
-    ),
-]
+from sprung.cli.logs import LogFormat, log_to, stop_on_signals
+from sprung.cli.options import option
 
 
 def monitor(
     *,
-    site: Annotated[
-        Path | None, typer.Option(metavar="SITE.toml", help="Site file with the settings.", show_default=False)
-    ] = None,
-    broker: Broker = None,
-    store: StoreUrl = None,
-    http: Annotated[
+    site: Annotated[Path | None, option("SITE.toml", "Site file with the settings.")] = None,
+    broker: Annotated[
         str | None,
-        typer.Option(metavar="HOST:PORT", help="Address of /metrics and /health.", show_default="127.0.0.1:8737"),
+        option(
+            "URL|embedded",
+            "Broker: mqtt://HOST:PORT, mqtts://HOST:PORT?ca=F&cert=F&key=F, or embedded: one for this machine only.",
+            show_default="embedded",
+        ),
+    ] = None,
+    store: Annotated[
+        str | None,
+        option(
+            "URL",
+            "Store: sqlite:///FILE or postgresql://USER@HOST/NAME.",
+            show_default="sqlite:///sprung-data/sprung.sqlite",
+        ),
+    ] = None,
+    http: Annotated[
+        str | None, option("HOST:PORT", "Address of /metrics and /health.", show_default="127.0.0.1:8737")
     ] = None,
     log_format: LogFormat = "text",
 ) -> None:
@@ -53,6 +40,7 @@ def monitor(
     """
     from sprung.link import Link
     from sprung.monitor import Site, Station, Workers, read_site
+    from sprung.monitor.broker import open_broker
     from sprung.storage import open_store
 
     log_to(log_format)
@@ -60,32 +48,13 @@ def monitor(
     settings = (Site() if site is None else read_site(site)).model_copy(
         update={name: value for name, value in given.items() if value is not None}
     )
-    with open_store(settings.store) as opened:
-        url, embedded = connected(settings.broker)
+    with open_store(settings.store) as opened, open_broker(settings.broker) as address:
         workers = Workers(settings.watch.workers, limit=settings.watch.seconds_per_job, clock=time.monotonic)
-        station = Station(
-            settings, opened, connect=partial(Link, url, f"sprung-monitor-{os.getpid()}"), workers=workers
-        )
-        stopping = threading.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: stopping.set())
+        connect = partial(Link, address, f"sprung-monitor-{os.getpid()}")
+        station = Station(settings, opened, connect=connect, workers=workers)
+        stopping = stop_on_signals()
         try:
             station.open()
             station.run(stopping.is_set)
         finally:
             station.close()
-            if embedded is not None:
-                embedded.close()
-
-
-def connected(broker: str) -> "tuple[Address, EmbeddedBroker | None]":
-    """Return the address of a broker, and the broker itself where it is embedded ("embedded" or "embedded:PORT")."""
-    from sprung.link import Address
-    from sprung.monitor import EmbeddedBroker, embedded_port
-
-    port = embedded_port(broker)
-    if port is None:
-        return Address.parse(broker), None
-    embedded = EmbeddedBroker(port=port)
-    embedded.open()
-    return Address("127.0.0.1", port, version="3"), embedded

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from sprung.cli.printing import printable
+from sprung.cli.output import printable
 
 
 @contextmanager

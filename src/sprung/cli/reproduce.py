@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from sprung.cli.documents import write_json
-from sprung.cli.files import OUTPUT, Json, check_file
-from sprung.cli.printing import console, notes
+from sprung.cli.checks import check_file, check_folder
+from sprung.cli.options import OUTPUT, Json, option
+from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 
 
@@ -20,39 +20,21 @@ def reproduce(
     ] = None,
     *,
     out: Annotated[
-        Path,
-        typer.Option(
-            metavar="DIR",
-            help="Folder for the pages; created where it does not exist.",
-            show_default=False,
-            rich_help_panel=OUTPUT,
-        ),
+        Path, option("DIR", "Folder for the pages; created where it does not exist.", panel=OUTPUT, show_default=False)
     ],
-    seeds: Annotated[
-        int, typer.Option(metavar="N", min=2, max=10_000, help="Number of runs where the thesis shows one.")
-    ] = 50,
+    seeds: Annotated[int, option("N", "Number of runs where the thesis shows one.", min=2, max=10_000)] = 50,
     processes: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            max=1000,
-            help="Number of processes. Default: one for each processor.",
-            show_default=False,
-        ),
+        int | None, option("N", "Number of processes. Default: one for each processor.", min=1, max=1000)
     ] = None,
     json: Json = None,
 ) -> None:
     """Recompute the tables and figures of F. Liu's thesis: a page for each chapter, published values next to ours."""
-    from sprung.errors import ParameterError
     from sprung.reproduce import reproduce
 
     check_file("--json", json)
-    if out.exists() and not out.is_dir():
-        raise ParameterError(f"--out {out} is a file: give the name of a folder")
+    check_folder("--out", out)
     with progress_bar() as report:
         paths = reproduce(chapters or (), directory=out, n_seeds=seeds, n_processes=processes, on_progress=report)
-    if json is not None:
-        write_json({"schema": "sprung.reproduction/1", "seeds": seeds, "files": [str(path) for path in paths]}, json)
-    if json != "-":
-        console().print(notes(f"wrote {path}" for path in paths))
+    document = {"schema": "sprung.reproduction/1", "seeds": seeds, "files": [str(path) for path in paths]}
+    if write_result(document, json):
+        show([f"wrote {path}" for path in paths])

@@ -1,22 +1,18 @@
-"""The store of a monitor, as several commands take it; and times in it."""
+"""The store of a monitor, as several commands take it."""
 
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sprung.cli.options import option
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
     from sprung.storage import Store
 
-StoreUrl = Annotated[
-    str, typer.Option("--store", metavar="URL", help="Store: sqlite:///FILE or postgresql://USER@HOST/NAME.")
-]
-Who = Annotated[
-    str | None, typer.Option("--who", metavar="NAME", help="Name of the operator.", show_default="the user")
-]
+StoreUrl = Annotated[str, option("URL", "Store: sqlite:///FILE or postgresql://USER@HOST/NAME.", "--store")]
+Who = Annotated[str | None, option("NAME", "Name of the operator.", "--who", show_default="the user")]
 DEFAULT_STORE = "sqlite:///sprung-data/sprung.sqlite"
 
 
@@ -27,11 +23,6 @@ def existing_store(url: str) -> "Store":
     if url.startswith("sqlite:///") and not Path(url.removeprefix("sqlite:///")).exists():
         raise ParameterError(f"no store at {url}: pass the monitor's store with --store")
     return open_store(url)
-
-
-def shown_time(time: int) -> str:
-    """Return a time (UTC ns) to the minute."""
-    return f"{datetime.fromtimestamp(time / 1e9, tz=UTC):%Y-%m-%d %H:%M}"
 
 
 def check_options_follow(context: typer.Context) -> None:

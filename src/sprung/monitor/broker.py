@@ -3,10 +3,13 @@
 import asyncio
 import logging
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from sprung._checks import required
-from sprung.link import LinkError
+from sprung.link import Address, LinkError
+from sprung.monitor.site import embedded_port
 
 _PATIENCE = 10.0
 
@@ -71,3 +74,31 @@ class EmbeddedBroker:
             return
         self._started.set()
         self._loop.run_forever()
+
+
+@contextmanager
+def open_broker(broker: str) -> Iterator[Address]:
+    """Yield the address of a broker; an embedded one runs until the end of the context.
+
+    Parameters
+    ----------
+    broker
+        Address of a broker, or "embedded" or "embedded:PORT" for one in this process.
+
+    Raises
+    ------
+    ParameterError
+        Where it is no such address.
+    LinkError
+        Where an embedded broker cannot listen.
+    """
+    port = embedded_port(broker)
+    if port is None:
+        yield Address.parse(broker)
+        return
+    embedded = EmbeddedBroker(port=port)
+    embedded.open()
+    try:
+        yield Address("127.0.0.1", port, version="3")
+    finally:
+        embedded.close()

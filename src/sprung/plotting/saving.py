@@ -1,11 +1,16 @@
-"""All figures of an identification, as files."""
+"""All figures of an identification, a fit or a diagnosis, as files."""
 
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from sprung.diagnosis import Baseline, Diagnosis, ModeChange
 from sprung.identification import Identification
+from sprung.likelihood import CornerFit
+from sprung.plotting.corners import corners_figure, correlation_figure, fitted_spectra_figure
+from sprung.plotting.diagnosis import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
 from sprung.plotting.mac import mac_figure
 from sprung.plotting.shapes import complexity_figure, shapes_figure
 from sprung.plotting.spectra import spectra_figure
@@ -34,13 +39,16 @@ def save_figures(identification: Identification, directory: str | PathLike[str],
         Paths of the files: always stabilisation.png and spectra.png; with modes of several channels mode_shapes.png,
         complexity.png and mac.png; with segments sorted by level subsets.png.
     """
+    return save(figures(identification, source=source), directory)
+
+
+def save(figures_by_name: Mapping[str, Figure], directory: str | PathLike[str]) -> list[Path]:
+    """Write figures as PNG files into a folder, created where it does not exist, and return their paths."""
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for name, figure in figures(identification, source=source).items():
-        path = folder / f"{name}.png"
+    paths = [folder / f"{name}.png" for name in figures_by_name]
+    for path, figure in zip(paths, figures_by_name.values(), strict=True):
         figure.savefig(path, dpi=RESOLUTION)
-        paths.append(path)
     return paths
 
 
@@ -57,4 +65,37 @@ def figures(identification: Identification, *, source: str = "") -> dict[str, Fi
         figures_by_name["mac"] = mac_figure(identification, source=source)
     if all(subset.level is not None for subset in identification.subsets):
         figures_by_name["subsets"] = subsets_figure(identification, source=source)
+    return figures_by_name
+
+
+def corner_figures(fit: CornerFit, *, source: str = "") -> dict[str, Figure]:
+    """Return all figures of a fit of springs, dampers and tyres, by the name of their file."""
+    return {
+        "corners": corners_figure(fit, source=source),
+        "spectra": fitted_spectra_figure(fit, source=source),
+        "correlation": correlation_figure(fit, source=source),
+    }
+
+
+def diagnosis_figures(
+    diagnosis: Diagnosis, baseline: Baseline | None = None, changes: Sequence[ModeChange] = ()
+) -> dict[str, Figure]:
+    """Return all figures of a diagnosis with usable windows, by the name of their file.
+
+    Parameters
+    ----------
+    diagnosis
+        Result of `sprung.diagnose`.
+    baseline
+        Baseline of the diagnosis; None: the vehicle file.
+    changes
+        Modes before and after the findings.
+    """
+    figures_by_name = {
+        "evidence": evidence_figure(diagnosis),
+        "trends": trends_figure(diagnosis, baseline),
+        "corners": corner_changes_figure(diagnosis, baseline),
+    }
+    if changes:
+        figures_by_name["modes"] = mode_changes_figure(changes, heading=diagnosis.findings[0].sentence)
     return figures_by_name

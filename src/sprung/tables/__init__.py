@@ -1,45 +1,59 @@
 """Results as tables and sentences, for the command line, reports and pages."""
 
-from sprung.tables.corners import components_table, fitted_modes_table
+from sprung.tables.corners import components_table, fitted_modes_table, payload_in_words
 from sprung.tables.diagnosis import (
+    baseline_in_words,
     baseline_table,
     diagnosis_in_words,
+    diagnosis_tables,
     hypotheses_table,
     mode_changes_table,
     trend_in_words,
+    why_inconclusive,
 )
 from sprung.tables.identification import (
-    MODES_CAPTION,
-    counted,
     harmonics_table,
+    identification_in_words,
+    identification_tables,
     modes_table,
     orders_in_words,
     shapes_in_words,
     subsets_table,
     why_none,
-    with_deviation,
 )
-from sprung.tables.inspection import inspection_in_words, inspection_table
-from sprung.tables.table import Table
+from sprung.tables.inspection import inspection_in_words, inspection_table, true_modes_table
+from sprung.tables.monitoring import alert_history_table, alerts_table, vehicles_table
+from sprung.tables.table import Table, counted, span_in_words, time_in_words, with_deviation
 
 __all__ = [
-    "MODES_CAPTION",
     "Table",
+    "alert_history_table",
+    "alerts_table",
+    "baseline_in_words",
     "baseline_table",
     "components_table",
     "counted",
     "diagnosis_in_words",
+    "diagnosis_tables",
     "fitted_modes_table",
     "harmonics_table",
     "hypotheses_table",
+    "identification_in_words",
+    "identification_tables",
     "inspection_in_words",
     "inspection_table",
     "mode_changes_table",
     "modes_table",
     "orders_in_words",
+    "payload_in_words",
     "shapes_in_words",
+    "span_in_words",
     "subsets_table",
+    "time_in_words",
     "trend_in_words",
+    "true_modes_table",
+    "vehicles_table",
+    "why_inconclusive",
     "why_none",
     "with_deviation",
 ]

@@ -1,7 +1,7 @@
 """Tables of a fit of springs, dampers and tyres."""
 
 from sprung.likelihood import CornerFit
-from sprung.tables.table import Table, in_words
+from sprung.tables.table import Table, in_words, with_deviation
 
 #: Letters of the longest bar, and the relative change at which it is reached.
 _BAR, _FULL = 8, 0.4
@@ -10,15 +10,16 @@ _UNITS = {"spring": "N/m", "damper": "N s/m", "tyre": "N/m"}
 
 def components_table(fit: CornerFit) -> Table:
     """Return the table of fitted springs, dampers and tyres, with bars of their change from nominal."""
-    columns = ("corner", "component", "value", "±", "change [%]", f"-{100 * _FULL:.0f} % .. +{100 * _FULL:.0f} %")
+    columns = ("corner", "component", "value", "from nominal [%]", f"-{100 * _FULL:.0f} % .. +{100 * _FULL:.0f} %")
     rows = []
     for row, component in enumerate(fit.components):
         value, change = fit.values[row], float(fit.values[row] / fit.nominal[row] - 1)
-        numbers = (f"{value:.4g}", f"{value * fit.log_ratios_std[row]:.2g}", f"{100 * change:+.1f}", _bar(change))
-        unknown = ("–", "–", "–", "not identifiable")
+        estimate = with_deviation(value, value * fit.log_ratios_std[row])
+        numbers = (estimate, f"{100 * change:+.1f}", _bar(change))
+        unknown = ("–", "–", "not identifiable")
         kind = f"{component.kind} [{_UNITS.get(component.kind, '-')}]"
         rows.append((in_words(component.corner), kind, *(numbers if fit.is_identifiable[row] else unknown)))
-    return Table("Corners", columns, tuple(rows), n_words=2)
+    return Table("Corners", columns, tuple(rows), n_words=2, caption="± standard deviation")
 
 
 def fitted_modes_table(fit: CornerFit) -> Table:
@@ -26,16 +27,20 @@ def fitted_modes_table(fit: CornerFit) -> Table:
     modes, (frequency_std, damping_std) = fit.modes(), fit.modes_std()
     rows = tuple(
         (
-            f"{modes.natural_frequency[k]:.4g}",
-            f"{frequency_std[k]:.2g}",
-            f"{100 * modes.damping_ratio[k]:.3g}",
-            f"{100 * damping_std[k]:.2g}",
+            with_deviation(modes.natural_frequency[k], frequency_std[k]),
+            with_deviation(100 * modes.damping_ratio[k], 100 * damping_std[k]),
             in_words(modes.labels[k] or ""),
         )
         for k in range(modes.poles.size)
     )
-    columns = ("frequency [Hz]", "±", "damping [%]", "±", "label")
+    columns = ("frequency [Hz]", "damping [%]", "label")
     return Table("Modes of the fitted vehicle", columns, rows, n_words=0)
+
+
+def payload_in_words(fit: CornerFit) -> list[str]:
+    """Return a sentence about the fitted payload; none where it was not fitted."""
+    mass = fit.payload.get("payload_mass")
+    return [] if mass is None else [f"payload: {mass['value']:.0f} ± {mass['std']:.0f} kg"]
 
 
 def _bar(change: float) -> str:

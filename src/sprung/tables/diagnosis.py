@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from sprung.diagnosis import Baseline, Detection, Diagnosis, ModeChange, Trend
-from sprung.tables.table import Table, in_words
+from sprung.tables.table import Table, counted, in_words
 
+#: Units of conditions.
+_UNITS = {"speed": " m/s", "payload": " kg", "roughness": " m^3", "temperature": " °C", "turning": " rad/s"}
 #: Hypotheses in the table.
 _SHOWN = 5
 
@@ -18,7 +20,28 @@ def baseline_table(baseline: Baseline) -> Table:
         (in_words(str(component)), f"{100 * np.expm1(mean):+.1f}", f"{100 * deviation:.1f}")
         for component, mean, deviation in zip(baseline.components, baseline.mean, deviations, strict=True)
     )
-    return Table("Baseline", ("component", "change from nominal [%]", "std of a window [%]"), rows)
+    columns = ("component", "mean from nominal [%]", "std of a window [%]")
+    return Table("Baseline", columns, rows, ends_in_words=False)
+
+
+def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
+    """Return version, conditions and notes of a baseline in sentences.
+
+    Parameters
+    ----------
+    baseline
+        Baseline.
+    n_windows
+        Number of windows that it could be learnt from.
+    """
+    learnt = f"learnt from {baseline.n_windows} of {counted(n_windows, 'window')}"
+    sentences = [f"version {baseline.version} ({baseline.reason}): {learnt}"]
+    if baseline.ranges:
+        ranges = ", ".join(
+            f"{name} {low:.3g} to {high:.3g}{_UNITS.get(name, '')}" for name, (low, high) in baseline.ranges.items()
+        )
+        sentences.append(f"conditions: {ranges}")
+    return [*sentences, *baseline.notes]
 
 
 def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
@@ -33,6 +56,38 @@ def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
     return [*sentences, numbers] if sentences else [f"no change detected ({numbers})"]
 
 
+def why_inconclusive(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
+    """Return why no window was usable.
+
+    Parameters
+    ----------
+    diagnosis
+        Diagnosis without a usable window.
+    baseline
+        Baseline that its windows were compared with; None: the vehicle file.
+    """
+    reasons = [observation.reason for observation in diagnosis.observations if not observation.is_conclusive]
+    if reasons:
+        return reasons[0]
+    if baseline is not None and diagnosis.observations:
+        return "their components differ from those of the baseline: fit the same ones, or learn again"
+    return diagnosis.notes[-1] if diagnosis.notes else "there are no windows"
+
+
+def diagnosis_tables(diagnosis: Diagnosis, changes: Sequence[ModeChange]) -> list[Table]:
+    """Return all tables of a diagnosis that have rows.
+
+    Parameters
+    ----------
+    diagnosis
+        Diagnosis.
+    changes
+        Modes before and after its findings.
+    """
+    tables = [] if diagnosis.detection is None else [hypotheses_table(diagnosis.detection)]
+    return [*tables, mode_changes_table(changes)] if changes else tables
+
+
 def hypotheses_table(detection: Detection) -> Table:
     """Return the table of the best hypotheses of a change test."""
     rows = tuple(
@@ -40,40 +95,38 @@ def hypotheses_table(detection: Detection) -> Table:
             in_words(candidate.hypothesis.name).replace("all ", "every "),
             f"{candidate.log_evidence:.1f}",
             "" if candidate.change is None else f"{100 * candidate.change:+.1f}",
-            "" if candidate.interval is None else " .. ".join(f"{100 * end:+.1f}" for end in candidate.interval),
+            "" if candidate.interval is None else " to ".join(f"{100 * end:+.1f}" for end in candidate.interval),
         )
         for candidate in detection.candidates[:_SHOWN]
     )
-    return Table("Hypotheses", ("hypothesis", "ln evidence", "change [%]", "95 % [%]"), rows, n_words=1)
+    columns = ("hypothesis", "ln evidence", "change [%]", "95 % interval [%]")
+    return Table("Hypotheses of a change, best first", columns, rows, ends_in_words=False)
 
 
 def mode_changes_table(changes: Sequence[ModeChange]) -> Table:
     """Return the table of the body modes before and after a change."""
-    columns = (
-        *("before [Hz]", "after [Hz]", "damping [%]", "after [%]", "MAC"),
-        *("measured before", "measured since", "label"),
-    )
+    columns = ("mode", "frequency [Hz]", "damping [%]", "MAC", "measured before", "measured since")
     rows = tuple(
         (
-            *(f"{frequency:.3g}" for frequency in change.frequency),
-            *(f"{100 * ratio:.3g}" for ratio in change.damping),
+            in_words(change.label),
+            " -> ".join(f"{frequency:#.3g}" for frequency in change.frequency),
+            " -> ".join(f"{100 * ratio:#.3g}" for ratio in change.damping),
             f"{change.mac:.3f}",
             _mode_in_words(change.measured_before),
             _mode_in_words(change.measured_since),
-            change.label,
         )
         for change in changes
     )
-    return Table("Body modes as the finding implies and as measured", columns, rows, n_words=0)
+    return Table("Body modes as the finding implies and as measured", columns, rows, ends_in_words=False)
 
 
 def trend_in_words(trend: Trend | None) -> str:
     """Return a sentence about how a change develops."""
     if trend is None:
-        return "no trend: it needs a single part and at least four windows since the onset"
+        return "trend not estimated: it needs a single part and at least four windows since the onset"
     low, high = (f"{100 * end:+.1f}" for end in trend.interval)
     if trend.interval[0] * trend.interval[1] <= 0:
-        return f"no trend: {low} to {high} % per hour of driving"
+        return f"no trend detected: {low} to {high} % per hour of driving"
     text = f"trend: {100 * trend.per_hour:+.1f} % ({low} to {high}) per hour of driving"
     if trend.hours_to_limit is None:
         return text
@@ -83,4 +136,4 @@ def trend_in_words(trend: Trend | None) -> str:
 
 def _mode_in_words(mode: tuple[float, float] | None) -> str:
     """Return frequency and damping ratio of a mode; empty where it is unknown."""
-    return "" if mode is None else f"{mode[0]:.3g} Hz, {100 * mode[1]:.3g} %"
+    return "" if mode is None else f"{mode[0]:#.3g} Hz, {100 * mode[1]:#.3g} %"

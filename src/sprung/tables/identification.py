@@ -1,6 +1,5 @@
 """Tables of an identification."""
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
@@ -9,7 +8,7 @@ from sprung._arrays import Complex
 from sprung.identification import Identification, SubsetModes
 from sprung.modal import PoleStatus
 from sprung.signals.harmonics import Harmonic
-from sprung.tables.table import Table, in_words
+from sprung.tables.table import Table, counted, in_words, with_deviation
 
 #: Channels below this share of the largest one are omitted from a shape in words.
 _MAIN_SHARE = 0.3
@@ -18,8 +17,8 @@ _MOST_WORDS, _MOST_FAMILIES = 6, 8
 #: Most reasons that explain why no mode was found.
 _MOST_REASONS = 3
 #: What the columns of `modes_table` mean.
-MODES_CAPTION = (
-    "± standard deviation; stable: share of the ladder with this mode; shape: channels above"
+_MODES_CAPTION = (
+    "± standard deviation; stable: share of the model orders with this mode; shape: channels above"
     f" {100 * _MAIN_SHARE:.0f} % of the largest, + in phase with it, - against it, ~ between"
 )
 
@@ -40,6 +39,24 @@ def why_none(identification: Identification) -> str:
     return f"no mode found in {reasons.total()} poles ({counts}): record longer, or widen --band"
 
 
+def identification_in_words(identification: Identification) -> str:
+    """Return the number of modes, the method and the channels of an identification in a line."""
+    modes, channels = counted(len(identification.modes), "mode"), counted(len(identification.channels), "channel")
+    return f"{modes} by {identification.method} from {channels} at {identification.sampling_rate:.5g} Hz"
+
+
+def identification_tables(identification: Identification) -> list[Table]:
+    """Return all tables of an identification that have rows."""
+    tables = []
+    if len(identification.modes):
+        tables.append(modes_table(identification))
+    if len(identification.modes) and len(identification.subsets) > 1:
+        tables.append(subsets_table(identification))
+    if identification.harmonics:
+        tables.append(harmonics_table(identification.harmonics))
+    return tables
+
+
 def modes_table(identification: Identification) -> Table:
     """Return the table of identified modes: values with standard deviations, stability, label and shape in words."""
     modes = identification.modes
@@ -56,15 +73,7 @@ def modes_table(identification: Identification) -> Table:
         )
         for k in range(len(modes))
     )
-    return Table("", columns, rows, n_words=0)
-
-
-def with_deviation(value: float, deviation: float) -> str:
-    """Return a value and its standard deviation, with two significant digits of the deviation."""
-    if not (math.isfinite(deviation) and deviation > 0):
-        return f"{value:.4g}"
-    decimals = min(max(1 - math.floor(math.log10(deviation)), 0), 6)
-    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
+    return Table("", columns, rows, n_words=0, caption=_MODES_CAPTION)
 
 
 def shapes_in_words(channels: Sequence[str], mode_shapes: Complex) -> list[str]:
@@ -108,7 +117,7 @@ def subsets_table(identification: Identification) -> Table:
         )
         for k in range(len(identification.modes))
     )
-    return Table("Subsets of segments by level", columns, rows)
+    return Table("Modes in subsets of segments, by the level of their signals", columns, rows)
 
 
 def _heading(subset: SubsetModes) -> str:
@@ -167,8 +176,3 @@ def orders_in_words(orders: Sequence[int]) -> str:
 def _listed(words: Sequence[str], separator: str = " ") -> str:
     """Return words in a row, with an ellipsis after the first few."""
     return separator.join([*words[:_MOST_WORDS], *(["..."] if len(words) > _MOST_WORDS else [])])
-
-
-def counted(number: int, thing: str) -> str:
-    """Return a number of things, such as "1 mode" or "3 modes"."""
-    return f"{number} {thing}{'' if number == 1 else 's'}"

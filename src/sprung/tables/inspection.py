@@ -1,9 +1,24 @@
 """Tables of what recordings hold."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
+from typing import Any
 
 from sprung.signals.inspection import ChannelFacts, Inspection
-from sprung.tables.table import Table
+from sprung.tables.table import Table, in_words
+
+
+def true_modes_table(truth: Mapping[str, Any]) -> Table:
+    """Return the table of the exact modes of a simulated recording, from its `sprung.truth/1`."""
+    rows = tuple(
+        (
+            f"{mode['natural_frequency']:#.4g}",
+            f"{100 * mode['damping_ratio']:#.4g}",
+            in_words(mode["label"] or ""),
+        )
+        for mode in truth["modes"]
+    )
+    return Table("True modes", ("frequency [Hz]", "damping [%]", "label"), rows, n_words=0)
 
 
 def inspection_table(inspection: Inspection) -> Table:

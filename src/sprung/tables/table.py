@@ -1,6 +1,8 @@
 """A table of text, for the command line, reports and pages."""
 
+import math
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,19 +14,49 @@ class Table:
     title
         Title; empty for none.
     columns
-        Headings. The first `n_words` columns and the last one hold words, the others numbers.
+        Headings. The first `n_words` columns hold words, and the last one where `ends_in_words`; the others numbers.
     rows
         Cells of each row.
     n_words
         Number of leading columns that hold words.
+    ends_in_words
+        Whether the last column holds words.
+    caption
+        What the columns mean, in a line under the table; empty for none.
     """
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     n_words: int = 1
+    ends_in_words: bool = True
+    caption: str = ""
 
 
 def in_words(name: str) -> str:
     """Return a name such as "front_left.spring" in words."""
     return name.replace("_", " ").replace(".", " ")
+
+
+def with_deviation(value: float, deviation: float) -> str:
+    """Return a value and its standard deviation, with two significant digits of the deviation."""
+    if not (math.isfinite(deviation) and deviation > 0):
+        return f"{value:.4g}"
+    decimals = min(1 - math.floor(math.log10(deviation)), 6)
+    return " ± ".join(f"{round(number, decimals):.{max(decimals, 0)}f}" for number in (value, deviation))
+
+
+def counted(number: int, thing: str) -> str:
+    """Return a number of things, such as "1 mode" or "3 modes"."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def time_in_words(time: int) -> str:
+    """Return a time (UTC ns) to the minute, such as "2026-11-21 08:30"."""
+    return f"{datetime.fromtimestamp(time / 1e9, tz=UTC):%Y-%m-%d %H:%M}"
+
+
+def span_in_words(begin: int, end: int) -> str:
+    """Return a span of time (UTC ns), such as "2026-11-21 08:30 to 08:40 UTC"."""
+    first, last = time_in_words(begin), time_in_words(end)
+    return f"{first} to {last.removeprefix(first[:11])} UTC"

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sprung.box.box import Box, BoxSettings
-from sprung.box.sources import blocks_of
+from sprung.box import blocks_of
+from sprung.box.running import box_of
 from sprung.link import Address, Spool
 from sprung.recording import Recording
 from sprung.simulation import RoadConditions, RoadDrive, simulate_drive
-from sprung.vehicles import Vehicle, parse_fault, vehicle_text
-from sprung.vehicles.sensor_layout import quantities_of
+from sprung.vehicles import Vehicle, parse_fault
 
 #: Length of a piece of a drive, and of a block [s].
 PIECE, _BLOCK = 600.0, 5.0
@@ -72,9 +71,7 @@ def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, fo
     begun = time.time_ns() - 7200 * 10**9
     boxes, sources = [], []
     for member in members:
-        spool = Spool(folder / member.name, is_synced=False)
-        settings = BoxSettings(member.name, vehicle_text(car))
-        boxes.append(Box(settings, spool, address, quantities=lambda block: quantities_of(block, car.sensor)))
+        boxes.append(box_of(member.name, car, Spool(folder / member.name, is_synced=False), address))
         boxes[-1].open()
         sources.append(drives(car, member, begun))
     clock, driven = time.monotonic(), 0.0

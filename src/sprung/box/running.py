@@ -1,0 +1,145 @@
+"""A box at work: a live source until it ends or is stopped, or recordings until they are acknowledged."""
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from sprung.box.box import Box, BoxSettings
+from sprung.box.sources import paced
+from sprung.errors import DataError
+from sprung.link import Address, Spool
+from sprung.recording import Recording
+from sprung.vehicles import Vehicle, vehicle_text
+from sprung.vehicles.sensor_layout import quantities_of
+
+if TYPE_CHECKING:
+    from sprung.box.onboard import OnBoard
+
+#: Time between steps of the link while samples come in [s].
+_STEP = 0.05
+
+
+def box_of(name: str, vehicle: Vehicle, spool: Spool, address: Address, *, on_board: "OnBoard | None" = None) -> Box:
+    """Return the box of a vehicle.
+
+    Parameters
+    ----------
+    name
+        Name of the vehicle at the monitor.
+    vehicle
+        Vehicle with its sensors.
+    spool
+        Spool in which frames wait.
+    address
+        Address of the broker.
+    on_board
+        Identification on the vehicle; None: samples are sent.
+
+    Raises
+    ------
+    ParameterError
+        Where the vehicle cannot have that name.
+    """
+    return Box(
+        BoxSettings(name, vehicle_text(vehicle)),
+        spool,
+        address,
+        quantities=lambda block: quantities_of(block, vehicle.sensor),
+        on_board=on_board,
+    )
+
+
+def send_live(
+    box: Box, blocks: Iterable[Recording], *, stopping: threading.Event, on_problem: Callable[[str], None]
+) -> float | None:
+    """Send the blocks of a source until it ends and all frames are acknowledged, or until it is stopped.
+
+    Parameters
+    ----------
+    box
+        Box that is not yet open; it is closed in the end.
+    blocks
+        Blocks of the source.
+    stopping
+        Event that stops the box. It is set in the end.
+    on_problem
+        Function that receives each new problem with the link, and "" once it is over.
+
+    Returns
+    -------
+    float or None
+        Duration of the samples sent [s]; None where it was stopped.
+    """
+    taken = 0.0
+    try:
+        box.open()
+        threading.Thread(target=_step, args=(box, stopping, on_problem), daemon=True).start()
+        for block in blocks:
+            if stopping.is_set():
+                break
+            box.take(block)
+            taken += block.duration
+        while not stopping.is_set() and not box.drain(timeout=1.0):
+            pass
+        return None if stopping.is_set() else taken
+    finally:
+        stopping.set()
+        box.close()
+
+
+def replay(
+    box: Box,
+    blocks: Iterable[Recording],
+    *,
+    pace: float | None,
+    patience: float,
+    on_progress: Callable[[str, float], None] = lambda step, share: None,
+) -> float:
+    """Send blocks at a pace, and wait until they are acknowledged.
+
+    Parameters
+    ----------
+    box
+        Open box.
+    blocks
+        Blocks of recordings.
+    pace
+        Speed, times real time; None: no limit.
+    patience
+        Longest wait for the last acknowledgement [s].
+    on_progress
+        Callback that receives the current step and the share that is done (0 to 1).
+
+    Returns
+    -------
+    float
+        Duration of the samples sent [s].
+
+    Raises
+    ------
+    DataError
+        Where not all frames were acknowledged in time.
+    """
+    sent = 0.0
+    for block in paced(blocks, pace, clock=time.monotonic, sleep=time.sleep):
+        box.take(block)
+        box.step()
+        sent += block.duration
+        on_progress(f"{sent / 60:.1f} min sent", 0.5)
+    on_progress("waiting for acknowledgements", 0.9)
+    if not box.drain(timeout=patience):
+        raise DataError(
+            f"{box.n_waiting} frames not acknowledged after {patience:g} s: check that a monitor runs at its broker"
+        )
+    return sent
+
+
+def _step(box: Box, stopping: threading.Event, on_problem: Callable[[str], None]) -> None:
+    """Send while samples come in, and report each new problem."""
+    problem = ""
+    while not stopping.wait(_STEP):
+        box.step()
+        if box.problem != problem:
+            problem = box.problem
+            on_problem(problem)

@@ -1,0 +1,35 @@
+"""Options of several commands."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+INPUT, OUTPUT = "Input", "Output"
+
+
+def option(metavar: str | None, text: str, *names: str, panel: str | None = None, **rules: Any) -> Any:
+    """Return an option of a command: placeholder of its value, help text, and names if not that of its variable."""
+    return typer.Option(*names, metavar=metavar, help=text, rich_help_panel=panel, **rules)
+
+
+Files = Annotated[
+    list[Path], typer.Argument(metavar="FILE", help="Recordings: CSV, Parquet, NPZ or MAT.", show_default=False)
+]
+SamplingRate = Annotated[float | None, option("HZ", "Sampling rate of files without a time column.", panel=INPUT)]
+Channels = Annotated[
+    str | None,
+    option("A,B,..", "Channels to read, including the speed channel if it is needed. Default: all.", panel=INPUT),
+]
+VehicleFile = Annotated[
+    Path,
+    option("V.toml|NAME", "Vehicle file or name of a shipped vehicle: geometry, masses, sensors, nominal components."),
+]
+Minutes = Annotated[float, option("MINUTES", "Length of a window.", "--window", panel=INPUT)]
+Figures = Annotated[Path | None, option("DIR", "Write figures to this folder.", panel=OUTPUT)]
+Json = Annotated[
+    str | None,
+    option(
+        "PATH", "Write the result as JSON; use - for standard output (nothing else is printed there).", panel=OUTPUT
+    ),
+]

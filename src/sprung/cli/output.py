@@ -1,0 +1,104 @@
+"""Results as JSON, tables and sentences; names from files are never interpreted as markup or control sequences."""
+
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table as Grid
+
+    from sprung.documents import Document
+    from sprung.tables import Table
+
+#: Columns where standard output is not a terminal and COLUMNS is not set.
+_WIDTH_OF_A_FILE = 120
+
+
+def write_json(document: "Document | Mapping[str, Any]", path: str) -> None:
+    """Write a document to a file, or to standard output where `path` is "-"."""
+    from sprung.documents import document_text, write_document
+
+    if path == "-":
+        sys.stdout.write(document_text(document))
+        sys.stdout.flush()
+    else:
+        write_document(document, path)
+
+
+def write_result(document: "Document | Mapping[str, Any]", json: str | None) -> bool:
+    """Write a result where `--json` says, if given; return whether standard output is free for its tables."""
+    if json is not None:
+        write_json(document, json)
+    return json != "-"
+
+
+def show(*parts: "Table | Sequence[str]", heading: str = "") -> None:
+    """Print tables and lists of sentences, with an empty line between them; an empty list is left out."""
+    from sprung.tables import Table
+
+    screen = console()
+    if heading:
+        screen.print(printable(heading), style="bold", soft_wrap=True)
+    shown = [part for part in parts if isinstance(part, Table) or part]
+    for number, part in enumerate(shown):
+        if number:
+            screen.print()
+        screen.print(grid_of(part) if isinstance(part, Table) else _list(part))
+        if isinstance(part, Table) and part.caption:
+            screen.print(part.caption, style="dim")
+
+
+def console() -> "Console":
+    """Return the console that prints on standard output."""
+    from rich.console import Console
+
+    is_measured = sys.stdout.isatty() or "COLUMNS" in os.environ
+    return Console(markup=False, emoji=False, highlight=False, width=None if is_measured else _WIDTH_OF_A_FILE)
+
+
+def grid_of(table: "Table") -> "Grid":
+    """Return a table as printed: a column other than the first is left out where all its cells are empty."""
+    from rich import box
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    grid = Grid(
+        title=Text(table.title) if table.title else None,
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    cells = [[printable_lines(cell) for cell in row] for row in table.rows]
+    kept = [k for k in range(len(table.columns)) if k == 0 or any(row[k] for row in cells)]
+    for k in kept:
+        has_words = k < table.n_words or (table.ends_in_words and k == len(table.columns) - 1)
+        grid.add_column(
+            table.columns[k], justify="left" if has_words else "right", overflow="fold", no_wrap=not has_words
+        )
+    for row in cells:
+        grid.add_row(*(Text(row[k]) for k in kept))
+    return grid
+
+
+def _list(sentences: Iterable[str]) -> "Grid":
+    """Return sentences as a list with one bullet each."""
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    grid = Grid.grid(padding=(0, 1))
+    for sentence in sentences:
+        grid.add_row("-", Text(printable(sentence), overflow="fold"))
+    return grid
+
+
+def printable(text: str) -> str:
+    """Return `text` in one line, without control characters."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+
+
+def printable_lines(text: str) -> str:
+    """Return `text` without control characters in its lines."""
+    return "\n".join(printable(line) for line in text.split("\n"))

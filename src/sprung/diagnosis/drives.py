@@ -1,0 +1,46 @@
+"""A drive as `sprung corners` fits it: from nominal values, and from modes identified in the same recordings."""
+
+from collections.abc import Iterable
+
+from sprung.errors import DataError, IdentificationError
+from sprung.identification import cov_ssi
+from sprung.likelihood import CornerFit, CornerSettings, fit_corners
+from sprung.modal import Modes
+from sprung.recording import Recording
+from sprung.vehicles import Vehicle
+
+
+def fit_drive(
+    recordings: Recording | Iterable[Recording], vehicle: Vehicle, *, settings: CornerSettings | None = None
+) -> CornerFit:
+    """Fit springs, dampers and tyres of every corner to a drive, with a second start from identified modes.
+
+    Parameters
+    ----------
+    recordings
+        Recordings of one condition, as for `sprung.likelihood.fit_corners`.
+    vehicle
+        Vehicle with its sensors.
+    settings
+        Choices of the fit; None: all from the vehicle.
+
+    Returns
+    -------
+    CornerFit
+        With the estimates by modes alone in `from_modes`, where the recordings have modes.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As from `sprung.likelihood.fit_corners`.
+    """
+    records = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    return fit_corners(records, vehicle, settings=settings, modes=_modes(records, vehicle))
+
+
+def _modes(recordings: list[Recording], vehicle: Vehicle) -> Modes | None:
+    """Return the modes in recordings; None where there are none."""
+    try:
+        return cov_ssi(recordings, vehicle=vehicle).modes
+    except (DataError, IdentificationError):
+        return None

@@ -1,0 +1,62 @@
+"""Tables of a monitor's alerts and vehicles, from their documents."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from sprung.tables.table import Table, time_in_words
+
+
+def alerts_table(document: Mapping[str, Any]) -> Table:
+    """Return the table of the alerts in a `sprung.alerts/1`."""
+    rows = tuple(
+        (
+            str(alert["number"]),
+            alert["vehicle"],
+            _state_in_words(alert["state"], alert["shelved_until"]),
+            time_in_words(alert["raised"]),
+            str(alert["severity"]),
+            alert["assignee"] or "",
+            alert["text"],
+        )
+        for alert in document["alerts"]
+    )
+    columns = ("number", "vehicle", "state", "raised (UTC)", "severity", "assigned to", "alert")
+    return Table("", columns, rows, n_words=3)
+
+
+def alert_history_table(document: Mapping[str, Any]) -> Table:
+    """Return the table of what happened to an alert, from a `sprung.alert-history/1`."""
+    rows = tuple(
+        (time_in_words(entry["time"]), _event_in_words(entry), entry["who"] or "the monitor", entry["comment"])
+        for entry in document["history"]
+    )
+    return Table("", ("time (UTC)", "event", "by", "comment"), rows, n_words=3)
+
+
+def vehicles_table(document: Mapping[str, Any]) -> Table:
+    """Return the table of the vehicles in a `sprung.vehicles/1`."""
+    rows = tuple(
+        (
+            vehicle["vehicle"],
+            str(vehicle["windows"]),
+            "none" if vehicle["baseline"] is None else f"version {vehicle['baseline']}",
+            f"{vehicle['health_index']:.0f}",
+            time_in_words(vehicle["last_seen"]),
+            vehicle["state"],
+        )
+        for vehicle in document["vehicles"]
+    )
+    return Table("", ("vehicle", "windows", "baseline", "health (of 100)", "last seen (UTC)", "state"), rows)
+
+
+def _event_in_words(entry: Mapping[str, Any]) -> str:
+    """Return what happened to an alert."""
+    if entry["what"] == "assigned":
+        return f"assigned to {entry['assignee'] or 'nobody'}"
+    return _state_in_words(entry["what"], entry["shelved_until"])
+
+
+def _state_in_words(state: str, shelved_until: int | None) -> str:
+    """Return a state or event, with the end of the shelf where it is one."""
+    is_shelf = state == "shelved" and shelved_until is not None
+    return f"shelved until {time_in_words(shelved_until or 0)} UTC" if is_shelf else state
