@@ -23,7 +23,7 @@ def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transit
     Raises
     ------
     ParameterError
-        Where it is acknowledged already, or never was active.
+        If it is acknowledged already, or never was active.
     """
     _check_who(alert, who, "acknowledge")
     if not alert.count:
@@ -39,7 +39,7 @@ def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> 
     Raises
     ------
     ParameterError
-        Where `until` is not after `now`.
+        If `until` is not after `now`.
     """
     _check_who(alert, who, "shelve")
     if until <= now:
@@ -55,7 +55,7 @@ def unshelved(alert: Alert, who: str, now: int, comment: str = "") -> Transition
     Raises
     ------
     ParameterError
-        Where it is not shelved.
+        If it is not shelved.
     """
     _check_who(alert, who, "unshelve")
     if not alert.is_shelved:
@@ -82,7 +82,7 @@ def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: st
     Raises
     ------
     ParameterError
-        Where that changes nothing, or the name is empty.
+        If that changes nothing, or the name is empty.
     """
     _check_who(alert, who, "assign")
     if assignee is not None and not assignee.strip():
@@ -98,7 +98,7 @@ def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
     Raises
     ------
     ParameterError
-        Where the comment is empty.
+        If the comment is empty.
     """
     _check_who(alert, who, "comment on")
     if not comment.strip():

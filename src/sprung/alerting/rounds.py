@@ -98,7 +98,7 @@ def assess(
     reports
         Reports of this round; of several about one cause the most severe counts, once.
     looked_for
-        Function that tells whether the round could have found a cause; otherwise it is not absent.
+        Function that returns whether the round could have found a cause; otherwise it is not absent.
     is_inhibited
         Whether causes of the suspension neither rise, change nor clear, as with bad data.
     settings
@@ -115,7 +115,7 @@ def assess(
     Raises
     ------
     ParameterError
-        Where the alerts and reports are of more than one vehicle.
+        If the alerts and reports are of more than one vehicle.
     """
     found: dict[str, Report] = {}
     for report in reports:

@@ -64,7 +64,7 @@ class BoxSettings:
     Raises
     ------
     ParameterError
-        Where the vehicle cannot have that name.
+        If the vehicle cannot have that name.
     """
 
     vehicle: str

@@ -47,9 +47,9 @@ def from_can(
     Raises
     ------
     ParameterError
-        Where a signal is not in the database, or in several messages.
+        If a signal is not in the database, or in several messages.
     FormatError
-        Where the bus or the log cannot be read any more.
+        If the bus or the log cannot be read any more.
     """
     wanted = _wanted(database, names)
     channels = [signal.channel for name in names for signals in wanted.values() for signal in signals.by_name(name)]

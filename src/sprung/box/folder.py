@@ -34,7 +34,7 @@ def from_folder(
     start
         Function that returns the time of a file without time, UTC ns; it follows the one before if that ends later.
     is_done
-        Function that tells whether to stop, called when all settled files are read.
+        Function that returns whether to stop, called when all settled files are read.
     sleep
         Function that waits for a time [s].
     done
@@ -47,7 +47,7 @@ def from_folder(
     Raises
     ------
     ParameterError
-        Where the folder does not exist.
+        If the folder does not exist.
     """
     if not folder.is_dir():
         raise ParameterError(f"{folder} is not a folder: give the one in which files appear")
@@ -112,5 +112,5 @@ def _states(folder: Path, finished: set[str]) -> dict[str, tuple[int, int]]:
 
 
 def _is_settled(state: tuple[int, int], before: tuple[int, int] | None) -> bool:
-    """Tell whether a file has not changed since the last look, or for long; clocks of others may be wrong."""
+    """Return whether a file has not changed since the last look, or for long; clocks of others may be wrong."""
     return state == before or time.time_ns() - state[1] > SETTLED * 1e9

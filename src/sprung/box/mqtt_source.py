@@ -47,7 +47,7 @@ def from_mqtt(
     sampling_rate, longest
         As for `Regular`.
     is_done
-        Function that tells whether to stop, called about five times a second.
+        Function that returns whether to stop, called about five times a second.
     on_problem
         Called with a sentence when a topic has a message that cannot be used for the first time; it is ignored.
     clock
@@ -56,9 +56,9 @@ def from_mqtt(
     Raises
     ------
     ParameterError
-        Where address, topics or names cannot be used.
+        If address, topics or names cannot be used.
     LinkError
-        Where the broker cannot be reached within 10 s; a later loss of the connection is waited out.
+        If the broker cannot be reached within 10 s; a later loss of the connection is waited out.
     """
     broker = Address.parse(address) if isinstance(address, str) else address
     if isinstance(topics, str) or not topics:

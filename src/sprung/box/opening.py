@@ -89,7 +89,7 @@ def open_source(text: str, settings: SourceSettings, listener: Listener) -> Iter
     Raises
     ------
     ParameterError
-        Where the source is unknown, or something that it needs is missing.
+        If the source is unknown, or something that it needs is missing.
     """
     kind, _, rest = text.partition(":")
     if kind not in _OPENERS or (rest and kind in {"stdin", "simulator"}):

@@ -116,7 +116,7 @@ class Regular:
         return blocks
 
     def _agrees(self, when: int) -> bool:
-        """Tell whether a time goes on from the latest one, not from those that wait to be believed."""
+        """Return whether a time goes on from the latest one, not from those that wait to be believed."""
         if self._latest is None:
             return True
         off = abs(when - self._latest)

@@ -55,7 +55,7 @@ def from_files(
     Raises
     ------
     SprungError
-        As `sprung.formats.read`, before the first block of the file.
+        As raised by `sprung.formats.read`, before the first block of the file.
     """
     for path in paths:
         start = yield from blocks_of_file(path, start=start, sampling_rate=sampling_rate, channels=channels)

@@ -39,7 +39,7 @@ def from_lines(lines: IO[str], *, sampling_rate: float, start: Callable[[], int]
     Raises
     ------
     FormatError
-        Where a line cannot be read; with its number, after the samples before it.
+        If a line cannot be read; with its number, after the samples before it.
 
     Notes
     -----
@@ -90,7 +90,7 @@ class _Collected:
         return len(self._rows) >= self._step
 
     def is_interrupted(self, began: int, came: int) -> bool:
-        """Tell whether a line for which the wait began and ended at times [ns] follows a pause.
+        """Return whether a line for which the wait began and ended at times [ns] follows a pause.
 
         A late line is not a pause if lines before it came early, as from a sender that writes many at once.
         """

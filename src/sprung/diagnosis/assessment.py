@@ -44,7 +44,7 @@ def diagnose(
     Raises
     ------
     ParameterError
-        Where a number is out of its range, or the windows are of several vehicles or not of the baseline's.
+        If a number is out of its range, or the windows are of several vehicles or not of the baseline's.
 
     Notes
     -----

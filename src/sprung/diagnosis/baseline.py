@@ -125,7 +125,7 @@ class Baseline:
         Raises
         ------
         ParameterError
-            Where the window has other components.
+            If the window has other components.
         """
         if observation.components != self.components:
             raise ParameterError("the window has other components than the baseline: fit the same ones, or learn again")
@@ -145,7 +145,7 @@ def vehicle_of(observations: Iterable[Observation]) -> str:
     Raises
     ------
     ParameterError
-        Where the windows are of several vehicles.
+        If the windows are of several vehicles.
     """
     names = sorted({observation.vehicle for observation in observations if observation.vehicle})
     if len(names) > 1:

@@ -105,7 +105,7 @@ class ChangeDetector:
     Raises
     ------
     ParameterError
-        Where a number is out of its range.
+        If a number is out of its range.
 
     Notes
     -----
@@ -310,7 +310,7 @@ def detect(
     Raises
     ------
     ParameterError
-        Where a number is out of its range.
+        If a number is out of its range.
 
     Notes
     -----
@@ -340,7 +340,7 @@ def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[
     Raises
     ------
     ParameterError
-        Where the rate is not above 0 and at most 1.
+        If the rate is not above 0 and at most 1.
 
     Notes
     -----

@@ -55,9 +55,9 @@ def learn(
     Raises
     ------
     DataError
-        Where too few windows are conclusive and alike.
+        If too few windows are conclusive and alike.
     ParameterError
-        Where the windows are of several vehicles.
+        If the windows are of several vehicles.
 
     Notes
     -----

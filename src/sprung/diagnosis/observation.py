@@ -140,7 +140,7 @@ def observe(
     Raises
     ------
     DataError, ParameterError
-        As from `observe_window`.
+        As raised by `observe_window`.
     """
     parts = windows(recordings, length=length)
     return tuple(observe_window(part, vehicle, time=time, settings=settings) for time, part in parts)
@@ -165,9 +165,9 @@ def observe_window(
     Raises
     ------
     DataError
-        Where no sensor of motion of the vehicle file is in the recording.
+        If no sensor of motion of the vehicle file is in the recording.
     ParameterError
-        Where none of the vehicle file's sensors is in the recording, or one has another quantity there.
+        If none of the vehicle file's sensors is in the recording, or one has another quantity there.
 
     Notes
     -----

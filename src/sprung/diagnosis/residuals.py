@@ -169,9 +169,9 @@ def residual_statistics(
     Raises
     ------
     DataError
-        Where an output is dead, or no stretch is long enough.
+        If an output is dead, or no stretch is long enough.
     ParameterError
-        Where there are fewer than 2 block rows.
+        If there are fewer than 2 block rows.
     """
     check_number("block_rows", block_rows, at_least=2)
     outputs = _outputs_at(recording, sampling_rate)
@@ -203,7 +203,7 @@ def learn_residuals(
     Raises
     ------
     DataError, ParameterError
-        As from `residual_statistics` and `learn_reference`.
+        As raised by `residual_statistics` and `learn_reference`.
     """
     return learn_reference(
         [
@@ -224,7 +224,7 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
     Raises
     ------
     DataError
-        Where there are fewer than three windows.
+        If there are fewer than three windows.
 
     Notes
     -----
@@ -283,9 +283,9 @@ def compare_residuals(reference: ResidualReference, recording: Recording) -> Res
     Raises
     ------
     DataError
-        As from `residual_statistics`.
+        As raised by `residual_statistics`.
     ParameterError
-        Where the outputs differ from the reference's.
+        If the outputs differ from the reference's.
     """
     return residual_test(
         reference,
@@ -311,7 +311,7 @@ def residual_test(reference: ResidualReference, window: ResidualStatistics) -> R
     Raises
     ------
     ParameterError
-        Where channels, rate, segments or block rows differ from the reference's.
+        If channels, rate, segments or block rows differ from the reference's.
     """
     if not window.is_like(reference):
         raise ParameterError(

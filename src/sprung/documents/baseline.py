@@ -87,7 +87,7 @@ def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, so
     Raises
     ------
     FormatError
-        Where it is not the document of a baseline.
+        If it is not the document of a baseline.
     """
     if not isinstance(document, BaselineDocument):
         document = checked(BaselineDocument, document, source=source)
@@ -130,9 +130,9 @@ def read_baseline(path: str | Path) -> Baseline:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     return baseline_from_document(read_fields(path), source=str(path))
 

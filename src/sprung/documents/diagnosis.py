@@ -126,7 +126,7 @@ def observation_from_document(document: Mapping[str, Any]) -> Observation:
     Raises
     ------
     FormatError
-        Where the object does not describe a window.
+        If the object does not describe a window.
     """
     try:
         return _WINDOW.validate_python(document)
@@ -207,9 +207,9 @@ def read_diagnosis(path: str | Path) -> DiagnosisDocument:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     return checked(DiagnosisDocument, read_fields(path), source=str(path))
 

@@ -156,9 +156,9 @@ def read_fields(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it does not hold a JSON object.
+        If it does not hold a JSON object.
     """
     try:
         fields = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -186,7 +186,7 @@ def checked(model: type[_Document], fields: Mapping[str, Any], *, source: str) -
     Raises
     ------
     FormatError
-        Where the schema is another one, or a key is missing or holds something else.
+        If the schema is another one, or a key is missing or holds something else.
     """
     schema = schema_of(model)
     if fields.get("schema") != schema:

@@ -140,9 +140,9 @@ def read_identification(path: str | Path) -> IdentificationDocument:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     return checked(IdentificationDocument, read_fields(path), source=str(path))
 

@@ -134,9 +134,9 @@ def read_inspections(path: str | Path) -> dict[str, Inspection]:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     document = checked(InspectionDocument, read_fields(path), source=str(path))
     return {file.path: Inspection(**{name: value for name, value in file if name != "path"}) for file in document.files}
@@ -153,7 +153,7 @@ def truth_document(truth: Mapping[str, Any]) -> TruthDocument:
     Raises
     ------
     FormatError
-        Where a key is missing or holds something else.
+        If a key is missing or holds something else.
     """
     return checked(TruthDocument, truth, source="the truth of a simulation")
 
@@ -182,8 +182,8 @@ def read_truth(path: str | Path) -> TruthDocument:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     return checked(TruthDocument, read_fields(path), source=str(path))

@@ -49,9 +49,9 @@ def read_document(path: str | Path) -> Document:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where its schema is unknown, or a key is missing or holds something else.
+        If its schema is unknown, or a key is missing or holds something else.
     """
     fields = read_fields(path)
     schema = fields.get("schema")
@@ -72,7 +72,7 @@ def json_schema(name: str) -> dict[str, Any]:
     Raises
     ------
     ParameterError
-        Where there is no such document.
+        If there is no such document.
     """
     if name not in DOCUMENTS:
         raise ParameterError(f"schema {name!r} is not one of {', '.join(DOCUMENTS)}: correct it")

@@ -95,7 +95,7 @@ def noise(
     Raises
     ------
     ParameterError
-        Where the band is empty or lies above half the sampling rate.
+        If the band is empty or lies above half the sampling rate.
 
     Notes
     -----

@@ -27,7 +27,7 @@ class SpeedProfile:
     Raises
     ------
     ParameterError
-        Where times do not rise or a speed is negative.
+        If times do not rise or a speed is negative.
     """
 
     times: Real

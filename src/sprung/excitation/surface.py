@@ -105,7 +105,7 @@ def road_class(name: str) -> Road:
     Raises
     ------
     ParameterError
-        Where there is no such class.
+        If there is no such class.
 
     References
     ----------
@@ -299,7 +299,7 @@ def random_profile(
     Raises
     ------
     ParameterError
-        Where the profile is too long to be held in memory.
+        If the profile is too long to be held in memory.
 
     Notes
     -----

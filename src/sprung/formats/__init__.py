@@ -83,7 +83,7 @@ def read_blocks(
     Raises
     ------
     SprungError
-        As `read`, before the first block.
+        As raised by `read`, before the first block.
 
     Notes
     -----

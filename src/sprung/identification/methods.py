@@ -145,7 +145,7 @@ def summarise(
     Raises
     ------
     DataError, ParameterError
-        As `cov_ssi`; also if `method` is none of the three.
+        As raised by `cov_ssi`; also if `method` is none of the three.
     """
     check_one_of("method", method, METHODS)
     settings = settings or IdentificationSettings()

@@ -402,7 +402,7 @@ def block_row_ladder(
     Raises
     ------
     ParameterError
-        As `realise`.
+        As raised by `realise`.
 
     References
     ----------

@@ -75,7 +75,7 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     Raises
     ------
     ParameterError
-        Where no sensor observes a motion of the structure.
+        If no sensor observes a motion of the structure.
 
     Notes
     -----

@@ -151,10 +151,10 @@ def fit_corners(
     Raises
     ------
     DataError
-        Where no segment is long, fast and steady enough, where the speed is missing and cannot be estimated from the
+        If no segment is long, fast and steady enough, where the speed is missing and cannot be estimated from the
         delay between the axles, or where the recordings are not consistent with the vehicle file.
     ParameterError
-        Where the sensors of the vehicle file do not fit the recordings.
+        If the sensors of the vehicle file do not fit the recordings.
 
     Notes
     -----
@@ -181,7 +181,7 @@ def fit_windows(
     Raises
     ------
     DataError, ParameterError
-        As from `fit_corners`.
+        As raised by `fit_corners`.
     """
     setup, segments, has_speed = _prepare(windows, settings or CornerSettings())
     check = None if modes is None else setup.components_of(modes)
@@ -213,7 +213,7 @@ def nominal_misfit(window: Window, *, settings: CornerSettings | None = None) ->
     Raises
     ------
     DataError
-        As from `fit_corners`.
+        As raised by `fit_corners`.
     """
     setup, segments, has_speed = _prepare([window], settings or CornerSettings())
     if not has_speed:

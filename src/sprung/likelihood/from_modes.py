@@ -44,7 +44,7 @@ def corners_from_modes(
     Raises
     ------
     ParameterError
-        Where a coordinate of the layout is no motion of the body, or the modes lack one of its channels.
+        If a coordinate of the layout is no motion of the body, or the modes lack one of its channels.
 
     Notes
     -----

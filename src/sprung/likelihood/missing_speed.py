@@ -43,7 +43,7 @@ def with_estimated_speeds(
     Raises
     ------
     DataError
-        Where the speed of too few segments can be estimated.
+        If the speed of too few segments can be estimated.
 
     Notes
     -----

@@ -188,7 +188,7 @@ def transfer(terms: Terms) -> Transfer:
     Raises
     ------
     LinAlgError
-        Where the dynamic stiffness is singular at a frequency.
+        If the dynamic stiffness is singular at a frequency.
     """
     squared = _squared(terms)[:, None, None]
     weighted = terms.stiffness.T[:, None, :] * terms.elongations.T

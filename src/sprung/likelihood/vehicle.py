@@ -107,7 +107,7 @@ def vehicle_model(
     Raises
     ------
     ParameterError
-        Where a free component is unknown.
+        If a free component is unknown.
     """
     components = free_components(nominal, vehicle, settings.free)
     blocks: list[ParameterBlock] = [FreeComponents(nominal, components, log_std=settings.prior_std)]

@@ -165,7 +165,7 @@ def minus_log_likelihood(matrices: Complex, spectra: ClassSpectra) -> tuple[floa
     Raises
     ------
     LinAlgError
-        Where a matrix is not positive definite.
+        If a matrix is not positive definite.
 
     Notes
     -----
@@ -204,7 +204,7 @@ def inverse_and_logdet(matrices: Complex) -> tuple[Complex, Real]:
     Raises
     ------
     LinAlgError
-        Where a matrix of more than three rows is not positive definite, or a smaller one is singular.
+        If a matrix of more than three rows is not positive definite, or a smaller one is singular.
 
     Notes
     -----

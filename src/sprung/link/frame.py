@@ -76,7 +76,7 @@ class Frame:
     Raises
     ------
     ParameterError
-        Where a value is out of range, or the shapes do not fit together.
+        If a value is out of range, or the shapes do not fit together.
     """
 
     vehicle: str
@@ -170,7 +170,7 @@ def encode(frame: Frame, *, codec: int = PACKED) -> bytes:
     Raises
     ------
     ParameterError
-        Where the codec is unknown.
+        If the codec is unknown.
     """
     document: dict[int, Any] = {
         Key.VERSION: VERSION,
@@ -200,7 +200,7 @@ def decode(payload: bytes) -> Frame:
     Raises
     ------
     FormatError
-        Where they are not a frame of version 1 (`VersionError`: of another); nothing else, whatever they are.
+        If they are not a frame of version 1 (`VersionError`: of another); nothing else, whatever they are.
 
     Notes
     -----

@@ -86,7 +86,7 @@ class Header:
         Raises
         ------
         FormatError
-            Where boot, sequence number or time is missing or out of range.
+            If boot, sequence number or time is missing or out of range.
         """
         return cls(
             boot=count(document, Key.BOOT),
@@ -110,7 +110,7 @@ def check_vehicle(vehicle: str) -> str:
     Raises
     ------
     ParameterError
-        Where it cannot be part of a topic.
+        If it cannot be part of a topic.
     """
     if not VEHICLE.fullmatch(vehicle):
         raise ParameterError(
@@ -125,7 +125,7 @@ def checked_map(payload: bytes) -> dict[Any, Any]:
     Raises
     ------
     FormatError
-        Where the bytes are not a message.
+        If the bytes are not a message.
     """
     cbor = required("cbor2", purpose="frames", extra="online")
     if not 8 <= len(payload) <= LARGEST:
@@ -159,7 +159,7 @@ def count(document: Mapping[Any, Any], key: int | str, default: int | None = Non
     Raises
     ------
     FormatError
-        Where it is missing, without a default, or something else.
+        If it is missing, without a default, or something else.
     """
     value = integer(document.get(key, default))
     if value < 0:
@@ -174,7 +174,7 @@ def integer(value: Any) -> int:
     Raises
     ------
     FormatError
-        Where it is something else.
+        If it is something else.
     """
     if not isinstance(value, int) or isinstance(value, bool) or abs(value) >= 2**63:
         raise FormatError(f"{str(value)[:40]!r} found where an integer is expected")
@@ -187,7 +187,7 @@ def text(value: Any) -> str:
     Raises
     ------
     FormatError
-        Where it is something else.
+        If it is something else.
     """
     if not isinstance(value, str) or len(value) > 256 or "\0" in value:
         raise FormatError(f"{str(value)[:40]!r} found where a short text is expected")
@@ -200,7 +200,7 @@ def items(value: Any) -> list[Any]:
     Raises
     ------
     FormatError
-        Where it is something else.
+        If it is something else.
     """
     if not isinstance(value, list) or len(value) > MOST_CHANNELS:
         raise FormatError(f"{str(value)[:40]!r} found where a list is expected")
@@ -213,7 +213,7 @@ def previous_boot(value: Any) -> tuple[int, int] | None:
     Raises
     ------
     FormatError
-        Where it is something else.
+        If it is something else.
     """
     if value is None:
         return None

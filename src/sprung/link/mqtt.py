@@ -58,7 +58,7 @@ class Address:
         Raises
         ------
         ParameterError
-            Where the URL cannot be used; passwords are not shown.
+            If the URL cannot be used; passwords are not shown.
         """
         shown = re.sub("//[^@/]*@", "//...@", url)
         try:
@@ -156,7 +156,7 @@ class Link:
         Raises
         ------
         LinkError
-            Where there is no connection after that time.
+            If there is no connection after that time.
         """
         self._start()
         if not timeout:

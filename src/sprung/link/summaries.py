@@ -62,7 +62,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
     Raises
     ------
     FormatError
-        Where it is incomplete or invalid.
+        If it is incomplete or invalid.
     """
     try:
         stated = dict(document["plan"])

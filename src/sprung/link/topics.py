@@ -20,7 +20,7 @@ def parse_topic(name: str) -> tuple[str, str]:
     Raises
     ------
     FormatError
-        Where it is not a topic of this version.
+        If it is not a topic of this version.
     """
     parts = name.split("/")
     if len(parts) != 4 or "/".join(parts[:2]) != ROOT or not VEHICLE.fullmatch(parts[2]):

@@ -35,7 +35,7 @@ class EmbeddedBroker:
         Raises
         ------
         LinkError
-            Where it cannot listen.
+            If it cannot listen.
         """
         for name in ("amqtt", "transitions"):
             logging.getLogger(name).setLevel(logging.CRITICAL)

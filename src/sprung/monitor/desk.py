@@ -52,7 +52,7 @@ def history_document(store: Store, number: int) -> dict[str, Any]:
     Raises
     ------
     ParameterError
-        Where there is no alert of that number.
+        If there is no alert of that number.
     """
     _alert_row(store, number)
     rows = [asdict(row) for row in store.alerts.history(number)]
@@ -79,7 +79,7 @@ def acknowledge(store: Store, number: int, *, who: str, comment: str = "", now: 
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or nothing to acknowledge.
+        If there is no alert of that number, or nothing to acknowledge.
     """
     _act(store, number, "ack", acknowledged, who=who, comment=comment, now=now)
 
@@ -90,7 +90,7 @@ def shelve(store: Store, number: int, *, hours: float, who: str, comment: str = 
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or the time is not above 0.
+        If there is no alert of that number, or the time is not above 0.
     """
     until = now + round(3600e9 * check_number("hours", hours, above=0))
     _act(store, number, "shelve", partial(shelved, until=until), who=who, comment=comment, now=now)
@@ -102,7 +102,7 @@ def unshelve(store: Store, number: int, *, who: str, comment: str = "", now: int
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or it is not shelved.
+        If there is no alert of that number, or it is not shelved.
     """
     _act(store, number, "unshelve", unshelved, who=who, comment=comment, now=now)
 
@@ -113,7 +113,7 @@ def assign(store: Store, number: int, *, assignee: str | None, who: str, comment
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or it is assigned so already.
+        If there is no alert of that number, or it is assigned so already.
     """
     _act(store, number, "assign", partial(assigned, assignee=assignee), who=who, comment=comment, now=now)
 
@@ -124,7 +124,7 @@ def add_comment(store: Store, number: int, *, who: str, comment: str, now: int) 
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or the comment is empty.
+        If there is no alert of that number, or the comment is empty.
     """
     _act(store, number, "comment", commented, who=who, comment=comment, now=now)
 
@@ -135,7 +135,7 @@ def relearn(store: Store, vehicle: str, *, reason: str, who: str, now: int) -> i
     Raises
     ------
     ParameterError
-        Where the vehicle is unknown, or the reason is empty.
+        If the vehicle is unknown, or the reason is empty.
     """
     if not reason.strip():
         raise ParameterError(f"a new baseline of {vehicle} needs a reason: give --reason TEXT, such as 'new dampers'")
@@ -149,7 +149,7 @@ def request_samples(store: Store, vehicle: str, *, minutes: float, who: str, now
     Raises
     ------
     ParameterError
-        Where the vehicle is unknown, or the time is not above 0.
+        If the vehicle is unknown, or the time is not above 0.
     """
     check_number("minutes", minutes, above=0)
     _check_known(store, vehicle)

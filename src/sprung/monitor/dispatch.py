@@ -97,7 +97,7 @@ class Dispatch:
         Raises
         ------
         StoreError
-            Where the store cannot be used.
+            If the store cannot be used.
         """
         n_given = 0
         for vehicle in list(self._streams):
@@ -116,7 +116,7 @@ class Dispatch:
         Raises
         ------
         StoreError
-            Where the store cannot write: the vehicle continues from what is stored.
+            If the store cannot write: the vehicle continues from what is stored.
         """
         vehicle = outcome.vehicle
         frames = self._jobs.pop(vehicle, ())
@@ -164,7 +164,7 @@ class Dispatch:
         self._streams[vehicle] = self._streams.pop(vehicle)
 
     def _open(self, vehicle: str) -> bool:
-        """Give a vehicle to a worker, as the store has it; tell whether its description is known."""
+        """Give a vehicle to a worker, as the store has it; return whether its description is known."""
         row = self._store.inbox.vehicle(vehicle)
         if row is None:
             return False

@@ -253,7 +253,7 @@ class VehicleMonitor:
         Raises
         ------
         ParameterError
-            Where the reason is empty.
+            If the reason is empty.
         """
         if not reason.strip():
             raise ParameterError("a new baseline needs a reason, such as 'new dampers'")
@@ -294,7 +294,7 @@ class VehicleMonitor:
         Raises
         ------
         ParameterError
-            Where the state is incomplete or invalid.
+            If the state is incomplete or invalid.
         """
         if state.get("schema") != STATE:
             raise ParameterError(

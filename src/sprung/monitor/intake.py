@@ -80,7 +80,7 @@ class Intake:
         }
 
     def is_parked(self, vehicle: str) -> bool:
-        """Tell whether a vehicle was switched off in good order."""
+        """Return whether a vehicle was switched off in good order."""
         return vehicle in self._parked
 
     def answer(self, vehicle: str, number: int) -> Mapping[str, Any] | None:
@@ -100,7 +100,7 @@ class Intake:
         Raises
         ------
         StoreError
-            Where the store cannot write: nothing is acknowledged, and boxes will send it again.
+            If the store cannot write: nothing is acknowledged, and boxes will send it again.
         """
         frames: list[StoredFrame] = []
         taken = Taken()
@@ -152,7 +152,7 @@ class Intake:
             self._refusals.pop(next(iter(self._refusals)))
 
     def _describe(self, vehicle: str, document: dict[Any, Any], now: int) -> bool:
-        """Keep a vehicle's description; tell whether it is new."""
+        """Keep a vehicle's description; return whether it is new."""
         text, quantities = document.get("description"), document.get("quantities")
         configuration = document.get(Key.CONFIGURATION)
         if not isinstance(text, str) or not isinstance(configuration, str) or not isinstance(quantities, dict):

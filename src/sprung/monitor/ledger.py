@@ -66,7 +66,7 @@ class Ledger:
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         windows = [event for event in outcome.events if isinstance(event, Observed)]
         modes = tuple(_modes(event) for event in outcome.events if isinstance(event, Identified))
@@ -100,7 +100,7 @@ class Ledger:
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         for event in events:
             if isinstance(event, Observed):
@@ -112,7 +112,7 @@ class Ledger:
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         self._store.results.commit(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq))
 
@@ -122,7 +122,7 @@ class Ledger:
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         self.complete(vehicle, boot, seq)
         sentence = f"{n_frames} frames were excluded: {reason}"
@@ -134,7 +134,7 @@ class Ledger:
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         self._store.requests.command_done(command, self._clock())
 
@@ -144,7 +144,7 @@ class Ledger:
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         modes: tuple[tuple[int, int, dict[str, Any]], ...] = ()
         try:

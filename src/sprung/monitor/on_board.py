@@ -18,7 +18,7 @@ def reported_modes(document: Mapping[Any, Any]) -> dict[str, Any]:
     Raises
     ------
     FormatError
-        Where they cannot be written as JSON.
+        If they cannot be written as JSON.
     """
     modes = {"modes": document.get("modes"), "reason": document.get("reason"), "is_on_board": True}
     try:
@@ -34,9 +34,9 @@ def archive_correlations(document: Mapping[Any, Any], folder: Path, vehicle: str
     Raises
     ------
     FormatError
-        Where they are incomplete.
+        If they are incomplete.
     StoreError
-        Where the archive cannot be written.
+        If the archive cannot be written.
     """
     summary = document.get("summary")
     if not isinstance(summary, Mapping):

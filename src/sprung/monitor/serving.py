@@ -75,7 +75,7 @@ class Serving:
         Raises
         ------
         ParameterError
-            Where the address cannot be used.
+            If the address cannot be used.
         """
         host, port = self._address
         try:

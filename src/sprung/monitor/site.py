@@ -208,9 +208,9 @@ def read_site(path: Path) -> Site:
     Raises
     ------
     ParameterError
-        Where it cannot be read.
+        If it cannot be read.
     FormatError
-        Where it is not a valid site file; the message names file, field, rule and remedy.
+        If it is not a valid site file; the message names file, field, rule and remedy.
     """
     try:
         return checked(Site, toml_fields(path.read_bytes(), source=str(path)))
@@ -226,7 +226,7 @@ def embedded_port(broker: str) -> int | None:
     Raises
     ------
     ParameterError
-        Where the port is not a number.
+        If the port is not a number.
     """
     word, _, port = broker.partition(":")
     if word != "embedded":
@@ -245,5 +245,5 @@ def _http_address(http: str) -> tuple[str, int]:
 
 
 def _is_port(text: str) -> bool:
-    """Tell whether a text is a port number."""
+    """Return whether a text is a port number."""
     return text.isdecimal() and len(text) <= 5 and int(text) <= 65535

@@ -101,7 +101,7 @@ class Stream:
         ]
 
     def _is_ready(self, first: StoredFrame) -> bool:
-        """Tell whether all frames of the boot before that of a frame were given to a worker."""
+        """Return whether all frames of the boot before that of a frame were given to a worker."""
         if first.boot not in self._previous:
             try:
                 self._previous[first.boot] = Header.of(checked_map(first.payload)).previous

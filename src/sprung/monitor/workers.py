@@ -130,7 +130,7 @@ class Workers:
         return all(worker.busy_with is not None for worker in self._workers)
 
     def is_open(self, vehicle: str) -> bool:
-        """Tell whether a process has a vehicle."""
+        """Return whether a process has a vehicle."""
         return any(vehicle in worker.vehicles for worker in self._workers)
 
     def open(self, opening: Opening) -> None:
@@ -148,7 +148,7 @@ class Workers:
                 self._send(worker, ("close", vehicle))
 
     def is_free(self, vehicle: str) -> bool:
-        """Tell whether the process of a vehicle can take a job."""
+        """Return whether the process of a vehicle can take a job."""
         return any(vehicle in worker.vehicles and worker.busy_with is None for worker in self._workers)
 
     def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
@@ -258,7 +258,7 @@ def open_monitor(opening: Opening) -> tuple[VehicleMonitor, dict[str, str]]:
     Raises
     ------
     SprungError
-        Where description or state cannot be used.
+        If description or state cannot be used.
     """
     vehicle = vehicle_from_text(opening.description, source=f"the vehicle file of {opening.vehicle}")
     if opening.state is None:

@@ -213,7 +213,7 @@ def inspect_blocks(blocks: Iterable[Recording]) -> Inspection:
     Raises
     ------
     DataError
-        Where there is no block.
+        If there is no block.
     """
     total: Inspection | None = None
     tallies: list[_Tally] = []

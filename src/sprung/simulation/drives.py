@@ -237,9 +237,9 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     Raises
     ------
     ParameterError
-        Where the vehicle has no such component as a fault names, or no motion sensors.
+        If the vehicle has no such component as a fault names, or no motion sensors.
     MissingPackageError
-        Where force laws, or faults that begin later or grow, need numba and it is not installed.
+        If force laws, or faults that begin later or grow, need numba and it is not installed.
 
     Notes
     -----

@@ -37,7 +37,7 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
     Raises
     ------
     ParameterError
-        Where the inputs have another shape.
+        If the inputs have another shape.
 
     Notes
     -----
@@ -158,7 +158,7 @@ def simulate(
     Raises
     ------
     ParameterError
-        Where the vehicle has no sensors, or another number of inputs than the excitation.
+        If the vehicle has no sensors, or another number of inputs than the excitation.
     """
     check_number("duration", duration, above=0)
     check_number("sampling_rate", sampling_rate, above=0)

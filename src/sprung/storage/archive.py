@@ -67,9 +67,9 @@ def write_archive(
     Raises
     ------
     ParameterError
-        Where a name or number cannot be used.
+        If a name or number cannot be used.
     StoreError
-        Where the archive cannot be written.
+        If the archive cannot be written.
     """
     values = frozen_array("samples", samples, ndim=2, dtype=np.float32)
     _check_channels(channels, len(values))
@@ -119,7 +119,7 @@ class Retention:
         Raises
         ------
         StoreError
-            Where a file cannot be deleted.
+            If a file cannot be deleted.
         """
         with _reported(self._folder):
             self._look()

@@ -75,7 +75,7 @@ class Database:
         Raises
         ------
         StoreError
-            Where the store cannot write, or its disk has less than 1 MiB left.
+            If the store cannot write, or its disk has less than 1 MiB left.
 
         Notes
         -----

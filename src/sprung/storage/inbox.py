@@ -86,9 +86,9 @@ class Inbox:
         Raises
         ------
         ParameterError
-            Where boot or seq is negative or 2^63 and more.
+            If boot or seq is negative or 2^63 and more.
         StoreError
-            Where the store cannot write; nothing is stored then.
+            If the store cannot write; nothing is stored then.
         """
         batches: dict[Key, dict[int, StoredFrame]] = {}
         for frame in frames:

@@ -28,9 +28,9 @@ class Results:
         Raises
         ------
         ParameterError
-            Where incomplete frames are declared analysed.
+            If incomplete frames are declared analysed.
         StoreError
-            Where the store cannot write; nothing is stored then.
+            If the store cannot write; nothing is stored then.
         """
         of_boot = {"vehicle": progress.vehicle, "boot": progress.boot}
         with self._database.writing() as connection:

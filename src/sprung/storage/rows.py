@@ -131,7 +131,7 @@ class Progress:
     Raises
     ------
     ParameterError
-        Where a number is out of range.
+        If a number is out of range.
     """
 
     vehicle: str

@@ -82,7 +82,7 @@ class Store:
         Raises
         ------
         StoreError
-            Where the store cannot write, or its disk has less than 1 MiB left.
+            If the store cannot write, or its disk has less than 1 MiB left.
         """
         self._database.check()
 
@@ -114,9 +114,9 @@ def open_store(url: str) -> Store:
     Raises
     ------
     ParameterError
-        Where the address is of neither.
+        If the address is of neither.
     StoreError
-        Where the store cannot be opened, or a newer program wrote it.
+        If the store cannot be opened, or a newer program wrote it.
 
     Notes
     -----

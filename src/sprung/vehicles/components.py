@@ -40,7 +40,7 @@ class Component:
         Raises
         ------
         ParameterError
-            Where the text is not of that form.
+            If the text is not of that form.
         """
         corner, dot, kind = text.partition(".")
         if not (corner and dot and kind) or "." in kind:

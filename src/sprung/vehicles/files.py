@@ -34,9 +34,9 @@ def read_vehicle(path_or_name: str | Path) -> Vehicle:
     Raises
     ------
     ParameterError
-        Where there is no such file or name, or it describes a quarter vehicle or a chain.
+        If there is no such file or name, or it describes a quarter vehicle or a chain.
     FormatError
-        Where the file is not a valid vehicle file; the message names file, field, rule and remedy.
+        If the file is not a valid vehicle file; the message names file, field, rule and remedy.
 
     Examples
     --------
@@ -62,9 +62,9 @@ def read_description(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
     Raises
     ------
     ParameterError
-        Where there is no such file or name.
+        If there is no such file or name.
     FormatError
-        Where the file is not a valid vehicle file; the message names file, field, rule and remedy.
+        If the file is not a valid vehicle file; the message names file, field, rule and remedy.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def parse_vehicle(fields: Mapping[str, Any]) -> Vehicle | Quarter | Chain:
     Raises
     ------
     ParameterError
-        Where a field is missing, unknown or outside its range; the message names field, rule and remedy.
+        If a field is missing, unknown or outside its range; the message names field, rule and remedy.
     """
     kind = fields.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
@@ -128,9 +128,9 @@ def vehicle_from_text(text: str, *, source: str) -> Vehicle:
     Raises
     ------
     FormatError
-        Where the text is not a valid vehicle file.
+        If the text is not a valid vehicle file.
     ParameterError
-        Where it describes a quarter vehicle or a chain.
+        If it describes a quarter vehicle or a chain.
     """
     return _on_axles(_read(source, text.encode("utf-8")), source=source)
 

@@ -30,7 +30,7 @@ def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
     Raises
     ------
     ParameterError
-        Where a frequency is negative or not finite.
+        If a frequency is negative or not finite.
 
     Notes
     -----

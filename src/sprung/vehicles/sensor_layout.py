@@ -29,7 +29,7 @@ def with_layout(recording: Recording, sensors: Sequence[Sensor]) -> Recording:
     Raises
     ------
     ParameterError
-        Where no sensor is in the recording, or one has another quantity there.
+        If no sensor is in the recording, or one has another quantity there.
     """
     stated = {sensor.channel: sensor for sensor in sensors}
     if stated and not stated.keys() & set(recording.names):
@@ -57,7 +57,7 @@ def quantities_of(recording: Recording, sensors: Sequence[Sensor]) -> dict[str, 
     Raises
     ------
     ParameterError
-        As from `with_layout`.
+        As raised by `with_layout`.
     """
     with_layout(recording, sensors)
     stated = {sensor.channel: sensor.quantity for sensor in sensors}

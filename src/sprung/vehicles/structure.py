@@ -233,7 +233,7 @@ class Structure:
         Raises
         ------
         ParameterError
-            Where there is no such component.
+            If there is no such component.
         """
         known = {str(component) for component in self.components()}
         for component, factor in factors.items():
@@ -300,7 +300,7 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
     Raises
     ------
     ParameterError
-        Where a quantity is no motion or a carrier is no part of the structure.
+        If a quantity is no motion or a carrier is no part of the structure.
 
     Notes
     -----

@@ -32,9 +32,9 @@ def usable(recording: Recording, *, vehicle: AnyVehicle | None = None) -> Record
     Raises
     ------
     DataError
-        Where an output is dead, or nothing is left.
+        If an output is dead, or nothing is left.
     ParameterError
-        Where none of the vehicle file's sensors is in the recording, or one has another quantity there.
+        If none of the vehicle file's sensors is in the recording, or one has another quantity there.
     """
     speed = speed_channel(recording, vehicle)
     if vehicle is not None and vehicle.sensor:
@@ -74,7 +74,7 @@ def usable_motion(recording: Recording, outputs: Sequence[str], speed: str | Non
     Raises
     ------
     DataError
-        Where an output is dead, or nothing is left.
+        If an output is dead, or nothing is left.
     """
     recording = recording.select([*outputs, speed] if speed and speed not in outputs else list(outputs))
     _check_alive(recording, outputs)

@@ -58,7 +58,7 @@ class Window:
         Raises
         ------
         DataError
-            Where an output is dead, or nothing is left.
+            If an output is dead, or nothing is left.
         """
         return usable_motion(self.recording, self.outputs, self.speed)
 
@@ -98,7 +98,7 @@ def window_of(recording: Recording, vehicle: Vehicle) -> Window:
     Raises
     ------
     ParameterError
-        Where none of the vehicle file's sensors is in the recording, or one has another quantity there.
+        If none of the vehicle file's sensors is in the recording, or one has another quantity there.
     """
     placed = with_layout(recording, vehicle.sensor)
     speed = speed_channel(placed, vehicle)

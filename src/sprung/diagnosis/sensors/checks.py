@@ -59,7 +59,7 @@ def sensor_faults(recording: Recording, vehicle: Vehicle) -> tuple[SensorFault, 
     Raises
     ------
     DataError, ParameterError
-        As from `check_sensors` and `window_of`.
+        As raised by `check_sensors` and `window_of`.
     """
     return check_sensors(window_of(recording, vehicle)).faults
 
@@ -75,7 +75,7 @@ def check_sensors(window: Window) -> SensorCheck:
     Raises
     ------
     DataError
-        Where no sensor of motion of the vehicle file is in the recording.
+        If no sensor of motion of the vehicle file is in the recording.
 
     Notes
     -----

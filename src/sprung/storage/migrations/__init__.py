@@ -33,7 +33,7 @@ def upgrade(connection: Connection, *, target: str | None = None) -> None:
     Raises
     ------
     StoreError
-        Where the schema is of a newer program.
+        If the schema is of a newer program.
     """
     if connection.dialect.name == "postgresql":
         connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
