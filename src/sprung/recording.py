@@ -66,7 +66,7 @@ class Channel:
 
     @property
     def unit(self) -> str:
-        """SI unit of the samples; empty where the quantity is unknown."""
+        """SI unit of the samples; empty if the quantity is unknown."""
         return QUANTITIES[self.quantity]
 
 
@@ -202,8 +202,8 @@ def join(pieces: Sequence[Piece], *, waits: Sequence[float | None] | None = None
     pieces
         One or more pieces with the same channels and, but for the clock, the same sampling rate.
     waits
-        Time that was not recorded before each piece but the first [s], one less than there are pieces; None where the
-        samples go on without a gap. Default: no gap between any two.
+        Time that was not recorded before each piece but the first [s], one less than there are pieces; None for samples
+        that continue without a gap. Default: no gap between any two.
 
     Returns
     -------

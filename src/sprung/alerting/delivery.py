@@ -12,7 +12,7 @@ _SECOND = 1_000_000_000
 
 
 class SendError(SprungError):
-    """A message that a sender could not deliver; it says where, why, and what to check."""
+    """A message that a sender could not deliver; the text states where, why, and what to check."""
 
 
 class Sender(Protocol):
@@ -58,12 +58,12 @@ class Backoff:
 
 
 def deliver(message: Message, senders: Iterable[Sender]) -> dict[str, str]:
-    """Give a message to every sender.
+    """Deliver a message through every sender.
 
     Returns
     -------
     dict
-        For each sender that failed, by name, the reason in one sentence; empty where all succeeded.
+        Reason for each sender that failed, one sentence by name of the sender; empty if all succeeded.
     """
     failed = {}
     for sender in senders:

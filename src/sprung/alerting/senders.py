@@ -58,7 +58,7 @@ class WebhookSender:
     headers
         Headers of each request, such as an Authorization.
     timeout
-        Longest wait for the connection, and for each answer [s].
+        Longest wait for the connection, and for each response [s].
     opener
         Opener of requests; None: one that follows no redirection.
     name
@@ -88,7 +88,7 @@ class WebhookSender:
         self._opener = urllib.request.build_opener(_Unmoved) if opener is None else opener
 
     def send(self, message: Message) -> None:
-        """Post; any answer of 2xx is success."""
+        """Post the message; any 2xx response is success."""
         try:
             request = urllib.request.Request(self._url, _json(message), self._headers, method="POST")
             with self._opener.open(request, timeout=self._timeout):
@@ -101,7 +101,7 @@ class WebhookSender:
         except (OSError, HTTPException) as error:
             raise SendError(f"webhook at {self._where} gave no answer ({type(error).__name__})") from error
         except ValueError:
-            raise SendError(f"webhook at {self._where}: url or headers hold what HTTP does not allow") from None
+            raise SendError(f"webhook at {self._where}: url or headers contain what HTTP does not allow") from None
 
 
 class MailSender:
@@ -116,7 +116,7 @@ class MailSender:
     username, password
         Credentials at the server; both or none.
     starttls
-        Whether to encrypt after connecting; a server that cannot receives neither password nor mail.
+        Whether to encrypt after connecting; a server that does not support it receives neither password nor mail.
     connect
         Function of host, port and timeout that connects. For a server that encrypts from the start: smtplib.SMTP_SSL
         with a context that checks certificates (functools.partial), and `starttls` False.
@@ -155,7 +155,7 @@ class MailSender:
         self._starttls, self._connect = starttls, connect
 
     def send(self, message: Message) -> None:
-        """Send one mail to all recipients; it fails where the server refuses any of them."""
+        """Send one mail to all recipients; it fails if the server refuses any of them."""
         where = f"mail server {self._host}:{self._port}"
         try:
             with self._connect(self._host, self._port, timeout=self._timeout) as server:
@@ -174,7 +174,7 @@ class MailSender:
             raise SendError(f"{where} refused {', '.join(refused)} and accepted the others: check the recipients")
 
     def _mail(self, message: Message) -> EmailMessage:
-        """Return the mail; marked as automatic (RFC 3834), so that no absence note answers it."""
+        """Return the mail, marked as automatic (RFC 3834) so that out-of-office replies do not answer it."""
         mail = EmailMessage()
         mail["Subject"] = " ".join(message.subject.split())
         mail["From"] = self._sender

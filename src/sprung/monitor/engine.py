@@ -174,7 +174,7 @@ class VehicleMonitor:
 
     @property
     def baseline(self) -> Baseline | None:
-        """What is normal; None before it is learnt."""
+        """Normal state of the vehicle; None before it is learnt."""
         return self._baseline
 
     @property
