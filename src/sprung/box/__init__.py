@@ -1,7 +1,7 @@
 """The box on the vehicle: sources of samples, spool, frames.
 
-`sprung.box.onboard` (identification on the vehicle) and `sprung.box.fleet` (a simulated fleet) are imported by those
-who need them: a box is small without.
+`sprung.box.onboard` (identification on the vehicle) and `sprung.box.fleet` (a simulated fleet) are imported only where
+they are needed, as a box is much smaller without them.
 """
 
 from sprung.box.box import Box, BoxSettings

@@ -15,13 +15,13 @@ from sprung.vehicles.usable import AnyVehicle
 
 
 class SubsetValues(ModeValues):
-    """A mode as one subset of segments has it."""
+    """A mode as identified from one subset of segments."""
 
     stable_rate: float
 
 
 class MergedMode(IdentifiedMode):
-    """A mode with its share in the rigid-body motions, and with what each subset says of it."""
+    """A mode with its share in the rigid-body motions, and its values in each subset."""
 
     participation: Participation | None
     subsets: tuple[SubsetValues | None, ...]

@@ -14,7 +14,7 @@ from sprung.errors import FormatError, ParameterError
 VERSION = 1
 #: Names of vehicles, which are parts of topics and of paths.
 VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
-#: Largest message [bytes], and most entries of a list in it.
+#: Largest message [bytes], and largest number of entries of a list in it.
 LARGEST, MOST_CHANNELS = 1 << 20, 256
 
 
@@ -45,7 +45,7 @@ class VersionError(FormatError):
 
 
 class _Untagged(dict[int, Any]):
-    """Refuses all tags of CBOR: decoding a decimal of a megabyte, a date or a pattern is work that no message needs."""
+    """Refuses all CBOR tags: no message needs decimals, dates or patterns, which can be costly to decode."""
 
     def __missing__(self, tag: int) -> None:
         raise FormatError(f"unexpected CBOR tag {tag}: send plain numbers, texts, bytes, lists and maps")
@@ -68,7 +68,7 @@ class Header:
     kind
         "raw", "corr" or "modes".
     previous
-        Number of the boot before and of its messages, which this boot continues; None where unknown.
+        Number of the previous boot, and number of its messages, after which this one continues; None if unknown.
     """
 
     boot: int
@@ -110,7 +110,7 @@ def check_vehicle(vehicle: str) -> str:
     Raises
     ------
     ParameterError
-        If it cannot be part of a topic.
+        If the name cannot be part of a topic.
     """
     if not VEHICLE.fullmatch(vehicle):
         raise ParameterError(
@@ -132,7 +132,7 @@ def checked_map(payload: bytes) -> dict[Any, Any]:
         raise FormatError(f"a message of {len(payload)} bytes: it must have between 8 and {LARGEST}")
     body, check = payload[:-4], payload[-4:]
     if zlib.crc32(body).to_bytes(4, "little") != check:
-        raise FormatError("the checksum does not match: the message was damaged on its way")
+        raise FormatError("the checksum does not match: the message was damaged in transit")
     stream = io.BytesIO(body)
     try:
         decoder = cbor.CBORDecoder(
@@ -159,7 +159,7 @@ def count(document: Mapping[Any, Any], key: int | str, default: int | None = Non
     Raises
     ------
     FormatError
-        If it is missing, without a default, or something else.
+        If it is missing without a default, or not such a number.
     """
     value = integer(document.get(key, default))
     if value < 0:
@@ -208,7 +208,7 @@ def items(value: Any) -> list[Any]:
 
 
 def previous_boot(value: Any) -> tuple[int, int] | None:
-    """Return number and count of messages of the boot before; None where there was none.
+    """Return the number of the previous boot and of its messages; None if there was none.
 
     Raises
     ------

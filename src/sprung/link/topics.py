@@ -4,7 +4,7 @@ from sprung.errors import FormatError
 from sprung.link.messages import VEHICLE
 
 ROOT = "sprung/v1"
-#: What a vehicle sends, and what is sent to it.
+#: Kinds of messages from a vehicle, and to it.
 UPWARDS = ("raw", "corr", "modes", "event", "health", "meta", "state")
 DOWNWARDS = ("ack", "cmd")
 

@@ -30,7 +30,7 @@ class EmbeddedBroker:
         self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
 
     def open(self) -> None:
-        """Start to listen.
+        """Start listening.
 
         Raises
         ------

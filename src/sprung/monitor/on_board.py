@@ -1,4 +1,4 @@
-"""What boxes have identified themselves: modes, and the correlations behind them."""
+"""Results of on-board identification: modes, and the correlations behind them."""
 
 import json
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from sprung.storage import write_archive
 
 
 def reported_modes(document: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return the modes in a report of a box, as the store keeps them.
+    """Return the modes in a report of a box, in the form of the store.
 
     Raises
     ------
@@ -22,7 +22,7 @@ def reported_modes(document: Mapping[Any, Any]) -> dict[str, Any]:
     """
     modes = {"modes": document.get("modes"), "reason": document.get("reason"), "is_on_board": True}
     try:
-        json.dumps(modes, allow_nan=False)  # what the store cannot hold would come again and again
+        json.dumps(modes, allow_nan=False)  # a report that the store cannot hold would be sent repeatedly
     except (TypeError, ValueError) as error:
         raise FormatError(f"modes that cannot be stored: {error}") from None
     return modes

@@ -84,7 +84,7 @@ class Alerts(_Table):
 
 
 class Keep(_Table):
-    """What is kept, and for how long."""
+    """Retention of results and samples."""
 
     results_days: float = Field(730.0, gt=0, le=_MOST_DAYS, description="age at which results are deleted [days]")
     raw_days: float = Field(
@@ -185,7 +185,7 @@ class Site(_Table):
 
     @property
     def archive(self) -> Path | None:
-        """Folder of samples, next to a store in a file; None where they are not kept."""
+        """Folder of samples, next to a store in a file; None if they are not kept."""
         if not self.keep.raw_days:
             return None
         is_file = self.store.startswith("sqlite:///")
@@ -193,7 +193,7 @@ class Site(_Table):
 
     @property
     def correlations(self) -> Path | None:
-        """Folder of correlations that boxes sent; None where they are not kept."""
+        """Folder of correlations that boxes sent; None if they are not kept."""
         return None if self.archive is None else self.archive.with_name("correlations")
 
     @property

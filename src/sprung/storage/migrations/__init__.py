@@ -26,9 +26,9 @@ def upgrade(connection: Connection, *, target: str | None = None) -> None:
     Parameters
     ----------
     connection
-        In a transaction, which the caller commits.
+        Connection in a transaction, which the caller commits.
     target
-        Revision to stop at; None goes to the newest.
+        Revision to stop at; None: the newest.
 
     Raises
     ------
