@@ -105,7 +105,7 @@ def road_class(name: str) -> Road:
     Raises
     ------
     ParameterError
-        If there is no such class.
+        If the class does not exist.
 
     References
     ----------
@@ -340,8 +340,8 @@ class SurfaceMotion:
 
     Notes
     -----
-    The wheel of axle j follows its track at distance(t) - (x_1 - x_j): what the front wheel has passed, delayed by
-    the time that the vehicle takes at its speed. Inputs are the corners front to rear, left before right.
+    The wheel of axle j follows its track at distance(t) - (x_1 - x_j): the profile under the front wheel, delayed by
+    the travel time of the wheelbase. Inputs are the corners front to rear, left before right.
     """
 
     surface: Surface
@@ -357,7 +357,7 @@ class SurfaceMotion:
 
     @property
     def n_inputs(self) -> int:
-        """Two wheels on each axle."""
+        """Number of inputs: two wheels on each axle."""
         return 2 * len(self.axle_positions)
 
     @property

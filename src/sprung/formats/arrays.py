@@ -76,7 +76,7 @@ def _rate(numeric: Mapping[str, NDArray[Any]]) -> float | None:
 
 
 def _main_matrix(path: Path, signals: Mapping[str, NDArray[Any]], arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Return the named rows of the array called `samples` or `data`; nothing where there is none."""
+    """Return the named rows of the array called `samples` or `data`; nothing without such an array."""
     matrices = [value for name, value in signals.items() if name.lower() in _MATRICES]
     if not matrices:
         return {}

@@ -120,7 +120,7 @@ def is_unit(text: str) -> bool:
 
 
 def time_column(headings: Iterable[str], *, path: Path) -> str | None:
-    """Return the only heading that names a time column; None where there is none."""
+    """Return the only heading that names a time column; None if there is none."""
     times = [heading for heading in headings if is_time(heading)]
     if len(times) > 1:
         raise FormatError(f"{path} has the time columns {times[0]!r} and {times[1]!r}: keep one of them")
@@ -255,7 +255,7 @@ def _reads_back(heading: str, expected: Column) -> bool:
 
 
 def written_stamps(recording: Recording) -> tuple[str, NDArray[Any]]:
-    """Return name and values of the time column: UTC date-times where the start is known, else seconds."""
+    """Return name and values of the time column: UTC date-times if the start is known, else seconds."""
     seconds = np.arange(recording.n_samples) / recording.sampling_rate
     for gap in recording.gaps:
         seconds[gap.index :] += gap.duration

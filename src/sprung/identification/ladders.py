@@ -24,7 +24,7 @@ class OrderLadder:
         Largest model order, at least 2.
     """
 
-    #: Lags for each block row, and whether correlations are divided by the number of samples.
+    #: Number of lags for each block row, and whether correlations are divided by the number of samples.
     lags_per_row: ClassVar[int] = 2
     is_biased: ClassVar[bool] = False
 

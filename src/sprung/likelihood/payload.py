@@ -63,7 +63,7 @@ class AddedMass(ParameterBlock):
 
     @property
     def start(self) -> Real:
-        """Nothing added."""
+        """Zero added mass."""
         return np.zeros(len(self.parts))
 
     @property
@@ -93,7 +93,7 @@ class AddedMass(ParameterBlock):
         return replace(structure, mass=structure.mass + self._mass(parameters))
 
     def _mass(self, parameters: Real) -> Real:
-        """Mass matrix that is added."""
+        """Added mass matrix."""
         return np.einsum("p,pij->ij", parameters, np.array([part.matrix for part in self.parts]))
 
 

@@ -16,7 +16,7 @@ from sprung.likelihood.terms import Terms, nominal_terms
 from sprung.likelihood.transfer import term_gradients, transfer
 from sprung.vehicles import Component, Structure
 
-#: Value of the objective where it is not finite, or the mass matrix is not positive definite.
+#: Value of the objective if it is not finite, or the mass matrix is not positive definite.
 TOO_FAR = 1e100
 
 

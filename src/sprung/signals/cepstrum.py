@@ -28,7 +28,7 @@ class ShortPass:
     """Lifter that keeps the cepstrum below a quefrency and nothing beyond it.
 
     Quasi-periodic excitation appears at long quefrencies, the modes at short ones: the log spectrum is smoothed over
-    about 1/(2 length) Hz, so that any narrower line disappears, whatever its frequency.
+    about 1/(2 length) Hz, so that any narrower line disappears, at any frequency.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Exponential:
 class Comb:
     """Lifter that removes the rahmonics of one period.
 
-    It removes pulse trains and other families of many multiples of 1 / period, and hardly changes the rest of the
+    It removes pulse trains and other families of many multiples of 1 / period, with little effect on the rest of the
     spectrum. A single sine has no rahmonics: only a short-pass or exponential lifter removes it.
 
     Parameters
@@ -121,7 +121,7 @@ def edit(recording: Recording, lifter: Lifter) -> Recording:
     Returns
     -------
     Recording
-        Recording with each stretch edited by itself, its mean removed. A constant channel does not change.
+        Recording with each stretch edited separately, its mean removed. A constant channel does not change.
 
     Raises
     ------

@@ -56,14 +56,14 @@ class Payload:
 
 @dataclass(frozen=True, slots=True)
 class SuspensionConditions:
-    """What distinguishes the suspension on a drive from the linear one of the vehicle file.
+    """Departures of the suspension on a drive from the linear one of the vehicle file.
 
     Parameters
     ----------
     temperature
-        Temperature of the dampers [degrees Celsius]; they are nominal at 20.
+        Temperature of the dampers [°C]; damping is nominal at 20 °C.
     force_laws
-        Nonlinear force laws by part or by owner and part, see `simulate_nonlinear`; none: a linear suspension.
+        Nonlinear force laws by part or by owner and part, see `simulate_nonlinear`; empty: a linear suspension.
     """
 
     temperature: float = 20.0
@@ -100,14 +100,14 @@ FEW_POTHOLES = Potholes(per_kilometre=3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSettings(ABC):
-    """Settings that a drive on a road or a track and a run on a rig have in common.
+    """Common settings of drives on a road or a track and runs on a rig.
 
     Parameters
     ----------
     sampling_rate
         Sampling rate [Hz].
     speed
-        Range of the steady speeds [m/s]; on a rig of the rollers' surface.
+        Range of the steady speeds [m/s]; on a rig, of the rollers' surface.
     duration
         Duration of the recording [s].
     n_stops
@@ -142,7 +142,7 @@ class DriveSettings(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadDrive(DriveSettings):
-    """Settings of a drive on a road; those in common are documented at `DriveSettings`.
+    """Settings of a drive on a road; for the common ones see `DriveSettings`.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ class RoadDrive(DriveSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RailDrive(DriveSettings):
-    """Settings of a drive on a good track with dipped joints; they are documented at `DriveSettings`."""
+    """Settings of a drive on a good track with dipped joints, see `DriveSettings`."""
 
     sampling_rate: float = 500.0
     speed: tuple[float, float] = (15.0, 30.0)
@@ -175,7 +175,7 @@ class RailDrive(DriveSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigRun(DriveSettings):
-    """Settings of a run on a roller rig; those in common are documented at `DriveSettings`.
+    """Settings of a run on a roller rig; for the common ones see `DriveSettings`.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ class SimulatedDrive:
     recording
         Signals of the vehicle's sensors, and the channel of its speed.
     truth
-        JSON object `sprung.truth/1`.
+        Truth of the recording, fields of `sprung.truth/1`.
     speed
         Speed over time [m/s].
     """
@@ -237,14 +237,13 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     Raises
     ------
     ParameterError
-        If the vehicle has no such component as a fault names, or no motion sensors.
+        If the vehicle lacks a component that a fault names, or has no motion sensors.
     MissingPackageError
         If force laws, or faults that begin later or grow, need numba and it is not installed.
 
     Notes
     -----
-    The lead-in is the settling time of the healthy vehicle, so that the same seed gives the same road whatever the
-    faults.
+    The lead-in is the settling time of the healthy vehicle, so that the same seed gives the same road with any faults.
 
     Examples
     --------

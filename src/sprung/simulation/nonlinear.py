@@ -56,8 +56,8 @@ def simulate_nonlinear(
     duration
         Recorded time [s], after a lead-in that is discarded.
     sampling_rate
-        Sampling rate of the recording [Hz]; the integration takes at least 1000 steps per second, more where the
-        vehicle needs them.
+        Sampling rate of the recording [Hz]; the integration takes at least 1000 steps per second, more if the vehicle
+        needs them.
     force_laws
         Force laws by part ("suspension", "tyre", "mount") or by owner and part ("front_left.suspension"); parts
         without one are linear.
@@ -79,7 +79,7 @@ def simulate_nonlinear(
     Raises
     ------
     ParameterError
-        If the vehicle has no sensors, other inputs than the excitation, or no part or component of a given name.
+        If the vehicle has no sensors, other inputs than the excitation, or lacks a named part or component.
     MissingPackageError
         If numba is not installed.
     """
@@ -158,7 +158,7 @@ def integrate(
     Raises
     ------
     ParameterError
-        If inputs have another shape, or a force law or a time history names no part of the vehicle.
+        If inputs have another shape, or a force law or a time history names a part that the vehicle lacks.
     MissingPackageError
         If numba is not installed.
     """

@@ -1,4 +1,4 @@
-"""What sensors and recorders do to signals: noise, resolution, range, and the ways in which they fail."""
+"""Imperfections of sensors and recorders: noise, resolution, range, and faults."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -13,8 +13,8 @@ from sprung.errors import ParameterError
 from sprung.excitation import noise
 from sprung.recording import Gap, Recording
 
-#: Something that a sensor or recorder does to a recording: a function of this module with its options bound by
-#: `functools.partial`. A random one keeps its parameter `generator` free.
+#: Imperfection of a sensor or recorder: a function of this module with its options bound by `functools.partial`. A
+#: random one keeps its parameter `generator` free.
 Imperfection = Callable[..., Recording]
 
 
@@ -100,7 +100,7 @@ def noisy(
     channel
         Name of the channel; None: all channels of `quantity`.
     quantity
-        Quantity of the channels where `channel` is None.
+        Quantity of the channels if `channel` is None.
     band
         Lower and upper edge of the noise [Hz]; None for white noise.
     """
@@ -125,7 +125,7 @@ def quantised(recording: Recording, *, full_scale: float, bits: int = 16, quanti
     bits
         Number of bits, 1 to 32: steps of 2 full_scale / 2^bits.
     quantity
-        Quantity of the channels that are quantised.
+        Quantity of the quantised channels.
     """
     check_number("full_scale", full_scale, above=0)
     check_number("bits", bits, at_least=1, at_most=32)

@@ -87,7 +87,7 @@ def parse_fault(text: str) -> Fault:
     except ValueError:
         raise ParameterError(
             f"fault {text!r} is not of the form CORNER.COMPONENT=CHANGE, such as front_left.spring=-0.2, with "
-            "@ONSET+GROWTH in seconds for one that begins later or grows: correct it"
+            "@ONSET+GROWTH in seconds if it begins later or grows: correct it"
         ) from None
     return Fault(Component(match["owner"], match["component"]), change, onset, growth)
 

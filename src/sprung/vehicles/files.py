@@ -1,4 +1,4 @@
-"""Vehicle files (`sprung.vehicle/1`): read, check and write; the vehicles that come with the package."""
+"""Vehicle files (`sprung.vehicle/1`): reading, checking and writing; the vehicles shipped with the package."""
 
 import json
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from sprung.errors import FormatError, ParameterError
 from sprung.toml import checked, toml_fields
 from sprung.vehicles.description import KINDS, Chain, Quarter, Vehicle
 
-#: Vehicles that come with the package.
+#: Vehicles shipped with the package.
 VEHICLES = ("chain3", "plate", "quarter", "scale-bogie", "y25", "zafira", "zafira-printed")
 
 # A vehicle file is a page of text; anything larger is another file.
@@ -18,7 +18,7 @@ _LARGEST_FILE = 1_000_000
 
 
 def read_vehicle(path_or_name: str | Path) -> Vehicle:
-    """Read the file of a vehicle on axles, or one of those that come with the package.
+    """Read the file of a vehicle on axles, or one of those shipped with the package.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def read_vehicle(path_or_name: str | Path) -> Vehicle:
     Raises
     ------
     ParameterError
-        If there is no such file or name, or it describes a quarter vehicle or a chain.
+        If the file or name does not exist, or describes a quarter vehicle or a chain.
     FormatError
         If the file is not a valid vehicle file; the message names file, field, rule and remedy.
 
@@ -47,7 +47,7 @@ def read_vehicle(path_or_name: str | Path) -> Vehicle:
 
 
 def read_description(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
-    """Read a vehicle file of any kind, or one of the vehicles that come with the package.
+    """Read a vehicle file of any kind, or one of the vehicles shipped with the package.
 
     Parameters
     ----------
@@ -57,12 +57,12 @@ def read_description(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
     Returns
     -------
     Vehicle, Quarter or Chain
-        According to the `kind` in the file.
+        Description of the kind that the file states.
 
     Raises
     ------
     ParameterError
-        If there is no such file or name.
+        If the file or name does not exist.
     FormatError
         If the file is not a valid vehicle file; the message names file, field, rule and remedy.
 
@@ -91,7 +91,7 @@ def parse_vehicle(fields: Mapping[str, Any]) -> Vehicle | Quarter | Chain:
     Parameters
     ----------
     fields
-        As in a vehicle file; `schema` may be left out.
+        Fields as in a vehicle file; `schema` may be left out.
 
     Raises
     ------
