@@ -140,7 +140,13 @@ class Recording:
         return self.n_samples / self.sampling_rate
 
     def index(self, name: str) -> int:
-        """Return the row of the channel called `name`."""
+        """Return the row of the channel called `name`.
+
+        Raises
+        ------
+        ParameterError
+            If the recording has no channel of that name.
+        """
         if name not in self.names:
             raise ParameterError(f"there is no channel {name!r}: the recording has {', '.join(self.names)}")
         return self.names.index(name)

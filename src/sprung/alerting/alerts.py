@@ -38,6 +38,11 @@ class AlertSettings:
         Hysteresis: consecutive windows without a report before it clears, at least 1.
     renotify_after
         Time after which an active, unacknowledged alert is notified again [ns]; None: never.
+
+    Raises
+    ------
+    ParameterError
+        If a number is below 1, or a time is not above 0.
     """
 
     raise_after: int = 1

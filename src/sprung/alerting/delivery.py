@@ -36,6 +36,11 @@ class Backoff:
         Wait after the first failure [ns].
     most
         Longest wait [ns].
+
+    Raises
+    ------
+    ParameterError
+        If the first wait is not above 0, or the longest one is shorter.
     """
 
     first: int = 5 * _SECOND
@@ -47,6 +52,11 @@ class Backoff:
 
     def next_attempt(self, attempts: int, now: int) -> int:
         """Return the time of the next attempt [UTC ns] after a number of failures, the last of them `now`.
+
+        Raises
+        ------
+        ParameterError
+            If the number of failures is below 1.
 
         Examples
         --------

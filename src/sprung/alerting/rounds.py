@@ -27,6 +27,11 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
     Transition
         "pending" during hold-off, "raised" at its end, "updated" while active.
 
+    Raises
+    ------
+    ParameterError
+        If alert and report are of different vehicles or causes.
+
     Notes
     -----
     A recurrence raises the same alert again, counted and unacknowledged. An active alert is notified again if its

@@ -63,6 +63,11 @@ class WebhookSender:
         Opener of requests; None: one that follows no redirection.
     name
         Name of the sender, see `Sender`.
+
+    Raises
+    ------
+    ParameterError
+        If the address is not valid, or the time is not above 0.
     """
 
     def __init__(
@@ -88,7 +93,13 @@ class WebhookSender:
         self._opener = urllib.request.build_opener(_Unmoved) if opener is None else opener
 
     def send(self, message: Message) -> None:
-        """Post the message; any 2xx response is success."""
+        """Post the message; any 2xx response is success.
+
+        Raises
+        ------
+        SendError
+            If the server cannot be reached, or does not accept the message.
+        """
         try:
             request = urllib.request.Request(self._url, _json(message), self._headers, method="POST")
             with self._opener.open(request, timeout=self._timeout):
@@ -124,6 +135,11 @@ class MailSender:
         Longest wait for each answer [s].
     name
         Name of the sender, see `Sender`.
+
+    Raises
+    ------
+    ParameterError
+        If an address is not valid, a credential is missing, or the time is not above 0.
     """
 
     def __init__(
@@ -155,7 +171,13 @@ class MailSender:
         self._starttls, self._connect = starttls, connect
 
     def send(self, message: Message) -> None:
-        """Send one mail to all recipients; it fails if the server refuses any of them."""
+        """Send one mail to all recipients; it fails if the server refuses any of them.
+
+        Raises
+        ------
+        SendError
+            If the server cannot be reached, or refuses credentials, the mail or a recipient.
+        """
         where = f"mail server {self._host}:{self._port}"
         try:
             with self._connect(self._host, self._port, timeout=self._timeout) as server:
@@ -193,7 +215,13 @@ class PublishSender:
         self._publish = publish
 
     def send(self, message: Message) -> None:
-        """Publish once."""
+        """Publish once.
+
+        Raises
+        ------
+        SendError
+            If the vehicle's name cannot be part of a topic, or the message was not published.
+        """
         if not _VEHICLE.fullmatch(message.vehicle):
             raise SendError(
                 f"vehicle {message.vehicle!r} cannot be part of a topic: use letters, digits, '_', '.', '-'"

@@ -58,7 +58,13 @@ def from_can(
 
 
 def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
-    """Return a bus of python-can, such as of socketcan and can0; a bit rate [1/s] where the adapter needs one."""
+    """Return a bus of python-can, such as of socketcan and can0; a bit rate [1/s] where the adapter needs one.
+
+    Raises
+    ------
+    ParameterError
+        If the bus cannot be opened.
+    """
     can = required("can", purpose="a CAN bus", extra="can")
     settings = {} if bitrate is None else {"bitrate": bitrate}
     try:
@@ -70,7 +76,13 @@ def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
 
 
 def can_database(path: str | PathLike[str]) -> Any:
-    """Return the database of cantools in a file: DBC, KCD, SYM or ARXML."""
+    """Return the database of cantools in a file: DBC, KCD, SYM or ARXML.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read, or describes no messages.
+    """
     cantools = required("cantools", purpose="a CAN database", extra="can")
     path = Path(path)
     if not path.is_file():

@@ -43,6 +43,11 @@ class Regular:
         Longest time between two values of a channel [s], at most 2; samples within longer intervals are missing.
         Channels slower than 2 Hz need more than the default.
 
+    Raises
+    ------
+    ParameterError
+        If channels are missing or repeated, or a number is out of range.
+
     Notes
     -----
     The first time is that of the first sample. Samples are interpolated linearly between values; they are missing

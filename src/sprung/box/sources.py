@@ -24,6 +24,11 @@ def blocks_of(recording: Recording, *, length: float = BLOCK) -> Iterator[Record
     """Yield a recording in blocks of about `length` [s]; no block spans a gap.
 
     The last block before a gap or the end has 0.5 to 1.5 times this length, or is the whole stretch.
+
+    Raises
+    ------
+    ParameterError
+        If the length is not above 0.
     """
     step = max(1, round(check_number("length", length, above=0) * recording.sampling_rate))
     for stretch in recording.stretches():
@@ -141,6 +146,11 @@ def paced(
         Present time [s] of any clock that only goes forward.
     sleep
         Function that waits for a time [s].
+
+    Raises
+    ------
+    ParameterError
+        If the pace is not above 0.
     """
     if pace is None:
         return iter(blocks)

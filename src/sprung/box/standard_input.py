@@ -39,7 +39,9 @@ def from_lines(lines: IO[str], *, sampling_rate: float, start: Callable[[], int]
     Raises
     ------
     FormatError
-        If a line cannot be read; with its number, after the samples before it.
+        If a line cannot be read, with its number, after the samples before it.
+    ParameterError
+        If the sampling rate is not above 0.
 
     Notes
     -----

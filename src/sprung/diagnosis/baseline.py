@@ -66,6 +66,11 @@ class Baseline:
         Median model error of the windows that it was learnt from, see `CornerFit`.
     taught
         Times of the windows that it was learnt from [s].
+
+    Raises
+    ------
+    ParameterError
+        If an array has another shape, or holds numbers that are not finite.
     """
 
     vehicle: str

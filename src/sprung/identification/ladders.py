@@ -22,6 +22,11 @@ class OrderLadder:
         Number i of block rows, at least 2.
     max_order
         Largest model order, at least 2.
+
+    Raises
+    ------
+    ParameterError
+        If the block rows or the largest order are below 2.
     """
 
     #: Number of lags for each block row, and whether correlations are divided by the number of samples.
@@ -57,6 +62,11 @@ class BlockRowLadder:
     ----------
     first, last
         Smallest and largest number of block rows, 2 <= first <= last.
+
+    Raises
+    ------
+    ParameterError
+        If the block rows do not rise from 2 or more.
 
     References
     ----------

@@ -161,6 +161,12 @@ def fit_corners(
     Whittle likelihood of the segments' spectral matrices, averaged by speed class; see `sprung.likelihood.whittle` and,
     for the order of the fits, `fit_segments`. The covariance is that of the information, corrected for overlap, and by
     the scores of the segments (sandwich) where those scatter more than the model predicts.
+
+    References
+    ----------
+    P. Whittle, The analysis of multiple stationary time series, Journal of the Royal Statistical Society B 15 (1953)
+    125-139.
+    H. White, Maximum likelihood estimation of misspecified models, Econometrica 50 (1982) 1-25.
     """
     records = [recordings] if isinstance(recordings, Recording) else recordings
     return fit_windows([window_of(record, vehicle) for record in records], settings=settings, modes=modes)

@@ -53,6 +53,11 @@ class Terms:
         H = reduction diag(channel response) (-w^2 motion D^-1 B + feedthrough),    S = H S_inputs H^H + noise,
 
     S_inputs block diagonal of `inputs` and `measured_inputs`.
+
+    References
+    ----------
+    D. J. Ewins, Modal Testing: Theory, Practice and Application, 2nd edition, Research Studies Press, 2000 (frequency
+    response functions).
     """
 
     frequencies: Real

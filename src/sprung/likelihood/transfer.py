@@ -218,6 +218,11 @@ def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
         Response of the vehicle to its inputs.
     weight
         W with d objective = sum tr(W dS), Hermitian, shape (classes, grid, coordinates, coordinates).
+
+    References
+    ----------
+    J. R. Magnus and H. Neudecker, Matrix Differential Calculus with Applications in Statistics and Econometrics, Wiley,
+    1988, chapter 8 (differentials of the inverse and of the determinant).
     """
     H = response.matrix[..., : response.terms.inputs.shape[-1]]
     inputs = (_adjoint(H) @ weight @ H).swapaxes(-1, -2)

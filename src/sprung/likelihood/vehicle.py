@@ -57,6 +57,11 @@ class CornerSettings:
     kind
         Excitation of the wheels: "road", "rail" (both repeat the front wheels' input at the rear ones and need the
         speed) or "rig" (rollers); None: that of the vehicle file.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or the band does not rise from above 0.
     """
 
     band: tuple[float, float] | None = None

@@ -50,6 +50,13 @@ class Spool:
     boot_from
         Lowest number of this boot, such as the time in seconds, so that numbers still rise on a new disk.
 
+    Raises
+    ------
+    ParameterError
+        If the size is out of range.
+    SpoolError
+        If the folder cannot be used, or another box uses it.
+
     Notes
     -----
     A file of records: mark, boot, sequence number, length, payload, CRC-32 of all of that. An incomplete end is

@@ -54,6 +54,11 @@ class MonitorSettings:
         Rate of false alarms per vehicle and day of driving, and hours of driving in a day.
     most_windows
         Largest number of most recent windows in a diagnosis, at least `learning_windows`.
+
+    Raises
+    ------
+    ParameterError
+        If a setting is out of range.
     """
 
     window: float = 600.0

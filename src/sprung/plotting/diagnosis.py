@@ -29,6 +29,11 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     ----------
     diagnosis
         Diagnosis with at least one conclusive window.
+
+    Raises
+    ------
+    ParameterError
+        If no window was conclusive.
     """
     detection = diagnosis.detection
     if detection is None:
@@ -78,6 +83,11 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         Diagnosis with at least one conclusive window.
     baseline
         Baseline of the vehicle; None: its vehicle file.
+
+    Raises
+    ------
+    ParameterError
+        If no window was conclusive.
     """
     detection = diagnosis.detection
     if detection is None:
@@ -115,6 +125,11 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
         Diagnosis with at least one conclusive window.
     baseline
         Baseline of the vehicle; None: its vehicle file.
+
+    Raises
+    ------
+    ParameterError
+        If no window was conclusive.
 
     Notes
     -----
@@ -210,6 +225,11 @@ def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> 
         Changes of modes, at least one.
     heading
         Line below the heading, such as the finding's sentence.
+
+    Raises
+    ------
+    ParameterError
+        If there are no changes.
     """
     if not changes:
         raise ParameterError("changes is empty, but must hold at least one change of a mode: draw it only for findings")

@@ -35,6 +35,11 @@ class ShortPass:
     length
         Quefrency up to which the cepstrum is kept [s], above 0.
 
+    Raises
+    ------
+    ParameterError
+        If the length is not above 0.
+
     References
     ----------
     F. Liu (2020), eq. 5-4, with `length` = 0.25 s in chapter 5.
@@ -60,6 +65,11 @@ class Exponential:
     ----------
     time_constant
         Time constant tau [s], above 0; every pole moves to the left by 1/tau.
+
+    Raises
+    ------
+    ParameterError
+        If the time constant is not above 0.
 
     References
     ----------
@@ -91,6 +101,11 @@ class Comb:
     width
         Width of the notch around each multiple of the period [s], 0 to `period`. A notch covers at least the samples on
         both sides of its multiple; a wider one follows a period that is not quite constant.
+
+    Raises
+    ------
+    ParameterError
+        If the period is not above 0, or the width is not within 0 to the period.
     """
 
     period: float

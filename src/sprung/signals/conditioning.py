@@ -246,7 +246,15 @@ def distance_travelled(recording: Recording, speed: str) -> Real:
 
 
 def moving_parts(recording: Recording, speed: str, *, minimum_speed: float) -> list[slice]:
-    """Return the sample ranges, within stretches, of at least ten samples at or above `minimum_speed` [m/s]."""
+    """Return the sample ranges, within stretches, of at least ten samples at or above `minimum_speed` [m/s].
+
+    Raises
+    ------
+    ParameterError
+        If the channel does not exist, or `minimum_speed` is not above 0.
+    DataError
+        If the speed has missing values.
+    """
     check_number("minimum_speed", minimum_speed, above=0)
     check_complete(recording.names, recording.samples)
     is_moving = recording.samples[recording.index(speed)] >= minimum_speed

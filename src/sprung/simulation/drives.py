@@ -44,6 +44,11 @@ class Payload:
         Mass [kg], at least 0.
     x, y
         Position ahead and to the left of the body's centre of gravity [m].
+
+    Raises
+    ------
+    ParameterError
+        If the mass is negative or not finite.
     """
 
     mass: float = 0.0
@@ -83,6 +88,11 @@ class RoadConditions:
         Roughness class of ISO 8608, "A" to "H".
     potholes
         Potholes and bumps on the way; None: none.
+
+    Raises
+    ------
+    ParameterError
+        If the class does not exist.
     """
 
     road_class: str = "C"
@@ -120,6 +130,11 @@ class DriveSettings(ABC):
         Temperature and force laws of the suspension.
     snr
         RMS of the signal over that of white sensor noise, an amplitude ratio; None: no noise.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
     """
 
     sampling_rate: float
@@ -181,6 +196,11 @@ class RigRun(DriveSettings):
     ----------
     driven
         Wheelsets that stand on driven rollers: "all" or "front".
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or `driven` is neither "all" nor "front".
     """
 
     sampling_rate: float = 1000.0

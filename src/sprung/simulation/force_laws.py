@@ -29,6 +29,11 @@ class ForceLaw:
         Stiffness [N/m] and limit force [N] of a friction element in parallel (Dahl), stiff at small and soft at large
         amplitudes: its force r follows r' = rubber_stiffness e' (1 - sign(e') r / rubber_force).
 
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+
     References
     ----------
     P. R. Dahl, Solid friction damping of mechanical vibrations, AIAA Journal 14 (1976), 1675-1682.
@@ -71,6 +76,11 @@ class ForceLaw:
 
 def damping_factor(temperature: float) -> float:
     """Return the damping at an oil temperature [degrees Celsius] over that at 20 degrees Celsius.
+
+    Raises
+    ------
+    ParameterError
+        If the temperature is not within -60 to 200 degrees Celsius.
 
     Notes
     -----

@@ -12,7 +12,13 @@ Numbered: TypeAlias = tuple[int, int, Document]
 
 
 def check_count(name: str, value: int, *, at_least: int = 0) -> int:
-    """Return `value` if it is a whole number that a column holds."""
+    """Return `value` if it is a whole number that a column holds.
+
+    Raises
+    ------
+    ParameterError
+        If the value is not a whole number of that range.
+    """
     if not isinstance(value, int) or not at_least <= value < 2**63:
         raise ParameterError(f"{name}={value!r} must be a whole number from {at_least} to 2^63 - 1")
     return value

@@ -137,7 +137,13 @@ def open_store(url: str) -> Store:
 
 
 def check_address(url: str) -> URL:
-    """Return the parts of the address of a store, or raise what is wrong with it."""
+    """Return the parts of the address of a store, or raise what is wrong with it.
+
+    Raises
+    ------
+    ParameterError
+        If the address is not that of a store.
+    """
     try:
         address = make_url(url)
     except ArgumentError:

@@ -69,6 +69,11 @@ class Fault:
 def parse_fault(text: str) -> Fault:
     """Return the fault written as CORNER.COMPONENT=CHANGE, with @ONSET and +GROWTH in seconds if it is not constant.
 
+    Raises
+    ------
+    ParameterError
+        If the text does not have this form, or a number is out of range.
+
     Examples
     --------
     >>> parse_fault("front_left.spring=-0.2")

@@ -64,6 +64,11 @@ class Element:
         a foot has no damping, as the velocity of the base is not an input.
     series_stiffness
         Stiffness of the bushing in series with the damper [N/m], above 0; None if the damper is fixed rigidly.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or an element on a moving base has damping.
     """
 
     owner: str
@@ -162,6 +167,11 @@ class Structure:
         displacements, which act through the elements that stand on them.
     outputs
         Output matrices of the sensors.
+
+    Raises
+    ------
+    ParameterError
+        If elements, inputs or outputs do not match the coordinates.
     """
 
     coordinates: tuple[str, ...]
@@ -257,6 +267,11 @@ class Structure:
         x, y
             Position ahead and to the left of the body's own centre of gravity [m]. The coordinates stay those of the
             empty body, so that sensors and springs keep their positions.
+
+        Raises
+        ------
+        ParameterError
+            If the mass is negative, or the structure has no body on axles.
         """
         check_number("mass of the payload", mass, at_least=0)
         row = body_row(self.coordinates, x=x, y=y)
@@ -329,6 +344,11 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
 
 def body_row(coordinates: Sequence[str], *, x: float, y: float) -> Real:
     """Return the upward displacement of the body at (x, y) [m] for one unit of each coordinate, shape (n,).
+
+    Raises
+    ------
+    ParameterError
+        If the structure has no bounce, pitch or roll.
 
     Notes
     -----
