@@ -12,7 +12,13 @@ from sprung.errors import DataError, MissingPackageError, ParameterError
 
 
 def frozen_array(name: str, values: ArrayLike, *, ndim: int, dtype: Any = np.float64) -> NDArray[Any]:
-    """Return `values` as a read-only array of `ndim` dimensions, without a copy where none is needed."""
+    """Return `values` as a read-only array of `ndim` dimensions, without a copy where none is needed.
+
+    Raises
+    ------
+    ParameterError
+        If the array has another number of dimensions.
+    """
     array = np.asarray(values, dtype=dtype)
     if array.ndim != ndim:
         raise ParameterError(f"{name} has {array.ndim} dimensions {array.shape}, but must have {ndim}")
@@ -36,7 +42,13 @@ def check_number(
     at_most: float | None = None,
     advice: str = "",
 ) -> float:
-    """Return `value` if it is a finite number within the bounds."""
+    """Return `value` if it is a finite number within the bounds.
+
+    Raises
+    ------
+    ParameterError
+        If the value is not finite, or outside the bounds.
+    """
     rules = []
     if above is not None:
         rules.append((f"above {above:g}", value > above))
@@ -53,7 +65,13 @@ def check_number(
 
 
 def check_one_of(name: str, value: str, allowed: Collection[str], *, advice: str = "") -> str:
-    """Return `value` if it is one of `allowed`."""
+    """Return `value` if it is one of `allowed`.
+
+    Raises
+    ------
+    ParameterError
+        If the value is not one of them.
+    """
     if value not in allowed:
         known = ", ".join(sorted(allowed))
         raise ParameterError(f"{name} {value!r} is not one of {known}" + (f": {advice}" if advice else ""))
@@ -61,7 +79,13 @@ def check_one_of(name: str, value: str, allowed: Collection[str], *, advice: str
 
 
 def required(package: str, *, purpose: str, extra: str) -> Any:
-    """Return an optional package, or raise an error that states its purpose and how to install it."""
+    """Return an optional package, or raise an error that states its purpose and how to install it.
+
+    Raises
+    ------
+    MissingPackageError
+        If the package is not installed.
+    """
     try:
         return import_module(package)
     except ImportError as error:
@@ -73,7 +97,13 @@ def required(package: str, *, purpose: str, extra: str) -> Any:
 
 
 def check_complete(names: Sequence[str], samples: Real) -> None:
-    """Raise if any of the samples, shape (channels, samples), is missing (NaN) or infinite."""
+    """Raise if any of the samples, shape (channels, samples), is missing (NaN) or infinite.
+
+    Raises
+    ------
+    DataError
+        If a sample is missing or infinite.
+    """
     n_missing = np.count_nonzero(~np.isfinite(samples), axis=1)
     if n_missing.any():
         row = int(np.argmax(n_missing))

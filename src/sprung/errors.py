@@ -18,7 +18,7 @@ class DataError(SprungError):
 
 
 class IdentificationError(SprungError):
-    """An identification that found no mode in good data."""
+    """An identification without any mode, from good data."""
 
 
 class MissingPackageError(SprungError, ImportError):

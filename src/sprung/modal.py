@@ -124,6 +124,11 @@ class Poles:
         Names of the channels.
     natural_frequency_std, damping_ratio_std
         Standard deviations from the spread of the blocks, shape (poles,); NaN where the correlations have one block.
+
+    Raises
+    ------
+    ParameterError
+        If the shapes of the arrays are inconsistent.
     """
 
     poles: Complex
@@ -214,6 +219,11 @@ class Modes:
         Share of the rungs of the ladder with a stable pole of the mode, 0 to 1, shape (modes,).
     labels
         "bounce", "pitch", "roll", "wheel_hop" or None for each mode.
+
+    Raises
+    ------
+    ParameterError
+        If the shapes of the arrays are inconsistent.
     """
 
     poles: Complex

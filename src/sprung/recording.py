@@ -66,7 +66,7 @@ class Channel:
 
     @property
     def unit(self) -> str:
-        """SI unit of the samples; empty where the quantity is unknown."""
+        """SI unit of the samples; empty if the quantity is unknown."""
         return QUANTITIES[self.quantity]
 
 
@@ -140,7 +140,13 @@ class Recording:
         return self.n_samples / self.sampling_rate
 
     def index(self, name: str) -> int:
-        """Return the row of the channel called `name`."""
+        """Return the row of the channel called `name`.
+
+        Raises
+        ------
+        ParameterError
+            If the recording has no channel of that name.
+        """
         if name not in self.names:
             raise ParameterError(f"there is no channel {name!r}: the recording has {', '.join(self.names)}")
         return self.names.index(name)
@@ -202,8 +208,8 @@ def join(pieces: Sequence[Piece], *, waits: Sequence[float | None] | None = None
     pieces
         One or more pieces with the same channels and, but for the clock, the same sampling rate.
     waits
-        Time that was not recorded before each piece but the first [s], one less than there are pieces; None where the
-        samples go on without a gap. Default: no gap between any two.
+        Time that was not recorded before each piece but the first [s], one less than there are pieces; None for samples
+        that continue without a gap. Default: no gap between any two.
 
     Returns
     -------

@@ -99,10 +99,10 @@ def conversion(unit: str) -> tuple[str, float]:
 
     Notes
     -----
-    Upper and lower case are different units (mg, Mg), so "G" is not taken for "g". "g" is the standard
-    acceleration of free fall, never the gram. A unit has a factor but no offset, so kelvin and degrees Fahrenheit are
-    unknown. Speed (of the vehicle) and velocity (of a vibration) have the
-    same SI unit: m/s, km/h and mph are reported as speed, mm/s as velocity.
+    Upper and lower case are different units (mg, Mg), so "G" is not taken for "g". "g" is the standard acceleration of
+    free fall, never the gram. A unit has a factor but no offset, so kelvin and degrees Fahrenheit are unknown. Speed
+    (of the vehicle) and velocity (of a vibration) have the same SI unit: m/s, km/h and mph are reported as speed, mm/s
+    as velocity.
 
     Examples
     --------

@@ -84,7 +84,7 @@ def test_shelves_end_before_the_round(all_active):
 
 
 def test_a_round_is_of_one_vehicle(all_active):
-    with pytest.raises(ParameterError, match="but this one of car, van: assess each by itself"):
+    with pytest.raises(ParameterError, match="but this one of car, van: assess each alone"):
         play(all_active, [report("silent", vehicle="van")])
 
 

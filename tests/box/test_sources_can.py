@@ -143,7 +143,7 @@ def test_bus_that_breaks_down_or_cannot_be_opened(database):
         raise can.CanOperationError("Network is down")
 
     blocks = from_can(broken(), database, names=["acc_fl"], sampling_rate=100.0)
-    with pytest.raises(FormatError, match=r"CAN bus or log cannot be read on \(Network is down\): check that it is up"):
+    with pytest.raises(FormatError, match=r"can no longer be read \(Network is down\): check that it is up"):
         list(blocks)
     with pytest.raises(ParameterError, match="the CAN bus nonsense can0 cannot be opened"):
         can_bus("nonsense", "can0")

@@ -62,7 +62,7 @@ def test_damaged_file_is_set_aside(sqlite_file, damage):
         fill(store, n_batches=1)
     kept = re.fullmatch(
         rf"the store {sqlite_file} was damaged \(.+\): it is kept as (store\.sqlite\.corrupt-\d{{8}}T\d{{6}}), "
-        r"and a new one was begun",
+        r"and a new one was created",
         notice,
     )
     assert sqlite_file.with_name(kept[1]).read_bytes() == content

@@ -309,7 +309,7 @@ def test_sensors_of_other_quantities_are_no_outputs():
     temperature = {"channel": "t", "quantity": "temperature", "unit": "degC"}
     vehicle = structure(parse_vehicle(car(sensor=[temperature, SENSOR])))
     assert vehicle.outputs.names == ("a",)
-    with pytest.raises(ParameterError, match="quantity 'temperature' of channel 't' is no motion"):
+    with pytest.raises(ParameterError, match="quantity 'temperature' of channel 't' is not a motion"):
         sensor_outputs(("bounce",), sensors=[Channel("t", "temperature")], carriers=["body"])
 
 

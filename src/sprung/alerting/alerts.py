@@ -11,7 +11,7 @@ STEPS = ("note", "low", "medium", "high", "critical")
 #: Causes that concern monitoring and not the vehicle.
 WATCHING = ("silent", "monitor")
 
-#: What can become of an alert. "pending": only the count of reports changed; "none": nothing changed.
+#: Changes of an alert. "pending": only the count of reports changed; "none": no change.
 Change = Literal[
     "raised",
     "updated",
@@ -28,7 +28,7 @@ Change = Literal[
 
 @dataclass(frozen=True, slots=True)
 class AlertSettings:
-    """How soon alerts rise, clear and come again.
+    """Delays after which alerts are raised, cleared and notified again.
 
     Parameters
     ----------
@@ -38,6 +38,11 @@ class AlertSettings:
         Hysteresis: consecutive windows without a report before it clears, at least 1.
     renotify_after
         Time after which an active, unacknowledged alert is notified again [ns]; None: never.
+
+    Raises
+    ------
+    ParameterError
+        If a number is below 1, or a time is not above 0.
     """
 
     raise_after: int = 1
@@ -53,7 +58,7 @@ class AlertSettings:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What one window reports of one cause.
+    """Report of one window on one cause.
 
     Parameters
     ----------
@@ -62,7 +67,7 @@ class Report:
     cause
         Identifier of the cause, the same every time: "front_left.spring", "sensor:acc_fl", "silent", "monitor".
     severity
-        1 to 1000, as in OPC 10000-110.
+        Severity, 1 to 1000, as in OPC 10000-110.
     text
         Sentence for people.
     evidence
@@ -87,28 +92,29 @@ class Alert:
     Parameters
     ----------
     vehicle, cause, severity, text, evidence
-        Contents of the last report, see `Report`; once the alert cleared, of the last one while it was active.
+        Contents of the last report, see `Report`; after clearing, of the last report while the alert was active.
     is_active
         Whether the cause holds now.
     is_acknowledged
-        Whether an operator has acknowledged it; also true of one that never was active.
+        Whether an operator has acknowledged it; also true if it never was active.
     shelved_until
-        End of the shelf, until which nobody is notified; None where it is not shelved.
+        End of the shelving, until which nobody is notified; None if it is not shelved.
     raised
-        When it last became active; of one that never did, its first report.
+        Time when it last became active; if it never did, time of its first report.
     updated
-        Last change of anything here.
+        Time of the last change.
     cleared
-        When it last became inactive; None while it is active, and before it ever was.
+        Time when it last became inactive; None while it is active, and before it ever was.
     count
-        How often it became active; 0 is one in its first hold-off, which no list of alerts should show.
+        Number of times it became active; 0 during its first hold-off, when no list of alerts should show it.
     assignee
         Name of the person responsible; None: nobody.
     streak
-        Consecutive windows that speak against `is_active`: reports of an inactive alert, absences of an active one.
+        Number of consecutive windows that contradict `is_active`: reports of an inactive alert, absences of an active
+        one.
     worst
-        Highest severity since `raised`. Only a severity a step above it is notified again, so that one that varies
-        between two steps is notified once.
+        Highest severity since `raised`. Only a severity at least a step above it is notified again, so that a severity
+        that varies between two steps is notified once.
     notified
         Time of the last notification since `raised`; None before the first.
     """
@@ -136,7 +142,7 @@ class Alert:
 
     @property
     def is_shelved(self) -> bool:
-        """Whether it is shelved: nobody is notified until the shelf ends."""
+        """Whether it is shelved: nobody is notified until the shelving ends."""
         return self.shelved_until is not None
 
 
@@ -147,11 +153,11 @@ class Transition:
     Parameters
     ----------
     alert
-        Alert after the event; equal to the one before where `what` is "none".
+        Alert after the event; equal to the one before if `what` is "none".
     what
         Event, see `Change`.
     who
-        Name of the operator; empty where a window caused it.
+        Name of the operator; empty if a window caused the event.
     comment
         Comment of the operator.
     is_notified
@@ -171,8 +177,8 @@ def state_name(alert: Alert) -> str:
     Returns
     -------
     str
-        "shelved", "unacknowledged", "acknowledged", "returned to normal, unacknowledged" or "normal". A shelved alert
-        is "shelved" whatever else it is.
+        "shelved", "unacknowledged", "acknowledged", "returned to normal, unacknowledged" or "normal"; "shelved" takes
+        precedence.
     """
     if alert.is_shelved:
         return "shelved"
@@ -187,7 +193,7 @@ def severity_step(severity: int) -> int:
 
 
 def is_of_suspension(cause: str) -> bool:
-    """Whether a cause is a change of the suspension, and not of a sensor ("sensor:acc_fl") or of monitoring."""
+    """Return whether a cause is a change of the suspension, rather than of a sensor ("sensor:acc_fl") or monitoring."""
     return ":" not in cause and cause not in WATCHING
 
 

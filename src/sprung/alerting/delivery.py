@@ -12,7 +12,7 @@ _SECOND = 1_000_000_000
 
 
 class SendError(SprungError):
-    """A message that a sender could not deliver; it says where, why, and what to check."""
+    """A message that a sender could not deliver; the text states where, why, and what to check."""
 
 
 class Sender(Protocol):
@@ -36,6 +36,11 @@ class Backoff:
         Wait after the first failure [ns].
     most
         Longest wait [ns].
+
+    Raises
+    ------
+    ParameterError
+        If the first wait is not above 0, or the longest one is shorter.
     """
 
     first: int = 5 * _SECOND
@@ -48,6 +53,11 @@ class Backoff:
     def next_attempt(self, attempts: int, now: int) -> int:
         """Return the time of the next attempt [UTC ns] after a number of failures, the last of them `now`.
 
+        Raises
+        ------
+        ParameterError
+            If the number of failures is below 1.
+
         Examples
         --------
         >>> [Backoff().next_attempt(attempts, 0) // 10**9 for attempts in (1, 2, 3, 10, 11, 10**6)]
@@ -58,12 +68,12 @@ class Backoff:
 
 
 def deliver(message: Message, senders: Iterable[Sender]) -> dict[str, str]:
-    """Give a message to every sender.
+    """Deliver a message through every sender.
 
     Returns
     -------
     dict
-        For each sender that failed, by name, the reason in one sentence; empty where all succeeded.
+        Reason for each sender that failed, one sentence by name of the sender; empty if all succeeded.
     """
     failed = {}
     for sender in senders:

@@ -19,9 +19,9 @@ def health_index(alerts: Iterable[Alert]) -> float:
     only concerns monitoring ("silent", "monitor"). A critical change (900) gives 10, a dead sensor of severity 600
     gives 80.
 
-    It serves to order vehicles for planning only: no alert is raised or cleared by it. A shelved or acknowledged alert
-    counts like any other, as neither repairs the vehicle. Where a vehicle is silent or could not be assessed, 100 means
-    that nothing is known, not that nothing is wrong.
+    The index ranks vehicles for planning only: it neither raises nor clears alerts. A shelved or acknowledged alert
+    counts like any other, as neither repairs the vehicle. For a vehicle that is silent or could not be assessed, 100
+    means an unknown state, not a sound one.
 
     Examples
     --------
@@ -32,7 +32,7 @@ def health_index(alerts: Iterable[Alert]) -> float:
 
 
 def _weight(cause: str) -> float:
-    """Return how much a cause counts."""
+    """Return the weight of a cause."""
     if is_of_suspension(cause):
         return 1.0
     return 0.0 if cause in WATCHING else 1 / 3

@@ -21,13 +21,13 @@ class Message:
     what
         Event of the alert, see `Change`.
     severity
-        1 to 1000.
+        Severity, 1 to 1000.
     subject
         Subject in one line.
     text
         Text of a few lines for people.
     time
-        UTC ns.
+        Time of the event, UTC ns.
     document
         Contents as `sprung.alert/1`, for programs.
     """
@@ -113,7 +113,7 @@ def _written(time: int) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON can hold it: unusual evidence must not prevent a notification."""
+    """Return a value that JSON can hold: unusual evidence must not prevent a notification."""
     if isinstance(value, float):
         return float(value) if isfinite(value) else None
     if value is None or isinstance(value, bool | int | str):

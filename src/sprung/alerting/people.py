@@ -1,4 +1,4 @@
-"""Acts of operators on alerts: acknowledge, shelve, assign, comment. Only the end of a shelf notifies."""
+"""Operator actions on alerts: acknowledge, shelve, assign, comment. Only the end of shelving notifies."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ from sprung.errors import ParameterError
 
 
 def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
-    """Acknowledge an alert; one that cleared returns to normal.
+    """Acknowledge an alert; a cleared one returns to normal.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transit
     Raises
     ------
     ParameterError
-        Where it is acknowledged already, or never was active.
+        If it is acknowledged already, or never was active.
     """
     _check_who(alert, who, "acknowledge")
     if not alert.count:
@@ -34,12 +34,12 @@ def acknowledged(alert: Alert, who: str, now: int, comment: str = "") -> Transit
 
 
 def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> Transition:
-    """Notify nobody of an alert until a time [UTC ns]; shelving again moves that time.
+    """Shelve an alert until a time [UTC ns], so that nobody is notified; shelving again moves that time.
 
     Raises
     ------
     ParameterError
-        Where `until` is not after `now`.
+        If `until` is not after `now`.
     """
     _check_who(alert, who, "shelve")
     if until <= now:
@@ -50,26 +50,26 @@ def shelved(alert: Alert, who: str, until: int, now: int, comment: str = "") -> 
 
 
 def unshelved(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
-    """End the shelf of an alert before its time; one that is active notifies as at the end of its shelf.
+    """End the shelving of an alert before its time; an active one notifies as at the end of its shelving.
 
     Raises
     ------
     ParameterError
-        Where it is not shelved.
+        If it is not shelved.
     """
     _check_who(alert, who, "unshelve")
     if not alert.is_shelved:
-        raise ParameterError(f"{_name(alert)} is not shelved: there is no shelf to end")
+        raise ParameterError(f"{_name(alert)} is not shelved: only shelved alerts can be unshelved")
     return _off_shelf(alert, now, who, comment)
 
 
 def shelf_ended(alert: Alert, now: int) -> Transition:
-    """End the shelf of an alert at its time; one that is active notifies, even if it was acknowledged.
+    """End the shelving of an alert at its time; an active one notifies, even if it was acknowledged.
 
     Returns
     -------
     Transition
-        "unshelved", or "none" where it is not shelved or its time has not come.
+        "unshelved", or "none" if it is not shelved or its time has not come.
     """
     if alert.shelved_until is None or now < alert.shelved_until:
         return Transition(alert, "none")
@@ -82,7 +82,7 @@ def assigned(alert: Alert, who: str, assignee: str | None, now: int, comment: st
     Raises
     ------
     ParameterError
-        Where that changes nothing, or the name is empty.
+        If the alert already has that assignee, or the name is empty.
     """
     _check_who(alert, who, "assign")
     if assignee is not None and not assignee.strip():
@@ -98,7 +98,7 @@ def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
     Raises
     ------
     ParameterError
-        Where the comment is empty.
+        If the comment is empty.
     """
     _check_who(alert, who, "comment on")
     if not comment.strip():
@@ -107,7 +107,7 @@ def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
 
 
 def _off_shelf(alert: Alert, now: int, who: str = "", comment: str = "") -> Transition:
-    """End the shelf of an alert, and notify where it is active."""
+    """End the shelving of an alert, and notify if it is active."""
     notified = now if alert.is_active else alert.notified
     back = replace(alert, shelved_until=None, updated=now, notified=notified)
     return Transition(back, "unshelved", who, comment, is_notified=alert.is_active)
@@ -119,6 +119,6 @@ def _name(alert: Alert) -> str:
 
 
 def _check_who(alert: Alert, who: str, act: str) -> None:
-    """Refuse an act without an operator."""
+    """Refuse an action without an operator."""
     if not who.strip():
         raise ParameterError(f"who is empty: name the operator who wants to {act} {_name(alert)}")

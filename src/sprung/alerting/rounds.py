@@ -1,4 +1,4 @@
-"""What a window does to alerts: it reports a cause, or finds it absent; a round takes all causes of a vehicle."""
+"""Effects of a window on alerts: it reports a cause, or finds it absent; a round covers all causes of a vehicle."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -9,12 +9,12 @@ from sprung.errors import ParameterError
 
 
 def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: int) -> Transition:
-    """Take a report of a cause.
+    """Apply a report of a cause to its alert.
 
     Parameters
     ----------
     alert
-        Alert of this vehicle and cause; None where there never was one.
+        Alert of this vehicle and cause; None before its first report.
     report
         Report of a window.
     settings
@@ -27,11 +27,16 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
     Transition
         "pending" during hold-off, "raised" at its end, "updated" while active.
 
+    Raises
+    ------
+    ParameterError
+        If alert and report are of different vehicles or causes.
+
     Notes
     -----
-    A recurrence raises the same alert again, counted and unacknowledged. An active alert is notified again where its
-    severity rises a step above the worst so far, which also withdraws the acknowledgement; or as a reminder, where
-    nobody acknowledged it for `renotify_after`. A shelved one changes in the same way without notifications.
+    A recurrence raises the same alert again, counted and unacknowledged. An active alert is notified again if its
+    severity rises a step above the worst so far, which also withdraws the acknowledgement; or as a reminder, if nobody
+    acknowledged it for `renotify_after`. A shelved one changes in the same way without notifications.
     """
     if alert is None:
         alert = _unheard(report, now)
@@ -43,7 +48,7 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
     if alert.is_active:
         return _updated(alert, report, settings, now)
     if alert.streak + 1 < settings.raise_after:
-        # Until it recurs, an alert that cleared keeps its contents.
+        # A cleared alert keeps its contents until it recurs.
         held = alert if alert.count else _with(alert, report)
         return Transition(replace(held, streak=alert.streak + 1, updated=now), "pending")
     risen = replace(
@@ -62,13 +67,13 @@ def reported(alert: Alert | None, report: Report, settings: AlertSettings, now: 
 
 
 def absent(alert: Alert, settings: AlertSettings, now: int) -> Transition:
-    """Take a window that checked for a cause and did not find it.
+    """Apply the absence of a cause that a window checked for.
 
     Returns
     -------
     Transition
-        "pending" while the alert may still clear or a hold-off ends without a rise, "cleared" after `clear_after`
-        consecutive windows, "none" where there was nothing to clear.
+        "pending" while the alert is about to clear or a hold-off ends without an alert, "cleared" after `clear_after`
+        consecutive windows, "none" if there was nothing to clear.
     """
     if not alert.is_active:
         if not alert.streak:
@@ -89,18 +94,18 @@ def assess(
     settings: AlertSettings,
     now: int,
 ) -> list[Transition]:
-    """Take one round of a vehicle: what its window reported, and what it checked for and did not find.
+    """Apply one round of a vehicle to its alerts: the causes that its window reported, and those found absent.
 
     Parameters
     ----------
     alerts
         Alerts of the vehicle by cause.
     reports
-        Reports of this round; of several about one cause the most severe counts, once.
+        Reports of this round; of several on one cause only the most severe counts.
     looked_for
-        Function that tells whether the round could have found a cause; otherwise it is not absent.
+        Function that returns whether the round checked for a cause; other causes are not absent.
     is_inhibited
-        Whether causes of the suspension neither rise, change nor clear, as with bad data.
+        Whether alerts of the suspension are neither raised, changed nor cleared, as with bad data.
     settings
         Hold-off, hysteresis and reminders.
     now
@@ -109,13 +114,13 @@ def assess(
     Returns
     -------
     list of Transition
-        In the order in which they happened, without any "none". Shelves that have ended come first, so one cause can
-        occur twice.
+        Transitions in the order in which they happened, without any "none". Ends of shelving come first, so that one
+        cause can occur twice.
 
     Raises
     ------
     ParameterError
-        Where the alerts and reports are of more than one vehicle.
+        If the alerts and reports are of more than one vehicle.
     """
     found: dict[str, Report] = {}
     for report in reports:
@@ -123,7 +128,7 @@ def assess(
             found[report.cause] = report
     vehicles = sorted({one.vehicle for one in alerts.values()} | {one.vehicle for one in found.values()})
     if len(vehicles) > 1:
-        raise ParameterError(f"a round is of one vehicle, but this one of {', '.join(vehicles)}: assess each by itself")
+        raise ParameterError(f"a round is of one vehicle, but this one of {', '.join(vehicles)}: assess each alone")
     ended = [shelf_ended(alert, now) for alert in alerts.values()]
     known = {one.alert.cause: one.alert for one in ended}
     transitions = list(ended)
@@ -138,7 +143,7 @@ def assess(
 
 
 def _updated(alert: Alert, report: Report, settings: AlertSettings, now: int) -> Transition:
-    """Take a report of an active alert."""
+    """Apply a report to an active alert."""
     worst = max(alert.worst, alert.severity)
     is_worse = severity_step(report.severity) > severity_step(worst)
     is_acknowledged = alert.is_acknowledged and not is_worse
@@ -157,7 +162,7 @@ def _updated(alert: Alert, report: Report, settings: AlertSettings, now: int) ->
 
 
 def _with(alert: Alert, report: Report) -> Alert:
-    """Return the alert with what a report says."""
+    """Return the alert with the contents of a report."""
     return replace(alert, severity=report.severity, text=report.text, evidence=report.evidence)
 
 

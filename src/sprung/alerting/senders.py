@@ -58,11 +58,16 @@ class WebhookSender:
     headers
         Headers of each request, such as an Authorization.
     timeout
-        Longest wait for the connection, and for each answer [s].
+        Longest wait for the connection, and for each response [s].
     opener
         Opener of requests; None: one that follows no redirection.
     name
         Name of the sender, see `Sender`.
+
+    Raises
+    ------
+    ParameterError
+        If the address is not valid, or the time is not above 0.
     """
 
     def __init__(
@@ -88,7 +93,13 @@ class WebhookSender:
         self._opener = urllib.request.build_opener(_Unmoved) if opener is None else opener
 
     def send(self, message: Message) -> None:
-        """Post; any answer of 2xx is success."""
+        """Post the message; any 2xx response is success.
+
+        Raises
+        ------
+        SendError
+            If the server cannot be reached, or does not accept the message.
+        """
         try:
             request = urllib.request.Request(self._url, _json(message), self._headers, method="POST")
             with self._opener.open(request, timeout=self._timeout):
@@ -101,7 +112,7 @@ class WebhookSender:
         except (OSError, HTTPException) as error:
             raise SendError(f"webhook at {self._where} gave no answer ({type(error).__name__})") from error
         except ValueError:
-            raise SendError(f"webhook at {self._where}: url or headers hold what HTTP does not allow") from None
+            raise SendError(f"webhook at {self._where}: url or headers contain what HTTP does not allow") from None
 
 
 class MailSender:
@@ -116,7 +127,7 @@ class MailSender:
     username, password
         Credentials at the server; both or none.
     starttls
-        Whether to encrypt after connecting; a server that cannot receives neither password nor mail.
+        Whether to encrypt after connecting; a server that does not support it receives neither password nor mail.
     connect
         Function of host, port and timeout that connects. For a server that encrypts from the start: smtplib.SMTP_SSL
         with a context that checks certificates (functools.partial), and `starttls` False.
@@ -124,6 +135,11 @@ class MailSender:
         Longest wait for each answer [s].
     name
         Name of the sender, see `Sender`.
+
+    Raises
+    ------
+    ParameterError
+        If an address is not valid, a credential is missing, or the time is not above 0.
     """
 
     def __init__(
@@ -155,7 +171,13 @@ class MailSender:
         self._starttls, self._connect = starttls, connect
 
     def send(self, message: Message) -> None:
-        """Send one mail to all recipients; it fails where the server refuses any of them."""
+        """Send one mail to all recipients; it fails if the server refuses any of them.
+
+        Raises
+        ------
+        SendError
+            If the server cannot be reached, or refuses credentials, the mail or a recipient.
+        """
         where = f"mail server {self._host}:{self._port}"
         try:
             with self._connect(self._host, self._port, timeout=self._timeout) as server:
@@ -174,7 +196,7 @@ class MailSender:
             raise SendError(f"{where} refused {', '.join(refused)} and accepted the others: check the recipients")
 
     def _mail(self, message: Message) -> EmailMessage:
-        """Return the mail; marked as automatic (RFC 3834), so that no absence note answers it."""
+        """Return the mail, marked as automatic (RFC 3834) so that out-of-office replies do not answer it."""
         mail = EmailMessage()
         mail["Subject"] = " ".join(message.subject.split())
         mail["From"] = self._sender
@@ -193,7 +215,13 @@ class PublishSender:
         self._publish = publish
 
     def send(self, message: Message) -> None:
-        """Publish once."""
+        """Publish once.
+
+        Raises
+        ------
+        SendError
+            If the vehicle's name cannot be part of a topic, or the message was not published.
+        """
         if not _VEHICLE.fullmatch(message.vehicle):
             raise SendError(
                 f"vehicle {message.vehicle!r} cannot be part of a topic: use letters, digits, '_', '.', '-'"

@@ -1,6 +1,7 @@
 """The box on the vehicle: sources of samples, spool, frames.
 
-`sprung.box.onboard` (identification on the vehicle) is imported by those who need it: a box is small without.
+`sprung.box.onboard` (identification on the vehicle) is imported only where it is needed, as a box is much smaller without
+it.
 """
 
 from sprung.box.box import Box, BoxSettings

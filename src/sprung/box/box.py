@@ -37,18 +37,18 @@ if TYPE_CHECKING:
 RESERVED = ("monitor", "viewer")
 #: Time between reports of the spool, and of the box's health [s].
 _REPORT, _EXAMINE = 5.0, 60.0
-#: Time between looks at the link while the spool is drained [s].
+#: Time between checks of the link while the spool is drained [s].
 _LOOK = 0.02
-#: Why no samples are sent on request.
+#: Reasons why no samples are sent on request.
 _ALL_SENT = "the box sends all samples as they come: there is nothing to request"
 _NONE_HELD = "the box holds no samples of that time: request earlier ones with --minutes"
-#: Most bytes of samples in a frame.
+#: Largest number of bytes of samples in a frame.
 _LARGEST_DATA = 900_000
 
 
 @dataclass(frozen=True, slots=True)
 class BoxSettings:
-    """How a box works.
+    """Settings of a box.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class BoxSettings:
     Raises
     ------
     ParameterError
-        Where the vehicle cannot have that name.
+        If the name of the vehicle is not valid.
     """
 
     vehicle: str
@@ -91,7 +91,7 @@ class Box:
     Parameters
     ----------
     settings
-        Vehicle, and how it sends.
+        Vehicle and form of its frames.
     spool
         Spool in which frames wait.
     address
@@ -136,12 +136,12 @@ class Box:
 
     @property
     def is_connected(self) -> bool:
-        """Whether it is connected to the broker."""
+        """Whether the box is connected to the broker."""
         return self._link.is_connected
 
     @property
     def problem(self) -> str:
-        """Why frames do not get through, as far as known; empty where they do."""
+        """Known reason why frames do not get through; empty if they do."""
         return self._problem or self._link.problem
 
     @property
@@ -150,11 +150,11 @@ class Box:
         return sum(1 for _ in self._spool.frames())
 
     def open(self, *, timeout: float = 0.0) -> None:
-        """Start to connect, as `Link.open`."""
+        """Start connecting, as `Link.open`."""
         self._link.open(timeout=timeout)
 
     def resume_time(self) -> int | None:
-        """Return the end of the samples in the spool, UTC ns; None where it is empty."""
+        """Return the end of the samples in the spool, UTC ns; None if it is empty."""
         payload = self._spool.last_frame()
         return None if payload is None else Header.of(checked_map(payload)).end
 
@@ -293,7 +293,7 @@ class Box:
         return answer
 
     def _sent(self, headers: list[Header]) -> dict[str, Any]:
-        """Return which frames were sent last: boot, number of the last, count, begin and end."""
+        """Return boot, last sequence number, count, start and end of the frames that were sent."""
         return {
             "boot": self._spool.boot,
             "last": self._spool.next_seq - 1,
@@ -315,7 +315,7 @@ class Box:
             self._publish("meta", document, is_retained=True)
 
     def _report(self, *, is_leaving: bool = False) -> None:
-        """Publish what the spool holds and has dropped."""
+        """Publish the contents of the spool and the number of dropped frames."""
         self._reporting.start()
         boots = self._boot_before_oldest() | self._spool.boots
         before = dict([self._spool.previous]) if self._spool.previous else {}
@@ -344,7 +344,7 @@ class Box:
         self._publish("health", document)
 
     def _boot_before_oldest(self) -> dict[int, int]:
-        """Return the boot that the oldest frame waits for, and its end; all of its frames may have been dropped."""
+        """Return the boot before that of the oldest frame, and its end; all of its frames may have been dropped."""
         oldest = next(self._spool.frames(), None)
         previous = None if oldest is None else Header.of(checked_map(oldest[2])).previous
         return {} if previous is None else dict([previous])

@@ -1,4 +1,4 @@
-"""Blocks of signals on a CAN bus, read with a database that says where they lie in messages."""
+"""Blocks of signals on a CAN bus, decoded with a database that locates them in messages."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -42,14 +42,14 @@ def from_can(
     start
         Returns the time of the first message, UTC ns, where stamps do not count from 1970.
     on_problem
-        Called with a sentence when a message of an id cannot be decoded for the first time; such messages are ignored.
+        Function called with a sentence the first time a message of an id cannot be decoded; such messages are ignored.
 
     Raises
     ------
     ParameterError
-        Where a signal is not in the database, or in several messages.
+        If a signal is not in the database, or in several messages.
     FormatError
-        Where the bus or the log cannot be read any more.
+        If the bus or the log can no longer be read.
     """
     wanted = _wanted(database, names)
     channels = [signal.channel for name in names for signals in wanted.values() for signal in signals.by_name(name)]
@@ -58,7 +58,13 @@ def from_can(
 
 
 def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
-    """Return a bus of python-can, such as of socketcan and can0; a bit rate [1/s] where the adapter needs one."""
+    """Return a bus of python-can, such as of socketcan and can0; a bit rate [1/s] where the adapter needs one.
+
+    Raises
+    ------
+    ParameterError
+        If the bus cannot be opened.
+    """
     can = required("can", purpose="a CAN bus", extra="can")
     settings = {} if bitrate is None else {"bitrate": bitrate}
     try:
@@ -70,7 +76,13 @@ def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
 
 
 def can_database(path: str | PathLike[str]) -> Any:
-    """Return the database of cantools in a file: DBC, KCD, SYM or ARXML."""
+    """Return the database of cantools in a file: DBC, KCD, SYM or ARXML.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read, or describes no messages.
+    """
     cantools = required("cantools", purpose="a CAN database", extra="can")
     path = Path(path)
     if not path.is_file():
@@ -101,7 +113,7 @@ class _Wanted:
     signals: tuple[_Signal, ...]
 
     def by_name(self, name: str) -> list[_Signal]:
-        """Return the signal of a requested name, if it is in this message."""
+        """Return the signal of that name, if it is in this message."""
         return [signal for signal in self.signals if signal.channel.name == name]
 
 
@@ -177,7 +189,7 @@ def _received(messages: Iterable[Any]) -> Iterator[Any]:
     try:
         yield from (message for message in messages if message is not None)
     except (OSError, can.CanError, ValueError) as error:
-        raise FormatError(f"the CAN bus or log cannot be read on ({_detail(error)}): check that it is up") from None
+        raise FormatError(f"the CAN bus or log can no longer be read ({_detail(error)}): check that it is up") from None
 
 
 def _detail(error: Exception) -> str:

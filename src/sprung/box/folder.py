@@ -34,11 +34,12 @@ def from_folder(
     start
         Function that returns the time of a file without time, UTC ns; it follows the one before if that ends later.
     is_done
-        Function that tells whether to stop, called when all settled files are read.
+        Function that returns whether to stop, called once all settled files are read.
     sleep
         Function that waits for a time [s].
     done
-        Called with the name of each file that was read, and why it was not read completely; empty where it was.
+        Function called with the name of each file that was read, and the reason if it was not read completely (empty if
+        it was).
     known
         Names of files that were read before.
     sampling_rate, channels
@@ -47,7 +48,7 @@ def from_folder(
     Raises
     ------
     ParameterError
-        Where the folder does not exist.
+        If the folder does not exist.
     """
     if not folder.is_dir():
         raise ParameterError(f"{folder} is not a folder: give the one in which files appear")
@@ -106,11 +107,11 @@ def _states(folder: Path, finished: set[str]) -> dict[str, tuple[int, int]]:
                 status = path.stat()
                 states[path.name] = status.st_size, status.st_mtime_ns
     except OSError:
-        # A file or the folder was removed meanwhile: the next look finds what is left.
+        # A file or the folder was removed meanwhile: the next pass finds what is left.
         return states
     return states
 
 
 def _is_settled(state: tuple[int, int], before: tuple[int, int] | None) -> bool:
-    """Tell whether a file has not changed since the last look, or for long; clocks of others may be wrong."""
+    """Return whether a file is unchanged since the last pass, or for long; clocks of other machines may be wrong."""
     return state == before or time.time_ns() - state[1] > SETTLED * 1e9

@@ -47,18 +47,18 @@ def from_mqtt(
     sampling_rate, longest
         As for `Regular`.
     is_done
-        Function that tells whether to stop, called about five times a second.
+        Function that returns whether to stop, called about five times a second.
     on_problem
-        Called with a sentence when a topic has a message that cannot be used for the first time; it is ignored.
+        Function called with a sentence the first time a topic has an unusable message; such messages are ignored.
     clock
-        Present time, UTC ns: that of messages without time, or with one before 2000 from a clock that was not set.
+        Present time, UTC ns, used for messages without time, or with one before 2000 from a clock that was not set.
 
     Raises
     ------
     ParameterError
-        Where address, topics or names cannot be used.
+        If address, topics or names cannot be used.
     LinkError
-        Where the broker cannot be reached within 10 s; a later loss of the connection is waited out.
+        If the broker cannot be reached within 10 s; after a later loss the connection is awaited.
     """
     broker = Address.parse(address) if isinstance(address, str) else address
     if isinstance(topics, str) or not topics:
@@ -140,11 +140,11 @@ class _Reader:
             self._report(topic, "names", f"topic {_short(topic)} has none of the channels, but {has}: check the names")
         yield when, values
 
-    def _report(self, topic: str, kind: str, said: str) -> None:
+    def _report(self, topic: str, kind: str, problem: str) -> None:
         """Report a problem of a kind of a topic, once only."""
         if (topic, kind) not in self._reported and len(self._reported) < _MOST_PROBLEMS:
             self._reported.add((topic, kind))
-            self._on_problem(said)
+            self._on_problem(problem)
 
 
 def _parsed(topic: str, payload: bytes) -> Mapping[str, Any]:
@@ -191,7 +191,7 @@ def _number(value: object) -> float | None:
 
 
 def _check_filter(topic: str) -> None:
-    """Refuse what MQTT cannot subscribe to (MQTT 5.0, section 4.7)."""
+    """Refuse topic filters that are not valid (MQTT 5.0, section 4.7)."""
     levels = topic.split("/")
     is_wrong = any(("+" in level or "#" in level) and len(level) > 1 for level in levels) or "#" in levels[:-1]
     if not topic or is_wrong or "\0" in topic or len(topic.encode()) > 65535:

@@ -15,19 +15,19 @@ from sprung.link.summaries import summary_document
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
 
-#: Number, begin and end (UTC ns) of a request for samples.
+#: Number, start and end (UTC ns) of a request for samples.
 Request = tuple[int, int, int]
-#: Most answers that are remembered.
+#: Largest number of answers that are remembered.
 _MOST_ANSWERS = 100
 
 
 class Answers:
-    """What was sent for each request for samples: one that comes again is answered, and nothing is sent twice.
+    """Answers to requests for samples: a repeated request is answered again, and no samples are sent twice.
 
     Parameters
     ----------
     path
-        File that keeps the answers over restarts; None: none.
+        File that keeps the answers across restarts; None: answers are not kept.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -38,11 +38,11 @@ class Answers:
                 self._known = {(number, *times): answer for (number, *times), answer in json.loads(path.read_bytes())}
 
     def get(self, request: Request) -> dict[str, Any] | None:
-        """Return the answer to a request; None where it is new."""
+        """Return the answer to a request; None if it is new."""
         return self._known.get(request)
 
     def keep(self, request: Request, answer: dict[str, Any]) -> None:
-        """Remember an answer, in memory where the disk is full."""
+        """Remember an answer, in memory only if the disk is full."""
         self._known[request] = answer
         if len(self._known) > _MOST_ANSWERS:
             self._known.pop(next(iter(self._known)))

@@ -22,14 +22,14 @@ SOURCES = ("files", "folder:DIR", "stdin", "can:INTERFACE:CHANNEL:DATABASE.dbc",
 
 @dataclass(frozen=True, slots=True)
 class SourceSettings:
-    """What a source needs besides its name.
+    """Settings of a source besides its name.
 
     Parameters
     ----------
     vehicle
         Vehicle that the simulator drives.
     folder
-        Folder that keeps over restarts when a replay began, and which files of a watched folder were read.
+        Folder that keeps, across restarts, the start time of a replay and the files of a watched folder that were read.
     files
         Recordings, for the source "files".
     channels
@@ -53,16 +53,16 @@ class SourceSettings:
 
 @dataclass(frozen=True, slots=True)
 class Listener:
-    """How a running source hears that it is to stop, and says what happens.
+    """Connection to a running source: it can be stopped, and reports events.
 
     Parameters
     ----------
     stopping
         Set when the source is to stop.
     on_problem
-        Called with a sentence about data that cannot be used.
+        Function called with a sentence about data that cannot be used.
     on_read
-        Called with the name of each file of a watched folder that was read.
+        Function called with the name of each file of a watched folder that was read.
     """
 
     stopping: threading.Event
@@ -75,21 +75,21 @@ class Listener:
 
 
 def open_source(text: str, settings: SourceSettings, listener: Listener) -> Iterator[Recording]:
-    """Return the blocks of a source; those that can be replayed continue where they were.
+    """Return the blocks of a source; sources that can be replayed continue where they stopped.
 
     Parameters
     ----------
     text
         Name of the source, in one of the forms of `SOURCES`.
     settings
-        What the source needs besides its name.
+        Settings of the source besides its name.
     listener
-        How it hears that it is to stop.
+        Connection that stops the source and takes its reports.
 
     Raises
     ------
     ParameterError
-        Where the source is unknown, or something that it needs is missing.
+        If the source is unknown, or something that it needs is missing.
     """
     kind, _, rest = text.partition(":")
     if kind not in _OPENERS or (rest and kind in {"stdin", "simulator"}):
@@ -187,7 +187,7 @@ def _names(kind: str, settings: SourceSettings) -> Sequence[str]:
 
 
 def _beginning(path: Path) -> int:
-    """Return when a replay began, UTC ns; kept in a file, so that a restarted box continues in the same time."""
+    """Return the start of a replay, UTC ns, kept in a file so that a restarted box continues on the same time base."""
     if not path.exists():
         part = path.with_name(f"{path.name}.part")
         part.write_text(str(time.time_ns()), encoding="ascii")

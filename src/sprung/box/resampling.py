@@ -1,4 +1,4 @@
-"""From values that come one by one, each with its time, to blocks of a constant rate."""
+"""From single values with times to blocks of a constant rate."""
 
 import math
 from collections import deque
@@ -31,7 +31,7 @@ _NEAR = 0.01
 
 
 class Regular:
-    """Makes values that come one by one, each with its time, into blocks of a constant rate.
+    """Resamples single values with times to blocks of a constant rate.
 
     Parameters
     ----------
@@ -40,24 +40,29 @@ class Regular:
     sampling_rate
         Sampling rate of the blocks [Hz], at most 100,000. Nothing is filtered: it must not be below that of the values.
     longest
-        Longest time between two values of a channel [s], at most 2; across longer ones samples are missing. Channels
-        slower than 2 Hz need more than the default.
+        Longest time between two values of a channel [s], at most 2; samples within longer intervals are missing.
+        Channels slower than 2 Hz need more than the default.
+
+    Raises
+    ------
+    ParameterError
+        If channels are missing or repeated, or a number is out of range.
 
     Notes
     -----
-    The first time is that of the first sample. Samples lie on straight lines between values; before the first value
-    of a channel, after its last one, next to a value that is missing (NaN) and where values are more than `longest`
-    apart they are missing, unless a value is within 1 % of a sample interval.
+    The first time is that of the first sample. Samples are interpolated linearly between values; they are missing
+    before the first value of a channel, after its last one, next to a missing value (NaN) and between values more than
+    `longest` apart, unless a value is within 1 % of a sample interval.
 
-    A block is complete when 1 s more has come, so values of one time need not come together. The times of a channel
-    must increase: a value that is not later than the one before is discarded.
+    A block is complete once a further second has arrived, so values of one time need not arrive together. The times of
+    a channel must increase: a value that is not later than the one before is discarded.
 
     A time more than 2 s from the latest one, forward or back, is a pause, a clock that was set, or an error. It is
     accepted once such times have continued for 1 s: then the present blocks are closed, and new ones begin. Until then
-    a single time that agrees with the old ones shows an error, and such values are discarded. Where the clocks of
-    senders disagree permanently, the values of those that came first are kept.
+    a single time that agrees with the old ones indicates an error, and the deviating values are discarded. If the
+    clocks of senders disagree permanently, the values of the first sender are kept.
 
-    Memory is bounded whatever comes.
+    Memory is bounded for any input.
 
     Examples
     --------
@@ -109,25 +114,25 @@ class Regular:
         return self._begin_anew()
 
     def finish(self) -> list[Recording]:
-        """Return what there is up to the latest value; what is added then begins anew."""
+        """Return the samples up to the latest value; values added afterwards begin a new block."""
         self._doubt()
         blocks = self._rest()
         self._forget()
         return blocks
 
     def _agrees(self, when: int) -> bool:
-        """Tell whether a time goes on from the latest one, not from those that wait to be believed."""
+        """Return whether a time continues from the latest accepted one, not from unconfirmed ones."""
         if self._latest is None:
             return True
         off = abs(when - self._latest)
         return off <= _STEP * 1e9 and not (self._waiting and abs(when - self._waiting[-1][0]) < off)
 
     def _doubt(self) -> None:
-        """Discard what came with times that were not confirmed."""
+        """Discard values whose times were not confirmed."""
         self._waiting = []
 
     def _begin_anew(self) -> list[Recording]:
-        """Close the present blocks, and continue with what came with other times."""
+        """Close the present blocks, and continue with the values at other times."""
         blocks = self._rest()
         self._forget()
         waiting, self._waiting = self._waiting, []
@@ -153,7 +158,7 @@ class Regular:
                 points.append((when, value if abs(value) <= _LARGEST else np.nan))
 
     def _complete(self) -> list[Recording]:
-        """Return the blocks for which all has come."""
+        """Return the complete blocks."""
         blocks = []
         while self._latest is not None and self._time(self._step - 1) + self._hold <= self._latest:
             blocks.append(self._block(self._step))
@@ -167,7 +172,7 @@ class Regular:
         return [block for block in blocks if block is not None]
 
     def _n_left(self) -> int:
-        """Return how many samples there are up to the latest value."""
+        """Return the number of samples up to the latest value."""
         if self._latest is None:
             return 0
         return math.floor((self._latest - self._time(0)) * self._sampling_rate / 1e9 + _NEAR) + 1
@@ -177,7 +182,7 @@ class Regular:
         return self._origin + round((self._n_done + index) * 1e9 / self._sampling_rate)
 
     def _block(self, n_samples: int) -> Recording | None:
-        """Return the next block, None where it holds nothing, and let go of what is before its end."""
+        """Return the next block, None if it is empty, and release values before its end."""
         begin = self._time(0)
         times = np.array([self._time(index) - begin for index in range(n_samples)], dtype=np.int64)
         samples = np.array([self._at(name, begin, times) for name in self._points])

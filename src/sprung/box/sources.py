@@ -1,4 +1,4 @@
-"""Sources of samples: files, a simulator; where a restarted box continues, and how fast.
+"""Sources of samples: files and a simulator, continued after a restart, and replayed at a pace.
 
 A source is an iterator of blocks: short recordings without gaps, one after the other, each with the time of its first
 sample.
@@ -21,9 +21,14 @@ if TYPE_CHECKING:
 
 
 def blocks_of(recording: Recording, *, length: float = BLOCK) -> Iterator[Recording]:
-    """Yield a recording in blocks of about `length` [s]; none reaches over a gap.
+    """Yield a recording in blocks of about `length` [s]; no block spans a gap.
 
-    The last block before a gap or the end has half to one and a half of it, or all that there is.
+    The last block before a gap or the end has 0.5 to 1.5 times this length, or is the whole stretch.
+
+    Raises
+    ------
+    ParameterError
+        If the length is not above 0.
     """
     step = max(1, round(check_number("length", length, above=0) * recording.sampling_rate))
     for stretch in recording.stretches():
@@ -41,7 +46,7 @@ def from_files(
     sampling_rate: float | None = None,
     channels: Sequence[str] | None = None,
 ) -> Iterator[Recording]:
-    """Yield the blocks of files; put one after the other they are what `sprung.formats.read` returns.
+    """Yield the blocks of files; joined, they are the recordings that `sprung.formats.read` returns.
 
     Parameters
     ----------
@@ -55,7 +60,7 @@ def from_files(
     Raises
     ------
     SprungError
-        As `sprung.formats.read`, before the first block of the file.
+        As raised by `sprung.formats.read`, before the first block of the file.
     """
     for path in paths:
         start = yield from blocks_of_file(path, start=start, sampling_rate=sampling_rate, channels=channels)
@@ -64,7 +69,7 @@ def from_files(
 def blocks_of_file(
     path: str | PathLike[str], *, start: int, sampling_rate: float | None, channels: Sequence[str] | None
 ) -> Generator[Recording, None, int]:
-    """Yield the blocks of a file, as `from_files`, and return where the next one without time begins, UTC ns."""
+    """Yield the blocks of a file, as `from_files`, and return the start of the next one without time, UTC ns."""
     elapsed = 0.0
     held: Recording | None = None
     for part in read_blocks(path, sampling_rate=sampling_rate, channels=channels):
@@ -73,7 +78,7 @@ def blocks_of_file(
             begin = start + round(elapsed * 1e9)
             elapsed += part.duration + sum(gap.duration for gap in part.gaps)
         timed = replace(part, start=begin)
-        # What is read piece by piece has no gap between pieces: the last block of one may go on in the next.
+        # Pieces of a file that is read in parts have no gap between them: a block may continue in the next piece.
         blocks = list(blocks_of(timed if held is None else joined([held, timed])))
         yield from blocks[:-1]
         held = blocks[-1] if blocks else None
@@ -92,7 +97,7 @@ def from_simulator(
     vehicle
         Vehicle to drive.
     settings
-        Function that returns the settings of the piece of a number, from 0.
+        Function from the number of a piece of the drive, from 0, to its settings.
     start
         Time of the first sample, UTC ns.
     seed
@@ -109,9 +114,9 @@ def from_simulator(
 
 
 def after(blocks: Iterable[Recording], when: int | None) -> Iterator[Recording]:
-    """Yield what comes after a time (UTC ns), where a stopped box continues; None: everything.
+    """Yield the blocks after a time (UTC ns), at which a stopped box continues; None: all blocks.
 
-    Once the time has been reached everything is yielded, even if the clock of the source then goes back.
+    Once the time has been reached all blocks are yielded, even if the clock of the source then goes back.
     """
     for block in blocks:
         first = 0
@@ -134,13 +139,18 @@ def paced(
     Parameters
     ----------
     blocks
-        Blocks in order of time; gaps between them are not waited for.
+        Blocks in order of time; gaps between them are skipped.
     pace
         Speed above 0, times real time; None: no limit.
     clock
         Present time [s] of any clock that only goes forward.
     sleep
         Function that waits for a time [s].
+
+    Raises
+    ------
+    ParameterError
+        If the pace is not above 0.
     """
     if pace is None:
         return iter(blocks)

@@ -24,7 +24,7 @@ _PAUSE = 2.0
 
 
 def from_lines(lines: IO[str], *, sampling_rate: float, start: Callable[[], int]) -> Iterator[Recording]:
-    """Return the blocks of comma-separated values as they come, such as from standard input.
+    """Return the blocks of comma-separated values as they arrive, such as from standard input.
 
     Parameters
     ----------
@@ -39,12 +39,14 @@ def from_lines(lines: IO[str], *, sampling_rate: float, start: Callable[[], int]
     Raises
     ------
     FormatError
-        Where a line cannot be read; with its number, after the samples before it.
+        If a line cannot be read, with its number, after the samples before it.
+    ParameterError
+        If the sampling rate is not above 0.
 
     Notes
     -----
-    The first line of values has the time at which it came; those after it are counted. Where the stream has paused
-    for more than 2 s, or the clock was set back meanwhile, a block begins with the time at which the next line came.
+    The first line of values has its time of arrival; the times of later lines follow from their number. After a pause
+    of more than 2 s, or if the clock was set back meanwhile, a new block begins at the arrival of the next line.
     """
     check_number("sampling_rate", sampling_rate, above=0)
     return _blocks(lines, sampling_rate, start)
@@ -86,13 +88,13 @@ class _Collected:
 
     @property
     def is_full(self) -> bool:
-        """Whether there are the lines of a block."""
+        """Whether the lines make a whole block."""
         return len(self._rows) >= self._step
 
     def is_interrupted(self, began: int, came: int) -> bool:
-        """Tell whether a line for which the wait began and ended at times [ns] follows a pause.
+        """Return whether a line for which the wait began and ended at times [ns] follows a pause.
 
-        A late line is not a pause if lines before it came early, as from a sender that writes many at once.
+        A late line is not a pause if lines before it were early, as from a sender that writes in batches.
         """
         if self._next is None:
             return False
@@ -100,13 +102,13 @@ class _Collected:
         return came - began < -self._pause or (came - began > self._pause and came - counted > self._pause)
 
     def add(self, values: list[float], came: int) -> None:
-        """Take in a line."""
+        """Add a line."""
         if self._next is None:
             self._next = came
         self._rows.append(values)
 
     def block(self) -> Iterator[Recording]:
-        """Yield the lines that there are as a block, if there are any."""
+        """Yield the collected lines as a block, if there are any."""
         if not self._rows or self._next is None:
             return
         samples: Real = np.array(self._rows).T * self._factors
@@ -152,7 +154,7 @@ def _columns(texts: Iterator[tuple[int, str]]) -> tuple[Column, ...]:
         )
     stamped = [heading for heading in headings if is_time(heading)]
     if stamped:
-        raise FormatError(f"{_NAME} has a time column {stamped[0]!r}: leave it out, as lines are timed when they come")
+        raise FormatError(f"{_NAME} has a time column {stamped[0]!r}: leave it out, as lines are timed on arrival")
     return chosen_columns(headings, None, path=Path(_NAME))
 
 

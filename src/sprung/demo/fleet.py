@@ -1,4 +1,4 @@
-"""A small simulated fleet that sends as real vehicles would."""
+"""A small simulated fleet that sends data as real vehicles would."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -44,7 +44,7 @@ class Member:
 
 
 def drives(car: Vehicle, member: Member, start: int) -> Iterator[Recording]:
-    """Yield the blocks of the endless drive of a member, from a time (UTC ns) on; `car` as it is while healthy."""
+    """Yield the blocks of the endless drive of a member from a time (UTC ns) on; `car` is the healthy vehicle."""
     number = 0
     while True:
         is_bad = number >= member.after
@@ -67,7 +67,7 @@ def drives(car: Vehicle, member: Member, start: int) -> Iterator[Recording]:
 
 
 def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, folder: Path, pace: float) -> None:
-    """Drive a fleet of alike cars at a pace, from two hours ago on, until the process is stopped."""
+    """Drive a fleet of identical cars at a pace, starting two hours ago, until the process is stopped."""
     begun = time.time_ns() - 7200 * 10**9
     boxes, sources = [], []
     for member in members:

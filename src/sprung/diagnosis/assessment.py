@@ -13,11 +13,11 @@ from sprung.diagnosis.sensors import SensorFault
 from sprung.diagnosis.trends import trend
 from sprung.errors import ParameterError
 
-#: Difference of ln evidence from which on the runner-up is not named.
+#: Difference of ln evidence above which the runner-up is not named.
 _CLOSE = 3.0
 #: Share of what an unmodelled change explains that a part must explain to be named in its place.
 _MOSTLY = 0.8
-#: Room around the range of a condition in the baseline, over that range, within which a window is like its windows.
+#: Margin around the range of a condition in the baseline, relative to that range, within which a window is comparable.
 _ROOM = 0.5
 
 
@@ -35,7 +35,7 @@ def diagnose(
     observations
         Windows of one vehicle in the order of time.
     baseline
-        What is normal for it; None: its file, and left as right, with wide limits.
+        Baseline of the vehicle; None: its file, with left like right, and wide limits.
     false_alarms
         Rate of false alarms of a healthy vehicle, per day; above 0.
     windows_per_day
@@ -44,11 +44,11 @@ def diagnose(
     Raises
     ------
     ParameterError
-        Where a number is out of its range, or the windows are of several vehicles or not of the baseline's.
+        If a number is out of range, or the windows are of several vehicles or of another one than the baseline.
 
     Notes
     -----
-    All windows through one `ChangeDetector`, and then `diagnosis_of`.
+    All windows pass through one `ChangeDetector`, whose result `diagnosis_of` words.
     """
     every = tuple(observations)
     vehicle = vehicle_of(every)
@@ -70,7 +70,7 @@ def diagnose(
 
 
 def diagnosis_of(detector: ChangeDetector) -> Diagnosis:
-    """Return the diagnosis of the windows that a detector looks back on.
+    """Return the diagnosis of the windows that a detector holds.
 
     Parameters
     ----------
@@ -79,8 +79,8 @@ def diagnosis_of(detector: ChangeDetector) -> Diagnosis:
 
     Notes
     -----
-    Where a baseline has a residual reference, each conclusive window with sound sensors is tested against it, too; a
-    note says what this second opinion is, and where it disagrees.
+    If the baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
+    note states this second opinion, and whether it disagrees.
     """
     every, baseline, detection = detector.observations, detector.baseline, detector.detection
     if not any(observation.is_conclusive for observation in every):
@@ -128,7 +128,7 @@ def _residual_tests(observations: Sequence[Observation], baseline: Baseline) -> 
 
 
 def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) -> list[str]:
-    """Return what the residual test finds, and whether it disagrees."""
+    """Return notes on the result of the residual test, and on whether it disagrees."""
     if not tests:
         return []
     different = sum(test.is_different for test in tests.values())
@@ -171,8 +171,8 @@ def _finding(detection: Detection, observations: Sequence[Observation], baseline
 def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     """Return the hypothesis to name and the next best.
 
-    A part that explains nearly all is named, though an unmodelled change explains a little more: with much evidence,
-    every error of the vehicle file does.
+    A part that explains nearly all is named even if an unmodelled change explains a little more: with much evidence,
+    every error of the vehicle file makes it do so.
     """
     first, *others = detection.candidates
     named = next(one for one in detection.candidates if one.hypothesis.scope != "else")
@@ -189,7 +189,7 @@ def _words(candidate: Candidate) -> str:
 
 
 def _inconclusive_notes(observations: Sequence[Observation]) -> list[str]:
-    """Return how many windows are inconclusive, by reason."""
+    """Return notes on inconclusive windows, one for each reason."""
     reasons = [observation.reason for observation in observations if not observation.is_conclusive]
     return [
         f"{reasons.count(reason)} of {len(observations)} windows were inconclusive: {reason}"
@@ -198,12 +198,12 @@ def _inconclusive_notes(observations: Sequence[Observation]) -> list[str]:
 
 
 def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) -> list[str]:
-    """Return what the windows are compared with, and which ones are excluded from it."""
+    """Return notes on what the windows are compared with, and on those that were excluded."""
     conclusive = [observation for observation in observations if observation.is_conclusive]
     sound = [observation for observation in conclusive if not observation.sensor_faults]
     notes = []
     if baseline.n_windows == 0:
-        notes.append("no baseline: compared with the vehicle file and left with right, with wide limits")
+        notes.append("no baseline: compared with the vehicle file, and left with right, with wide limits")
     if len(sound) < len(conclusive):
         causes = {f"{f.channel} is {f.kind.replace('_', ' ')}" for one in conclusive for f in one.sensor_faults}
         notes.append(
@@ -220,7 +220,7 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
 
 
 def _evidence_notes(detection: Detection) -> list[str]:
-    """Return what the named part leaves unexplained, or that an alert has cleared."""
+    """Return notes on what the named part leaves unexplained, or on an alert that has cleared."""
     if not detection.is_alert:
         if detection.first_alert is None:
             return []
@@ -235,7 +235,7 @@ def _evidence_notes(detection: Detection) -> list[str]:
 
 
 def _condition_notes(baseline: Baseline, observations: Sequence[Observation]) -> list[str]:
-    """Return which conditions are far from those of the baseline."""
+    """Return notes on conditions that are far from those of the baseline."""
     notes = []
     for name, (low, high) in baseline.ranges.items():
         scale = np.log if name == "roughness" else float

@@ -1,4 +1,4 @@
-"""What is normal for one vehicle: the mean of its corners, how they scatter, and how they follow conditions."""
+"""Normal state of one vehicle: means of its components, their scatter, and their dependence on conditions."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from sprung.diagnosis.residuals import ResidualReference
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
-#: Conditions that contrasts may follow, and one unit of each: kg, ln of the road's roughness, m/s.
+#: Conditions on which contrasts may depend, and one unit of each: kg, ln of the road's roughness, m/s.
 CONDITIONS = {"payload": 100.0, "roughness": 1.4, "speed": 5.0}
 #: Information about slopes that are 0 by assumption.
 _NO_SLOPE = 1e9
-#: Model error of the windows from which on a note says that the vehicle file is in error, and up to which values can be
+#: Model error of the windows above which a note states that the vehicle file is in error, and up to which values can be
 #: compared with the vehicle file itself.
 _IMPERFECT, _TRUSTED = 0.25, 0.15
 #: Degrees of freedom of each pair of components of a new vehicle.
@@ -28,7 +28,7 @@ _UNLIKE, _UNLIKE_ENDS = 0.04, 0.15
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Baseline:
-    """What is normal for one vehicle.
+    """Normal state of one vehicle over the conditions it meets.
 
     Parameters
     ----------
@@ -37,10 +37,10 @@ class Baseline:
     components
         Springs, dampers and tyres of its windows.
     mean
-        Mean of ln(value / nominal value) in the middle of the conditions, shape (components,).
+        Mean of ln(value / nominal value) at the middle of the conditions, shape (components,).
     covariance
-        Covariance of one window about that, shape (components, components), without what moves all corners or both of
-        an axle together.
+        Covariance of one window about that mean, shape (components, components), without common changes of all corners
+        or of both sides of an axle.
     slopes
         Change of the mean with one unit of each of `CONDITIONS`, shape (components, conditions).
     middle
@@ -48,14 +48,14 @@ class Baseline:
     ranges
         Lowest and highest value of each condition of the windows, where known.
     nuisance
-        Covariance of what moves components together from window to window (payload, temperature, road), shape
+        Covariance of the common changes of components from window to window (payload, temperature, road), shape
         (components, components).
     design
-        Information of the windows about mean and slopes, for a covariance of one, shape (1 + conditions, same).
+        Information of the windows about mean and slopes, for unit covariance, shape (1 + conditions, 1 + conditions).
     degrees
         Degrees of freedom of the scatter of windows in `covariance`.
     n_windows
-        Number of windows that it was learnt from; 0: from nothing but the vehicle file.
+        Number of windows that it was learnt from; 0: the vehicle file only.
     n_refused
         Number of windows that were inconclusive, had failing sensors or were suspect.
     version, reason
@@ -63,9 +63,14 @@ class Baseline:
     residuals
         Reference of the subspace residual test; None: not learnt.
     model_error
-        Median of the model error of the windows that it was learnt from, see `CornerFit`.
+        Median model error of the windows that it was learnt from, see `CornerFit`.
     taught
-        Times of those windows [s].
+        Times of the windows that it was learnt from [s].
+
+    Raises
+    ------
+    ParameterError
+        If an array has another shape, or holds numbers that are not finite.
     """
 
     vehicle: str
@@ -109,8 +114,8 @@ class Baseline:
     def accepts(self, observation: Observation) -> bool:
         """Return whether a window can be compared: conclusive, without failing sensors, with the same components.
 
-        What a failing sensor does to a fit is unknown. Where nothing but the vehicle file is known, the file must
-        explain the window well, too.
+        The effect of a failing sensor on a fit is unknown. Without a learnt baseline, the vehicle file must also
+        explain the window well.
         """
         is_sound = observation.is_conclusive and not observation.sensor_faults
         return is_sound and observation.components == self.components and self.is_trusted_on(observation)
@@ -120,32 +125,32 @@ class Baseline:
         return self.n_windows > 0 or observation.conditions.get("model_error", 0.0) <= _TRUSTED
 
     def residual(self, observation: Observation) -> Real:
-        """Return the deviation of a window from what is normal under its conditions, ln values, shape (components,).
+        """Return the deviation of a window from the normal state under its conditions, ln values, shape (components,).
 
         Raises
         ------
         ParameterError
-            Where the window has other components.
+            If the window has other components.
         """
         if observation.components != self.components:
-            raise ParameterError("the window has other components than the baseline: fit the same ones, or learn again")
+            raise ParameterError("the components differ from those of the baseline: fit the same ones, or learn again")
         return observation.log_ratios - self.mean - self.slopes @ self.units(observation)
 
     def units(self, observation: Observation) -> Real:
         """Return the conditions of a window in units away from the middle, at most 5, shape (conditions,).
 
-        A condition that is unknown is 0.
+        An unknown condition is 0.
         """
         return units_of(observation, self.middle)
 
 
 def vehicle_of(observations: Iterable[Observation]) -> str:
-    """Return the name of the vehicle of windows; "" where they carry none.
+    """Return the name of the vehicle of windows; "" if they carry none.
 
     Raises
     ------
     ParameterError
-        Where the windows are of several vehicles.
+        If the windows are of several vehicles.
     """
     names = sorted({observation.vehicle for observation in observations if observation.vehicle})
     if len(names) > 1:
@@ -154,7 +159,7 @@ def vehicle_of(observations: Iterable[Observation]) -> str:
 
 
 def nominal_baseline(components: tuple[Component, ...], *, vehicle: str) -> Baseline:
-    """Return the baseline of a vehicle without any window: as its file, left as right, with wide limits.
+    """Return the baseline of a vehicle without any window: its file, with left like right, and wide limits.
 
     Parameters
     ----------

@@ -16,28 +16,28 @@ from sprung.diagnosis.observation import Observation
 INTERVAL_95 = 1.96
 #: Standard deviation of the size of a fault, ln values, before any window; of an unmodelled change, per component.
 _SIZE, _UNMODELLED = 0.15, 0.04
-#: Standard deviation of the size that a linear vehicle makes of a change, relative to it: friction hides part of a
-#: change of a damper. An imperfect file adds this share of its model error. Set on 38 simulated nonlinear cars.
+#: Relative standard deviation of the size of a change as a linear model sees it: friction hides part of a change of a
+#: damper. An imperfect file adds this share of its model error. Set on 38 simulated nonlinear cars.
 _SCALE = {"spring": 0.025, "damper": 0.05, "tyre": 0.01}
 _OF_MODEL_ERROR = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One hypothesis with its evidence, and size and onset where it is likeliest.
+    """One hypothesis with its evidence, and its most likely size and onset.
 
     Parameters
     ----------
     hypothesis
-        What may have changed.
+        Part or parts that may have changed.
     log_evidence
-        ln of the likelihood with it over that without any change, size and onset averaged over.
+        ln of the likelihood with the change over that without any, averaged over size and onset.
     explained
         Reduction of the sum of squares of the windows' residuals, in variances.
     change
-        Relative change: -0.2 is a loss of a fifth; None for an unmodelled change, which has no one size.
+        Relative change: -0.2 is a loss of a fifth; None for an unmodelled change, which has no single size.
     interval
-        95 % interval of the change: of chance, and of what a linear and imperfect vehicle makes of it.
+        95 % interval of the change: chance, and the error of a linear and imperfect model.
     score
         Size over its standard deviation.
     onset, onset_interval
@@ -67,11 +67,11 @@ class Detection:
     e_value
         ln of the mean over onsets of the likelihood ratio after all of them: an e-value, see `false_discoveries`.
     threshold
-        ln of the value of the e-detector from which on it raises an alert.
+        ln of the value of the e-detector at which it raises an alert.
     candidates
         All hypotheses, the best first.
     first_alert
-        Time of the first window with an alert [s]; None: never.
+        Time of the first window with an alert [s]; None without one.
     """
 
     times: Real
@@ -93,34 +93,35 @@ class ChangeDetector:
     Parameters
     ----------
     baseline
-        What is normal.
+        Normal state of the vehicle.
     false_alarms
         Rate of false alarms of a healthy vehicle, per day; above 0.
     windows_per_day
         Windows in a day of driving, above 0.
     n_windows
-        Number of the last windows that it looks back on, which bounds its memory and the cost of an update, whether
-        they can be compared or not; None: all.
+        Number of most recent windows that it holds, comparable or not, which bounds its memory and the cost of an
+        update; None: all.
 
     Raises
     ------
     ParameterError
-        Where a number is out of its range.
+        If a number is out of its range.
 
     Notes
     -----
     Residual of window w under its conditions u_w (1, then units away from the middle of those that the baseline was
     learnt from): r_w = (m + B u_w) + d size 1[w >= onset] + g_w + e_w. The errors m and B of the baseline's means and
-    slopes have its information, g_w ~ N(0, Q) moves corners together, e_w ~ N(0, S_w) is the fit's. One scale of all
-    covariances is known as well as the windows of the baseline and those compared show it: a likelihood of Student's.
+    slopes have its information, g_w ~ N(0, Q) moves corners together, e_w ~ N(0, S_w) is the error of the fit. All
+    covariances share one unknown scale, estimated from the windows of the baseline and those compared: the likelihood
+    is that of Student's t.
 
     For every onset and hypothesis the likelihood ratio, the size averaged over its prior N(0, 0.15^2), has the mean 1
     without a change (an e-value); the sum over onsets of their mean over hypotheses is an e-detector (Shiryaev-Roberts)
-    whose mean time to a false alarm is at least its threshold in windows. Sizes are those of most likelihood, without
-    that prior.
+    whose mean time to a false alarm is at least its threshold in windows. Sizes are those of maximum likelihood,
+    without that prior.
 
-    Where windows are forgotten, the evidence after earlier ones stays as it was, and that after the last one is that of
-    the windows still looked back on.
+    When old windows are dropped, the evidence after earlier ones stays as it was; that after the last one is that of
+    the windows still held.
 
     References
     ----------
@@ -164,14 +165,14 @@ class ChangeDetector:
         windows_per_day: float = 48.0,
         n_windows: int | None = None,
     ) -> "ChangeDetector":
-        """Return a detector that goes on from the `observations` and the `evidence` of an earlier one.
+        """Return a detector that continues from the `observations` and the `evidence` of an earlier one.
 
         Parameters
         ----------
         baseline, false_alarms, windows_per_day, n_windows
-            As of the earlier one.
+            Arguments of the earlier detector.
         observations, evidence
-            Its attributes of these names.
+            Attributes of the earlier detector.
         """
         detector = cls(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day, n_windows=n_windows)
         for observation in observations:
@@ -184,7 +185,7 @@ class ChangeDetector:
 
     @property
     def baseline(self) -> Baseline:
-        """What is normal."""
+        """Normal state of the vehicle."""
         return self._baseline
 
     @property
@@ -194,7 +195,7 @@ class ChangeDetector:
 
     @property
     def observations(self) -> tuple[Observation, ...]:
-        """Windows looked back on, oldest first, whether they can be compared or not."""
+        """Windows held, oldest first, comparable or not."""
         return tuple(self._observations)
 
     @property
@@ -204,7 +205,7 @@ class ChangeDetector:
 
     @property
     def threshold(self) -> float:
-        """Evidence from which on an alert is raised."""
+        """Evidence at which an alert is raised."""
         return self._threshold
 
     @property
@@ -241,12 +242,12 @@ class ChangeDetector:
         )
 
     def update(self, observation: Observation) -> None:
-        """Take in the next window; one that cannot be compared with the baseline adds no evidence.
+        """Add the next window; one that cannot be compared with the baseline adds no evidence.
 
         Parameters
         ----------
         observation
-            Window that follows those before in time.
+            Window that follows the earlier ones in time.
         """
         is_compared = self._take(observation)
         is_shortened = self._forget()
@@ -265,7 +266,7 @@ class ChangeDetector:
         return True
 
     def _forget(self) -> bool:
-        """Drop what is no longer looked back on, and return whether any of it had been compared."""
+        """Drop windows beyond the limit, and return whether any of them had been compared."""
         if self._n_windows is None:
             return False
         gone = self._observations[: -self._n_windows]
@@ -294,7 +295,7 @@ def detect(
     Parameters
     ----------
     baseline
-        What is normal.
+        Normal state of the vehicle.
     observations
         Windows in the order of time; those that cannot be compared are left out (see `Baseline.accepts`).
     false_alarms
@@ -310,7 +311,7 @@ def detect(
     Raises
     ------
     ParameterError
-        Where a number is out of its range.
+        If a number is out of its range.
 
     Notes
     -----
@@ -323,7 +324,7 @@ def detect(
 
 
 def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[int]:
-    """Return which of many vehicles have changed, so that at most a share `rate` of them is named falsely in the mean.
+    """Return which of many vehicles have changed, with an expected share of at most `rate` named falsely.
 
     Parameters
     ----------
@@ -335,17 +336,17 @@ def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[
     Returns
     -------
     list of int
-        Indices of the vehicles, rising.
+        Indices of the vehicles, ascending.
 
     Raises
     ------
     ParameterError
-        Where the rate is not above 0 and at most 1.
+        If the rate is not above 0 and at most 1.
 
     Notes
     -----
-    e-BH: of n e-values, falling, the first k are discoveries with the largest k for which the k-th is at least
-    n / (k rate). Valid under any dependence of the vehicles.
+    e-BH: of n e-values in descending order, the first k are discoveries, with the largest k for which the k-th is at
+    least n / (k rate). Valid under any dependence between the vehicles.
 
     References
     ----------
@@ -386,14 +387,14 @@ def own_covariance(baseline: Baseline, observation: Observation) -> Real:
     Parameters
     ----------
     baseline
-        What is normal.
+        Normal state of the vehicle.
     observation
         Window with the baseline's components.
 
     Returns
     -------
     numpy.ndarray
-        Shape (components, components), with what moves components together.
+        Covariance including common changes of components, shape (components, components).
     """
     if baseline.n_windows == 0:
         return observation.covariance + baseline.nuisance
@@ -403,7 +404,7 @@ def own_covariance(baseline: Baseline, observation: Observation) -> Real:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Table:
-    """Log likelihood ratios for each onset (rows) and hypothesis, the last of which is unmodelled and has no size."""
+    """Log likelihood ratios for each onset (rows) and hypothesis; the last one is unmodelled and has no size."""
 
     logs: Real
     explained: Real
@@ -416,7 +417,7 @@ def _table(windows: Sequence[_Compared], start: Real, degrees: float, *, directi
 
     The baseline's errors are estimated as J^-1 b with J = start + sum u u^T (x) W and b = sum u (x) W r. From each
     onset on, the score of a change is s = sum W r - M^T J^-1 b and its information I = sum W - M^T J^-1 M with
-    M = sum u (x) W: what the errors of the baseline cannot explain.
+    M = sum u (x) W: the part that errors of the baseline cannot explain.
     """
     r = np.array([window.residual for window in windows])
     u = np.array([window.units for window in windows])
@@ -461,7 +462,7 @@ def _candidate(hypothesis: Hypothesis, row: int, table: _Table, times: Real, mod
 
 
 def _onset_interval(logs: Real, times: Real) -> tuple[float, float]:
-    """Return 95 % of the posterior of the onset, which may lie anywhere since the window before began."""
+    """Return the 95 % interval of the onset, which may lie anywhere after the start of the window before."""
     weights = np.exp(logs - logsumexp(logs))
     first, last = np.searchsorted(np.cumsum(weights), [0.025, 0.975])
     return float(times[max(min(first, len(times) - 1) - 1, 0)]), float(times[min(last, len(times) - 1)])

@@ -5,14 +5,14 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.vehicles import Component
 
-#: Usual change of all components of a kind together from window to window (payload, temperature, road), and between
-#: front and rear, in ln values.
+#: Usual common change of all components of a kind from window to window (payload, temperature, road), and between front
+#: and rear, in ln values.
 _COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
 USUAL_ENDS = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
 
 
 def usual_nuisance(components: tuple[Component, ...], ends: dict[str, float]) -> Real:
-    """Return the covariance of what moves components together from window to window.
+    """Return the covariance of the common changes of components from window to window.
 
     Parameters
     ----------
@@ -24,7 +24,8 @@ def usual_nuisance(components: tuple[Component, ...], ends: dict[str, float]) ->
     Returns
     -------
     numpy.ndarray
-        Shape (components, components): all of a kind by the same factor, and its axles against each other.
+        Covariance, shape (components, components): all components of a kind by the same factor, and the axles against
+        each other.
     """
     _, between, together = directions(components)
     kinds = sorted({component.kind for component in components})
@@ -44,7 +45,7 @@ def directions(components: tuple[Component, ...]) -> tuple[Real, Real, Real]:
     Returns
     -------
     tuple
-        Left up and right down for each axle and kind; each axle against the next one; all of a kind together.
+        Left against right for each axle and kind; each axle against the next one; all components of a kind together.
     """
     kinds = sorted({component.kind for component in components})
     left = np.array([1.0 if component.side == "left" else -1.0 for component in components])

@@ -1,4 +1,4 @@
-"""The body's modes before and after a change, as the finding implies and as the windows have them."""
+"""The body's modes before and after a change, as the finding implies them and as measured in the windows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,8 +31,8 @@ class ModeChange:
     shapes
         Moduli of the shapes before and after, shape (2, channels), 1 at the largest channel of each.
     measured_before, measured_since
-        Natural frequency [Hz] and damping ratio of the vehicle as fitted to each window, in the median of the windows
-        before the onset and since then; None where there are none.
+        Natural frequency [Hz] and damping ratio of the vehicle as fitted to each window, median over the windows before
+        the onset and since then; None without such windows.
     """
 
     label: str
@@ -48,16 +48,16 @@ class ModeChange:
 def mode_changes(
     vehicle: Vehicle, finding: Finding, baseline: Baseline | None = None, *, observations: Sequence[Observation] = ()
 ) -> tuple[ModeChange, ...]:
-    """Return how the body's modes change as a finding implies.
+    """Return the changes of the body's modes that a finding implies.
 
     Parameters
     ----------
     vehicle
         Vehicle as its file describes it.
     finding
-        Change of one part, of both of an axle or of all corners; an unmodelled one changes no mode.
+        Change of one part, of both sides of an axle or of all corners; an unmodelled one changes no mode.
     baseline
-        What was normal before; None: the vehicle file.
+        Normal state before the change; None: the vehicle file.
     observations
         Windows of the diagnosis, for the measured modes.
 
@@ -68,8 +68,8 @@ def mode_changes(
 
     Notes
     -----
-    Exact modes of the vehicle with the baseline's components, and with the finding's change applied to them: they show
-    what the finding means and are no evidence for it. The measured ones vary with the payload, too.
+    Exact modes of the vehicle with the baseline's components, and with the finding's change applied to them: they
+    illustrate the finding and are not evidence for it. The measured modes also vary with the payload.
     """
     if finding.change is None:
         return ()
@@ -105,7 +105,7 @@ def mode_changes(
 
 
 def _measured(observations: Sequence[Observation], label: str) -> tuple[float, float] | None:
-    """Return frequency and damping of a mode in the median of windows."""
+    """Return the median frequency and damping of a mode over windows."""
     modes = [observation.modes[label] for observation in observations if label in observation.modes]
     if not modes:
         return None

@@ -11,7 +11,7 @@ from sprung.diagnosis.residuals import ResidualTest
 from sprung.diagnosis.sensors import SensorFault
 from sprung.diagnosis.trends import Trend
 
-#: Severities by the size of a change that is certain (the end of its interval nearest to 0), with the numbers of
+#: Severities by the certain size of a change (the end of its interval nearest to 0), with the numbers of
 #: OPC 10000-110 (1 to 1000) and what to do.
 SEVERITIES = (
     (0.4, "critical", 900, "inspect before the next drive"),
@@ -21,7 +21,7 @@ SEVERITIES = (
 )
 #: Percentage points below which the ends of an interval are stated with a decimal.
 _NARROW = 2.0
-#: Times beyond this count from 1970 [s].
+#: Times above this are counted from 1970 [s].
 _DATED = 1e8
 
 
@@ -37,17 +37,17 @@ class Finding:
         "spring", "damper" or "tyre"; "unmodelled".
     change, interval
         Relative change, -0.2 for a loss of a fifth, and its 95 % interval; None for an unmodelled change, which has no
-        one size.
+        single size.
     score
         Size over its standard deviation; None for an unmodelled change.
     severity, severity_number, advice
         Severity in a word and as a number (1 to 1000), and what to do, see `SEVERITIES`.
     since, since_interval
-        Begin of the first changed window [s], and earliest and latest one, 95 % of its posterior.
+        Start of the first changed window [s], and earliest and latest one, 95 % of its posterior.
     runner_up
-        Second hypothesis in words, where it is not far less likely; empty otherwise.
+        Second hypothesis in words, unless it is far less likely; empty otherwise.
     trend
-        Course of the change after its onset; None where there are too few windows.
+        Course of the change after its onset; None with too few windows.
     """
 
     corner: str
@@ -107,13 +107,13 @@ class Diagnosis:
     sensor_faults
         Faults of sensors, each kind of each channel once.
     detection
-        Change test behind the findings; None where no window could be compared with the baseline.
+        Change test behind the findings; None if no window could be compared with the baseline.
     observations
         All windows.
     notes
-        Remarks on what the diagnosis rests on, one sentence each.
+        Remarks on the basis of the diagnosis, one sentence each.
     baseline
-        Baseline that the windows were compared with; None where no window was conclusive.
+        Baseline that the windows were compared with; None if no window was conclusive.
     false_alarms
         Rate of false alarms per vehicle and day.
     residual_tests
@@ -132,12 +132,12 @@ class Diagnosis:
 
     @property
     def is_healthy(self) -> bool:
-        """Whether a window could be compared, and no fault was detected in suspension and sensors."""
+        """Whether at least one window could be compared, and no fault of suspension or sensors was detected."""
         return self.detection is not None and not self.findings and not self.sensor_faults
 
 
 def time_in_words(time: float) -> str:
-    """Return a time [s] in words: minutes since the first window, or a date where it counts from 1970."""
+    """Return a time [s] in words: minutes since the first window, or a date if it counts from 1970."""
     if time < _DATED:
         return f"{time / 60:.0f} min"
     return f"{datetime.fromtimestamp(time, tz=UTC):%Y-%m-%d %H:%M} UTC"

@@ -1,4 +1,4 @@
-"""What may have changed: one part, both of an axle, all of a kind, or something that no part explains."""
+"""Hypotheses of a change: one part, both of an axle, all of a kind, or a change that no part explains."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ _SHARES = {"single": 0.78, "axle": 0.15, "all": 0.02, "else": 0.05}
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """What may have changed.
+    """Part or parts that may have changed.
 
     Parameters
     ----------
@@ -31,11 +31,11 @@ class Hypothesis:
 
     @property
     def name(self) -> str:
-        """Such as "front_left.spring", "front.spring" (both of an axle), "all.spring", or "unmodelled"."""
+        """Name, such as "front_left.spring", "front.spring" (both of an axle), "all.spring", or "unmodelled"."""
         return self.component if self.scope == "else" else f"{self.corner}.{self.component}"
 
     def parts(self, components: tuple[Component, ...]) -> tuple[Component, ...]:
-        """Return which of the components it changes together; none for an unmodelled change."""
+        """Return the components that it changes together; none for an unmodelled change."""
         return tuple(
             component
             for component in components
@@ -49,7 +49,7 @@ class Hypothesis:
 
 
 def hypotheses_of(components: tuple[Component, ...]) -> tuple[Hypothesis, ...]:
-    """Return single components, both of an axle, all of a kind, and last an unmodelled change."""
+    """Return the hypotheses of single components, both of an axle, all of a kind, and last an unmodelled change."""
     axles = sorted({(component.axle, component.kind) for component in components})
     kinds = sorted({component.kind for component in components})
     return (
@@ -61,6 +61,6 @@ def hypotheses_of(components: tuple[Component, ...]) -> tuple[Hypothesis, ...]:
 
 
 def log_prior(hypotheses: tuple[Hypothesis, ...]) -> Real:
-    """Return ln of the prior share of each hypothesis: those of a scope share alike."""
+    """Return ln of the prior probability of each hypothesis; those of one scope share it equally."""
     scopes = [hypothesis.scope for hypothesis in hypotheses]
     return np.log([_SHARES[scope] / scopes.count(scope) for scope in scopes])

@@ -1,4 +1,4 @@
-"""Learning what is normal for a vehicle from its windows."""
+"""Learning the baseline of a vehicle from its windows."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -16,14 +16,13 @@ from sprung.diagnosis.residuals import ResidualReference, learn_reference
 from sprung.errors import DataError
 from sprung.vehicles import Component
 
-#: Fewest windows that a baseline is learnt from.
+#: Smallest number of windows that a baseline is learnt from.
 FEWEST = 6
 #: Standard deviation of the change of ln values with one unit of a condition, before any window.
 _SLOPE = 0.01
-#: Windows that the usual scatter of axles is worth when the vehicle's own is estimated, and the scatter that windows
-#: report.
+#: Weights in windows of prior scatters: the usual one of axles, and the one that windows report.
 _PRIOR_WINDOWS, _PRIOR_SCATTER = 8.0, 2.0
-#: Chance that a healthy window is left out of learning.
+#: Probability that a healthy window is left out of learning.
 _SUSPECT = 1e-3
 
 
@@ -34,30 +33,30 @@ def learn(
     previous: Baseline | None = None,
     n_windows: int = FEWEST,
 ) -> Baseline:
-    """Learn what is normal for a vehicle.
+    """Learn the baseline of a vehicle.
 
     Parameters
     ----------
     observations
         Windows of one healthy vehicle over the conditions it meets.
     reason
-        Why it is learnt: "first learning", "new dampers" ...
+        Reason for learning: "first learning", "new dampers" ...
     previous
         Baseline that this one replaces.
     n_windows
-        Fewest windows that it is learnt from, at least 2.
+        Smallest number of windows that it is learnt from, at least 2.
 
     Returns
     -------
     Baseline
-        With the reference of the residual test, where three windows or more carry what it needs.
+        Baseline, with the reference of the residual test if at least three windows carry its statistics.
 
     Raises
     ------
     DataError
-        Where too few windows are conclusive and alike.
+        If too few windows are conclusive and alike.
     ParameterError
-        Where the windows are of several vehicles.
+        If the windows are of several vehicles.
 
     Notes
     -----
@@ -65,13 +64,13 @@ def learn(
     means and slopes by ridge regression: B = (X^T X + L)^-1 X^T Y, with L = diag(0, l, ...) and l the variance of a
     window over that of a slope before any window. The degrees of freedom that remain are n - tr[(X^T X + L)^-1 X^T X].
 
-    The covariance of a window is what windows report on average, widened by the scatter of left against right about the
-    fit over what they report (with two windows' worth of the latter); it is never narrowed. The scatter of axles and of
-    all corners together is nuisance, see `usual_nuisance`.
+    The covariance of a window is the mean of those that windows report, scaled by the ratio of the observed scatter of
+    left against right about the fit to the reported one (regularised by two windows' worth of the latter); it is never
+    narrowed. The scatter of axles and of all corners together is nuisance, see `usual_nuisance`.
 
-    A window is left out where its distance from what the others make normal is beyond the 99.9 % quantile of chance,
-    worst first: with m components, d^2 = r^T (S + Q)^-1 r / (1 + x^T (X^T X + L)^-1 x) follows m F(m, degrees), as
-    the prediction is Student's.
+    Windows are left out one at a time, the most distant first, while the distance from the prediction of the others is
+    beyond its 99.9 % quantile: with m components, d^2 = r^T (S + Q)^-1 r / (1 + x^T (X^T X + L)^-1 x) follows
+    m F(m, degrees), as the prediction follows Student's t.
 
     References
     ----------
@@ -124,7 +123,7 @@ def learn(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Estimate:
-    """What windows make normal, see `learn` for the equations and `Baseline` for the fields."""
+    """Estimate of the normal state from windows; equations as in `learn`, fields as in `Baseline`."""
 
     components: tuple[Component, ...]
     middle: dict[str, float]
@@ -172,7 +171,7 @@ class _Estimate:
 
 
 def _inflation(contrasts: Real, variances: Real, free: float) -> float:
-    """Return the variance of left against right over that which windows report, at least 1; (windows, pairs)."""
+    """Return the ratio of the variance of left against right to the reported one, at least 1; (windows, pairs)."""
     own = float(np.sum(contrasts**2 / variances)) / contrasts.shape[1]
     return max(1.0, (own + _PRIOR_SCATTER) / (free + _PRIOR_SCATTER))
 
@@ -182,7 +181,7 @@ def _scatter_of_ends(
 ) -> dict[str, float]:
     """Return the standard deviation of front against rear by kind: the vehicle's own beyond chance, and the usual one.
 
-    The vehicle's own counts for its degrees of freedom, the usual one for eight windows.
+    The vehicle's own is weighted by its degrees of freedom, the usual one by eight windows.
     """
     _, ends, _ = directions(components)
     kinds = sorted({component.kind for component in components})
@@ -200,14 +199,14 @@ def _scatter_of_ends(
 
 
 def _is_like(observation: Observation, others: Sequence[Observation], *, chance: float) -> bool:
-    """Return whether a window is within what others make normal but for a chance."""
+    """Return whether a window agrees with the others; a healthy one does not with probability `chance`."""
     estimate = _Estimate.of(others)
     size = len(estimate.components)
     return estimate.distance(observation) <= size * stats.f.isf(chance, size, estimate.degrees)
 
 
 def _conditions_met(observations: Sequence[Observation]) -> dict[str, list[float]]:
-    """Return the values of each condition that is known."""
+    """Return the values of each known condition."""
     met = {name: [one.conditions[name] for one in observations if name in one.conditions] for name in CONDITIONS}
     return {name: values for name, values in met.items() if values}
 
@@ -217,7 +216,7 @@ def _ranges(observations: Sequence[Observation]) -> dict[str, tuple[float, float
 
 
 def _residual_reference(observations: Sequence[Observation]) -> ResidualReference | None:
-    """Return the reference of the residual test from the windows with the first one's channels; None from too few."""
+    """Return the residual reference of the windows with the channels of the first one; None from too few."""
     known = [one.residuals for one in observations if one.residuals is not None and one.residuals.segments is not None]
     alike = [statistics for statistics in known if statistics.is_like(known[0])]
     return learn_reference(alike) if len(alike) >= FEWEST_RESIDUALS else None

@@ -1,4 +1,4 @@
-"""Observations of windows of ten minutes: conditions, corners, modes, sensor faults; or why there are none."""
+"""Observations of windows of ten minutes: conditions, corners, modes, sensor faults; or a reason for their absence."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.window import Window, window_of
 
-#: Length of a window [s], and fewest segments in a conclusive one.
+#: Length of a window [s], and smallest number of segments in a conclusive one.
 WINDOW, FEWEST_SEGMENTS = 600.0, 40
 #: Model error above which a window is inconclusive.
 _MOST_ERROR = 1.0
@@ -25,7 +25,7 @@ _MOST_ERROR = 1.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Observation:
-    """Estimates from one window, and the conditions they were made in.
+    """Estimates from one window, and its conditions.
 
     Parameters
     ----------
@@ -34,23 +34,23 @@ class Observation:
     components
         Fitted springs, dampers and tyres.
     log_ratios
-        ln(value / nominal value) of each component, shape (components,); empty where the window is inconclusive.
+        ln(value / nominal value) of each component, shape (components,); empty if the window is inconclusive.
     covariance
         Covariance of `log_ratios`, shape (components, components).
     conditions
-        Conditions that are known. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of
-        time), "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of conclusive windows: "roughness" of the
-        road G(n0) [m^3], "payload" [kg], "model_error", "segments".
+        Known conditions. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of time),
+        "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of conclusive windows: "roughness" of the road
+        G(n0) [m^3], "payload" [kg], "model_error", "segments".
     modes
-        Natural frequency [Hz] and damping ratio of bounce, pitch and roll, where the fit has them.
+        Natural frequency [Hz] and damping ratio of bounce, pitch and roll, as far as the fitted vehicle has them.
     sensor_faults
         Faults of sensors in the window.
     reason
-        Why the window is inconclusive; empty where it is conclusive.
+        Reason why the window is inconclusive; empty if it is conclusive.
     vehicle
-        Name of the vehicle; empty where unknown.
+        Name of the vehicle; empty if unknown.
     residuals
-        What the residual test needs; None where the window is inconclusive or a sensor fails.
+        Statistics for the residual test; None if the window is inconclusive or a sensor fails.
     """
 
     time: float
@@ -73,22 +73,22 @@ class Observation:
         return not self.reason
 
     def without_segments(self) -> "Observation":
-        """Return the observation with no more than a comparison needs of the residual test's statistics."""
+        """Return the observation with residual statistics reduced to what a comparison needs."""
         return self if self.residuals is None else replace(self, residuals=self.residuals.without_segments())
 
 
 def windows(
     recordings: Recording | Iterable[Recording], *, length: float = WINDOW
 ) -> Iterator[tuple[float, Recording]]:
-    """Yield windows of recordings and the time at which they begin.
+    """Yield windows of recordings with their start times.
 
     Parameters
     ----------
     recordings
         Recordings in the order of time. Those without a start time follow each other.
     length
-        Length of a window [s]. What is left over at the end of a recording joins its last window where it is shorter
-        than half of one.
+        Length of a window [s]. A remainder at the end of a recording that is shorter than half a window joins the last
+        window.
 
     Yields
     ------
@@ -134,13 +134,13 @@ def observe(
     Returns
     -------
     tuple of Observation
-        One for each window, see `observe_window`. Times count from the start of the first recording; recordings without
-        a start time follow each other.
+        One observation for each window, see `observe_window`. Times are counted from the start of the first recording;
+        recordings without a start time follow each other.
 
     Raises
     ------
     DataError, ParameterError
-        As from `observe_window`.
+        As raised by `observe_window`.
     """
     parts = windows(recordings, length=length)
     return tuple(observe_window(part, vehicle, time=time, settings=settings) for time, part in parts)
@@ -165,15 +165,15 @@ def observe_window(
     Raises
     ------
     DataError
-        Where no sensor of motion of the vehicle file is in the recording.
+        If the recording has no motion sensor of the vehicle file.
     ParameterError
-        Where none of the vehicle file's sensors is in the recording, or one has another quantity there.
+        If the recording has none of the vehicle file's sensors, or one with another quantity.
 
     Notes
     -----
-    Channels that fail are left out and the fit goes on with the rest, without a wrong speed by the delay between the
-    axles; an inconclusive window says why. One whose sensors contradict each other is inconclusive: with one layout
-    only for the rest of a vehicle's life, exchanged channels leave nothing to go on with.
+    Failing channels are left out and the others are fitted; a wrong speed is replaced by the one that the delay between
+    the axles gives. An inconclusive window states its reason. A window whose sensors contradict each other is
+    inconclusive: the baseline assumes one sensor layout, and exchanged channels leave no valid data.
     """
     window = window_of(recording, vehicle)
     check = check_sensors(window)
@@ -196,7 +196,7 @@ def observe_window(
 
 
 def _reason(fit: CornerFit, disagreement: float) -> str:
-    """Return why a window is inconclusive though it could be fitted; empty where it is conclusive."""
+    """Return why a window is inconclusive although it could be fitted; empty if it is conclusive."""
     if disagreement:
         apart = f"sensors disagree by {100 * disagreement:.0f} % and no single one explains it"
         return f"{apart}: check signs, gains, places and delays"
@@ -235,7 +235,7 @@ def _conclusive(time: float, window: Window, fit: CornerFit, faults: tuple[Senso
 
 
 def _residuals(window: Window) -> ResidualStatistics | None:
-    """Return what the residual test needs; None where no stretch of motion is long enough."""
+    """Return the statistics for the residual test; None if no stretch of motion is long enough."""
     try:
         return residual_statistics(window.motion.select(window.outputs), sampling_rate=VEHICLE_RATE)
     except DataError:
@@ -243,6 +243,6 @@ def _residuals(window: Window) -> ResidualStatistics | None:
 
 
 def _inconclusive(time: float, window: Window, faults: tuple[SensorFault, ...], reason: str) -> Observation:
-    """Return the observation of a window that says nothing of the corners."""
+    """Return the observation of a window without estimates of the corners."""
     nothing = np.zeros(0), np.zeros((0, 0))
     return Observation(time, (), *nothing, window.conditions, {}, faults, reason, window.vehicle.name)

@@ -20,13 +20,13 @@ from sprung.vehicles.usable import usable
 
 #: Share of the block Hankel matrix' energy that the model order explains.
 _EXPLAINED = 0.999
-#: Most directions of the residual that are tested, and segments for each.
+#: Largest number of directions of the residual that are tested, and segments for each.
 _MOST_DIRECTIONS, _SEGMENTS_EACH = 40, 4
-#: Least standard deviation of ln statistic from window to window, and windows that it is worth.
+#: Smallest standard deviation of ln statistic from window to window, and its weight in windows.
 _LEAST_SCATTER, _PRIOR_WINDOWS = 0.15, 1.0
-#: Fewest windows of a reference, and chance below which a window that is unlike the others is left out of it.
+#: Smallest number of windows of a reference, and p-value below which an outlying window is left out of it.
 FEWEST, _SUSPECT = 3, 0.005
-#: Rate at which a vehicle's windows are compared [Hz], and chance below which one differs.
+#: Rate at which a vehicle's windows are compared [Hz], and p-value below which one differs.
 VEHICLE_RATE, DIFFERENT = 25.0, 1e-3
 #: Length of a segment [s] and block rows of the Hankel matrix, unless given.
 _SEGMENT, _BLOCK_ROWS = 5.0, 6
@@ -34,28 +34,28 @@ _SEGMENT, _BLOCK_ROWS = 5.0, 6
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ResidualStatistics:
-    """What the residual test needs of a window: correlations of its outputs, not their samples.
+    """Statistics of a window for the residual test: correlations of its outputs instead of samples.
 
     Parameters
     ----------
     channels
         Names of the outputs.
     sampling_rate
-        Rate at which they are correlated [Hz].
+        Sampling rate of the correlations [Hz].
     segment
         Length of a segment [s].
     n_segments
         Number of segments in the window.
     mean
-        Mean of the segments' correlations, shape (channels, references, lags) with lags from 1 to 2 i - 1 for i block
-        rows. Channels are scaled to unit variance in the window.
+        Mean correlations of the segments, shape (channels, references, lags), with lags from 1 to 2 i - 1 for i block
+        rows; channels are scaled to unit variance over the window.
     segments
         Correlations of each segment, shape (segments, channels, references, lags), for learning; None: not kept.
 
     Notes
     -----
-    With four outputs and six block rows the mean takes 1.4 kB and each segment as much: 170 kB for ten minutes in
-    segments of five seconds. Only the mean is needed for a comparison: the residual is linear in the correlations.
+    With four outputs and six block rows the mean takes 1.4 kB, as does each segment: 170 kB for ten minutes in segments
+    of five seconds. A comparison needs the mean only, as the residual is linear in the correlations.
     """
 
     channels: tuple[str, ...]
@@ -81,27 +81,27 @@ class ResidualStatistics:
         return settings[0] == settings[1] and bool(np.isclose(self.sampling_rate, other.sampling_rate, rtol=1e-6))
 
     def without_segments(self) -> "ResidualStatistics":
-        """Return only what a comparison needs."""
+        """Return the statistics without the correlations of single segments."""
         return replace(self, segments=None)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ResidualReference:
-    """Residual of a vehicle without a change.
+    """Reference of the residual test, from windows of a healthy vehicle.
 
     Parameters
     ----------
     channels
         Names of the outputs.
     sampling_rate
-        Rate at which they are correlated [Hz].
+        Sampling rate of the correlations [Hz].
     segment
         Length of a segment [s].
     null_space
         Left null space S of the healthy system's block Hankel matrix H, S^T H = 0, shape (block rows x channels, null
         directions).
     whitening
-        Map to residuals with the unit matrix as covariance in one segment, shape (directions, residuals).
+        Matrix that maps residuals to unit covariance in one segment, shape (directions, residuals).
     center, scatter, n_windows
         Mean and standard deviation of ln statistic over the windows that it was learnt from, and their number.
     """
@@ -134,7 +134,7 @@ class ResidualTest:
         Mean square of the whitened residual, times the number of segments: near 1 without a change under steady
         excitation.
     p_value
-        Chance of so large a statistic among windows like those of the reference.
+        Probability of a statistic at least as large among windows like those of the reference.
     """
 
     statistic: float
@@ -142,7 +142,7 @@ class ResidualTest:
 
     @property
     def is_different(self) -> bool:
-        """Whether the chance is below 0.1 %."""
+        """Whether the p-value is below 0.1 %."""
         return self.p_value < DIFFERENT
 
 
@@ -153,7 +153,7 @@ def residual_statistics(
     segment: float = _SEGMENT,
     block_rows: int = _BLOCK_ROWS,
 ) -> ResidualStatistics:
-    """Return what the residual test needs of a window.
+    """Return the statistics of a window for the residual test.
 
     Parameters
     ----------
@@ -162,16 +162,16 @@ def residual_statistics(
     sampling_rate
         Rate to decimate to [Hz], about five times the highest mode of interest; None: as recorded.
     segment
-        Length of the segments whose scatter is the yardstick [s].
+        Length of the segments whose scatter is the measure of chance [s].
     block_rows
         Block rows of the Hankel matrix, at least 2.
 
     Raises
     ------
     DataError
-        Where an output is dead, or no stretch is long enough.
+        If an output is dead, or no stretch is long enough.
     ParameterError
-        Where there are fewer than 2 block rows.
+        If there are fewer than 2 block rows.
     """
     check_number("block_rows", block_rows, at_least=2)
     outputs = _outputs_at(recording, sampling_rate)
@@ -196,14 +196,14 @@ def learn_residuals(
     Parameters
     ----------
     recordings
-        Windows of it, at least three, over the conditions it meets.
+        Windows of the system, at least three, over the conditions it meets.
     sampling_rate, segment, block_rows
         As for `residual_statistics`.
 
     Raises
     ------
     DataError, ParameterError
-        As from `residual_statistics` and `learn_reference`.
+        As raised by `residual_statistics` and `learn_reference`.
     """
     return learn_reference(
         [
@@ -219,21 +219,21 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
     Parameters
     ----------
     windows
-        Windows of it with their segments, at least three, over the conditions it meets, all with the same settings.
+        Windows of the system with their segments, at least three, over the conditions it meets, with equal settings.
 
     Raises
     ------
     DataError
-        Where there are fewer than three windows.
+        If there are fewer than three windows.
 
     Notes
     -----
-    Left null space S of the mean block Hankel matrix of correlations; residual vec(S^T H_k) of each segment, its
-    largest directions whitened over all segments. Correlations are divided by each window's own power. ln of a window's
-    mean square has a mean and a scatter over the windows, which conditions (speed, road) widen; a new window is
-    compared with these by Student's t. Each window's mean square is that against the others: one that took part is
-    nearer to the null space than any later one, by (n - 1) / (n + 1) with n windows. A window that is unlike all the
-    others, such as one with a shock, is left out.
+    S is the left null space of the mean block Hankel matrix of correlations. The residual of a segment is vec(S^T H_k),
+    of which the largest directions are whitened over all segments. Correlations are divided by each window's own power.
+    ln of a window's mean square has a mean and a scatter over the windows, which conditions (speed, road) widen; a new
+    window is compared with these by Student's t. The mean square of each window is evaluated against the other windows:
+    one that took part is nearer to the null space than any later one, by (n - 1) / (n + 1) with n windows. An outlying
+    window, such as one with a shock, is left out.
 
     References
     ----------
@@ -276,16 +276,16 @@ def compare_residuals(reference: ResidualReference, recording: Recording) -> Res
     Parameters
     ----------
     reference
-        From `learn_residuals`.
+        Reference from `learn_residuals`.
     recording
         Window of the same outputs.
 
     Raises
     ------
     DataError
-        As from `residual_statistics`.
+        As raised by `residual_statistics`.
     ParameterError
-        Where the outputs differ from the reference's.
+        If the outputs differ from the reference's.
     """
     return residual_test(
         reference,
@@ -304,14 +304,14 @@ def residual_test(reference: ResidualReference, window: ResidualStatistics) -> R
     Parameters
     ----------
     reference
-        From `learn_reference`.
+        Reference from `learn_reference`.
     window
         Statistics of the window, with or without its segments.
 
     Raises
     ------
     ParameterError
-        Where channels, rate, segments or block rows differ from the reference's.
+        If channels, rate, segments or block rows differ from the reference's.
     """
     if not window.is_like(reference):
         raise ParameterError(
@@ -337,7 +337,7 @@ def _outputs_at(recording: Recording, sampling_rate: float | None) -> Recording:
 def _segment_matrices(window: ResidualStatistics) -> Real:
     """Return the block Hankel matrix of each segment, shape (segments, rows, columns)."""
     if window.segments is None:
-        raise ParameterError("a window without its segments cannot be learnt from: keep them until it is")
+        raise ParameterError("the window lacks the correlations of its segments: keep them until it is learnt from")
     return np.array([_hankel(values) for values in window.segments])
 
 
@@ -361,7 +361,7 @@ def _estimate(matrices: Sequence[Real], n_channels: int) -> tuple[Real, Real]:
 
 
 def _whitening(away: Real, count: int) -> Real:
-    """Return what whitens the largest directions; not by SVD, which fails to converge on some such low ranks."""
+    """Return the whitening of the largest directions; an SVD does not converge on some matrices of such low rank."""
     if len(away) < away.shape[1]:
         squares, left = eigh(away @ away.T, subset_by_index=(len(away) - count, len(away) - 1))
         directions = left.T @ away / np.sqrt(squares)[:, None]
@@ -379,7 +379,7 @@ def _scatter(logs: Real, least: float) -> float:
 
 
 def _statistic_against_others(matrices: Sequence[Real], row: int, n_channels: int) -> float:
-    """Return the statistic of a window against what the others make normal."""
+    """Return the statistic of a window against the null space and whitening of the others."""
     null_space, whitening = _estimate([*matrices[:row], *matrices[row + 1 :]], n_channels)
     residuals = _residuals(matrices[row], null_space)
     return _statistic(residuals.mean(axis=0), len(residuals), whitening)

@@ -1,4 +1,4 @@
-"""The course of a change after its onset, and when it will reach a limit: prognostic assessment of ISO 13374."""
+"""Course of a change after its onset, and the time until it reaches a limit: prognostic assessment of ISO 13374."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from sprung.diagnosis.observation import Observation
 
 #: Relative change at which a part is due, for forecasts.
 _LIMIT = 0.3
-#: Fewest windows of a trend.
+#: Smallest number of windows for a trend.
 _FEWEST = 4
 
 
@@ -25,8 +25,8 @@ class Trend:
     per_hour, interval
         Relative change per hour of the windows' clock, and its 95 % interval.
     hours_to_limit
-        Hours after the last window until the change is 30 %: earliest and latest, 0 where it is; None where there is no
-        trend towards it.
+        Hours from the last window until the change reaches 30 %: earliest and latest, 0 if it has; None without a trend
+        towards it.
     """
 
     per_hour: float
@@ -56,21 +56,22 @@ def trend(
     observations
         Windows in the order of time.
     baseline
-        What is normal.
+        Normal state of the vehicle.
     since
         Onset of the change [s].
 
     Returns
     -------
     Trend or None
-        None with fewer than four windows since the onset, and for an unmodelled change, which has no one size.
+        Trend; None with fewer than four windows since the onset, and for an unmodelled change, which has no single
+        size.
 
     Notes
     -----
     With d the direction of the change and W the information of a window's residual r, its size is d^T W r / d^T W d
-    with the weight d^T W d. A line through the sizes by weighted least squares; its scatter counts where that is more
-    than the weights say. There is no trend where 0 lies within the interval of the slope. The limit is reached where
-    the ends of the line's interval reach it.
+    with the weight d^T W d. A line is fitted to the sizes by weighted least squares; the observed scatter is used if it
+    exceeds that implied by the weights. There is no trend if 0 lies within the interval of the slope. The earliest and
+    latest times are those at which the ends of the line's interval reach the limit.
     """
     components = baseline.components
     direction = candidate.hypothesis.direction(components)
@@ -108,7 +109,7 @@ def _line(hours: Real, sizes: Real, weights: Real) -> _Line:
 
 
 def _hours_to_limit(line: _Line, interval: tuple[float, float]) -> tuple[float, float] | None:
-    """Return the earliest and latest time at which the line reaches the limit [h]; None where it does not go there."""
+    """Return the earliest and latest time at which the line reaches the limit [h]; None if it does not."""
     if interval[0] * interval[1] <= 0 or line.last * line.slope <= 0:
         return None
     distance = abs(np.log1p(np.copysign(_LIMIT, line.slope))) - abs(line.last)

@@ -17,7 +17,7 @@ from sprung.vehicles import Component
 
 
 class ConditionDocument(Document):
-    """How the mean follows a condition; `middle` and `range` are null for one that was never known."""
+    """Dependence of the mean on a condition; `middle` and `range` are null if it was never known."""
 
     middle: float | None
     range: Pair | None
@@ -25,7 +25,7 @@ class ConditionDocument(Document):
 
 
 class BaselineDocument(Document):
-    """What is normal for one vehicle, as a file holds it."""
+    """Normal state of one vehicle, as a file holds it."""
 
     schema_name: Literal["sprung.baseline/1"] = Field(alias="schema")
     vehicle: str
@@ -45,7 +45,7 @@ class BaselineDocument(Document):
     residuals: ResidualReference | None = None
 
 
-#: Fields of a baseline that its document has by condition.
+#: Fields of a baseline that its document lists by condition.
 BY_CONDITION = ("slopes", "middle", "ranges")
 
 
@@ -87,14 +87,14 @@ def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, so
     Raises
     ------
     FormatError
-        Where it is not the document of a baseline.
+        If it is not the document of a baseline.
     """
     if not isinstance(document, BaselineDocument):
         document = checked(BaselineDocument, document, source=source)
     conditions = document.conditions
     missing = [name for name in CONDITIONS if name not in conditions]
     if missing:
-        raise FormatError(f"{source} lacks the condition {missing[0]!r}: learn it again")
+        raise FormatError(f"{source} lacks the condition {missing[0]!r}: learn the baseline again")
     try:
         return Baseline(
             **{name: getattr(document, name) for name in _alike()},
@@ -130,13 +130,13 @@ def read_baseline(path: str | Path) -> Baseline:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     return baseline_from_document(read_fields(path), source=str(path))
 
 
 def _alike() -> list[str]:
-    """Return the fields of a baseline that its document has as they are."""
+    """Return the fields of a baseline that its document holds unchanged."""
     return [field.name for field in fields(Baseline) if field.name not in BY_CONDITION]

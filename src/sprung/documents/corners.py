@@ -111,9 +111,9 @@ def read_corners(path: str | Path) -> CornersDocument:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     return checked(CornersDocument, read_fields(path), source=str(path))
 

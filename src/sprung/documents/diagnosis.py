@@ -33,7 +33,7 @@ from sprung.errors import FormatError
 
 
 def _restored(fields: Any) -> Any:
-    """Give back what JSON does not keep of a window: the shape of an empty covariance, and NaN."""
+    """Restore what JSON does not keep of a window: the shape of an empty covariance, and NaN."""
     if not isinstance(fields, Mapping):
         return fields
     conditions = {name: np.nan if value is None else value for name, value in fields.get("conditions", {}).items()}
@@ -115,7 +115,7 @@ class DiagnosisDocument(Document):
 
 
 def observation_document(observation: Observation) -> dict[str, Any]:
-    """Return a window as the `windows` of `sprung.diagnosis/1` and the store have it: one JSON object."""
+    """Return a window as one JSON object, as in the `windows` of `sprung.diagnosis/1` and in the store."""
     fields: dict[str, Any] = plain(_WINDOW.dump_python(observation, mode="json"))
     return fields
 
@@ -126,7 +126,7 @@ def observation_from_document(document: Mapping[str, Any]) -> Observation:
     Raises
     ------
     FormatError
-        Where the object does not describe a window.
+        If the object does not describe a window.
     """
     try:
         return _WINDOW.validate_python(document)
@@ -135,7 +135,7 @@ def observation_from_document(document: Mapping[str, Any]) -> Observation:
 
 
 def finding_document(finding: Finding) -> dict[str, Any]:
-    """Return a finding as the `findings` of `sprung.diagnosis/1` and the store have it: one JSON object."""
+    """Return a finding as one JSON object, as in the `findings` of `sprung.diagnosis/1` and in the store."""
     fields: dict[str, Any] = plain(_FINDING.dump_python(finding, mode="json"))
     return fields
 
@@ -207,9 +207,9 @@ def read_diagnosis(path: str | Path) -> DiagnosisDocument:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     return checked(DiagnosisDocument, read_fields(path), source=str(path))
 

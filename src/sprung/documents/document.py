@@ -1,4 +1,4 @@
-"""What all published documents share: JSON text, files, and the refusal of files that hold something else."""
+"""Common parts of all published documents: JSON text, files, and the refusal of files that hold something else."""
 
 import json
 import math
@@ -38,14 +38,14 @@ class Document(BaseModel):
 
     Notes
     -----
-    Keys that are not known are ignored on reading: a document of the same schema may gain keys. A key that a document
-    does not have is not written either.
+    Unknown keys are ignored on reading: a document of the same schema may gain keys. A key that is absent from a
+    document is not written either.
     """
 
     model_config = ConfigDict(frozen=True, from_attributes=True, arbitrary_types_allowed=True)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the document as JSON has it: lists, texts, numbers, and null for numbers that are not finite."""
+        """Return the document as plain JSON values; null for numbers that are not finite."""
         fields: dict[str, Any] = plain(self.model_dump(mode="json", by_alias=True, exclude_unset=True))
         return fields
 
@@ -54,7 +54,7 @@ _Document = TypeVar("_Document", bound=Document)
 
 
 class Computed:
-    """Annotation of a dataclass whose JSON object has a further key: what a function says of the value.
+    """Annotation of a dataclass whose JSON object has a further key, computed from the value.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Computed:
     json_type
         Type of its value in JSON, such as "string".
     function
-        Called with the dataclass; default: its attribute `name`.
+        Function of the dataclass that returns the value; default: its attribute `name`.
     """
 
     def __init__(self, name: str, json_type: str, function: Callable[[Any], Any] | None = None) -> None:
@@ -89,7 +89,7 @@ class Computed:
 
 
 class Published:
-    """Annotation of a dataclass whose JSON object has only some of its fields; reading gives the others their defaults.
+    """Annotation of a dataclass whose JSON object has only some of its fields; reading sets the others to defaults.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Estimate(Document):
 
 
 def plain(value: Any) -> Any:
-    """Return values, arrays and dataclasses as JSON has them; null for numbers that are not finite."""
+    """Return values, arrays and dataclasses as plain JSON values; null for numbers that are not finite."""
     return to_jsonable_python(value, inf_nan_mode="null", fallback=lambda array: plain(array.tolist()))
 
 
@@ -156,9 +156,9 @@ def read_fields(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it does not hold a JSON object.
+        If it does not hold a JSON object.
     """
     try:
         fields = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -186,7 +186,7 @@ def checked(model: type[_Document], fields: Mapping[str, Any], *, source: str) -
     Raises
     ------
     FormatError
-        Where the schema is another one, or a key is missing or holds something else.
+        If the schema is another one, or a key is missing or holds something else.
     """
     schema = schema_of(model)
     if fields.get("schema") != schema:
@@ -205,7 +205,7 @@ def schema_of(model: type[Document]) -> str:
 
 
 def first_problem(error: ValidationError) -> str:
-    """Return the first problem that a check has met, with its place."""
+    """Return the first problem of a failed check, with its place."""
     problem = error.errors(include_url=False, include_input=False)[0]
     return f"{_place(problem['loc'])} is not valid ({problem['msg']})"
 

@@ -15,13 +15,13 @@ from sprung.vehicles.usable import AnyVehicle
 
 
 class SubsetValues(ModeValues):
-    """A mode as one subset of segments has it."""
+    """A mode as identified from one subset of segments."""
 
     stable_rate: float
 
 
 class MergedMode(IdentifiedMode):
-    """A mode with its share in the rigid-body motions, and with what each subset says of it."""
+    """A mode with its share in the rigid-body motions, and its values in each subset."""
 
     participation: Participation | None
     subsets: tuple[SubsetValues | None, ...]
@@ -140,9 +140,9 @@ def read_identification(path: str | Path) -> IdentificationDocument:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     return checked(IdentificationDocument, read_fields(path), source=str(path))
 

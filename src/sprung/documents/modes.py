@@ -1,4 +1,4 @@
-"""Modes as all documents have them."""
+"""Modes in published documents."""
 
 import math
 from typing import Any
@@ -56,7 +56,7 @@ class Participation(Document):
 
 
 def mode_documents(modes: Modes) -> list[dict[str, Any]]:
-    """Return modes as the documents of an identification have them: one JSON object for each mode.
+    """Return modes as in the document of an identification: one JSON object for each mode.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def mode_documents(modes: Modes) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        As in the `modes` of a subset in `sprung.identification/1`: without `participation` and `subsets`.
+        Modes as in a subset of `sprung.identification/1`: without `participation` and `subsets`.
     """
     return [mode.as_json() for mode in identified_modes(modes)]
 
@@ -97,7 +97,7 @@ def fitted_modes(modes: ExactModes, deviations: tuple[Real, Real]) -> tuple[Fitt
 def participations(
     modes: Modes, channels: tuple[Channel, ...], vehicle: AnyVehicle | None
 ) -> tuple[Participation | None, ...]:
-    """Return the shares of the rigid-body motions in each mode; None where the sensors do not determine them."""
+    """Return the shares of the rigid-body motions in each mode; None if the sensors do not determine them."""
     mass = structure(vehicle).mass[:3, :3] if isinstance(vehicle, Vehicle) else None
     shares, explained = rigid_body_participation(modes, channels, mass=mass)
     return tuple(

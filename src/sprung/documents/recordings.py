@@ -1,4 +1,4 @@
-"""The documents of recordings: what they hold, `sprung.info/1`, and the truth of simulated ones, `sprung.truth/1`."""
+"""The documents of recordings: facts about them, `sprung.info/1`, and the truth of simulations, `sprung.truth/1`."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,14 +12,14 @@ from sprung.signals.inspection import ChannelFacts, Inspection
 
 
 class InspectionDocument(Document):
-    """What recordings hold."""
+    """Facts about recordings."""
 
     schema_name: Literal["sprung.info/1"] = Field(alias="schema")
     files: "tuple[FileFacts, ...]"
 
 
 class FileFacts(Document):
-    """What a recording holds: an `Inspection` with the path of its file."""
+    """Facts about a recording: an `Inspection` with the path of its file."""
 
     path: str
     channels: tuple[
@@ -70,7 +70,7 @@ class LabelledMode(Document):
 
 
 class TruthDocument(Document):
-    """What is true of a simulated recording; settings of the simulation are further keys."""
+    """Truth of a simulated recording; settings of the simulation are further keys."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -134,16 +134,16 @@ def read_inspections(path: str | Path) -> dict[str, Inspection]:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     document = checked(InspectionDocument, read_fields(path), source=str(path))
     return {file.path: Inspection(**{name: value for name, value in file if name != "path"}) for file in document.files}
 
 
 def truth_document(truth: Mapping[str, Any]) -> TruthDocument:
-    """Return what a simulation says of its recording, checked, as `sprung.truth/1`.
+    """Return the truth of a simulated recording, checked, as `sprung.truth/1`.
 
     Parameters
     ----------
@@ -153,18 +153,18 @@ def truth_document(truth: Mapping[str, Any]) -> TruthDocument:
     Raises
     ------
     FormatError
-        Where a key is missing or holds something else.
+        If a key is missing or holds something else.
     """
     return checked(TruthDocument, truth, source="the truth of a simulation")
 
 
 def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
-    """Write what a simulation says of its recording as a JSON file, `sprung.truth/1`.
+    """Write the truth of a simulated recording as a JSON file, `sprung.truth/1`.
 
     Parameters
     ----------
     truth
-        Such as that of a `Drive`.
+        Truth of a simulation, such as that of a `SimulatedDrive`.
     path
         File to write; an existing one is replaced.
     """
@@ -172,7 +172,7 @@ def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
 
 
 def read_truth(path: str | Path) -> TruthDocument:
-    """Read what is true of a simulated recording from a JSON file.
+    """Read the truth of a simulated recording from a JSON file.
 
     Parameters
     ----------
@@ -182,8 +182,8 @@ def read_truth(path: str | Path) -> TruthDocument:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where it holds something else.
+        If it holds something else.
     """
     return checked(TruthDocument, read_fields(path), source=str(path))

@@ -1,4 +1,4 @@
-"""All published documents by the name of their schema, and their JSON Schemas, which come with the package."""
+"""All published documents by the name of their schema, and their JSON Schemas, which are part of the package."""
 
 import json
 from importlib import resources
@@ -49,9 +49,9 @@ def read_document(path: str | Path) -> Document:
     Raises
     ------
     ParameterError
-        Where the file cannot be read.
+        If the file cannot be read.
     FormatError
-        Where its schema is unknown, or a key is missing or holds something else.
+        If its schema is unknown, or a key is missing or holds something else.
     """
     fields = read_fields(path)
     schema = fields.get("schema")
@@ -62,7 +62,7 @@ def read_document(path: str | Path) -> Document:
 
 
 def json_schema(name: str) -> dict[str, Any]:
-    """Return the JSON Schema of a published document, as it comes with the package.
+    """Return the JSON Schema of a published document, as shipped with the package.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def json_schema(name: str) -> dict[str, Any]:
     Raises
     ------
     ParameterError
-        Where there is no such document.
+        If no document has that schema.
     """
     if name not in DOCUMENTS:
         raise ParameterError(f"schema {name!r} is not one of {', '.join(DOCUMENTS)}: correct it")

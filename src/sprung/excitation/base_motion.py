@@ -28,6 +28,11 @@ class BaseMotion:
     pulse_frequency
         Frequency of the pulse train [Hz], above 0.
 
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or frequencies and phases differ in number.
+
     Notes
     -----
     y = A1 randn + A2 sum_i sin(2 pi f_i t + phase_i) + A3 at t = n / pulse_frequency. A pulse falls on the sample

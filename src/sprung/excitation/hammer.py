@@ -22,6 +22,11 @@ class HammerBlows:
     duration
         Duration of a half-sine blow [s].
 
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+
     Notes
     -----
     A blow at a random position between the corners is distributed over them by bilinear weights, which preserve its

@@ -47,6 +47,11 @@ class RandomInputs:
         Standard deviation of each sample [N, or m for base displacements], above 0.
     band
         Lower and upper edge [Hz]; None for white noise up to half the sampling rate.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
     """
 
     n_inputs: int
@@ -95,7 +100,7 @@ def noise(
     Raises
     ------
     ParameterError
-        Where the band is empty or lies above half the sampling rate.
+        If the band is empty or lies above half the sampling rate.
 
     Notes
     -----

@@ -28,6 +28,11 @@ class Lines:
     reference_speed, speed_exponent
         Growth with the speed: amplitudes (speed / reference_speed)^speed_exponent; 2 for unbalance.
 
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or orders and amplitudes differ in number.
+
     Notes
     -----
     The phase is 2 pi order distance(t): the integral of the frequency, so that it is continuous when the speed changes.
@@ -78,6 +83,11 @@ class Sum:
     ----------
     parts
         Excitations with the same number of inputs, at least one, drawn one after the other.
+
+    Raises
+    ------
+    ParameterError
+        If there are no parts, or their numbers of inputs differ.
     """
 
     parts: tuple[Excitation, ...]

@@ -30,6 +30,11 @@ class RollerRig:
         Power of the rotation over its mean with which roughness and harmonics grow.
     asymmetry
         Relative difference of joints and harmonics between left and right.
+
+    Raises
+    ------
+    ParameterError
+        If no wheelset is driven, or a number is out of range.
     """
 
     is_driven: tuple[bool, ...]

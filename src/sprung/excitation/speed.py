@@ -27,7 +27,7 @@ class SpeedProfile:
     Raises
     ------
     ParameterError
-        Where times do not rise or a speed is negative.
+        If times do not rise or a speed is negative.
     """
 
     times: Real
@@ -66,7 +66,13 @@ class SpeedProfile:
 
 
 def constant_speed(speed: float) -> SpeedProfile:
-    """Return a constant speed profile."""
+    """Return a constant speed profile.
+
+    Raises
+    ------
+    ParameterError
+        If the speed is negative or not finite.
+    """
     check_number("speed", speed, at_least=0)
     return SpeedProfile(np.zeros(1), np.array([speed]))
 
@@ -86,6 +92,11 @@ def random_speed(
         Number of stops, spread over the drive; a drive that is too short has fewer.
     generator
         Source of the randomness.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
     """
     check_number("duration", duration, above=0)
     check_number("lowest speed", low, above=0)

@@ -49,6 +49,11 @@ class Road:
     coherence_length
         Length [m], at least 0, in the function g = exp(-coherence_length n) of the spatial frequency n.
 
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+
     Notes
     -----
     G(n) = roughness (n / n0)^-waviness between 0.01 and 10 cycles/m, for both tracks. Their cross spectrum is G g, so
@@ -105,7 +110,7 @@ def road_class(name: str) -> Road:
     Raises
     ------
     ParameterError
-        Where there is no such class.
+        If the class does not exist.
 
     References
     ----------
@@ -127,6 +132,11 @@ class Rail:
     ----------
     roughness
         Scale factor A of the spectra [m rad], above 0: 4.032e-7 for a good track, 1.080e-6 for a bad one.
+
+    Raises
+    ------
+    ParameterError
+        If the scale factor is not above 0.
 
     Notes
     -----
@@ -157,7 +167,13 @@ class Rail:
 
 
 def rail_quality(name: str) -> Rail:
-    """Return a "good" or a "bad" track of ERRI B176, see `Rail`."""
+    """Return a "good" or a "bad" track of ERRI B176, see `Rail`.
+
+    Raises
+    ------
+    ParameterError
+        If the quality is neither "good" nor "bad".
+    """
     roughness = {"good": 4.032e-7, "bad": 1.080e-6}
     return Rail(roughness[check_one_of("rail quality", name, roughness)])
 
@@ -212,6 +228,11 @@ class Potholes:
     share_of_both_sides
         Share that extend over both tracks, 0 to 1; the others are on one side at random.
 
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+
     Notes
     -----
     Each has the shape depth (1 - cos(2 pi x / length)) / 2.
@@ -251,6 +272,11 @@ class Joints:
         Distance between joints [m].
     depth, length
         Depth and length of a dip [m]; it decays exponentially to both sides, with a kink at the joint.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
 
     Notes
     -----
@@ -299,7 +325,7 @@ def random_profile(
     Raises
     ------
     ParameterError
-        Where the profile is too long to be held in memory.
+        If the profile is too long to be held in memory.
 
     Notes
     -----
@@ -338,10 +364,15 @@ class SurfaceMotion:
     obstacles
         Potholes, joints.
 
+    Raises
+    ------
+    ParameterError
+        If the axles are not in order from front to rear, or a number is out of range.
+
     Notes
     -----
-    The wheel of axle j follows its track at distance(t) - (x_1 - x_j): what the front wheel has passed, delayed by
-    the time that the vehicle takes at its speed. Inputs are the corners front to rear, left before right.
+    The wheel of axle j follows its track at distance(t) - (x_1 - x_j): the profile under the front wheel, delayed by
+    the travel time of the wheelbase. Inputs are the corners front to rear, left before right.
     """
 
     surface: Surface
@@ -357,7 +388,7 @@ class SurfaceMotion:
 
     @property
     def n_inputs(self) -> int:
-        """Two wheels on each axle."""
+        """Number of inputs: two wheels on each axle."""
         return 2 * len(self.axle_positions)
 
     @property

@@ -1,7 +1,7 @@
 """Reading and writing recordings in the formats of the field, each in a module of its own.
 
 A format is a module with `ENDINGS`, `open_table` and `write`. It yields the rows of a table as they are in the file;
-their meaning in time and in SI units is decided in one place for all formats.
+time and SI units are interpreted in one place for all formats.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,7 +34,7 @@ def read(
     path
         Path of a file with one of the endings in `FORMATS`.
     sampling_rate
-        Sampling rate [Hz], above 0; needed where the file holds no time. It must agree with time stamps within 1 %.
+        Sampling rate [Hz], above 0; needed if the file holds no time. It must agree with time stamps within 1 %.
     channels
         Names of the channels to read, in this order; default: all channels.
 
@@ -83,7 +83,7 @@ def read_blocks(
     Raises
     ------
     SprungError
-        As `read`, before the first block.
+        As raised by `read`, before the first block.
 
     Notes
     -----
@@ -96,7 +96,7 @@ def read_blocks(
 
 
 def write(recording: Recording, path: str | PathLike[str]) -> None:
-    """Write a recording as CSV, Parquet, NPZ or MAT, as its ending says, with a time column and units.
+    """Write a recording as CSV, Parquet, NPZ or MAT, according to the ending, with a time column and units.
 
     Reading the file gives the same channels, samples, rate, gaps and start; positions, directions and the history are
     not kept in these formats.

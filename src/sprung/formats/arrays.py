@@ -33,6 +33,11 @@ def array_table(path: Path, arrays: Mapping[str, Any], *, channels: Sequence[str
     Channels are the rows of `samples` or `data` (the longer axis is time), otherwise all arrays as long as the time
     stamps, or as the longest array if there are no time stamps. `channels` and `units` name them; `sampling_rate` or
     `fs` is the rate; `time`, `t`, `t_s`, `time_s` or `timestamp` holds time stamps.
+
+    Raises
+    ------
+    FormatError
+        If names, units or time stamps do not match the channels.
     """
     numeric = {name: np.squeeze(value) for name, value in arrays.items() if _is_numeric(value)}
     stamped = time_column([name for name, value in numeric.items() if is_time(name) and value.ndim == 1], path=path)
@@ -76,7 +81,7 @@ def _rate(numeric: Mapping[str, NDArray[Any]]) -> float | None:
 
 
 def _main_matrix(path: Path, signals: Mapping[str, NDArray[Any]], arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Return the named rows of the array called `samples` or `data`; nothing where there is none."""
+    """Return the named rows of the array called `samples` or `data`; nothing without such an array."""
     matrices = [value for name, value in signals.items() if name.lower() in _MATRICES]
     if not matrices:
         return {}
@@ -90,7 +95,13 @@ def _main_matrix(path: Path, signals: Mapping[str, NDArray[Any]], arrays: Mappin
 
 
 def as_rows(path: Path, matrix: NDArray[Any]) -> NDArray[Any]:
-    """Return a vector or matrix as (channels, samples): the longer axis is time."""
+    """Return a vector or matrix as (channels, samples): the longer axis is time.
+
+    Raises
+    ------
+    FormatError
+        If the array has more than two dimensions.
+    """
     if matrix.ndim not in {1, 2} or matrix.size == 0:
         raise FormatError(
             f"{path} holds an array of shape {matrix.shape}: two dimensions, channels and samples, are read"

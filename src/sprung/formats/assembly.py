@@ -86,7 +86,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
 
 
 def _stated_rate(table: Table, sampling_rate: float | None) -> float:
-    """Return the sampling rate from the caller or the file [Hz]; NaN where only the time stamps give it."""
+    """Return the sampling rate from the caller or the file [Hz]; NaN if only the time stamps give it."""
     stated = table.sampling_rate if sampling_rate is None else sampling_rate
     if stated is None and table.time_heading is None:
         raise ParameterError(
@@ -117,7 +117,7 @@ def _values_present(table: Table, block: Block) -> Booleans:
 
 
 def _time_unit(table: Table) -> float | None:
-    """Return the seconds in one unit of the time column; None where the column does not state a unit."""
+    """Return the seconds in one unit of the time column; None if the column does not state a unit."""
     name, unit, _ = split_heading(table.time_heading or "")
     if unit in TIME_UNITS:
         return TIME_UNITS[unit]
@@ -196,7 +196,7 @@ class _Assembler:
         self._n_cut = 0
 
     def update(self, block: Block, *, is_last: bool) -> Recording | None:
-        """Take the next rows; return the recording that they complete, None if there is none."""
+        """Add the next rows; return the recording that they complete, None if there is none."""
         self._append(block)
         n_rows = self._seconds.size
         gaps = find_gaps(self._seconds, self._clock)

@@ -98,7 +98,7 @@ def _layout(path: Path) -> Layout:
     decimal = "," if has_decimal_comma else "."
     data = next((i for i, row in enumerate(rows) if _is_data(row, decimal)), None)
     if data is None:
-        raise FormatError(f"{path} holds no samples: there is no line of numbers among its first {len(lines)} lines")
+        raise FormatError(f"{path} holds no samples: its first {len(lines)} lines have no line of numbers")
     header = _header(rows[:data], decimal)
     if header is None:
         raise FormatError(

@@ -18,7 +18,13 @@ _HDF5_OFFSETS = (0, 512, 1024, 2048)
 
 
 def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
-    """Return the table in a MAT file; the fields of a structure count as variables."""
+    """Return the table in a MAT file; the fields of a structure count as variables.
+
+    Raises
+    ------
+    FormatError
+        If the file is not a MAT file of version 5 or later.
+    """
     with path.open("rb") as file:
         head = file.read(_HDF5_OFFSETS[-1] + len(_HDF5_SIGNATURE))
     with reported(path, "MAT file"):

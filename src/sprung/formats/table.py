@@ -90,6 +90,11 @@ def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
     """Return the channel that `heading` describes; `unit` where the file states it elsewhere.
 
     Square brackets always hold a unit; round ones only if the unit is known, otherwise they belong to the name.
+
+    Raises
+    ------
+    FormatError
+        If the heading has no name, or an unknown unit in square brackets.
     """
     name, bracketed, is_square = split_heading(heading)
     if not is_square and not _is_known(bracketed):
@@ -120,7 +125,13 @@ def is_unit(text: str) -> bool:
 
 
 def time_column(headings: Iterable[str], *, path: Path) -> str | None:
-    """Return the only heading that names a time column; None where there is none."""
+    """Return the only heading that names a time column; None if there is none.
+
+    Raises
+    ------
+    FormatError
+        If there is more than one time column.
+    """
     times = [heading for heading in headings if is_time(heading)]
     if len(times) > 1:
         raise FormatError(f"{path} has the time columns {times[0]!r} and {times[1]!r}: keep one of them")
@@ -134,7 +145,13 @@ def chosen_columns(
     units: Sequence[str | None] | None = None,
     path: Path,
 ) -> tuple[Column, ...]:
-    """Return the columns of `channels`, in that order; None: all columns that have a name and are not time."""
+    """Return the columns of `channels`, in that order; None: all columns that have a name and are not time.
+
+    Raises
+    ------
+    FormatError
+        If there is no column of a channel.
+    """
     stated = dict(zip(headings, units or [None] * len(headings), strict=True))
     kept = [heading for heading in headings if heading.strip() and not is_time(heading)]
     refuse_repeated(kept, path=path)
@@ -148,7 +165,13 @@ def chosen_columns(
 
 
 def refuse_repeated(names: Sequence[str], *, path: Path) -> None:
-    """Raise if a name occurs twice."""
+    """Raise if a name occurs twice.
+
+    Raises
+    ------
+    FormatError
+        If a name occurs twice.
+    """
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -199,6 +222,11 @@ def reported(path: Path, kind: str) -> Iterator[None]:
     """Turn any error that a parser raises on a damaged file into one sentence.
 
     Parsers of binary formats may raise almost any exception on unexpected bytes, hence the broad `except`.
+
+    Raises
+    ------
+    FormatError
+        If the parser raises any other error.
     """
     try:
         yield
@@ -255,7 +283,7 @@ def _reads_back(heading: str, expected: Column) -> bool:
 
 
 def written_stamps(recording: Recording) -> tuple[str, NDArray[Any]]:
-    """Return name and values of the time column: UTC date-times where the start is known, else seconds."""
+    """Return name and values of the time column: UTC date-times if the start is known, else seconds."""
     seconds = np.arange(recording.n_samples) / recording.sampling_rate
     for gap in recording.gaps:
         seconds[gap.index :] += gap.duration

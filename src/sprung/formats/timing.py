@@ -1,9 +1,9 @@
-"""From time stamps to a sampling rate, gaps and jitter, and onto a uniform grid where the stamps require it.
+"""From time stamps to a sampling rate, gaps and jitter, and onto a uniform grid if the stamps require it.
 
 The stamps t of the samples i are compared with straight lines t = a + i/fs, one for each stretch between gaps. Their
 deviation from the line, as a fraction of the sample interval, is the jitter.
 
-Samples are left as they are where their stamps deviate by less than 1 % of an interval (RMS), or by no more than the
+Samples are left as they are if their stamps deviate by less than 1 % of an interval (RMS), or by no more than the
 rounding of printed digits. Taking such samples as uniform adds an error of at most 2 pi f/fs times the
 deviation: 0.6 % of the amplitude at a tenth of the sampling rate. Resampling would cost more at high frequencies.
 """
@@ -29,7 +29,7 @@ _ROUNDING_LIMIT = 0.35
 _GAP_STEP = 1.5
 _GAP_STEP_UNSTEADY = 2.5
 _GAP_SHIFT = 0.5
-# Samples on either side that show whether they do.
+# Number of samples on either side that decide this.
 _WINDOW = 8
 _BURST_WINDOW = 64
 # Unsteady: more than this share of the steps differs from a multiple of the interval by more than this part of it.
@@ -155,7 +155,7 @@ class Clock:
 def find_gaps(seconds: Real, clock: Clock) -> Indices:
     """Return the indices of the samples before which time is missing.
 
-    A step of more than 1.5 intervals (2.5 where the clock is unsteady) is a gap if the stamps after it stay late by
+    A step of more than 1.5 intervals (2.5 if the clock is unsteady) is a gap if the stamps after it stay late by
     more than half an interval; after a single late stamp they return to the line. Medians over a few samples up to the
     next large step decide. Stamps in bursts may first have to catch up with a backlog.
     """
@@ -211,7 +211,7 @@ def interpolate(samples: Real, seconds: Real, wanted: Real) -> Real:
 
 
 class ClockFit:
-    """Fits a clock to stamps that come block by block, in bounded memory.
+    """Fits a clock to stamps block by block, in bounded memory.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ class ClockFit:
         self._intervals: tuple[float, float] | None = None
 
     def update(self, seconds: Real, rows: Indices, *, rounding: float = 0.0) -> None:
-        """Take the next stamps [s], the numbers of their rows, and the rounding of the stamps [s]."""
+        """Add the next stamps [s], with the numbers of their rows and the rounding of the stamps [s]."""
         self._resolution = resolution(seconds, largest=self._resolution, rounding=rounding)
         for first in range(0, seconds.size, _PIECE):
             piece = slice(first, first + _PIECE)
@@ -345,7 +345,7 @@ def _nearer(stretch: Real, interval: float) -> float:
 
 
 def _deviations(stretch: Real) -> Iterator[Real]:
-    """Yield how stamps deviate from straight lines through each thousand of them: over more, clocks drift."""
+    """Yield deviations of stamps from straight lines through each thousand of them: over more, clocks drift."""
     n_whole = stretch.size - stretch.size % _LONG_STRETCH
     for lines in (stretch[:n_whole].reshape(-1, _LONG_STRETCH), stretch[None, n_whole:]):
         n = lines.shape[1]
@@ -356,7 +356,7 @@ def _deviations(stretch: Real) -> Iterator[Real]:
 
 
 def _first_pace(seconds: Real, coarseness: float) -> Clock:
-    """Return a first idea of the clock: medians, which a few gaps do not move."""
+    """Return a first estimate of the clock from medians, on which a few gaps have no effect."""
     if seconds.size == 1:
         return Clock(1.0, 1.0)
     steps = np.diff(seconds)
@@ -376,7 +376,7 @@ def _first_pace(seconds: Real, coarseness: float) -> Clock:
 def resolution(seconds: Real, *, largest: float = 1e9, rounding: float = 0.0) -> float:
     """Return the coarsest power of ten [s], up to `largest`, of which all stamps are multiples.
 
-    Where there is none, the `rounding` of the stamps as floating-point numbers.
+    Without one, the `rounding` of the stamps as floating-point numbers.
     """
     step = largest
     tolerance = 1e-12 + rounding + 4 * np.spacing(np.abs(seconds).max(initial=0.0))

@@ -9,7 +9,7 @@ from sprung.identification.correlation import Correlations
 
 
 def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Real:
-    """Return the part of each mode in the correlations between channels, relative to chance.
+    """Return the contribution of each mode to the correlations between channels, relative to chance.
 
     Parameters
     ----------
@@ -18,8 +18,8 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
     mode_shapes
         Mode shapes, shape (modes, channels).
     correlations
-        Correlations with blocks. Only pairs of two different channels count (of a channel with itself, if there are no
-        others): the noise of a sensor appears only in the correlation of that sensor with itself.
+        Correlations with blocks. Only pairs of different channels count (with a single channel, its autocorrelation):
+        the noise of a sensor appears only in the correlation of that sensor with itself.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def _participation_operator(responses: Complex) -> Complex:
 def complete_shapes(
     poles: Complex, mode_shapes: Complex, correlations: Correlations, channels: Sequence[str]
 ) -> Complex:
-    """Return the shapes on all channels of modes that were identified on some.
+    """Return the shapes on all channels of modes that were identified on some of them.
 
     Parameters
     ----------

@@ -182,7 +182,7 @@ def correlate_segments(
         Names of the reference channels; None: all channels.
     is_continued
         Whether the later factor of a product may lie in the next segment of the same stretch, so that the sums of the
-        segments add up to the correlation of the whole stretch; False: each segment by itself (the form of the thesis).
+        segments add up to the correlation of the whole stretch; False: each segment alone (the form of the thesis).
 
     Returns
     -------
@@ -193,7 +193,7 @@ def correlate_segments(
     DataError
         If no stretch holds `n_lags` samples.
     ParameterError
-        If `n_lags` is below 2, or there is no channel of the name of a reference.
+        If `n_lags` is below 2, or a reference is not a channel.
 
     Notes
     -----
@@ -286,7 +286,7 @@ def with_limited_power(segments: SegmentCorrelations, *, most: float = 4.0) -> S
     -------
     SegmentCorrelations
         Correlations in which sums and numbers of products of loud segments are multiplied by the same weight, so that
-        the correlation of each segment by itself, and the average of equally loud ones, do not change.
+        the correlation of each single segment, and the average of equally loud ones, do not change.
     """
     power = np.linalg.norm(segments.sums[..., 0], axis=(1, 2)) / np.maximum(segments.n_products[:, 0], 1)
     limit = most * np.median(power[power > 0]) if power.any() else 1.0
@@ -317,7 +317,7 @@ def average(segments: SegmentCorrelations, *, is_biased: bool = False) -> Correl
     Raises
     ------
     DataError
-        If there is no product at some lag.
+        If some lag has no product.
 
     References
     ----------

@@ -22,9 +22,14 @@ class OrderLadder:
         Number i of block rows, at least 2.
     max_order
         Largest model order, at least 2.
+
+    Raises
+    ------
+    ParameterError
+        If the block rows or the largest order are below 2.
     """
 
-    #: Lags for each block row, and whether correlations are divided by the number of samples.
+    #: Number of lags for each block row, and whether correlations are divided by the number of samples.
     lags_per_row: ClassVar[int] = 2
     is_biased: ClassVar[bool] = False
 
@@ -57,6 +62,11 @@ class BlockRowLadder:
     ----------
     first, last
         Smallest and largest number of block rows, 2 <= first <= last.
+
+    Raises
+    ------
+    ParameterError
+        If the block rows do not rise from 2 or more.
 
     References
     ----------

@@ -13,7 +13,7 @@ from sprung.modal import Modes, join_modes
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MergedModes:
-    """Modes merged over parts, and which mode of each part stands behind them.
+    """Modes merged over parts, and the modes of the parts that they combine.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> MergedMo
     -------
     MergedModes
         Modes of at least half of the parts. Poles are weighted means; the shape is that of the part of largest weight.
-        Of several modes of one part that merge, the one of largest stable rate stands for the part.
+        Of several modes of one part that merge, the one with the largest stable rate represents the part.
 
     References
     ----------

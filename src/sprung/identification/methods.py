@@ -45,11 +45,11 @@ def cov_ssi(
         One record, or several of one condition, whose correlations are averaged. An iterator is read once, one record
         at a time. Choices from the data are made from the first usable record.
     settings
-        Wishes; default: everything is chosen from the data.
+        Settings; default: everything is chosen from the data.
     vehicle
         Vehicle description, for the sensor layout, the name of the speed channel, the band of interest and the labels.
     on_progress
-        Function called with what is being done and the share that is done, 0 to 1.
+        Function called with the current step in words and the share that is done, 0 to 1.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def summarise(
     Raises
     ------
     DataError, ParameterError
-        As `cov_ssi`; also if `method` is none of the three.
+        As raised by `cov_ssi`; also if `method` is none of the three.
     """
     check_one_of("method", method, METHODS)
     settings = settings or IdentificationSettings()
@@ -238,7 +238,7 @@ def _summary(
 
 
 def _notes_on_modes(modes: Modes, lifter: Lifter | None) -> list[str]:
-    """Return a note where there is no mode, and on modes whose ring-down a short-pass lifter cuts off."""
+    """Return notes on a lack of modes, and on modes whose ring-down a short-pass lifter cuts off."""
     if not len(modes):
         return ["no mode found: record longer, widen the band, or look at the reasons in the stabilisation diagram"]
     if not isinstance(lifter, ShortPass):

@@ -26,7 +26,7 @@ _CHANCE_OF_COHERENCE = 1e-3
 #: The band around a vehicle's modes reaches from this share of the lowest to this multiple of the highest.
 _BELOW_LOWEST, _ABOVE_HIGHEST = 0.3, 1.5
 #: Smallest ratio of the sampling rate to the band's upper edge: decimation passes 0.8 of the new Nyquist frequency.
-#: A given band may end just above its modes: heavily damped ones then need more room.
+#: A given band may end just above its modes: heavily damped ones then need more margin.
 _RATE_OVER_BAND, _RATE_OVER_GIVEN_BAND = 3.0, 5.0
 #: The lags span this many periods of the slowest motion, but no more than a multiple of the lag up to which most of the
 #: power of the cross-correlations lies (heavily damped motion decays before it has completed many periods), within
@@ -38,7 +38,7 @@ _PERIODS_OF_LAGS, _FEWEST_ROWS, _MOST_ROWS, _LARGEST_MATRIX = 4.0, 20, 100, 400
 _LEAST_PERIODS, _HIGHEST_MODE = 1.2, 0.4
 #: Bounds of half the largest model order.
 _LARGEST_ORDERS = (20, 30)
-#: Fewest samples of the longest stretch.
+#: Smallest number of samples of the longest stretch.
 _FEWEST_SAMPLES = 200
 #: Numbers of segments of all records (Cov-SSI) and of a subset, and shortest segment over the span of the lags.
 _BLOCKS_OF_A_RECORD, _SEGMENTS_OF_A_SUBSET, _LAG_SPANS_OF_A_SEGMENT = 48, 12, 3.0
@@ -58,7 +58,7 @@ def plan_preparation(
     recording
         Usable part of the first record (`sprung.vehicles.usable`).
     settings
-        Wishes.
+        Settings as given.
     vehicle
         Vehicle whose modes give the band where the settings do not.
 
@@ -130,7 +130,7 @@ def make_plan(
     harmonics
         Harmonics of the first record.
     settings
-        Wishes.
+        Settings as given.
     method
         "cov", "acs" or "coss".
     total_duration

@@ -23,7 +23,7 @@ from sprung.signals.harmonics import Harmonic
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.usable import AnyVehicle, speed_channel, usable
 
-#: Called with what is being done and the share that is done, 0 to 1.
+#: Function called with the current step in words and the share that is done, 0 to 1.
 Progress = Callable[[str, float], None]
 
 
@@ -84,11 +84,11 @@ def correlate_records(
     method
         "cov", "acs" or "coss".
     settings
-        Wishes.
+        Settings as given.
     vehicle
         Vehicle whose sensors are the outputs and whose modes give the band; None: from the data.
     report
-        Called before each record.
+        Function called before each record.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def _first_record(
     total_duration: float | None,
     left_out: dict[int, DataError],
 ) -> tuple[Plan, _Correlated]:
-    """Return the plan from the first record that is good enough for one, and that record correlated."""
+    """Return the plan from the first usable record, and the correlations of that record."""
     for number, recording in moving:
         try:
             preparation = plan_preparation(recording, settings=settings, vehicle=vehicle)

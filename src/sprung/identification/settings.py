@@ -15,7 +15,7 @@ THESIS_ROWS = (12, 45)
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """Wishes for an identification; what is None is chosen from the data.
+    """Settings of an identification; fields that are None are chosen from the data.
 
     Parameters
     ----------

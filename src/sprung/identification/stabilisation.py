@@ -151,7 +151,7 @@ def stabilise(
 
 
 def _status_alone(poles: Poles, criteria: StabilityCriteria, band: tuple[float, float]) -> NDArray[np.int8]:
-    """Return the status that follows from each pole by itself; SELECTED where none does."""
+    """Return the status that follows from each pole alone; SELECTED if none does."""
     frequency, damping = poles.natural_frequency, poles.damping_ratio
     status = np.full(len(frequency), PoleStatus.SELECTED, dtype=np.int8)
     status[mpc(poles.mode_shapes) < criteria.mpc] = PoleStatus.INCOHERENT_SHAPE
@@ -278,9 +278,9 @@ def select_modes(diagram: StabilisationDiagram) -> SelectedModes:
 
     Notes
     -----
-    The pole with the least sum of its variance and its squared distance from the alignment's median pole stands for the
-    mode, with its own shape and standard deviations: high orders scatter more than low ones, and the lowest may still
-    be biased.
+    The pole with the smallest sum of its variance and its squared distance from the alignment's median pole represents
+    the mode, with its own shape and standard deviations: high orders scatter more than low ones, and the lowest may
+    still be biased.
     """
     poles = diagram.poles
     kept = np.unique(diagram.alignments[diagram.status == PoleStatus.SELECTED])

@@ -76,7 +76,7 @@ def subsets_of_equal_width(segments: SegmentCorrelations, n_subsets: int, *, min
     n_subsets
         Number J of ranges, 2 to 5 in the thesis; 1 gives ACS-Cov-SSI.
     min_segments
-        Smallest number of segments of a subset; a subset with fewer is merged with its neighbour, and that is noted.
+        Smallest number of segments of a subset; a subset with fewer is merged with its neighbour, with a note.
 
     Returns
     -------

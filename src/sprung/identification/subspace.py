@@ -14,8 +14,8 @@ from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
 from sprung.modal import Poles
 
-#: Smallest eigenvalue of the outputs' covariance over the largest: without it, records with hardly any noise would be
-#: dominated by that noise.
+#: Smallest eigenvalue of the outputs' covariance over the largest: without it, the little noise of nearly noise-free
+#: records would dominate.
 _WHITENING_FLOOR = 3e-3
 
 
@@ -239,7 +239,7 @@ def _whitening(correlations: Correlations, block_rows: int) -> tuple[Real | None
 
 
 def _apply(left: Real | None, matrix: Real) -> Real:
-    """Return left @ matrix, or the matrix where there is no left factor."""
+    """Return left @ matrix, or the matrix itself without a left factor."""
     return matrix if left is None else np.asarray(left @ matrix)
 
 
@@ -402,7 +402,7 @@ def block_row_ladder(
     Raises
     ------
     ParameterError
-        As `realise`.
+        As raised by `realise`.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Blocks of parameters: what a part of the model is called, where it starts, and what it contributes."""
+"""Blocks of parameters: names, priors and contributions of the parts of a model."""
 
 from collections.abc import Iterable
 from typing import ClassVar, Protocol
@@ -17,10 +17,10 @@ class ParameterBlock(Protocol):
     Notes
     -----
     A block is a frozen value that subclasses this protocol. `contribute` adds to or multiplies terms of the model; the
-    blocks of a `Model` are applied in their order, each to the terms that the blocks before it have left. `gradient`
-    and `derivatives` are the derivatives of that in the two directions: of the objective with respect to the
-    parameters, given its gradient with respect to every term (`TermGradients`: g with d objective = Re sum(g dT), so
-    that a parameter p has Re sum(g dT/dp)); and of the spectral matrix, by the methods of `Transfer`.
+    blocks of a `Model` are applied in their order, each to the result of the blocks before it. `gradient` and
+    `derivatives` differentiate this in the two directions: the objective with respect to the parameters, given its
+    gradient with respect to every term (`TermGradients`: g with d objective = Re sum(g dT), so that a parameter p has
+    Re sum(g dT/dp)); and the spectral matrix, by the methods of `Transfer`.
 
     A block that multiplies a term, such as an input spectrum, takes the final term, which holds the factors of all
     blocks, from `TermGradients.log_inputs` or `Transfer.terms`.
@@ -63,5 +63,5 @@ class ParameterBlock(Protocol):
         return dict(zip(self.names, parameters.tolist(), strict=True))
 
     def fitted(self, parameters: Real, structure: Structure) -> Structure:
-        """Return the structure with the parameters; the same object where the block does not change it."""
+        """Return the structure with the parameters; the same object if the block does not change it."""
         return structure

@@ -120,7 +120,7 @@ def free_components(nominal: Structure, vehicle: Vehicle, names: tuple[str, ...]
     Raises
     ------
     ParameterError
-        Where a name is neither a kind nor a component of a corner.
+        If a name is neither a kind nor a component of a corner.
     """
     corners = corner_names(len(vehicle.axle))
     every = tuple(

@@ -11,7 +11,7 @@ from sprung.vehicles import Structure
 
 #: Usual noise of sensors by the order of the time derivative that they measure [m or rad, per s, per s^2].
 _NOISE = (1e-4, 1e-3, 1e-2)
-#: Least vertical direction cosine of an accelerometer that is used: others read braking and gravity.
+#: Smallest vertical direction cosine of an accelerometer that is used: others also measure braking and gravity.
 _LEAST_VERTICAL = 0.7
 #: Directions whose singular value is less than this share of the largest are left out.
 _WEAKEST = 1e-3
@@ -26,7 +26,7 @@ class RigidLayout:
     names
         Names of the channels.
     coordinates
-        Names of the coordinates: "bounce", "pitch", "roll" where the sensors observe these alone; numbers otherwise.
+        Names of the coordinates: "bounce", "pitch", "roll" if the sensors observe these alone; numbers otherwise.
     orders
         Order of the time derivative that each channel measures (acceleration 2, angular velocity 1), shape (channels,).
     reduction
@@ -75,7 +75,7 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     Raises
     ------
     ParameterError
-        Where no sensor observes a motion of the structure.
+        If no sensor observes a motion of the structure.
 
     Notes
     -----

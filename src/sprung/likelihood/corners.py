@@ -9,7 +9,7 @@ from sprung._checks import freeze
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Component, ExactModes, Structure
 
-#: A parameter is identifiable where the data reduce the standard deviation of its prior to this share or less.
+#: A parameter is identifiable if the data reduce the standard deviation of its prior to this share or less.
 IDENTIFIABLE = 0.5
 #: Step of the numerical derivatives of the modes, over the standard deviation of the prior.
 _STEP = 1e-4
@@ -30,13 +30,13 @@ class CornerFit:
     misfit
         Measured over fitted power less 1, averaged over the classes, shape (coordinates, frequencies).
     model_error
-        RMS of `misfit` beyond what chance gives.
+        RMS of `misfit` in excess of chance.
     n_segments, n_rejected
         Number of segments used, and of those left out for their speed.
     notes
-        Remarks on the fit for its reader, one sentence each.
+        Remarks on the fit, one sentence each.
     from_modes
-        ln(value / nominal value) of each component by identified modes alone, as a check; None without modes.
+        ln(value / nominal value) of each component from identified modes alone, as a check; None without modes.
     """
 
     model: Model
@@ -87,7 +87,7 @@ class CornerFit:
     def inputs(self) -> dict[str, float]:
         """Fitted inputs of the wheels.
 
-        Roughness [m^3], waviness, coherence length [m] and delay of a road; of a track bends [1/m] in place of the
+        Roughness [m^3], waviness, coherence length [m] and delay of a road; for a track bends [1/m] in place of the
         coherence length; levels [m^2/Hz] and exponent of a rig.
         """
         return self._values("inputs", self.parameters)

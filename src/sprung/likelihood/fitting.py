@@ -37,28 +37,28 @@ from sprung.vehicles import Structure, Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.window import Window, window_of
 
-#: Lowest frequency at which lines are sought on a road or track, over that of the highest mode of the body: what does
-#: not fit below it may be the body's own motion.
+#: Lowest frequency at which lines are sought on a road or track, over that of the highest mode of the body: misfit
+#: below it may be the body's own motion.
 _OVER_BODY = 1.5
-#: Fits and estimates of the speed in turn, where it is missing.
+#: Number of alternating fits and estimates of the speed, if it is missing.
 _ROUNDS = 3
-#: The search ends with a step that gains less than this share of all that was gained, or where the slope is less than
-#: this in standard deviations.
+#: The search ends with a step that gains less than this share of the total gain, or at a slope below this value in
+#: standard deviations.
 _TOLERANCE, _SLOPE = 1e-8, 1e-2
-#: Most steps before the coordinates of the search are chosen anew: the information changes on the way.
+#: Largest number of steps before the coordinates of the search are chosen anew, as the information changes.
 _STEPS = (25, 25, 50, 300)
-#: Lines that a note names.
+#: Largest number of lines that a note names.
 _MOST_NAMED = 6
-#: Relative misfit of the spectra above which a note says that the model is in error.
+#: Relative misfit of the spectra above which a note states an error of the model.
 _IMPERFECT = 0.1
-#: Tempering after the first fit below which it may be a local minimum, and ln of a broken spring to start again from.
+#: Tempering below which the first fit may be a local minimum, and ln of the broken spring of a further start.
 _DOUBTFUL, _BROKEN = 0.3, -1.2
-#: Least level of a class over the common one; its inverse is the largest.
+#: Smallest roughness of a class over the common one; its inverse is the largest.
 _LEAST_LEVEL = 1e-3
 #: Width of the speed classes of the first fit.
 _COARSE = 0.1
-#: Tempering of the first fit; most fits after it, each with the lines and the tempering that the last one shows; and
-#: relative change of the tempering below which there are no more.
+#: Tempering of the first fit; largest number of fits after it, each with the lines and the tempering of the one before;
+#: and relative change of the tempering at which they end.
 _FIRST, _MOST_FITS, _SETTLED = 0.1, 4, 0.1
 
 
@@ -73,11 +73,11 @@ class FitSetup:
     nominal
         Nominal structure of the vehicle.
     layout
-        Coordinates in which the recorded sensors see its motion.
+        Coordinates of the motion that the recorded sensors observe.
     settings
         Choices of the fit.
     kind
-        What drives the wheels.
+        Excitation of the wheels: "road", "rail" or "rig".
     """
 
     vehicle: Vehicle
@@ -135,8 +135,8 @@ def fit_corners(
     Parameters
     ----------
     recordings
-        Recordings of one condition, in SI units or as the vehicle's sensors say; with the speed channel for a road or
-        track.
+        Recordings of one condition, in SI units or in those of the vehicle's sensors; with the speed channel for a road
+        or track.
     vehicle
         Geometry, masses, nominal components (starting values and weak prior), sensors.
     settings
@@ -151,16 +151,22 @@ def fit_corners(
     Raises
     ------
     DataError
-        Where no segment is long, fast and steady enough, where the speed is missing and cannot be estimated from the
-        delay between the axles, or where the recordings are not consistent with the vehicle file.
+        If no segment is long, fast and steady enough, the speed is missing and cannot be estimated from the delay
+        between the axles, or the recordings are not consistent with the vehicle file.
     ParameterError
-        Where the sensors of the vehicle file do not fit the recordings.
+        If the sensors of the vehicle file do not fit the recordings.
 
     Notes
     -----
     Whittle likelihood of the segments' spectral matrices, averaged by speed class; see `sprung.likelihood.whittle` and,
     for the order of the fits, `fit_segments`. The covariance is that of the information, corrected for overlap, and by
-    the scores of the segments (sandwich) where those scatter more than the model says.
+    the scores of the segments (sandwich) where those scatter more than the model predicts.
+
+    References
+    ----------
+    P. Whittle, The analysis of multiple stationary time series, Journal of the Royal Statistical Society B 15 (1953)
+    125-139.
+    H. White, Maximum likelihood estimation of misspecified models, Econometrica 50 (1982) 1-25.
     """
     records = [recordings] if isinstance(recordings, Recording) else recordings
     return fit_windows([window_of(record, vehicle) for record in records], settings=settings, modes=modes)
@@ -181,7 +187,7 @@ def fit_windows(
     Raises
     ------
     DataError, ParameterError
-        As from `fit_corners`.
+        As raised by `fit_corners`.
     """
     setup, segments, has_speed = _prepare(windows, settings or CornerSettings())
     check = None if modes is None else setup.components_of(modes)
@@ -199,9 +205,9 @@ def fit_windows(
 
 
 def nominal_misfit(window: Window, *, settings: CornerSettings | None = None) -> float:
-    """Return minus the log likelihood of the vehicle as its file says, on a road as rough as the window shows.
+    """Return minus the log likelihood of the nominal vehicle on a road of the window's roughness.
 
-    Nothing is fitted: two layouts of the same sensors can be compared at the cost of one step of a fit.
+    No parameter is fitted: two layouts of the same sensors can be compared at the cost of one step of a fit.
 
     Parameters
     ----------
@@ -213,7 +219,7 @@ def nominal_misfit(window: Window, *, settings: CornerSettings | None = None) ->
     Raises
     ------
     DataError
-        As from `fit_corners`.
+        As raised by `fit_corners`.
     """
     setup, segments, has_speed = _prepare([window], settings or CornerSettings())
     if not has_speed:
@@ -223,10 +229,7 @@ def nominal_misfit(window: Window, *, settings: CornerSettings | None = None) ->
 
 
 def _prepare(windows: Sequence[Window], settings: CornerSettings) -> tuple[FitSetup, SegmentSpectra, bool]:
-    """Return what all fits have in common, the spectra of the segments, and whether these have all they need of speed.
-
-    A rig needs no speed.
-    """
+    """Return the set-up of all fits, the spectra of the segments, and whether their speeds are known or not needed."""
     first, records = windows[0], [window.motion for window in windows]
     kind: Kind = settings.kind or first.vehicle.kind
     layout = rigid_layout(with_sensors(first.structure, records[0].names))
@@ -243,7 +246,7 @@ def _with_speeds(segments: SegmentSpectra, setup: FitSetup, parameters: Real | N
 
 
 def _fit(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> CornerFit:
-    """Return the fit to segments; a search that ends in singular matrices is a recording of another vehicle."""
+    """Return the fit to segments; singular matrices in the search mean a recording of another vehicle."""
     try:
         return fit_segments(segments, setup, starts=starts)
     except np.linalg.LinAlgError:
@@ -268,19 +271,19 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a matrix of the search is singular.
+        If a matrix of the search is singular.
 
     Notes
     -----
     One rough fit, then up to four full ones, in this order:
 
     1. *Rough*: speed classes twice as wide and a likelihood to the power of 0.1 (tempering), which flattens local
-       minima. Where it leaves so large an error that its own tempering is below 0.3, the search starts again from each
-       spring broken, and the best end counts.
-    2. *Full*: classes 5 % wide. Each fit is followed by three choices that the next one is made with, until they stay:
+       minima. If its error is so large that its own tempering is below 0.3, the search is repeated from each spring
+       broken, and the best result is taken.
+    2. *Full*: classes 5 % wide. Each fit is followed by three choices for the next one, until they no longer change:
 
        - the amplitude of a segment is limited to that at three times the median power, a winsorised residual as
-         Huber's, so that a pothole is one segment and no more (`segment_weights`);
+         Huber's, so that a pothole affects one segment only (`segment_weights`);
        - frequencies are left out at which lines of wheels, engine or mains stand out of the fit (`residual_lines`);
        - the likelihood is raised to a power eta between 0 and 1, as large as the misfit beyond chance allows
          (`tempering`). The likelihood of a wrong model grows without bound with the amount of data, and it would
@@ -326,7 +329,7 @@ def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) ->
 
 
 def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
-    """Return the parameters of the first fit, sought from broken springs too where the fit is doubtful."""
+    """Return the parameters of the first fit; if it is doubtful, searches from broken springs are compared as well."""
 
     def misfit(parameters: Real) -> float:
         return rough.objective(parameters)[0]
@@ -339,13 +342,13 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
 
 
 def _with_limited_amplitudes(segments: SegmentSpectra, model: Model, parameters: Real) -> SegmentSpectra:
-    """Return the segments, each far more powerful one with less amplitude."""
+    """Return the segments, with the amplitude of far more powerful ones limited."""
     limits = np.sqrt(segment_weights(model, parameters, segments))[:, None, None]
     return replace(segments, values=segments.values * limits)
 
 
 def _lines(model: Model, parameters: Real, setup: FitSetup) -> tuple[SpectralLine, ...]:
-    """Return the lines that stand out of a fit, where the settings leave them out."""
+    """Return the lines that stand out of a fit, if the settings mask them."""
     if not setup.settings.has_lines_masked:
         return ()
     lowest = 0.0 if setup.kind == "rig" else _OVER_BODY * highest_of_body(setup.nominal)
@@ -353,7 +356,7 @@ def _lines(model: Model, parameters: Real, setup: FitSetup) -> tuple[SpectralLin
 
 
 def _broken_springs(model: Model) -> list[Real]:
-    """Return components, ln(value / nominal value), with one spring each far softer: where else a search may start."""
+    """Return further starts of the search: ln(value / nominal value) with one spring each far softer."""
     springs = [row for row, component in enumerate(model.components) if component.kind == "spring"]
     return [_BROKEN * np.eye(len(model.components))[row] for row in springs]
 
@@ -440,7 +443,7 @@ def _result(
 
 
 def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
-    """Return what cannot be identified and how well the model fits, one sentence each."""
+    """Return notes on unidentifiable components and on the fit of the model, one sentence each."""
     notes = []
     weak = [str(component) for component, is_ in zip(fit.components, fit.is_identifiable, strict=True) if not is_]
     if weak:

@@ -26,7 +26,7 @@ def corners_from_modes(
     Parameters
     ----------
     modes
-        Bounce, pitch and roll or some of them, with the channels of the layout (others are ignored).
+        Bounce, pitch and roll, or some of them, with the channels of the layout (other channels are ignored).
     structure
         Vehicle with nominal components.
     layout
@@ -39,12 +39,12 @@ def corners_from_modes(
     Returns
     -------
     ndarray
-        Shape (components,).
+        ln(value / nominal value), shape (components,).
 
     Raises
     ------
     ParameterError
-        Where a coordinate of the layout is no motion of the body, or the modes lack one of its channels.
+        If a coordinate of the layout is not a motion of the body, or the modes lack one of its channels.
 
     Notes
     -----

@@ -9,7 +9,7 @@ from sprung._arrays import Booleans, Real
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.whittle import Model
 
-#: Least excess of a line over its neighbourhood, in standard deviations of chance and relative to it.
+#: Smallest excess of a line over its neighbourhood, in standard deviations of chance and relative to it.
 _SCORE, _EXCESS = 6.0, 0.25
 #: Half width of a line and distance of its neighbourhood on either side, in steps of the search: half spectral lines.
 _HALF_WIDTH, _NEIGHBOURHOOD = 2, 6

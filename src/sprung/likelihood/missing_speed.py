@@ -1,4 +1,4 @@
-"""Speed of a vehicle from the delay between its axles, where nobody measured it."""
+"""Speed of a vehicle from the delay between its axles, if it was not recorded."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -33,17 +33,17 @@ def with_estimated_speeds(
     Parameters
     ----------
     segments
-        Segments in the order of time, without speeds.
+        Segments in order of time, without speeds.
     model_at
         Function from speeds [m/s] to the model with one class for each.
     parameters
-        Parameters of an earlier fit: those of the free parts and the first ones of the surface are used; None: nominal
-        ones.
+        Parameters of an earlier fit, of which those of the free parts and the first ones of the surface are used; None:
+        nominal ones.
 
     Raises
     ------
     DataError
-        Where the speed of too few segments can be estimated.
+        If the speed of too few segments can be estimated.
 
     Notes
     -----

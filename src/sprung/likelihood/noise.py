@@ -13,7 +13,7 @@ from sprung.likelihood.transfer import TermGradients, Transfer
 
 #: Usual noise density over that of the layout [1/Hz], and standard deviation of its logarithm.
 _USUAL, _STD = 1e-2, 5.0
-#: Largest logarithm of a noise density that is not infinite for any purpose.
+#: Logarithm at which a noise density is cut off, as good as infinite.
 _LARGEST = 100.0
 
 
@@ -48,12 +48,12 @@ class SensorNoise(ParameterBlock):
 
     @property
     def prior_std(self) -> Real:
-        """Large: the data decide."""
+        """Large, so that the data decide."""
         return np.full(len(self.layout.noise), _STD)
 
     @property
     def is_log_power(self) -> Booleans:
-        """All of them."""
+        """True for all parameters."""
         return np.ones(len(self.layout.noise), dtype=np.bool_)
 
     def contribute(self, parameters: Real, terms: Terms) -> Terms:

@@ -63,7 +63,7 @@ class AddedMass(ParameterBlock):
 
     @property
     def start(self) -> Real:
-        """Nothing added."""
+        """Zero added mass."""
         return np.zeros(len(self.parts))
 
     @property
@@ -93,7 +93,7 @@ class AddedMass(ParameterBlock):
         return replace(structure, mass=structure.mass + self._mass(parameters))
 
     def _mass(self, parameters: Real) -> Real:
-        """Mass matrix that is added."""
+        """Added mass matrix."""
         return np.einsum("p,pij->ij", parameters, np.array([part.matrix for part in self.parts]))
 
 
@@ -110,6 +110,10 @@ def payload(nominal: Structure) -> AddedMass:
     Each is relative to the body's own: standard deviation 0.2 for mass and inertias, 0.1 for the moments m x and m y
     relative to the root of mass times inertia. A mass m at (x, y) adds m r r^T with r = [1, -x, y] for bounce, pitch
     and roll.
+
+    References
+    ----------
+    ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary (axes).
     """
     n = len(nominal.coordinates)
     rows = [nominal.coordinates.index(name) for name in MOTIONS]

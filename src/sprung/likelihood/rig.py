@@ -15,7 +15,7 @@ from sprung.likelihood.transfer import TermGradients, Transfer
 _REFERENCE = 10.0
 #: Standard deviations of ln of a level and of the exponent.
 _LEVEL, _EXPONENT = 10.0, 1.0
-#: Largest logarithm of a level that is not infinite for any purpose.
+#: Logarithm at which a level is cut off, as good as infinite.
 _LARGEST = 100.0
 
 
@@ -60,19 +60,19 @@ class RigInputs(ParameterBlock):
 
     @property
     def start(self) -> Real:
-        """White inputs, common parts a tenth."""
+        """White inputs, with common parts of a tenth."""
         levels = np.full(len(self.parts), np.log(self.usual_level))
         levels[len(self.inputs) :] -= np.log(10)
         return np.append(levels, 0.0)
 
     @property
     def prior_std(self) -> Real:
-        """Large: the data decide."""
+        """Large, so that the data decide."""
         return np.append(np.full(len(self.parts), _LEVEL), _EXPONENT)
 
     @property
     def is_log_power(self) -> Booleans:
-        """The levels."""
+        """True for the levels."""
         return np.append(np.ones(len(self.parts), dtype=np.bool_), False)
 
     def contribute(self, parameters: Real, terms: Terms) -> Terms:

@@ -146,9 +146,9 @@ def segment_spectra(
     Raises
     ------
     ParameterError
-        Where the length of a segment is not above 0.
+        If the length of a segment is not above 0.
     DataError
-        Where no stretch is as long as a segment, or no segment is fast and steady enough.
+        If no stretch is as long as a segment, or no segment is fast and steady enough.
 
     References
     ----------

@@ -114,7 +114,7 @@ class SurfaceInputs(ParameterBlock):
 
     @property
     def is_log_power(self) -> Booleans:
-        """The roughness."""
+        """True for the roughness."""
         return np.array([name == "roughness" for name in self.names])
 
     def contribute(self, parameters: Real, terms: Terms) -> Terms:

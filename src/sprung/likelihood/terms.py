@@ -33,15 +33,15 @@ class Terms:
     motion
         Acceleration that each channel reads for one unit of acceleration of each coordinate, shape (channels, n).
     feedthrough
-        What each channel reads of one unit of each input directly, shape (channels, inputs).
+        Direct reading of each channel for one unit of each input, shape (channels, inputs).
     channel_response
         Frequency response of each channel, shape (grid, channels): 1 for a perfect one.
     inputs
         One-sided spectral matrix of the inputs of the wheels, shape (classes, grid, wheels, wheels).
     measured_inputs
-        That of further inputs, which are measured and independent of the wheels' (such as the acceleration of the
-        vehicle ahead), shape (classes, grid, measured, measured). `feet`, `forces` and `feedthrough` have their columns
-        after those of the wheels.
+        Spectral matrix of further inputs, measured and independent of those of the wheels (such as the acceleration of
+        the vehicle ahead), shape (classes, grid, measured, measured). `feet`, `forces` and `feedthrough` have their
+        columns after those of the wheels.
     noise
         Spectral matrix of the noise in the coordinates of the data, shape (grid, coordinates, coordinates).
 
@@ -53,6 +53,11 @@ class Terms:
         H = reduction diag(channel response) (-w^2 motion D^-1 B + feedthrough),    S = H S_inputs H^H + noise,
 
     S_inputs block diagonal of `inputs` and `measured_inputs`.
+
+    References
+    ----------
+    D. J. Ewins, Modal Testing: Theory, Practice and Application, 2nd edition, Research Studies Press, 2000 (frequency
+    response functions).
     """
 
     frequencies: Real

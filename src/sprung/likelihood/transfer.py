@@ -63,12 +63,12 @@ class Transfer:
         return self.change_by_transfer(self.force_response @ forces)
 
     def change_by_motion(self, motion: Real) -> Complex:
-        """Return dS for a change of what the channels read of the motion: dH = -w^2 reduction diag(.) dmotion X."""
+        """Return dS for a change of the channels' readings of motion: dH = -w^2 reduction diag(.) dmotion X."""
         read = -_squared(self.terms)[:, None, None] * (motion @ self.displacements)
         return self.change_by_transfer(_reduced(self.terms) @ read)
 
     def change_by_feedthrough(self, feedthrough: Real) -> Complex:
-        """Return dS for a change of what the channels read of the inputs: dH = reduction diag(.) dfeedthrough."""
+        """Return dS for a change of the channels' readings of inputs: dH = reduction diag(.) dfeedthrough."""
         return self.change_by_transfer(_reduced(self.terms) @ feedthrough)
 
     def change_by_channel(self, channel: int, response: Complex) -> Complex:
@@ -125,7 +125,7 @@ class TermGradients:
         inputs              (H^H W H)^T
         noise               W^T, summed over the classes
 
-    It costs as much as the model itself, however many parameters there are (the adjoint method).
+    It costs as much as the model itself, for any number of parameters (the adjoint method).
 
     References
     ----------
@@ -159,14 +159,14 @@ class TermGradients:
 
     @property
     def motion(self) -> Complex:
-        """Gradient with respect to what the channels read of the motion, shape (channels, n)."""
+        """Gradient with respect to the channels' readings of motion, shape (channels, n)."""
         terms = self.transfer.terms
         sensed = self.transfer.displacements @ self.driven @ _reduced(terms)
         return -2 * np.einsum("f,fnk->kn", _squared(terms), sensed)
 
     @property
     def feedthrough(self) -> Complex:
-        """Gradient with respect to what the channels read of the inputs, shape (channels, inputs)."""
+        """Gradient with respect to the channels' readings of inputs, shape (channels, inputs)."""
         return 2 * np.einsum("fuk->ku", self.driven @ _reduced(self.transfer.terms))
 
     @property
@@ -188,7 +188,7 @@ def transfer(terms: Terms) -> Transfer:
     Raises
     ------
     LinAlgError
-        Where the dynamic stiffness is singular at a frequency.
+        If the dynamic stiffness is singular at a frequency.
     """
     squared = _squared(terms)[:, None, None]
     weighted = terms.stiffness.T[:, None, :] * terms.elongations.T
@@ -218,6 +218,11 @@ def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
         Response of the vehicle to its inputs.
     weight
         W with d objective = sum tr(W dS), Hermitian, shape (classes, grid, coordinates, coordinates).
+
+    References
+    ----------
+    J. R. Magnus and H. Neudecker, Matrix Differential Calculus with Applications in Statistics and Econometrics, Wiley,
+    1988, chapter 8 (differentials of the inverse and of the determinant).
     """
     H = response.matrix[..., : response.terms.inputs.shape[-1]]
     inputs = (_adjoint(H) @ weight @ H).swapaxes(-1, -2)

@@ -55,8 +55,13 @@ class CornerSettings:
     has_lines_masked
         Whether frequencies at which lines of wheels, engine or mains stand out of a first fit are left out.
     kind
-        What drives the wheels: "road", "rail" (both repeat the front wheels' input at the rear ones and need the speed)
-        or "rig" (rollers); None: as the vehicle file says.
+        Excitation of the wheels: "road", "rail" (both repeat the front wheels' input at the rear ones and need the
+        speed) or "rig" (rollers); None: that of the vehicle file.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or the band does not rise from above 0.
     """
 
     band: tuple[float, float] | None = None
@@ -102,12 +107,12 @@ def vehicle_model(
     settings
         Free parameters and their priors.
     kind
-        What drives the wheels: "road", "rail" or "rig".
+        Excitation of the wheels: "road", "rail" or "rig".
 
     Raises
     ------
     ParameterError
-        Where a free component is unknown.
+        If a free component is unknown.
     """
     components = free_components(nominal, vehicle, settings.free)
     blocks: list[ParameterBlock] = [FreeComponents(nominal, components, log_std=settings.prior_std)]
@@ -120,7 +125,7 @@ def vehicle_model(
 
 
 def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: Kind) -> list[ParameterBlock]:
-    """Blocks of what drives the wheels."""
+    """Parameter blocks of the wheels' inputs."""
     if kind == "rig":
         return [RigInputs(spectra, nominal.inputs)]
     positions, sides = np.repeat([axle.x for axle in vehicle.axle], 2), np.tile([1.0, -1.0], len(vehicle.axle))
@@ -140,7 +145,7 @@ def usual_choices(
     vehicle, nominal
         Description and nominal structure of the vehicle.
     settings
-        Choices of the user, which come first.
+        Choices of the user, which take precedence.
     sampling_rate
         Sampling rate of the recordings [Hz].
 

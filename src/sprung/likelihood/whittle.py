@@ -16,7 +16,7 @@ from sprung.likelihood.terms import Terms, nominal_terms
 from sprung.likelihood.transfer import term_gradients, transfer
 from sprung.vehicles import Component, Structure
 
-#: Value of the objective where it is not finite, or the mass matrix is not positive definite.
+#: Value of the objective if it is not finite, or the mass matrix is not positive definite.
 TOO_FAR = 1e100
 
 
@@ -165,7 +165,7 @@ def minus_log_likelihood(matrices: Complex, spectra: ClassSpectra) -> tuple[floa
     Raises
     ------
     LinAlgError
-        Where a matrix is not positive definite.
+        If a matrix is not positive definite.
 
     Notes
     -----
@@ -204,7 +204,7 @@ def inverse_and_logdet(matrices: Complex) -> tuple[Complex, Real]:
     Raises
     ------
     LinAlgError
-        Where a matrix of more than three rows is not positive definite, or a smaller one is singular.
+        If a matrix of more than three rows is not positive definite, or a smaller one is singular.
 
     Notes
     -----

@@ -1,6 +1,6 @@
 """From a vehicle to the monitor: frames, topics, a spool on disk, MQTT.
 
-`sprung.link.summaries` (correlations on the wire) is imported by those who need it: it brings identification along.
+`sprung.link.summaries` (correlations on the wire) is imported only where needed, as it depends on identification.
 """
 
 from sprung.link.blocks import Block, FrameBlock, frame_block, joined

@@ -11,7 +11,7 @@ from sprung._arrays import Real
 from sprung.link.frame import Frame
 from sprung.recording import Channel, Gap, Recording
 
-#: Largest time between blocks that is not a gap, in samples; clocks of loggers jitter.
+#: Longest time between blocks that is not a gap, in samples; clocks of loggers jitter.
 _TOLERANCE = 2.5
 
 
@@ -40,7 +40,7 @@ class Block(Protocol):
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Holes in time among the samples."""
+        """Gaps in time within the samples."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,7 +60,7 @@ class FrameBlock:
 
     @property
     def start(self) -> int:
-        """Time of the first sample, UTC ns; a step of the box' clock is a gap."""
+        """Time of the first sample, UTC ns; a step of the box's clock is a gap."""
         return self.frame.start
 
     @property
@@ -80,7 +80,7 @@ class FrameBlock:
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """None: a frame has no holes."""
+        """No gaps: a frame is continuous."""
         return ()
 
 
@@ -93,7 +93,7 @@ def frame_block(frame: Frame, quantities: Mapping[str, str]) -> FrameBlock:
 
 @lru_cache(maxsize=1024)
 def _channels(names: tuple[str, ...], quantities: tuple[str, ...]) -> tuple[Channel, ...]:
-    """Return channels, the same for all frames that have them: a window holds hundreds."""
+    """Return channels, shared by all frames that have them: a window holds hundreds."""
     return tuple(Channel(name, quantity) for name, quantity in zip(names, quantities, strict=True))
 
 

@@ -24,10 +24,10 @@ from sprung.link.messages import (
     text,
 )
 
-#: Most samples of all channels in a frame: what it holds unpacked.
+#: Largest number of samples of all channels in a frame, which bounds its size unpacked.
 MOST_SAMPLES = 1 << 19
-#: Longest frame [ns]: a longer one could hold any number of windows, each of them work. Least time between samples
-#: [ns]: a window of a higher rate would never be complete.
+#: Longest frame [ns]: a longer one could hold any number of windows, each of which takes time. Shortest time between
+#: samples [ns]: a window of a higher rate would never be complete.
 LONGEST, LEAST_INTERVAL = 3600 * 10**9, 50_000
 #: Bits of a channel's flag.
 CLIPPED, STUCK, MISSING = 1, 2, 4
@@ -71,12 +71,12 @@ class Frame:
     configuration
         Hash of the vehicle file of the box.
     previous
-        Number of the boot before and of its frames; None where unknown. This boot is analysed after them.
+        Number of the previous boot, and number of its frames; None if unknown. This boot is analysed after them.
 
     Raises
     ------
     ParameterError
-        Where a value is out of range, or the shapes do not fit together.
+        If a value is out of range, or the shapes are inconsistent.
     """
 
     vehicle: str
@@ -170,7 +170,7 @@ def encode(frame: Frame, *, codec: int = PACKED) -> bytes:
     Raises
     ------
     ParameterError
-        Where the codec is unknown.
+        If the codec is unknown.
     """
     document: dict[int, Any] = {
         Key.VERSION: VERSION,
@@ -195,12 +195,12 @@ def encode(frame: Frame, *, codec: int = PACKED) -> bytes:
 
 
 def decode(payload: bytes) -> Frame:
-    """Return the frame of bytes.
+    """Return the frame that bytes encode.
 
     Raises
     ------
     FormatError
-        Where they are not a frame of version 1 (`VersionError`: of another); nothing else, whatever they are.
+        If they are not a frame of version 1 (`VersionError` for another version). No other error is raised.
 
     Notes
     -----
@@ -214,7 +214,7 @@ def decode(payload: bytes) -> Frame:
     if missing is not None:
         raise FormatError(f"a frame without {missing.name.lower()} (key {missing}): send all of the keys 0 to 11")
     try:
-        # One copy of each name, however many frames a monitor keeps.
+        # One copy of each name for all frames that a monitor keeps.
         channels = tuple(sys.intern(text(name)) for name in items(document[Key.CHANNELS]))
         n_samples = integer(document[Key.N_SAMPLES])
         if not 0 < n_samples * len(channels) <= MOST_SAMPLES:

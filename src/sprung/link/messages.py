@@ -14,7 +14,7 @@ from sprung.errors import FormatError, ParameterError
 VERSION = 1
 #: Names of vehicles, which are parts of topics and of paths.
 VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
-#: Largest message [bytes], and most entries of a list in it.
+#: Largest message [bytes], and largest number of entries of a list in it.
 LARGEST, MOST_CHANNELS = 1 << 20, 256
 
 
@@ -45,7 +45,7 @@ class VersionError(FormatError):
 
 
 class _Untagged(dict[int, Any]):
-    """Refuses all tags of CBOR: decoding a decimal of a megabyte, a date or a pattern is work that no message needs."""
+    """Refuses all CBOR tags: no message needs decimals, dates or patterns, which can be costly to decode."""
 
     def __missing__(self, tag: int) -> None:
         raise FormatError(f"unexpected CBOR tag {tag}: send plain numbers, texts, bytes, lists and maps")
@@ -68,7 +68,7 @@ class Header:
     kind
         "raw", "corr" or "modes".
     previous
-        Number of the boot before and of its messages, which this boot continues; None where unknown.
+        Number of the previous boot, and number of its messages, after which this one continues; None if unknown.
     """
 
     boot: int
@@ -86,7 +86,7 @@ class Header:
         Raises
         ------
         FormatError
-            Where boot, sequence number or time is missing or out of range.
+            If boot, sequence number or time is missing or out of range.
         """
         return cls(
             boot=count(document, Key.BOOT),
@@ -110,7 +110,7 @@ def check_vehicle(vehicle: str) -> str:
     Raises
     ------
     ParameterError
-        Where it cannot be part of a topic.
+        If the name cannot be part of a topic.
     """
     if not VEHICLE.fullmatch(vehicle):
         raise ParameterError(
@@ -125,14 +125,14 @@ def checked_map(payload: bytes) -> dict[Any, Any]:
     Raises
     ------
     FormatError
-        Where the bytes are not a message.
+        If the bytes are not a message.
     """
     cbor = required("cbor2", purpose="frames", extra="online")
     if not 8 <= len(payload) <= LARGEST:
         raise FormatError(f"a message of {len(payload)} bytes: it must have between 8 and {LARGEST}")
     body, check = payload[:-4], payload[-4:]
     if zlib.crc32(body).to_bytes(4, "little") != check:
-        raise FormatError("the checksum does not match: the message was damaged on its way")
+        raise FormatError("the checksum does not match: the message was damaged in transit")
     stream = io.BytesIO(body)
     try:
         decoder = cbor.CBORDecoder(
@@ -159,7 +159,7 @@ def count(document: Mapping[Any, Any], key: int | str, default: int | None = Non
     Raises
     ------
     FormatError
-        Where it is missing, without a default, or something else.
+        If it is missing without a default, or not such a number.
     """
     value = integer(document.get(key, default))
     if value < 0:
@@ -174,7 +174,7 @@ def integer(value: Any) -> int:
     Raises
     ------
     FormatError
-        Where it is something else.
+        If it is something else.
     """
     if not isinstance(value, int) or isinstance(value, bool) or abs(value) >= 2**63:
         raise FormatError(f"{str(value)[:40]!r} found where an integer is expected")
@@ -187,7 +187,7 @@ def text(value: Any) -> str:
     Raises
     ------
     FormatError
-        Where it is something else.
+        If it is something else.
     """
     if not isinstance(value, str) or len(value) > 256 or "\0" in value:
         raise FormatError(f"{str(value)[:40]!r} found where a short text is expected")
@@ -200,7 +200,7 @@ def items(value: Any) -> list[Any]:
     Raises
     ------
     FormatError
-        Where it is something else.
+        If it is something else.
     """
     if not isinstance(value, list) or len(value) > MOST_CHANNELS:
         raise FormatError(f"{str(value)[:40]!r} found where a list is expected")
@@ -208,12 +208,12 @@ def items(value: Any) -> list[Any]:
 
 
 def previous_boot(value: Any) -> tuple[int, int] | None:
-    """Return number and count of messages of the boot before; None where there was none.
+    """Return the number of the previous boot and of its messages; None if there was none.
 
     Raises
     ------
     FormatError
-        Where it is something else.
+        If it is something else.
     """
     if value is None:
         return None

@@ -1,4 +1,4 @@
-"""A connection to an MQTT broker that is restored by itself."""
+"""A connection to an MQTT broker that is restored automatically."""
 
 import re
 import socket
@@ -20,7 +20,7 @@ _MOST_QUEUED = 5000
 
 
 class LinkError(SprungError):
-    """A broker that cannot be reached, or refuses."""
+    """A broker that cannot be reached, or refuses the connection."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class Address:
         Raises
         ------
         ParameterError
-            Where the URL cannot be used; passwords are not shown.
+            If the URL cannot be used; passwords are not shown.
         """
         shown = re.sub("//[^@/]*@", "//...@", url)
         try:
@@ -90,7 +90,7 @@ class Address:
 
 
 class Link:
-    """A connection that is restored, with its subscriptions, whenever the broker is back.
+    """A connection that is restored, with its subscriptions, whenever the broker is available again.
 
     Parameters
     ----------
@@ -101,16 +101,16 @@ class Link:
     topics
         Topics to subscribe to, with QoS 1.
     on_message
-        Called with topic and payload, in a thread of the link.
+        Function called with topic and payload, in a thread of the link.
     on_connected
-        Called after every connection, in a thread of the link.
+        Function called after every connection, in a thread of the link.
     will
         Topic and payload that the broker publishes when this client is lost; with MQTT 5 only.
 
     Notes
     -----
-    MQTT 5, or 3.1.1 where the broker does not support 5. QoS 1 does not guarantee delivery: a broker that dies loses
-    what it has confirmed. What counts is the acknowledgement of the receiver.
+    MQTT 5, or 3.1.1 if the broker does not support 5. QoS 1 does not guarantee delivery: a broker that crashes may lose
+    messages that it has confirmed. Only the acknowledgement of the receiver counts.
     """
 
     def __init__(
@@ -135,28 +135,28 @@ class Link:
 
     @property
     def is_connected(self) -> bool:
-        """Whether it is connected to the broker."""
+        """Whether the link is connected to the broker."""
         return self._is_connected.is_set()
 
     @property
     def problem(self) -> str:
-        """Why there is no connection, and what to do, as far as known; empty where there is one."""
+        """Known reason why there is no connection, and what to do; empty if there is one."""
         return self._problem
 
     def open(self, *, timeout: float = 0.0, is_patient: bool = False) -> None:
-        """Start to connect, and wait up to a time [s] for the connection.
+        """Start connecting, and wait up to a time [s] for the connection.
 
         Parameters
         ----------
         timeout
-            Longest wait [s]; 0: return at once, and keep trying.
+            Longest wait [s]; 0: return immediately, and keep trying.
         is_patient
-            Whether to wait for the whole time even where the host is unknown or refuses the connection.
+            Whether to wait for the whole time even if the host is unknown or refuses the connection.
 
         Raises
         ------
         LinkError
-            Where there is no connection after that time.
+            If there is no connection after that time.
         """
         self._start()
         if not timeout:
@@ -184,7 +184,7 @@ class Link:
             setattr(self._client, name, None)
 
     def _made(self, protocol: Any) -> Any:
-        """Return a client that speaks a version of MQTT."""
+        """Return a client for a version of MQTT."""
         client = self._mqtt.Client(self._mqtt.CallbackAPIVersion.VERSION2, client_id=self._name, protocol=protocol)
         client.reconnect_delay_set(*_RETRY)
         client.max_inflight_messages_set(1000)
@@ -247,7 +247,7 @@ class Link:
         self._is_connected.clear()
 
     def _failed(self, _client: Any, _data: Any) -> None:
-        """Record why an attempt failed; paho calls this while it handles the error."""
+        """Record why an attempt failed; paho calls this while handling the error."""
         error = sys.exception()
         self._problem = self._unreachable(_why(error))
         if isinstance(error, socket.gaierror | ConnectionRefusedError):
@@ -258,7 +258,7 @@ class Link:
         return f"the broker {self._address} cannot be reached: {why}"
 
     def _published(self, _client: Any, _data: Any, _number: int, reason: Any, _properties: Any) -> None:
-        """Record what the broker refuses, as where a vehicle's name is not that of its certificate."""
+        """Record that the broker refused a message, as when a vehicle's name is not that of its certificate."""
         if reason.is_failure:
             self._problem = f"the broker refuses messages: {reason}"
 

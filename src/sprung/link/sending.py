@@ -21,8 +21,8 @@ class Sending:
 
     Notes
     -----
-    A broker that dies may lose what it has confirmed. Only what the monitor acknowledges is gone from the spool; the
-    rest is sent again, in order, after a reconnection or when no acknowledgement came for `patience`.
+    A broker that crashes may lose messages that it has confirmed. Only frames that the monitor acknowledged are removed
+    from the spool; the others are sent again, in order, after a reconnection or `patience` without acknowledgement.
     """
 
     def __init__(self, spool: Spool, *, ahead: int = 256, patience: float = 10.0) -> None:

@@ -17,7 +17,7 @@ from sprung.errors import SprungError
 _HEADER = struct.Struct("<2sQQI")
 _MARK = b"sp"
 _SUFFIX = ".spool"
-#: Least number of files of a full spool, of which the oldest goes when there is no room; largest file [bytes].
+#: Smallest number of files of a full spool, of which the oldest is dropped for new ones; largest file [bytes].
 _FILES, _LARGEST = 16, 1 << 20
 
 
@@ -37,7 +37,7 @@ class _File:
 
 
 class Spool:
-    """Frames on disk, oldest dropped first where there is no room, until they are acknowledged.
+    """Frames on disk until they are acknowledged; the oldest are dropped when space runs out.
 
     Parameters
     ----------
@@ -48,7 +48,14 @@ class Spool:
     is_synced
         Whether each append reaches the disk before it returns.
     boot_from
-        Lowest number of this boot, such as the time in seconds, so that a box with a new disk continues to count.
+        Lowest number of this boot, such as the time in seconds, so that numbers still rise on a new disk.
+
+    Raises
+    ------
+    ParameterError
+        If the size is out of range.
+    SpoolError
+        If the folder cannot be used, or another box uses it.
 
     Notes
     -----
@@ -78,12 +85,12 @@ class Spool:
 
     @property
     def boot(self) -> int:
-        """Number of this start of the box; counts up."""
+        """Number of this start of the box, higher than all before."""
         return self._boot
 
     @property
     def previous(self) -> tuple[int, int] | None:
-        """Number and count of frames of the last boot before that made any; None where there is none."""
+        """Number of the last earlier boot with frames, and number of its frames; None if there is none."""
         return self._previous
 
     @property
@@ -108,13 +115,13 @@ class Spool:
 
     @property
     def boots(self) -> dict[int, int]:
-        """First sequence number that is still held, or is to come, of every boot."""
+        """First sequence number of every boot that is still held or expected."""
         found = {one.boot: max(one.first, self._acknowledged.get(one.boot, -1) + 1) for one in reversed(self._files)}
         before = {} if self._previous is None else {self._previous[0]: self._previous[1]}
         return {**before, self._boot: self._seq, **found}
 
     def last_frame(self) -> bytes | None:
-        """Return the payload of the newest frame, of this boot or one before; None where the spool is empty."""
+        """Return the payload of the newest frame, of this boot or an earlier one; None if the spool is empty."""
         newest = deque(_records(self._files[-1].path), maxlen=1) if self._files else ()
         return next((payload for _, _, payload in newest), None)
 
@@ -157,7 +164,7 @@ class Spool:
             self._remove(one)
 
     def frames(self, *, boot: int = 0, after: int = -1) -> Iterator[tuple[int, int, bytes]]:
-        """Yield boot, sequence number and payload of what is not acknowledged, in order, after a frame."""
+        """Yield boot, sequence number and payload of unacknowledged frames, in order, after a given one."""
         for one in list(self._files):
             if (one.boot, one.last) <= (boot, after):
                 continue
@@ -217,7 +224,7 @@ class Spool:
             self._handle = None
 
     def _boots_before(self) -> tuple[int, tuple[int, int] | None]:
-        """Return the number of the last boot, -1 for none, and the last one that made frames with their count."""
+        """Return the number of the last boot, -1 for none, and the last one with frames together with their number."""
         known = [(one.boot, one.last + 1) for one in self._files[-1:]]
         last = max((boot for boot, _ in known), default=-1)
         with suppress(FileNotFoundError, ValueError):
@@ -237,7 +244,7 @@ class Spool:
 
 
 def _locked(path: Path) -> int:
-    """Return a file that this process alone has open, until it ends."""
+    """Return a file that is locked by this process until it ends."""
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""Correlations as plain values: what a box that identifies on board sends instead of samples."""
+"""Correlations as plain values, which a box that identifies on board sends instead of samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -22,7 +22,7 @@ from sprung.recording import Channel
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.signals.harmonics import harmonic_from_dict
 
-#: Most bytes of all blocks of all averages.
+#: Largest size of all blocks of all averages [bytes].
 _ROOM = 800_000
 _LIFTERS: dict[str, Any] = {"ShortPass": ShortPass, "Exponential": Exponential}
 _LADDERS: dict[str, Any] = {"OrderLadder": OrderLadder, "BlockRowLadder": BlockRowLadder}
@@ -33,7 +33,7 @@ def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
 
     Notes
     -----
-    Where a message would not hold all blocks, neighbours are averaged. The average stays; standard deviations change a
+    If a message cannot hold all blocks, neighbours are averaged. The average is unchanged; standard deviations change a
     little, and with them the choice among the poles of a mode.
     """
     plan, lifter = summary.plan, summary.settings.lifter
@@ -57,12 +57,12 @@ def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
 
 
 def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
-    """Return the summary of plain values and bytes.
+    """Return the summary that plain values and bytes describe.
 
     Raises
     ------
     FormatError
-        Where it is incomplete or invalid.
+        If it is incomplete or invalid.
     """
     try:
         stated = dict(document["plan"])
@@ -109,7 +109,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
 
 
 def _packed(correlations: Correlations, n_blocks: int) -> dict[str, Any]:
-    """Return correlations with their blocks averaged to a number, in 32 bits."""
+    """Return correlations with their blocks averaged to a given number of blocks, in 32 bits."""
     groups = np.array_split(np.arange(len(correlations.weights)), min(n_blocks, len(correlations.weights)))
     weights = np.array([correlations.weights[rows].sum() for rows in groups])
     blocks = np.array([_mean(correlations, rows) for rows in groups])

@@ -1,10 +1,10 @@
-"""Work that is due every so many seconds."""
+"""Timer of periodic work."""
 
 from collections.abc import Callable
 
 
 class Every:
-    """A timer that is due at once, and again some time after each start.
+    """A timer that is due immediately, and again a fixed time after each start.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Every:
 
     @property
     def started(self) -> float | None:
-        """Time of the last start [s]; None where it was never started, or reset."""
+        """Time of the last start [s]; None if it was never started, or reset."""
         return self._started
 
     @property
@@ -43,5 +43,5 @@ class Every:
         self._started = self._clock()
 
     def reset(self) -> None:
-        """Be due at once."""
+        """Make the timer due now."""
         self._started = None

@@ -4,7 +4,7 @@ from sprung.errors import FormatError
 from sprung.link.messages import VEHICLE
 
 ROOT = "sprung/v1"
-#: What a vehicle sends, and what is sent to it.
+#: Kinds of messages from a vehicle, and to it.
 UPWARDS = ("raw", "corr", "modes", "event", "health", "meta", "state")
 DOWNWARDS = ("ack", "cmd")
 
@@ -20,7 +20,7 @@ def parse_topic(name: str) -> tuple[str, str]:
     Raises
     ------
     FormatError
-        Where it is not a topic of this version.
+        If it is not a topic of this version.
     """
     parts = name.split("/")
     if len(parts) != 4 or "/".join(parts[:2]) != ROOT or not VEHICLE.fullmatch(parts[2]):

@@ -1,4 +1,4 @@
-"""From windows of vehicles, and trouble with monitoring them, to alerts in the store."""
+"""From windows of vehicles, and problems of monitoring, to alerts in the store."""
 
 import json
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ from sprung.documents import finding_document
 from sprung.monitor.engine import Observed
 from sprung.storage import AlertRow, Store
 
-#: Severity of a sensor that fails, of a silent vehicle, and of trouble with the monitor itself.
+#: Severity of a failing sensor, of a silent vehicle, and of a problem of the monitor itself.
 _SENSOR, _SILENT, _MONITOR = 400, 300, 800
 _INNER = ("streak", "worst", "notified", "evidence")
 
@@ -41,7 +41,7 @@ class AlertBook:
         self._store, self._settings = store, settings
 
     def take_window(self, vehicle: str, event: Observed, *, now: int) -> None:
-        """Raise, update and clear the alerts that a window gives rise to."""
+        """Raise, update and clear alerts according to a window."""
         sensors = event.observation.sensor_faults
         reports = [_of_sensor(vehicle, fault) for fault in _first_of_each_channel(sensors)]
         if event.diagnosis is not None:
@@ -61,7 +61,7 @@ class AlertBook:
             self.put(transition, now=now)
 
     def report(self, vehicle: str, cause: str, text: str, *, now: int) -> None:
-        """Raise an alert about monitoring itself at once: cause "silent", or one that begins with "monitor"."""
+        """Raise an alert about monitoring itself, without hold-off: cause "silent", or "monitor..."."""
         severity = _SILENT if cause == "silent" else _MONITOR
         known = self._known(vehicle).get(cause)
         if known is not None and known.is_active and known.text == text:
@@ -69,19 +69,19 @@ class AlertBook:
         self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
 
     def clear(self, vehicle: str, cause: str, *, now: int) -> None:
-        """Clear an alert about monitoring itself at once, if it is active."""
+        """Clear an alert about monitoring itself, if it is active, without hysteresis."""
         known = self._known(vehicle).get(cause)
         if known is not None and known.is_active:
             self.put(absent(known, self._at_once, now), now=now)
 
     def end_shelves(self, *, now: int) -> None:
-        """End the shelves whose time has come."""
+        """End the shelving of alerts whose time has come."""
         for row in self._store.alerts.find():
             if row.shelved_until is not None and row.shelved_until <= now:
                 self.put(shelf_ended(alert_of(row), now), now=now)
 
     def put(self, transition: Transition, *, now: int) -> None:
-        """Store what became of an alert, and the notification about it, if there is one."""
+        """Store the new state of an alert, and the notification about it, if there is one."""
         if transition.what == "none":
             return
         notify = asdict(message_of(transition.alert, transition)) if transition.is_notified else None

@@ -33,12 +33,12 @@ class EmbeddedBroker:
         self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
 
     def open(self) -> None:
-        """Start to listen.
+        """Start listening.
 
         Raises
         ------
         LinkError
-            Where it cannot listen.
+            If it cannot listen.
         """
         for name in ("amqtt", "transitions"):
             logging.getLogger(name).setLevel(logging.CRITICAL)

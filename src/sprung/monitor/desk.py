@@ -1,6 +1,6 @@
-"""What operators see and do: alerts, vehicles, requests to the running monitor. For the command line and for HTTP.
+"""Views and actions of operators: alerts, vehicles, requests to the running monitor. For command line and HTTP.
 
-Everything goes through the store, so that it works whether or not a monitor runs; every act is in the audit trail.
+Everything goes through the store, so that it works whether or not a monitor runs; the audit trail has every action.
 Times are UTC ns.
 """
 
@@ -47,12 +47,12 @@ def alerts_document(store: Store, *, vehicle: str | None = None, is_complete: bo
 
 
 def history_document(store: Store, number: int) -> dict[str, Any]:
-    """Return what happened to an alert as `sprung.alert-history/1`, the oldest first.
+    """Return the history of an alert as `sprung.alert-history/1`, oldest event first.
 
     Raises
     ------
     ParameterError
-        Where there is no alert of that number.
+        If there is no alert of that number.
     """
     _alert_row(store, number)
     rows = [asdict(row) for row in store.alerts.history(number)]
@@ -74,35 +74,35 @@ def acknowledge(store: Store, number: int, *, who: str, comment: str = "", now: 
     comment
         Comment for the history.
     now
-        Present time.
+        Present time, UTC ns.
 
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or nothing to acknowledge.
+        If no alert has that number, or it needs no acknowledgement.
     """
     _act(store, number, "ack", acknowledged, who=who, comment=comment, now=now)
 
 
 def shelve(store: Store, number: int, *, hours: float, who: str, comment: str = "", now: int) -> None:
-    """Send no notifications of an alert for some hours; other parameters as for `acknowledge`.
+    """Shelve an alert, without notifications for some hours; other parameters as for `acknowledge`.
 
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or the time is not above 0.
+        If no alert has that number, or the time is not above 0.
     """
     until = now + round(3600e9 * check_number("hours", hours, above=0))
     _act(store, number, "shelve", partial(shelved, until=until), who=who, comment=comment, now=now)
 
 
 def unshelve(store: Store, number: int, *, who: str, comment: str = "", now: int) -> None:
-    """End the shelf of an alert; parameters as for `acknowledge`.
+    """End the shelving of an alert; parameters as for `acknowledge`.
 
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or it is not shelved.
+        If no alert has that number, or it is not shelved.
     """
     _act(store, number, "unshelve", unshelved, who=who, comment=comment, now=now)
 
@@ -113,7 +113,7 @@ def assign(store: Store, number: int, *, assignee: str | None, who: str, comment
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or it is assigned so already.
+        If no alert has that number, or it has that assignee already.
     """
     _act(store, number, "assign", partial(assigned, assignee=assignee), who=who, comment=comment, now=now)
 
@@ -124,18 +124,18 @@ def add_comment(store: Store, number: int, *, who: str, comment: str, now: int) 
     Raises
     ------
     ParameterError
-        Where there is no alert of that number, or the comment is empty.
+        If no alert has that number, or the comment is empty.
     """
     _act(store, number, "comment", commented, who=who, comment=comment, now=now)
 
 
 def relearn(store: Store, vehicle: str, *, reason: str, who: str, now: int) -> int:
-    """Ask the monitor to learn a new baseline of a vehicle, such as after maintenance; return the request's number.
+    """Request a new baseline of a vehicle, such as after maintenance, and return the number of the request.
 
     Raises
     ------
     ParameterError
-        Where the vehicle is unknown, or the reason is empty.
+        If the vehicle is unknown, or the reason is empty.
     """
     if not reason.strip():
         raise ParameterError(f"a new baseline of {vehicle} needs a reason: give --reason TEXT, such as 'new dampers'")
@@ -144,12 +144,12 @@ def relearn(store: Store, vehicle: str, *, reason: str, who: str, now: int) -> i
 
 
 def request_samples(store: Store, vehicle: str, *, minutes: float, who: str, now: int) -> int:
-    """Ask the box of a vehicle for its samples of the last minutes; return the request's number.
+    """Request the samples of the last minutes from a vehicle's box, and return the number of the request.
 
     Raises
     ------
     ParameterError
-        Where the vehicle is unknown, or the time is not above 0.
+        If the vehicle is unknown, or the time is not above 0.
     """
     check_number("minutes", minutes, above=0)
     _check_known(store, vehicle)
@@ -205,7 +205,7 @@ def _entry(row: AlertRow, state: str) -> dict[str, Any]:
 def _act(
     store: Store, number: int, name: str, act: Callable[..., Transition], *, who: str, comment: str, now: int
 ) -> None:
-    """Apply an act to an alert, and record it in the audit trail."""
+    """Apply an action to an alert, and record it in the audit trail."""
     row = _alert_row(store, number)
     transition = act(alert_of(row), who=who, now=now, comment=comment)
     AlertBook(store, AlertSettings()).put(transition, now=now)

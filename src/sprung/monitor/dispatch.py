@@ -1,4 +1,4 @@
-"""Frames to workers, vehicle by vehicle in turn, and what becomes of the jobs."""
+"""Frames to workers, vehicle by vehicle in turn, and the outcomes of their jobs."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -12,14 +12,14 @@ from sprung.storage import CommandRow, Cursor, Store, StoredFrame, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Most frames of one job.
+#: Largest number of frames of one job.
 _JOB = 300
 #: Failures after which the frames of a job are excluded.
 _STRIKES = 2
 
 
 class Dispatch:
-    """Gives the frames of each vehicle to workers, in order, and stores what comes back.
+    """Gives the frames of each vehicle to workers, in order, and stores the results.
 
     Parameters
     ----------
@@ -30,12 +30,12 @@ class Dispatch:
     ledger
         Stores results.
     settings
-        How vehicles are monitored that begin.
+        Settings of vehicles that start from scratch.
 
     Notes
     -----
-    A vehicle has at most one job. One whose job fails is opened again from what is stored; where that fails twice in
-    a row the frames are excluded.
+    A vehicle has at most one job. If the job fails, the vehicle is opened again from the stored state; if it fails
+    twice in a row, the frames are excluded.
     """
 
     def __init__(self, store: Store, workers: Workers, ledger: Ledger, settings: MonitorSettings) -> None:
@@ -68,7 +68,7 @@ class Dispatch:
         }
 
     def open(self) -> None:
-        """Continue from what the store has."""
+        """Continue from the stored states."""
         for (vehicle, boot), cursor in self._store.inbox.cursors().items():
             self.add(vehicle, boot, cursor.contiguous)
             stream = self._streams[vehicle]
@@ -83,21 +83,21 @@ class Dispatch:
         self._streams.setdefault(vehicle, Stream()).arrived(boot, contiguous)
 
     def describe(self, vehicle: str) -> None:
-        """Record that a vehicle has a new description: its frames are analysed again from what is stored."""
+        """Record that a vehicle has a new description: its frames are analysed again from the stored state."""
         LOG.info("vehicle described", extra={"vehicle": vehicle})
         self._workers.close_vehicle(vehicle)
 
     def relearn(self, command: CommandRow) -> None:
-        """Let a vehicle learn a new baseline before its next frames; requests for one vehicle come in turn."""
+        """Let a vehicle learn a new baseline before its next frames; requests for one vehicle are queued."""
         self._learning.setdefault(command.vehicle, command)
 
     def give(self) -> int:
-        """Give frames to workers: the vehicle served last comes last. Return the number of jobs and reports.
+        """Give frames to workers, least recently served vehicle first, and return the number of jobs and reports.
 
         Raises
         ------
         StoreError
-            Where the store cannot be used.
+            If the store cannot be used.
         """
         n_given = 0
         for vehicle in list(self._streams):
@@ -107,22 +107,22 @@ class Dispatch:
         return n_given
 
     def collect(self, *, timeout: float) -> list[Outcome]:
-        """Return the outcomes that are there, waiting up to a time [s] for the first."""
+        """Return the available outcomes, waiting up to a time [s] for the first."""
         return self._workers.outcomes(timeout=timeout)
 
     def settle(self, outcome: Outcome) -> None:
-        """Store what a job came to.
+        """Store the outcome of a job.
 
         Raises
         ------
         StoreError
-            Where the store cannot write: the vehicle continues from what is stored.
+            If the store cannot write: the vehicle continues from the stored state.
         """
         vehicle = outcome.vehicle
         frames = self._jobs.pop(vehicle, ())
         if outcome.error:
             self._fail(vehicle, frames, outcome.error)
-        elif self._workers.is_open(vehicle):  # else it was described anew meanwhile
+        elif self._workers.is_open(vehicle):  # otherwise it got a new description meanwhile
             try:
                 self._commit(outcome, frames[: outcome.n_consumed])
             except StoreError:
@@ -156,7 +156,7 @@ class Dispatch:
         return True
 
     def _submit(self, vehicle: str, frames: Sequence[StoredFrame]) -> None:
-        """Start a job; one without frames gives the state. The vehicle moves to the end of the line."""
+        """Start a job, which without frames returns the state. The vehicle moves to the end of the queue."""
         learn = self._learning.get(vehicle)
         reason = "" if learn is None else str(learn.detail or "maintenance")
         self._jobs[vehicle] = frames
@@ -164,7 +164,7 @@ class Dispatch:
         self._streams[vehicle] = self._streams.pop(vehicle)
 
     def _open(self, vehicle: str) -> bool:
-        """Give a vehicle to a worker, as the store has it; tell whether its description is known."""
+        """Give a vehicle to a worker with its stored state; return whether its description is known."""
         row = self._store.inbox.vehicle(vehicle)
         if row is None:
             return False
@@ -179,7 +179,7 @@ class Dispatch:
         return True
 
     def _commit(self, outcome: Outcome, taken: Sequence[StoredFrame]) -> None:
-        """Store the results of a job, and how far its vehicle has come."""
+        """Store the results of a job, and the progress of its vehicle."""
         vehicle = outcome.vehicle
         stream = self._streams[vehicle]
         boot, seq = (taken[-1].boot, taken[-1].seq) if taken else stream.position
@@ -195,14 +195,14 @@ class Dispatch:
             stream.dispatched[boot] = seq
 
     def _finish_boots(self, vehicle: str, boot: int) -> None:
-        """Remove the frames of boots before that of the stored state, which holds what was in them."""
+        """Remove the frames of boots before that of the stored state, which covers them."""
         stream = self._streams[vehicle]
         for older, last in stream.finished(boot):
             self._ledger.complete(vehicle, older, last)
             stream.done[older] = last
 
     def _fail(self, vehicle: str, frames: Sequence[StoredFrame], reason: str) -> None:
-        """Try a job again from what is stored; exclude its frames where it fails again."""
+        """Retry a job from the stored state; exclude its frames if it fails again."""
         self._n_failures += 1
         strikes = self._strikes[vehicle] = self._strikes.get(vehicle, 0) + 1
         LOG.error("analysis failed", extra={"vehicle": vehicle, "reason": reason, "strikes": strikes})

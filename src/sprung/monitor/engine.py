@@ -1,4 +1,4 @@
-"""One vehicle that is watched: blocks of samples in, modes every minute and a diagnosis every ten out."""
+"""Monitoring of one vehicle: blocks of samples in, modes every minute and a diagnosis every ten minutes out."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -53,7 +53,12 @@ class MonitorSettings:
     false_alarms, hours_per_day
         Rate of false alarms per vehicle and day of driving, and hours of driving in a day.
     most_windows
-        Number of windows that a diagnosis looks back on, at least `learning_windows`.
+        Largest number of most recent windows in a diagnosis, at least `learning_windows`.
+
+    Raises
+    ------
+    ParameterError
+        If a setting is out of range.
     """
 
     window: float = 600.0
@@ -82,11 +87,11 @@ class Identified:
     number
         Number of the identification since the first block, from 0.
     start
-        Begin of the window, UTC ns; None where unknown.
+        Start of the window, UTC ns; None if unknown.
     modes
         One object for each mode, as in `sprung.identification/1`; empty where none was identified.
     reason
-        Why none was identified; empty otherwise.
+        Reason why none was identified; empty otherwise.
     """
 
     number: int
@@ -124,7 +129,7 @@ Event = Identified | Observed
 
 
 class VehicleMonitor:
-    """Watches one vehicle.
+    """Monitors one vehicle.
 
     Parameters
     ----------
@@ -137,12 +142,12 @@ class VehicleMonitor:
 
     Notes
     -----
-    Lines of wheels and engine are sought once in a window, when it is complete; until then those of the window before
-    are known.
+    Lines of wheels and engine are sought once per window, when it is complete; until then those of the previous window
+    are used.
 
-    Windows hold a fixed number of samples in the order in which they come, whatever the blocks they come in, and are
+    Windows hold a fixed number of samples in order of arrival, independent of the division into blocks, and are
     processed by the functions that process recordings: `observe_window`, `learn`, `ChangeDetector` and `diagnosis_of`.
-    Score, decision and learning stay apart: nothing but `learn_again` starts a second learning.
+    Score, decision and learning are separate: only `learn_again` starts a second learning.
 
     Memory: the samples of one window, and 96 observations of about 4 kB each with four outputs and twelve components.
     While a baseline is learnt, an observation also holds the correlations of its segments for the residual test (170 kB
@@ -174,12 +179,12 @@ class VehicleMonitor:
 
     @property
     def baseline(self) -> Baseline | None:
-        """What is normal; None before it is learnt."""
+        """Normal state of the vehicle; None before it is learnt."""
         return self._baseline
 
     @property
     def learning(self) -> tuple[int, int]:
-        """Windows of the next baseline so far, and how many are needed; equal when nothing is being learnt."""
+        """Number of windows for the next baseline so far, and number needed; equal if nothing is being learnt."""
         needed = self._settings.learning_windows
         if self._detector is not None:
             return needed, needed
@@ -198,7 +203,7 @@ class VehicleMonitor:
 
     @property
     def observations(self) -> tuple[Observation, ...]:
-        """Windows looked back on, oldest first."""
+        """Windows held for diagnosis, oldest first."""
         return tuple(self._learning) if self._detector is None else self._detector.observations
 
     @property
@@ -208,11 +213,11 @@ class VehicleMonitor:
 
     @property
     def note(self) -> str:
-        """Why the last window was inconclusive, or limits of the baseline; empty where there is nothing to say."""
+        """Reason why the last window was inconclusive, or limits of the baseline; empty otherwise."""
         return self._note
 
     def update(self, block: Block) -> tuple[Event, ...]:
-        """Take in samples and return what they complete.
+        """Add samples and return the events that they complete.
 
         Parameters
         ----------
@@ -223,7 +228,7 @@ class VehicleMonitor:
         Returns
         -------
         tuple of Identified or Observed
-            In the order of time.
+            Events in order of time.
         """
         events: list[Event] = []
         if self._blocks and not _are_alike(block, self._blocks[-1]):
@@ -248,12 +253,12 @@ class VehicleMonitor:
         Parameters
         ----------
         reason
-            Why, such as "new dampers"; it is kept in the baseline.
+            Reason, such as "new dampers"; it is kept in the baseline.
 
         Raises
         ------
         ParameterError
-            Where the reason is empty.
+            If the reason is empty.
         """
         if not reason.strip():
             raise ParameterError("a new baseline needs a reason, such as 'new dampers'")
@@ -261,7 +266,7 @@ class VehicleMonitor:
         self._learning, self._detector, self._diagnosis = [], None, None
 
     def state(self) -> dict[str, Any]:
-        """Return everything that is needed to go on, as plain values and bytes."""
+        """Return everything that is needed to continue, as plain values and bytes."""
         return {
             "schema": STATE,
             "vehicle": self._vehicle.name,
@@ -282,19 +287,19 @@ class VehicleMonitor:
 
     @classmethod
     def from_state(cls, vehicle: Vehicle, state: Mapping[str, Any]) -> "VehicleMonitor":
-        """Return a monitor that goes on from a state.
+        """Return a monitor that continues from a state.
 
         Parameters
         ----------
         vehicle
             Vehicle with its sensors.
         state
-            From `state`.
+            State from `state`.
 
         Raises
         ------
         ParameterError
-            Where the state is incomplete or invalid.
+            If the state is incomplete or invalid.
         """
         if state.get("schema") != STATE:
             raise ParameterError(
@@ -324,7 +329,7 @@ class VehicleMonitor:
         return monitor
 
     def _resume(self, baseline: Baseline, observations: list[Observation], evidence: list[float]) -> None:
-        """Go on with the windows since the baseline."""
+        """Continue with the windows since the baseline."""
         self._detector = ChangeDetector.resumed(baseline, observations, evidence, **self._detection_settings())
         self._diagnosis = diagnosis_of(self._detector) if observations else None
 
@@ -333,7 +338,7 @@ class VehicleMonitor:
         return ChangeDetector(baseline, **self._detection_settings())
 
     def _detection_settings(self) -> dict[str, Any]:
-        """Return rate of false alarms, windows per day, and number of windows looked back on."""
+        """Return rate of false alarms, windows per day, and largest number of windows held."""
         settings = self._settings
         return {
             "false_alarms": settings.false_alarms,
@@ -374,7 +379,7 @@ class VehicleMonitor:
         self._n_windows += 1
         time = recording.start / 1e9 if recording.start is not None else number * self._settings.window
         observed = observe_window(recording, self._vehicle, time=time)
-        # As it is after a restart: the order in memory of its arrays would show in the last digit of findings.
+        # Same as after a restart: the memory order of its arrays would show in the last digit of findings.
         observation = self._restored_observation(
             observation_from_document(observation_document(observed)), observed.residuals
         )
@@ -390,11 +395,11 @@ class VehicleMonitor:
         return Observed(number, recording, observation.without_segments(), self._diagnosis, learnt)
 
     def _restored_observation(self, observation: Observation, residuals: ResidualStatistics | None) -> Observation:
-        """Return an observation with what its document does not hold."""
+        """Return an observation with the parts that its document does not hold."""
         return replace(observation, vehicle=self._vehicle.name, residuals=residuals)
 
     def _learn(self, observation: Observation) -> Baseline | None:
-        """Return the baseline if this was the last window it needed."""
+        """Return the baseline if this was the last window needed for it."""
         self._learning = [*self._learning, observation][-self._settings.most_windows :]
         have, needed = self.learning
         if have < needed:
@@ -410,7 +415,7 @@ class VehicleMonitor:
 
 
 def _are_alike(block: Block, last: Block) -> bool:
-    """Return whether a block can follow the last one of a window."""
+    """Return whether a block can continue a window."""
     return block.channels == last.channels and abs(block.sampling_rate / last.sampling_rate - 1) < 1e-6
 
 

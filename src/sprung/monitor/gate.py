@@ -1,4 +1,4 @@
-"""Whether work may be taken in: not while the store cannot write."""
+"""Gate that stops intake while the store cannot write."""
 
 import logging
 from collections.abc import Callable
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Time for which nothing is taken in after the store could not write [s].
+#: Time for which intake stops after the store could not write [s].
 _PAUSE = 2.0
 
 
@@ -30,12 +30,12 @@ class Gate:
 
     @property
     def is_open(self) -> bool:
-        """Whether work may be taken in: what is analysed while the store cannot write is analysed again."""
+        """Whether work may be taken in; results that cannot be stored would have to be computed again."""
         return self._pause.is_due and not self._shortage
 
     @property
     def trouble(self) -> str:
-        """Why the store cannot be used; empty where it can."""
+        """Reason why the store cannot be used; empty if it can."""
         return self._shortage or self._error
 
     def refuse(self, error: StoreError) -> None:
@@ -50,11 +50,11 @@ class Gate:
         self._error = ""
 
     def set_shortage(self, sentence: str) -> None:
-        """Stay closed while disk space is short: `sentence` says so; empty where it is not."""
+        """Stay closed while disk space is short, as `sentence` states; empty if it is not."""
         self._shortage = sentence
 
     def guard(self, act: Callable[[], T]) -> T | None:
-        """Return the result of something that needs the store; None, and closed, where the store cannot write."""
+        """Return the result of a function that needs the store; None, and close, if the store cannot write."""
         try:
             return act()
         except StoreError as error:

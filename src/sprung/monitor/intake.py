@@ -1,4 +1,4 @@
-"""What vehicles send: validated, stored once, and only then acknowledged."""
+"""Intake of messages from vehicles: validated, stored once, and only then acknowledged."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -13,26 +13,26 @@ from sprung.vehicles import vehicle_from_text
 
 #: The monitor's own name among the vehicles.
 MONITOR = "monitor"
-#: Most channels that a vehicle may announce, and most characters of its description, a line of that, and a name.
+#: Largest number of channels that a vehicle may announce, and of characters of its description, of a line, and a name.
 _MOST_CHANNELS, _MOST_TEXT, _LONGEST_LINE, _LONGEST_NAME = 256, 100_000, 1000, 256
-#: What boxes that identify on board send in line with frames.
+#: Kinds of messages that boxes with on-board identification send in the sequence of frames.
 REPORTS = ("corr", "modes")
 #: Fields of a box's answer to a request for samples.
 _ANSWER = ("boot", "last", "frames", "from", "to")
 #: Time between updates of when vehicles were last seen [ns]: each is a transaction of its own.
 _NOTED_EVERY = 10**9
-#: Most refusals, and answers of boxes, that are remembered.
+#: Largest number of refusals, and of answers of boxes, that are remembered.
 _MOST_REFUSALS, _MOST_ANSWERS = 100, 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What a batch of messages brought.
+    """Contents of a batch of messages.
 
     Parameters
     ----------
     arrived
-        For each vehicle and boot of which something came, the sequence number up to which nothing is missing.
+        Sequence number up to which nothing is missing, by vehicle and boot of the messages.
     described
         Vehicles with a new description.
     """
@@ -53,8 +53,8 @@ class Intake:
 
     Notes
     -----
-    A frame is acknowledged after the transaction that stored it, and again whenever it comes again: the highest
-    sequence number up to which nothing is missing.
+    A frame is acknowledged after the transaction that stored it, and again whenever it is repeated; the acknowledgement
+    has the highest sequence number up to which nothing is missing.
     """
 
     def __init__(self, store: Store, publish: Callable[[str, bytes], object]) -> None:
@@ -80,15 +80,15 @@ class Intake:
         }
 
     def is_parked(self, vehicle: str) -> bool:
-        """Tell whether a vehicle was switched off in good order."""
+        """Return whether a vehicle was switched off in good order."""
         return vehicle in self._parked
 
     def answer(self, vehicle: str, number: int) -> Mapping[str, Any] | None:
-        """Return what a box says that it sent for the request of a number; None before it answered."""
+        """Return the answer of a box to the request of a number; None before it answered."""
         return self._answers.get((vehicle, number))
 
     def take(self, messages: Iterable[tuple[str, bytes]], *, now: int) -> Taken:
-        """Store what messages hold, and acknowledge it.
+        """Store the contents of messages, and acknowledge them.
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class Intake:
         Raises
         ------
         StoreError
-            Where the store cannot write: nothing is acknowledged, and boxes will send it again.
+            If the store cannot write: nothing is acknowledged, and boxes will send the messages again.
         """
         frames: list[StoredFrame] = []
         taken = Taken()
@@ -109,12 +109,12 @@ class Intake:
             try:
                 vehicle, what = parse_topic(name)
                 if vehicle == MONITOR:
-                    continue  # what monitors say of themselves
+                    continue  # messages of monitors about themselves
                 if what == "raw" or what in REPORTS:
                     frames.append(_frame(vehicle, payload) if what == "raw" else _report(vehicle, what, payload))
                 else:
                     self._handle(vehicle, what, checked_map(payload), taken, now)
-                # The broker keeps descriptions, and sends them again when the vehicle is long gone.
+                # The broker retains descriptions, and sends them even if the vehicle is long gone.
                 self._seen |= {} if what == "meta" else {vehicle: now}
             except (FormatError, ParameterError) as error:
                 self._refuse(name, error)
@@ -142,7 +142,7 @@ class Intake:
             taken.arrived.update(self._update_state(vehicle, document, now))
 
     def _refuse(self, name: str, reason: FormatError | ParameterError) -> None:
-        """Count a refused message, and remember the last reason of each topic; name the version that is read."""
+        """Count a refused message, remember the last reason of each topic, and announce the supported version."""
         self._counts["refused"] += 1
         if isinstance(reason, VersionError) and name[:120] not in self._refusals:
             request = message({Key.VERSION: VERSION, "do": "speak", "versions": [VERSION]})
@@ -152,14 +152,14 @@ class Intake:
             self._refusals.pop(next(iter(self._refusals)))
 
     def _describe(self, vehicle: str, document: dict[Any, Any], now: int) -> bool:
-        """Keep a vehicle's description; tell whether it is new."""
+        """Store a vehicle's description, and return whether it is new."""
         text, quantities = document.get("description"), document.get("quantities")
         configuration = document.get(Key.CONFIGURATION)
         if not isinstance(text, str) or not isinstance(configuration, str) or not isinstance(quantities, dict):
             raise FormatError("a description without text, configuration and quantities of the channels")
         if len(quantities) > _MOST_CHANNELS:
             raise FormatError(f"a description of {len(quantities)} channels: at most {_MOST_CHANNELS}")
-        # Parsing a key of many dotted names takes time with the square of its length.
+        # The time to parse a key of many dotted names grows with the square of its length.
         if len(text) > _MOST_TEXT or max(map(len, text.splitlines()), default=0) > _LONGEST_LINE:
             raise FormatError(f"a description of more than {_MOST_TEXT} characters, or {_LONGEST_LINE} in a line")
         if any(len(name) > _LONGEST_NAME or "\0" in name for name in map(str, (configuration, *quantities))):
@@ -174,14 +174,14 @@ class Intake:
         return True
 
     def _keep_answer(self, vehicle: str, document: dict[Any, Any]) -> None:
-        """Keep what a box says that it sent for a request."""
+        """Keep the answer of a box to a request."""
         number, answer = _answer(document)
         self._answers[vehicle, number] = answer
         if len(self._answers) > _MOST_ANSWERS:
             self._answers.pop(next(iter(self._answers)))
 
     def _update_state(self, vehicle: str, document: dict[Any, Any], now: int) -> dict[tuple[str, int], int]:
-        """Declare frames lost that a box no longer has, and note whether it was switched off."""
+        """Declare lost the frames that a box no longer has, and note whether it was switched off."""
         (self._parked.add if document.get("is_leaving") else self._parked.discard)(vehicle)
         arrived = {}
         boots = document.get("boots")
@@ -201,7 +201,7 @@ class Intake:
 
 
 def _frame(vehicle: str, payload: bytes) -> StoredFrame:
-    """Return a frame as the store takes it, if it belongs to the vehicle."""
+    """Return a frame in the form of the store, if it belongs to the vehicle."""
     frame = decode(payload)
     if frame.vehicle != vehicle:
         raise FormatError(f"a frame of {frame.vehicle!r} on the topic of {vehicle!r}")
@@ -209,7 +209,7 @@ def _frame(vehicle: str, payload: bytes) -> StoredFrame:
 
 
 def _report(vehicle: str, what: str, payload: bytes) -> StoredFrame:
-    """Return correlations or modes as the store takes them, if they belong to the vehicle."""
+    """Return correlations or modes in the form of the store, if they belong to the vehicle."""
     document = checked_map(payload)
     if (document.get(Key.VERSION), document.get(Key.VEHICLE), document.get(Key.KIND)) != (VERSION, vehicle, what):
         raise FormatError(f"a message other than {what} of {vehicle!r} in version {VERSION}")
@@ -219,7 +219,7 @@ def _report(vehicle: str, what: str, payload: bytes) -> StoredFrame:
 
 
 def _answer(document: dict[Any, Any]) -> tuple[int, Mapping[str, Any]]:
-    """Return the number of a request for samples, and what a box says that it sent."""
+    """Return the number of a request for samples, and the answer of a box."""
     number, reason = document.get("number"), document.get("reason", "")
     answer = {key: document.get(key) for key in _ANSWER}
     for value in (number, *answer.values()):

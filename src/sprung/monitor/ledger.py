@@ -1,4 +1,4 @@
-"""What comes of analysis: results and progress in one transaction, samples in an archive, alerts."""
+"""Storage of the analysis: results and progress in one transaction, samples in an archive, alerts."""
 
 import json
 import logging
@@ -19,12 +19,12 @@ LOG = logging.getLogger("sprung.monitor")
 
 
 class Ledger:
-    """Stores what jobs of workers give.
+    """Stores the results of workers' jobs.
 
     Parameters
     ----------
     site
-        Settings; the archive among them.
+        Settings, including those of the archive.
     store
         Store of results and progress.
     alerts
@@ -54,19 +54,19 @@ class Ledger:
         Parameters
         ----------
         outcome
-            What the job came to.
+            Outcome of the job.
         boot, seq
-            Boot of its frames, and the last of them.
+            Boot of its frames, and sequence number of the last one.
 
         Returns
         -------
         bool
-            Whether the frames up to `seq` are stored as analysed, which needs a state.
+            Whether the frames up to `seq` are recorded as analysed, which requires a state.
 
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         windows = [event for event in outcome.events if isinstance(event, Observed)]
         modes = tuple(_modes(event) for event in outcome.events if isinstance(event, Identified))
@@ -95,56 +95,56 @@ class Ledger:
         return is_saved
 
     def update_alerts(self, vehicle: str, events: tuple[Event, ...]) -> None:
-        """Raise, update and clear the alerts that windows give rise to.
+        """Raise, update and clear alerts according to windows.
 
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         for event in events:
             if isinstance(event, Observed):
                 self._alerts.take_window(vehicle, event, now=self._clock())
 
     def complete(self, vehicle: str, boot: int, seq: int) -> None:
-        """Remove the frames of a boot up to a sequence number: the stored state holds what was in them.
+        """Remove the frames of a boot up to a sequence number, which the stored state covers.
 
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         self._store.results.commit(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq))
 
     def exclude(self, vehicle: str, boot: int, seq: int, *, n_frames: int, reason: str) -> None:
-        """Remove the frames of a job that failed again and again, and raise an alert.
+        """Remove the frames of a job that failed repeatedly, and raise an alert.
 
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         self.complete(vehicle, boot, seq)
         sentence = f"{n_frames} frames were excluded: {reason}"
         self._alerts.report(vehicle, "monitor:analysis", sentence, now=self._clock())
 
     def finish_learning(self, command: int) -> None:
-        """Store that a request for a new baseline was followed.
+        """Record that a request for a new baseline was completed.
 
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         self._store.requests.command_done(command, self._clock())
 
     def store_report(self, frame: StoredFrame) -> None:
-        """Store modes, or archive correlations, that a box has identified; invalid ones are logged and removed.
+        """Store modes, or archive correlations, from a box; invalid ones are logged and removed.
 
         Raises
         ------
         StoreError
-            Where the store cannot write.
+            If the store cannot write.
         """
         modes: tuple[tuple[int, int, dict[str, Any]], ...] = ()
         try:
@@ -160,7 +160,7 @@ class Ledger:
         )
 
     def _archive(self, vehicle: str, boot: int, event: Observed) -> None:
-        """Write the samples of a window to the archive; a failure is logged and stops nothing."""
+        """Write the samples of a window to the archive; a failure is only logged."""
         recording = event.recording
         if self._samples is None:
             return
@@ -196,6 +196,6 @@ def _findings(event: Observed) -> list[dict[str, Any]]:
 
 
 def _baselines(event: Observed, now: int) -> list[tuple[int, int, str, dict[str, Any]]]:
-    """Return version, time, reason and document of the baseline that a window completed, if it did."""
+    """Return version, time, reason and document of the baseline that a window completed, if any."""
     baseline = event.baseline
     return [] if baseline is None else [(baseline.version, now, baseline.reason, baseline_document(baseline).as_json())]

@@ -1,4 +1,4 @@
-"""What boxes have identified themselves: modes, and the correlations behind them."""
+"""Results of on-board identification: modes, and the correlations behind them."""
 
 import json
 from collections.abc import Mapping
@@ -13,16 +13,16 @@ from sprung.storage import write_archive
 
 
 def reported_modes(document: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return the modes in a report of a box, as the store keeps them.
+    """Return the modes in a report of a box, in the form of the store.
 
     Raises
     ------
     FormatError
-        Where they cannot be written as JSON.
+        If they cannot be written as JSON.
     """
     modes = {"modes": document.get("modes"), "reason": document.get("reason"), "is_on_board": True}
     try:
-        json.dumps(modes, allow_nan=False)  # what the store cannot hold would come again and again
+        json.dumps(modes, allow_nan=False)  # a report that the store cannot hold would be sent repeatedly
     except (TypeError, ValueError) as error:
         raise FormatError(f"modes that cannot be stored: {error}") from None
     return modes
@@ -34,9 +34,9 @@ def archive_correlations(document: Mapping[Any, Any], folder: Path, vehicle: str
     Raises
     ------
     FormatError
-        Where they are incomplete.
+        If they are incomplete.
     StoreError
-        Where the archive cannot be written.
+        If the archive cannot be written.
     """
     summary = document.get("summary")
     if not isinstance(summary, Mapping):

@@ -10,14 +10,14 @@ from sprung.storage import Store, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Attempts after which a notification is given up.
+#: Number of attempts after which a notification is abandoned.
 _MOST_ATTEMPTS = 20
-#: Time between looks at the notifications [s].
+#: Time between checks for notifications [s].
 _EVERY = 1.0
 
 
 class Postman:
-    """Sends notifications, again and again until every sender has passed them on.
+    """Sends notifications, repeatedly until every sender has passed them on.
 
     Parameters
     ----------
@@ -68,11 +68,11 @@ class Posting:
         self._thread = threading.Thread(target=self._run, name="post", daemon=True)
 
     def open(self) -> None:
-        """Start to send."""
+        """Start sending."""
         self._thread.start()
 
     def close(self) -> None:
-        """Stop; what is not sent stays in the store."""
+        """Stop; unsent notifications stay in the store."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join(5.0)

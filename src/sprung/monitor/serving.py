@@ -41,7 +41,7 @@ class Serving:
     Parameters
     ----------
     address
-        Host and port; port 0 takes any free one.
+        Host and port; port 0: any free one.
     figures
         Function that returns those of `FIGURES`.
     troubles
@@ -61,21 +61,21 @@ class Serving:
 
     @property
     def is_open(self) -> bool:
-        """Whether it answers."""
+        """Whether the server is open."""
         return self._server is not None
 
     @property
     def port(self) -> int | None:
-        """Port at which it answers; None before it is opened."""
+        """Port of the server; None before it is opened."""
         return None if self._server is None else int(self._server.server_address[1])
 
     def open(self) -> None:
-        """Start to answer.
+        """Start answering.
 
         Raises
         ------
         ParameterError
-            Where the address cannot be used.
+            If the address cannot be used.
         """
         host, port = self._address
         try:

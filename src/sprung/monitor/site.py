@@ -84,7 +84,7 @@ class Alerts(_Table):
 
 
 class Keep(_Table):
-    """What is kept, and for how long."""
+    """Retention of results and samples."""
 
     results_days: float = Field(730.0, gt=0, le=_MOST_DAYS, description="age at which results are deleted [days]")
     raw_days: float = Field(
@@ -185,7 +185,7 @@ class Site(_Table):
 
     @property
     def archive(self) -> Path | None:
-        """Folder of samples, next to a store in a file; None where they are not kept."""
+        """Folder of samples, next to a store in a file; None if they are not kept."""
         if not self.keep.raw_days:
             return None
         is_file = self.store.startswith("sqlite:///")
@@ -193,7 +193,7 @@ class Site(_Table):
 
     @property
     def correlations(self) -> Path | None:
-        """Folder of correlations that boxes sent; None where they are not kept."""
+        """Folder of correlations that boxes sent; None if they are not kept."""
         return None if self.archive is None else self.archive.with_name("correlations")
 
     @property
@@ -208,9 +208,9 @@ def read_site(path: Path) -> Site:
     Raises
     ------
     ParameterError
-        Where it cannot be read.
+        If it cannot be read.
     FormatError
-        Where it is not a valid site file; the message names file, field, rule and remedy.
+        If it is not a valid site file; the message names file, field, rule and remedy.
     """
     try:
         return checked(Site, toml_fields(path.read_bytes(), source=str(path)))
@@ -226,7 +226,7 @@ def embedded_port(broker: str) -> int | None:
     Raises
     ------
     ParameterError
-        Where the port is not a number.
+        If the port is not a number.
     """
     word, _, port = broker.partition(":")
     if word != "embedded":
@@ -245,5 +245,5 @@ def _http_address(http: str) -> tuple[str, int]:
 
 
 def _is_port(text: str) -> bool:
-    """Tell whether a text is a port number."""
+    """Return whether a text is a port number."""
     return text.isdecimal() and len(text) <= 5 and int(text) <= 65535

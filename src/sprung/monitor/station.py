@@ -22,7 +22,7 @@ from sprung.storage import Store
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Messages that are taken in at once, and that may wait.
+#: Largest number of messages taken in together, and of messages that may wait.
 _BATCH, _MOST_WAITING = 2000, 50_000
 
 
@@ -89,7 +89,7 @@ class Station:
 
     @property
     def is_idle(self) -> bool:
-        """Whether everything that came is analysed, except what waits for earlier frames or a description."""
+        """Whether all received frames are analysed, except those that wait for earlier frames or a description."""
         return self._is_resting and self._messages.empty() and self._dispatch.is_idle
 
     def open(self, *, timeout: float = 0.0) -> None:
@@ -107,7 +107,7 @@ class Station:
             self.step()
 
     def step(self) -> None:
-        """Do what is due; wait for 5 ms where nothing is."""
+        """Do what is due; wait for 5 ms if nothing is."""
         n_taken = n_given = 0
         if self._gate.is_open:
             n_taken = self._take()
@@ -131,7 +131,7 @@ class Station:
             LOG.info("stopped")
 
     def receive(self, name: str, payload: bytes) -> None:
-        """Queue a message for the next step; beyond the limit it is dropped, and is sent again, unacknowledged."""
+        """Queue a message for the next step; beyond the limit it is dropped, and sent again as unacknowledged."""
         if self._messages.qsize() < _MOST_WAITING:
             self._messages.put((name, payload))
 
@@ -145,12 +145,12 @@ class Station:
         }
 
     def troubles(self) -> list[str]:
-        """Return what is wrong with the monitor itself."""
+        """Return sentences about problems of the monitor itself."""
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
         return [sentence for sentence in (broker, self._gate.trouble) if sentence]
 
     def _take(self) -> int:
-        """Store what has come, and return the number of messages."""
+        """Store the messages received, and return their number."""
         batch: list[tuple[str, bytes]] = []
         with suppress(queue.Empty):
             while len(batch) < _BATCH:

@@ -1,4 +1,4 @@
-"""The order in which the frames of a vehicle are analysed, whatever the order in which they arrive."""
+"""Order in which the frames of a vehicle are analysed, independent of the order of arrival."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,21 +18,21 @@ class Pending(Protocol):
 
 @dataclass(slots=True)
 class Stream:
-    """How far the frames of one vehicle have come.
+    """Progress of the frames of one vehicle.
 
     Parameters
     ----------
     contiguous
-        For each boot the sequence number up to which every frame arrived or is lost.
+        Sequence number up to which every frame arrived or is lost, by boot.
     dispatched
-        For each boot the sequence number up to which frames were given to a worker.
+        Sequence number up to which frames were given to a worker, by boot.
     done
-        For each boot the sequence number up to which the store has the frames as analysed.
+        Sequence number up to which the store has the frames as analysed, by boot.
 
     Notes
     -----
-    Boots follow each other by number, and one that knows where the boot before ended waits for its frames: a box that
-    was restarted continues where it was. So every permutation of frames is analysed in the same order.
+    Boots follow each other by number, and a boot that states the end of the previous one waits for its frames, as a
+    restarted box continues where it stopped. So every permutation of frames is analysed in the same order.
     """
 
     contiguous: dict[int, int] = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Stream:
         self.dispatched[boot] = self.done[boot] = seq
 
     def rewind(self, cursors: Mapping[int, Cursor], boot: int) -> None:
-        """Continue from what the store has; boots before `boot`, which the stored state covers, are given out."""
+        """Continue from the stored cursors; boots before `boot`, which the stored state covers, count as dispatched."""
         self.done = {known: cursors[known].done for known in self.contiguous}
         self.dispatched = {known: last if known < boot else self.done[known] for known, last in self.contiguous.items()}
 
@@ -93,7 +93,7 @@ class Stream:
         return []
 
     def finished(self, boot: int) -> list[tuple[int, int]]:
-        """Return boots before `boot` that were given out completely, and their ends, where the store is behind."""
+        """Return boots before `boot` that were dispatched completely, and their ends, if the store is behind."""
         return [
             (older, last)
             for older, last in self.contiguous.items()
@@ -101,7 +101,7 @@ class Stream:
         ]
 
     def _is_ready(self, first: StoredFrame) -> bool:
-        """Tell whether all frames of the boot before that of a frame were given to a worker."""
+        """Return whether all frames of the boot before that of a frame were given to a worker."""
         if first.boot not in self._previous:
             try:
                 self._previous[first.boot] = Header.of(checked_map(first.payload)).previous

@@ -13,14 +13,14 @@ from sprung.storage import CommandRow, Retention, Store
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Time between looks at vehicles and commands, and between sweeps of the disk [s].
+#: Time between checks of vehicles and commands, and between sweeps of the disk [s].
 _LOOK, _SWEEP = 1.0, 60.0
-#: Least time before a box is asked for samples again, and between warnings that the broker cannot be reached [s].
+#: Shortest time before samples are requested again, and between warnings that the broker cannot be reached [s].
 _ASK, _REMIND = 10.0, 600.0
 
 
 class Upkeep:
-    """Does what no message of a vehicle brings about.
+    """Periodic work that no message of a vehicle triggers.
 
     Parameters
     ----------
@@ -31,13 +31,13 @@ class Upkeep:
     alerts
         Alerts of all vehicles.
     intake
-        Knows which vehicles are parked, and what boxes have answered.
+        Intake, for parked vehicles and the answers of boxes.
     link
         Connection to the broker.
     gate
-        Closed while the store cannot write.
+        Gate that is closed while the store cannot write.
     relearn
-        Called with each open request for a new baseline.
+        Function called with each open request for a new baseline.
     clock
         Present time, UTC ns.
     timer
@@ -92,7 +92,7 @@ class Upkeep:
             self._gate.guard(self._sweep)
 
     def _look(self) -> None:
-        """Update shelves and alerts of silent vehicles, and follow commands."""
+        """Update shelved alerts and alerts of silent vehicles, and carry out commands."""
         now = self._clock()
         self._alerts.end_shelves(now=now)
         last_seen = self._store.inbox.last_seen()
@@ -120,7 +120,7 @@ class Upkeep:
                 self._alerts.clear(vehicle, "silent", now=now)
 
     def _request_samples(self, command: CommandRow, last_seen: int, now: int) -> None:
-        """Ask a box for samples, again whenever it was seen since, until everything that it says it sent has come."""
+        """Request samples from a box, again whenever it was seen since, until all that it announced have arrived."""
         vehicle, inbox = command.vehicle, self._store.inbox
         answer = self._intake.answer(vehicle, command.id)
         if answer is not None and inbox.cursor(vehicle, answer["boot"]).contiguous >= answer["last"]:
@@ -156,7 +156,7 @@ class Upkeep:
 
 
 class Outage:
-    """Logs that the broker cannot be reached: at once, every ten minutes, and when it is back.
+    """Logs that the broker cannot be reached: immediately, every ten minutes, and once it is back.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Worker processes: each monitors some of the vehicles; one that is too slow or dies is replaced."""
+"""Worker processes: each monitors some of the vehicles; one that hangs or dies is replaced."""
 
 import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +14,7 @@ from sprung.vehicles import vehicle_from_text
 
 
 class VehicleStatus(NamedTuple):
-    """How far the monitoring of a vehicle is.
+    """Progress of the monitoring of a vehicle.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class VehicleStatus(NamedTuple):
     n_learnt, n_needed
         Number of windows usable for the baseline so far, and needed; equal where nothing is being learnt.
     note
-        Why the vehicle cannot be assessed at present; empty where it can.
+        Reason why the vehicle cannot be assessed at present; empty if it can.
     """
 
     share: float = 0.0
@@ -34,7 +34,7 @@ class VehicleStatus(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Opening:
-    """What a worker needs to monitor a vehicle.
+    """Description, state and settings with which a worker opens a vehicle.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ class Opening:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Outcome:
-    """What a job came to.
+    """Outcome of a job.
 
     Parameters
     ----------
     vehicle
         Name of the vehicle.
     n_consumed
-        Number of frames taken in: all, or up to the one that completed a window.
+        Number of frames consumed: all, or up to the one that completed a window.
     events
         Events in order of time.
     state
@@ -74,7 +74,7 @@ class Outcome:
     status
         Status after the job.
     error
-        Reason of a failure; empty where there was none.
+        Reason of a failure; empty if there was none.
     """
 
     vehicle: str
@@ -130,7 +130,7 @@ class Workers:
         return all(worker.busy_with is not None for worker in self._workers)
 
     def is_open(self, vehicle: str) -> bool:
-        """Tell whether a process has a vehicle."""
+        """Return whether a process has the vehicle open."""
         return any(vehicle in worker.vehicles for worker in self._workers)
 
     def open(self, opening: Opening) -> None:
@@ -148,7 +148,7 @@ class Workers:
                 self._send(worker, ("close", vehicle))
 
     def is_free(self, vehicle: str) -> bool:
-        """Tell whether the process of a vehicle can take a job."""
+        """Return whether the process of a vehicle can take a job."""
         return any(vehicle in worker.vehicles and worker.busy_with is None for worker in self._workers)
 
     def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
@@ -168,7 +168,7 @@ class Workers:
         self._send(worker, ("work", vehicle, list(frames), learn))
 
     def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
-        """Return the outcomes that are there, waiting up to a time [s] for the first."""
+        """Return the available outcomes, waiting up to a time [s] for the first."""
         outcomes = []
         ready = wait([worker.connection for worker in self._workers], timeout=timeout)
         for worker in list(self._workers):
@@ -189,7 +189,7 @@ class Workers:
                 worker.process.join()
 
     def _receive(self, worker: _Worker) -> Outcome | None:
-        """Return the outcome that a process sent; replace the process where it is dead."""
+        """Return the outcome that a process sent; replace the process if it is dead."""
         try:
             outcome: Outcome = worker.connection.recv()
         except (EOFError, OSError):
@@ -258,7 +258,7 @@ def open_monitor(opening: Opening) -> tuple[VehicleMonitor, dict[str, str]]:
     Raises
     ------
     SprungError
-        Where description or state cannot be used.
+        If description or state cannot be used.
     """
     vehicle = vehicle_from_text(opening.description, source=f"the vehicle file of {opening.vehicle}")
     if opening.state is None:
@@ -274,20 +274,20 @@ def analyse(
     learn: str = "",
     refusal: str = "",
 ) -> Outcome:
-    """Return what a job comes to.
+    """Return the outcome of a job.
 
     Parameters
     ----------
     vehicle
         Name of the vehicle.
     opened
-        Its monitor and the quantities of its channels, from `open_monitor`; None where it could not be opened.
+        Monitor of the vehicle and quantities of its channels, from `open_monitor`; None if it could not be opened.
     frames
         Frames in order.
     learn
         As for `Workers.submit`.
     refusal
-        Why the vehicle could not be opened.
+        Reason why the vehicle could not be opened.
     """
     if opened is None:
         return Outcome(vehicle, 0, (), None, VehicleStatus(note=refusal), refusal or "the vehicle is not open")

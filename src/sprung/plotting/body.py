@@ -65,7 +65,7 @@ def body_shapes(modes: Modes, channels: Sequence[Channel]) -> BodyShapes | None:
     Returns
     -------
     BodyShapes or None
-        None where the channels do not determine bounce, pitch and roll.
+        Motions; None if the channels do not determine bounce, pitch and roll.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: evidence, changes of the corners, components over time, modes as a finding implies."""
+"""Figures of a diagnosis: evidence, changes of the corners, components over time, implied changes of the modes."""
 
 from collections.abc import Sequence
 
@@ -29,6 +29,11 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     ----------
     diagnosis
         Diagnosis with at least one conclusive window.
+
+    Raises
+    ------
+    ParameterError
+        If no window was conclusive.
     """
     detection = diagnosis.detection
     if detection is None:
@@ -78,6 +83,11 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         Diagnosis with at least one conclusive window.
     baseline
         Baseline of the vehicle; None: its vehicle file.
+
+    Raises
+    ------
+    ParameterError
+        If no window was conclusive.
     """
     detection = diagnosis.detection
     if detection is None:
@@ -90,7 +100,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     own = np.mean([window.covariance for window in conclusive], axis=0) / len(conclusive)
     if normal.n_windows:
         own = normal.covariance * (1 / len(conclusive) + 1 / normal.n_windows)
-    # What corners share may stay, such as the effect of a payload: averaging over windows does not remove it.
+    # Common effects such as that of a payload may persist: averaging over windows does not remove them.
     spread = own + normal.nuisance
     against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
     return corner_bars(
@@ -115,6 +125,11 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
         Diagnosis with at least one conclusive window.
     baseline
         Baseline of the vehicle; None: its vehicle file.
+
+    Raises
+    ------
+    ParameterError
+        If no window was conclusive.
 
     Notes
     -----
@@ -179,7 +194,7 @@ def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> No
 
 
 def _witnesses(diagnosis: Diagnosis) -> list[Observation]:
-    """Return the windows of the change test, without those set aside or with failed sensors."""
+    """Return the windows of the change test, without excluded ones and those with failing sensors."""
     tested = set() if diagnosis.detection is None else set(diagnosis.detection.times.tolist())
     return [window for window in diagnosis.observations if window.time in tested]
 
@@ -202,7 +217,7 @@ def _percent(log_ratio: ArrayLike) -> Real:
 
 
 def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> Figure:
-    """Draw the body modes before and after a change as the finding implies, with frequencies and MAC.
+    """Draw the body modes before and after a change as implied by a finding, with frequencies and MAC.
 
     Parameters
     ----------
@@ -210,6 +225,11 @@ def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> 
         Changes of modes, at least one.
     heading
         Line below the heading, such as the finding's sentence.
+
+    Raises
+    ------
+    ParameterError
+        If there are no changes.
     """
     if not changes:
         raise ParameterError("changes is empty, but must hold at least one change of a mode: draw it only for findings")

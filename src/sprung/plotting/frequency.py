@@ -30,11 +30,11 @@ from sprung.signals.harmonics import Harmonic
 _LOGARITHMIC, _BELOW_LOWEST = 12.0, 0.33
 #: A band of interest is shown with this margin on both sides.
 _MARGIN = 1.15
-#: Least range of a level axis [dB].
+#: Smallest range of a level axis [dB].
 _LEAST_SPAN = 20.0
 #: Share of half the sampling rate up to which decimation passes everything.
 _PASSED = 0.8
-#: Least distance of two harmonics' labels over the size of their font.
+#: Smallest distance of two harmonics' labels over the size of their font.
 _LABEL_DISTANCE = 1.6
 #: Lines nearer to each other than this share of the axis fade.
 _CLEAR, _DASHES = 0.012, (0, (4, 2))
@@ -82,7 +82,7 @@ def frequency_range(identification: Identification) -> FrequencyRange:
 
     Notes
     -----
-    Logarithmic where modes would otherwise be crowded into the lowest twelfth.
+    Logarithmic if modes would otherwise be crowded into the lowest twelfth.
     """
     highest = float(identification.spectra.frequencies[-1])
     band = identification.settings.band
@@ -182,7 +182,7 @@ def mark_harmonics(
     width
         Approximate width of the axes [in]: of labels that would overlap, the most prominent are kept.
     channel
-        Channel of the axes: harmonics that it does not show are drawn fainter. None: all alike.
+        Channel of the axes: harmonics that it does not show are drawn fainter. None: all equally.
     has_labels
         Whether to label the harmonics.
     """
@@ -202,7 +202,7 @@ def mark_harmonics(
 
 
 def _fading(places: Sequence[float]) -> Real:
-    """Return the opacity of each line: lower where its neighbours on the axis are near."""
+    """Return the opacity of each line: lower if its neighbours on the axis are near."""
     order = np.argsort(places)
     gaps = np.diff(np.asarray(places)[order], prepend=-1.0, append=2.0)
     nearest = np.empty(len(places))
@@ -263,7 +263,7 @@ def mark_modes(
 
     Notes
     -----
-    The labels stand side by side in one row, upright where there are too many for that.
+    The labels stand side by side in one row, or upright if there are too many for that.
     """
     low, high = axes.get_xlim()
     frequencies = modes.natural_frequency

@@ -28,7 +28,7 @@ _CELL, _MOST_PRINTED = 0.52, 24
 
 
 def mac_figure(identification: Identification, *, source: str = "") -> Figure:
-    """Draw the modal assurance criterion between all modes and, where there are several subsets, between theirs.
+    """Draw the modal assurance criterion between all modes and, with several subsets, between those of the subsets.
 
     Parameters
     ----------

@@ -24,9 +24,9 @@ class Spread:
     values
         Values, shape (rows, runs); NaN where a run has none.
     truth
-        True value; NaN where it is unknown.
+        True value; NaN if unknown.
     published
-        Published value of each row; NaN where there is none.
+        Published value of each row; NaN without one.
     """
 
     name: str

@@ -29,7 +29,7 @@ def save_figures(identification: Identification, directory: str | PathLike[str],
     identification
         Result of any method.
     directory
-        Folder for the files, created where it does not exist. Files of the same names are overwritten.
+        Folder for the files, created if missing. Files of the same names are overwritten.
     source
         Name of the recording, for the headings.
 

@@ -1,4 +1,4 @@
-"""Mode shapes: on the body where the sensors' places are known, otherwise as bars; and their complexity."""
+"""Mode shapes: on the body if the sensors' positions are known, otherwise as bars; and their complexity."""
 
 from collections.abc import Sequence
 from typing import Any, cast
@@ -43,8 +43,8 @@ def shapes_figure(modes: Modes, channels: Sequence[Channel], *, source: str = ""
     modes
         Modes to draw, in any number.
     channels
-        Channels of `modes`, in their order. Where their quantities, positions and directions determine bounce, pitch
-        and roll, the body is drawn; otherwise real and imaginary parts of each channel.
+        Channels of `modes`, in their order. If their quantities, positions and directions determine bounce, pitch and
+        roll, the body is drawn; otherwise real and imaginary parts of each channel.
     source
         Name of the recording, for the heading.
 
@@ -111,7 +111,7 @@ def _draw_bars(axes: Axes, shape: Complex, colour: str) -> None:
 
 
 def _label_channels(axes: Axes, names: Sequence[str], width: float) -> None:
-    """Write the names of the channels below the axis, vertically where they are long, and every n-th of very many."""
+    """Write the names of the channels below the axis, vertically if they are long, and every n-th of very many."""
     step = -(-len(names) // _MOST_TICKS)
     longest = max(len(name) for name in names)
     is_upright = longest * len(names) * 0.6 * SMALL / 72 > width

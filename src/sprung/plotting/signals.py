@@ -127,7 +127,7 @@ def densities_figure(
 
 
 def _panels(title: str, n_channels: int) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a panel for each channel, one below another; two columns where there are many."""
+    """Return a figure with a panel for each channel, one below another; two columns for many."""
     n_rows, n_columns = panel_grid(n_channels, most_columns=1 if n_channels <= 3 else 2)
     figure = new_figure(title, "", width=9.5, height=1.1 + 1.75 * n_rows)
     panels = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False).ravel()
@@ -149,7 +149,7 @@ def _colour(number: int, count: int) -> str:
 
 
 def _name_curves(figure: Figure, names: Sequence[str]) -> None:
-    """Write the names of the curves below the panels, where there are several."""
+    """Write the names of the curves below the panels, if there are several."""
     if len(names) < 2:
         return
     handles = [figure.axes[0].lines[number] for number in range(len(names))]
@@ -157,7 +157,7 @@ def _name_curves(figure: Figure, names: Sequence[str]) -> None:
 
 
 def _envelope(time: Real, values: Real) -> tuple[Real, Real]:
-    """Return the largest and smallest value of each interval where there are too many samples to draw."""
+    """Return the largest and smallest value of each interval if there are too many samples to draw."""
     per = -(-values.size * 2 // _MOST_POINTS)
     if per <= 2:
         return time, values

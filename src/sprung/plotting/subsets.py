@@ -29,7 +29,7 @@ from sprung.plotting.style import (
 
 #: Width of a mode's panels and height of both [in].
 _COLUMN, _BAND, _MOST_COLUMNS = 2.7, 4.2, 5
-#: Least range shown around a value, relative to it: smaller changes of frequency and damping should look small.
+#: Smallest range shown around a value, relative to it: smaller changes of frequency and damping should look small.
 _LEAST_RANGE = (0.02, 0.2)
 
 
@@ -133,7 +133,7 @@ def _draw_values(
     intervals: Real,
     colour: str,
 ) -> None:
-    """Draw values at the middle of their levels, and a cross on the axis where there is none."""
+    """Draw values at the middle of their levels, and a cross on the axis for a missing one."""
     centres, half = levels.mean(axis=1), np.diff(levels, axis=1)[:, 0] / 2
     found = np.isfinite(values)
     axes.errorbar(

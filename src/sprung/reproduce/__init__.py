@@ -62,7 +62,7 @@ def reproduce(
     Raises
     ------
     ParameterError
-        Where there is no chapter of a name.
+        If there is no chapter of a name.
     """
     wanted = tuple(chapters) or tuple(CHAPTERS)
     for chapter in wanted:

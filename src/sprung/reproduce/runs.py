@@ -23,6 +23,11 @@ class Effort:
         Number of runs where the thesis shows one, at least 2.
     n_processes
         Number of processes, at least 1.
+
+    Raises
+    ------
+    ParameterError
+        If the number of seeds is below 2, or that of processes below 1.
     """
 
     n_seeds: int = 50

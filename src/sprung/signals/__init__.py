@@ -1,1 +1,1 @@
-"""Signals: filters, spectra, cepstrum, narrow lines, and what a recording holds."""
+"""Signals: filters, spectra, cepstrum, narrow lines, and facts about recordings."""

@@ -28,12 +28,17 @@ class ShortPass:
     """Lifter that keeps the cepstrum below a quefrency and nothing beyond it.
 
     Quasi-periodic excitation appears at long quefrencies, the modes at short ones: the log spectrum is smoothed over
-    about 1/(2 length) Hz, so that any narrower line disappears, whatever its frequency.
+    about 1/(2 length) Hz, so that any narrower line disappears, at any frequency.
 
     Parameters
     ----------
     length
         Quefrency up to which the cepstrum is kept [s], above 0.
+
+    Raises
+    ------
+    ParameterError
+        If the length is not above 0.
 
     References
     ----------
@@ -61,6 +66,11 @@ class Exponential:
     time_constant
         Time constant tau [s], above 0; every pole moves to the left by 1/tau.
 
+    Raises
+    ------
+    ParameterError
+        If the time constant is not above 0.
+
     References
     ----------
     R. B. Randall (2017), A history of cepstrum analysis and its application to mechanical problems, Mechanical Systems
@@ -81,7 +91,7 @@ class Exponential:
 class Comb:
     """Lifter that removes the rahmonics of one period.
 
-    It removes pulse trains and other families of many multiples of 1 / period, and hardly changes the rest of the
+    It removes pulse trains and other families of many multiples of 1 / period, with little effect on the rest of the
     spectrum. A single sine has no rahmonics: only a short-pass or exponential lifter removes it.
 
     Parameters
@@ -91,6 +101,11 @@ class Comb:
     width
         Width of the notch around each multiple of the period [s], 0 to `period`. A notch covers at least the samples on
         both sides of its multiple; a wider one follows a period that is not quite constant.
+
+    Raises
+    ------
+    ParameterError
+        If the period is not above 0, or the width is not within 0 to the period.
     """
 
     period: float
@@ -121,7 +136,7 @@ def edit(recording: Recording, lifter: Lifter) -> Recording:
     Returns
     -------
     Recording
-        Recording with each stretch edited by itself, its mean removed. A constant channel does not change.
+        Recording with each stretch edited separately, its mean removed. A constant channel does not change.
 
     Raises
     ------

@@ -22,7 +22,7 @@ PASS_BAND = Fraction(4, 5)
 STOP_BAND = 90.0
 #: Largest numerator and denominator of a resampling ratio.
 LARGEST_DENOMINATOR = 10_000
-#: Fewest samples of a moving part; shorter ones are not worth a spline.
+#: Smallest number of samples of a moving part; shorter ones are not worth a spline.
 FEWEST_MOVING_SAMPLES = 10
 
 
@@ -246,7 +246,15 @@ def distance_travelled(recording: Recording, speed: str) -> Real:
 
 
 def moving_parts(recording: Recording, speed: str, *, minimum_speed: float) -> list[slice]:
-    """Return the sample ranges, within stretches, of at least ten samples at or above `minimum_speed` [m/s]."""
+    """Return the sample ranges, within stretches, of at least ten samples at or above `minimum_speed` [m/s].
+
+    Raises
+    ------
+    ParameterError
+        If the channel does not exist, or `minimum_speed` is not above 0.
+    DataError
+        If the speed has missing values.
+    """
     check_number("minimum_speed", minimum_speed, above=0)
     check_complete(recording.names, recording.samples)
     is_moving = recording.samples[recording.index(speed)] >= minimum_speed
@@ -297,7 +305,7 @@ def over_distance(recording: Recording, speed: str, *, interval: float, minimum_
     Raises
     ------
     ParameterError
-        If there is no such channel, or `interval` or `minimum_speed` is not above 0.
+        If the channel does not exist, or `interval` or `minimum_speed` is not above 0.
     DataError
         If a channel has missing values, or no part is fast enough.
 
@@ -360,7 +368,7 @@ def _runs(is_wanted: Booleans) -> list[slice]:
 
 
 def _stages(ratio: Fraction) -> list[tuple[Fraction, Real]]:
-    """Return the stages of a resampling ratio with their filters: a coarse one first where it saves work."""
+    """Return the stages of a resampling ratio with their filters: a coarse one first if that saves work."""
     if ratio == 1:
         return []
     whole = int(1 / ratio) // 2

@@ -29,7 +29,7 @@ SLIP = 0.004
 FAINTEST_MULTIPLE = 4.0
 #: Smallest spread of speed (middle half over median) that separates lines proportional to it from constant ones.
 LEAST_SPREAD = 0.03
-#: Largest damping ratio of the pole of a line; poles with more belong to modes, whatever line is near.
+#: Largest damping ratio of the pole of a line; poles with more belong to modes, even near a line.
 MOST_DAMPED_LINE = 0.05
 
 
@@ -107,23 +107,23 @@ def find_harmonics(
     DataError
         If a channel has missing values, or there is no channel to search.
     ParameterError
-        If an option is out of range, or there is no speed channel of that name.
+        If an option is out of range, or the speed channel does not exist.
 
     Notes
     -----
     *Constant frequency.* Averaged periodograms with segments of 2/7 of the recording (at most 256 s) and shorter
     ones in octaves. A line must (a) exceed the bins 3 to 12 on each side of it at the resolution of the segments,
-    and (b) be regular: its power hardly differs between consecutive segments
+    and (b) be regular: its power is nearly equal in consecutive segments
     (`sprung.signals.narrow_lines.chance_of_regularity`; the false discovery rate of all peaks together is
     `false_alarm_rate`).
     Segments of a narrow mode are independent only if they lie about a time constant 1 / (xi omega) of the mode
     apart: so `least_damping` sets the lowest frequency at which a recording of T seconds separates a tone from a
-    mode, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %. Narrow peaks that are not regular count where more of them lie
-    at multiples of a regular one than chance explains.
+    mode, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %. Narrow peaks that are not regular count if more of them lie at
+    multiples of a regular one than chance explains.
 
     *Proportional to speed.* The same search over distance with segments of 150 to 300 cycles, by the geometric mean
     of the segments. Such lines change level with speed, so (b) is replaced: in no channel that shows it may a line
-    over time, at the frequencies of the middle half of the speeds, be more prominent. Where that half spreads over
+    over time, at the frequencies of the middle half of the speeds, be more prominent. If that half spreads over
     less than 3 % of the median speed the two cannot be separated, and no line is called proportional to speed.
     Multiples of such a line need only 4 dB.
 
@@ -232,7 +232,7 @@ def _constant_lines(
 
 
 def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate: float) -> list[Line]:
-    """Add doubtful lines at multiples of regular ones where there are more than chance explains."""
+    """Add doubtful lines at multiples of regular ones if there are more than chance explains."""
     lines, left = list(regular), list(doubtful)
     for base in regular:
         family = multiples(base.frequency, base.tolerance, left)
@@ -293,7 +293,7 @@ def _unexplained(
 
 
 def _explains(rival: Line, peak: Line, speeds: tuple[float, float, float]) -> bool:
-    """Return whether a line over time is as prominent as a peak over distance, at a frequency that the peak takes."""
+    """Return whether a line over time is as prominent as a peak over distance, at a frequency of that peak."""
     low, high = peak.frequency * speeds[0] - rival.resolution, peak.frequency * speeds[2] + rival.resolution
     return peak.rows == rival.rows and rival.prominence >= peak.prominence and low <= rival.frequency <= high
 

@@ -1,6 +1,6 @@
 """Facts about a recording: levels, dead, clipped and stuck channels, gaps.
 
-Dead, stuck, clipped and missing are defined here and nowhere else; who judges by other thresholds passes them.
+Dead, stuck, clipped and missing are defined here only; callers with other thresholds pass them as arguments.
 """
 
 from collections.abc import Iterable, Sequence
@@ -13,13 +13,13 @@ from sprung._arrays import Indices, Real
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 
-#: Quantities that are conditions of the motion, not motion: they may rest at a value, also at their highest one.
+#: Quantities that are conditions of the motion, not motion: they may stay at a value, even at their highest one.
 CONDITIONS = ("speed", "temperature")
-#: Fewest equal samples in a row at the largest or smallest value that count as a plateau of clipping.
+#: Smallest number of consecutive samples at the largest or smallest value that counts as a plateau of clipping.
 _PLATEAU = 3
 #: Share of the samples in plateaus above which a channel is called clipped.
 _CLIPPED_SHARE = 1e-4
-#: Shortest duration [s] and fewest samples of a run of equal values that count as stuck.
+#: Shortest duration [s] and smallest number of samples of a run of equal values that counts as stuck.
 _STUCK_DURATION, _STUCK_RUN = 1.0, 10
 
 
@@ -30,14 +30,14 @@ class ChannelFacts:
     Parameters
     ----------
     name, quantity, unit
-        As in the recording; the levels below are in this unit.
+        Name, quantity and unit as in the recording; the levels below are in this unit.
     n_values
         Number of samples that are not missing.
     mean, rms, standard_deviation, minimum, maximum
-        Levels of these values; the RMS includes the mean. None where there is no value.
+        Levels of the values; the RMS includes the mean. None without values.
     clipped
         Share of the values in plateaus of at least three samples at the maximum or minimum, 0 to 1; 0 for conditions
-        such as the speed, which rest at a value.
+        such as the speed, which may stay at a value.
     stuck
         Share of the values in runs of one value for at least a second and ten samples, 0 to 1; 0 for conditions.
     """
@@ -83,7 +83,7 @@ class Inspection:
     sampling_rate
         In Hz.
     n_samples, duration
-        Samples of each channel, and recorded time without gaps [s].
+        Number of samples of each channel, and recorded time without gaps [s].
     n_gaps, gap_duration
         Number of gaps and their total length [s].
     start
@@ -108,7 +108,8 @@ def is_condition(name: str, quantity: str) -> bool:
     Parameters
     ----------
     name, quantity
-        As in the recording. A channel of unknown quantity called "speed", in any case of letters, is the speed.
+        Name and quantity as in the recording. A channel of unknown quantity named "speed", in any case of letters,
+        is the speed.
     """
     return quantity in CONDITIONS or (quantity == "unknown" and name.casefold() == "speed")
 
@@ -121,7 +122,7 @@ def equal_runs(values: Real, *, breaks: Sequence[int] = ()) -> tuple[Indices, In
     values
         Samples of one channel, shape (samples,). A missing value (NaN) is a run of its own.
     breaks
-        Indices that start a new run whatever the values, such as those of gaps.
+        Indices at which a new run starts for any values, such as those of gaps.
     """
     is_start = np.ones(values.size, dtype=np.bool_)
     is_start[1:] = np.diff(values) != 0
@@ -162,19 +163,19 @@ def clipped_share(values: Real, *, breaks: Sequence[int] = ()) -> float:
 
 
 def missing_share(values: Real) -> float:
-    """Return the share of the values that are missing (NaN) or infinite, 0 to 1; 1 where there is none at all."""
+    """Return the share of the values that are missing (NaN) or infinite, 0 to 1; 1 for an empty array."""
     return 1 - np.count_nonzero(np.isfinite(values)) / values.size if values.size else 1.0
 
 
 def constant_value(values: Real, *, tolerance: float = 0.0) -> float | None:
-    """Return the one value of a channel that never changes; None where it changes or holds no value.
+    """Return the value of a constant channel; None if it changes or holds no value.
 
     Parameters
     ----------
     values
-        Samples of one channel, shape (samples,); missing values are passed over.
+        Samples of one channel, shape (samples,); missing values are ignored.
     tolerance
-        Largest difference of any two values over the largest magnitude that still counts as no change.
+        Largest difference of any two values, relative to the largest magnitude, that counts as constant.
     """
     finite = values[np.isfinite(values)]
     if finite.size == 0 or np.ptp(finite) > tolerance * np.abs(finite).max():
@@ -206,14 +207,14 @@ def inspect(recording: Recording) -> Inspection:
 
 
 def inspect_blocks(blocks: Iterable[Recording]) -> Inspection:
-    """Return the facts about a recording that comes in blocks, in bounded memory.
+    """Return the facts about a recording from its blocks, in bounded memory.
 
     Runs of equal samples are counted within each block.
 
     Raises
     ------
     DataError
-        Where there is no block.
+        If there are no blocks.
     """
     total: Inspection | None = None
     tallies: list[_Tally] = []
@@ -228,7 +229,7 @@ def inspect_blocks(blocks: Iterable[Recording]) -> Inspection:
 
 
 def _extended(total: Inspection | None, block: Recording) -> Inspection:
-    """Return what concerns all channels, with `block` added."""
+    """Return the facts about all channels together, with `block` added."""
     gap_duration = sum(gap.duration for gap in block.gaps)
     if total is None:
         return Inspection(
@@ -287,23 +288,23 @@ def _plateaus(values: Real, breaks: Sequence[int], minimum: float, maximum: floa
     return int(lengths[is_plateau & (heads == minimum)].sum()), int(lengths[is_plateau & (heads == maximum)].sum())
 
 
-def _merged(one: _Tally, other: _Tally) -> _Tally:
+def _merged(first: _Tally, second: _Tally) -> _Tally:
     """Return the sums over both (means and squares after Chan, Golub and LeVeque, 1983)."""
-    n_values = one.n_values + other.n_values
+    n_values = first.n_values + second.n_values
     if n_values == 0:
-        return one
-    shift = other.mean - one.mean
-    minimum, maximum = min(one.minimum, other.minimum), max(one.maximum, other.maximum)
-    both = (one, other)
+        return first
+    shift = second.mean - first.mean
+    minimum, maximum = min(first.minimum, second.minimum), max(first.maximum, second.maximum)
+    both = (first, second)
     return _Tally(
         n_values=n_values,
-        mean=one.mean + shift * other.n_values / n_values,
-        squares=one.squares + other.squares + shift**2 * one.n_values * other.n_values / n_values,
+        mean=first.mean + shift * second.n_values / n_values,
+        squares=first.squares + second.squares + shift**2 * first.n_values * second.n_values / n_values,
         minimum=minimum,
         maximum=maximum,
         n_at_minimum=sum(tally.n_at_minimum for tally in both if tally.minimum == minimum),
         n_at_maximum=sum(tally.n_at_maximum for tally in both if tally.maximum == maximum),
-        n_stuck=one.n_stuck + other.n_stuck,
+        n_stuck=first.n_stuck + second.n_stuck,
     )
 
 

@@ -17,7 +17,7 @@ MAIN_LOBE, NEIGHBOURHOOD = 2, 12
 NOISE_BANDWIDTH = 1.5
 #: Number of segments whose powers are compared at a time, and smallest number for any conclusion.
 BLOCK, FEWEST_SEGMENTS = 6, 5
-#: Fewest samples of a segment, and number of segment lengths.
+#: Smallest number of samples of a segment, and number of segment lengths.
 SHORTEST_SEGMENT, N_OCTAVES = 64, 8
 
 
@@ -124,7 +124,7 @@ def chance_of_regularity(powers: Real) -> float:
     Notes
     -----
     The powers of a Gaussian signal in m independent segments are exponentially distributed, so that the shares
-    P / sum P are uniform on a simplex, whatever the level. A spectral kurtosis k = m sum P^2 / (sum P)^2 (2 for long
+    P / sum P are uniform on a simplex at any level. A spectral kurtosis k = m sum P^2 / (sum P)^2 (2 for long
     random signals, 1 for a tone) means that they lie within the radius sqrt((k - 1) / m) of its centre, which has
     the probability V(m - 1) ((k - 1) / m)^((m - 1)/2) (m - 1)! / sqrt(m) with V(n) the volume of the unit ball in n
     dimensions: exact up to k = 1 + 1/(m - 1), an upper bound beyond.
@@ -261,7 +261,7 @@ def _peaks(density: Real) -> tuple[Indices, Real]:
 
 
 def _offset(three: Real) -> float:
-    """Return where the parabola through the logarithms of a peak and its neighbours is highest [bins]."""
+    """Return the vertex of the parabola through the logarithms of a peak and its neighbours [bins]."""
     below, at, above = np.log(np.maximum(three, np.finfo(np.float64).tiny))
     return float((below - above) / (2 * (below - 2 * at + above))) if at > max(below, above) else 0.0
 

@@ -144,7 +144,7 @@ def short_time_spectra(recording: Recording, *, segment_length: float, overlap: 
     Raises
     ------
     DataError, ParameterError
-        As `spectral_matrix`.
+        As raised by `spectral_matrix`.
     """
     check_number("overlap", overlap, at_least=0, at_most=0.95)
     check_complete(recording.names, recording.samples)

@@ -1,4 +1,4 @@
-"""Simulated recordings with known truth: linear and nonlinear vehicles, and what sensors do to their signals."""
+"""Simulated recordings with known truth: linear and nonlinear vehicles, and imperfect sensors."""
 
 from sprung.simulation.drives import (
     FEW_POTHOLES,

@@ -44,6 +44,11 @@ class Payload:
         Mass [kg], at least 0.
     x, y
         Position ahead and to the left of the body's centre of gravity [m].
+
+    Raises
+    ------
+    ParameterError
+        If the mass is negative or not finite.
     """
 
     mass: float = 0.0
@@ -56,14 +61,14 @@ class Payload:
 
 @dataclass(frozen=True, slots=True)
 class SuspensionConditions:
-    """What distinguishes the suspension on a drive from the linear one of the vehicle file.
+    """Departures of the suspension on a drive from the linear one of the vehicle file.
 
     Parameters
     ----------
     temperature
-        Temperature of the dampers [degrees Celsius]; they are nominal at 20.
+        Temperature of the dampers [°C]; damping is nominal at 20 °C.
     force_laws
-        Nonlinear force laws by part or by owner and part, see `simulate_nonlinear`; none: a linear suspension.
+        Nonlinear force laws by part or by owner and part, see `simulate_nonlinear`; empty: a linear suspension.
     """
 
     temperature: float = 20.0
@@ -83,6 +88,11 @@ class RoadConditions:
         Roughness class of ISO 8608, "A" to "H".
     potholes
         Potholes and bumps on the way; None: none.
+
+    Raises
+    ------
+    ParameterError
+        If the class does not exist.
     """
 
     road_class: str = "C"
@@ -100,14 +110,14 @@ FEW_POTHOLES = Potholes(per_kilometre=3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSettings(ABC):
-    """Settings that a drive on a road or a track and a run on a rig have in common.
+    """Common settings of drives on a road or a track and runs on a rig.
 
     Parameters
     ----------
     sampling_rate
         Sampling rate [Hz].
     speed
-        Range of the steady speeds [m/s]; on a rig of the rollers' surface.
+        Range of the steady speeds [m/s]; on a rig, of the rollers' surface.
     duration
         Duration of the recording [s].
     n_stops
@@ -120,6 +130,11 @@ class DriveSettings(ABC):
         Temperature and force laws of the suspension.
     snr
         RMS of the signal over that of white sensor noise, an amplitude ratio; None: no noise.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
     """
 
     sampling_rate: float
@@ -142,7 +157,7 @@ class DriveSettings(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadDrive(DriveSettings):
-    """Settings of a drive on a road; those in common are documented at `DriveSettings`.
+    """Settings of a drive on a road; for the common ones see `DriveSettings`.
 
     Parameters
     ----------
@@ -162,7 +177,7 @@ class RoadDrive(DriveSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RailDrive(DriveSettings):
-    """Settings of a drive on a good track with dipped joints; they are documented at `DriveSettings`."""
+    """Settings of a drive on a good track with dipped joints, see `DriveSettings`."""
 
     sampling_rate: float = 500.0
     speed: tuple[float, float] = (15.0, 30.0)
@@ -175,12 +190,17 @@ class RailDrive(DriveSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigRun(DriveSettings):
-    """Settings of a run on a roller rig; those in common are documented at `DriveSettings`.
+    """Settings of a run on a roller rig; for the common ones see `DriveSettings`.
 
     Parameters
     ----------
     driven
         Wheelsets that stand on driven rollers: "all" or "front".
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or `driven` is neither "all" nor "front".
     """
 
     sampling_rate: float = 1000.0
@@ -207,7 +227,7 @@ class SimulatedDrive:
     recording
         Signals of the vehicle's sensors, and the channel of its speed.
     truth
-        JSON object `sprung.truth/1`.
+        Truth of the recording, fields of `sprung.truth/1`.
     speed
         Speed over time [m/s].
     """
@@ -237,14 +257,13 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     Raises
     ------
     ParameterError
-        Where the vehicle has no such component as a fault names, or no motion sensors.
+        If the vehicle lacks a component that a fault names, or has no motion sensors.
     MissingPackageError
-        Where force laws, or faults that begin later or grow, need numba and it is not installed.
+        If force laws, or faults that begin later or grow, need numba and it is not installed.
 
     Notes
     -----
-    The lead-in is the settling time of the healthy vehicle, so that the same seed gives the same road whatever the
-    faults.
+    The lead-in is the settling time of the healthy vehicle, so that the same seed gives the same road with any faults.
 
     Examples
     --------

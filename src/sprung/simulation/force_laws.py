@@ -24,10 +24,15 @@ class ForceLaw:
     cubic
         Cubic hardening of the spring [1/m^2]: k (e + cubic e^3).
     gap, stop_stiffness
-        Free travel [m] and stiffness [N/m] of the bump stops: the stiffness is added beyond |e| = gap.
+        Free travel [m] and stiffness [N/m] of the bump stops; the stiffness is added beyond |e| = gap.
     rubber_stiffness, rubber_force
         Stiffness [N/m] and limit force [N] of a friction element in parallel (Dahl), stiff at small and soft at large
         amplitudes: its force r follows r' = rubber_stiffness e' (1 - sign(e') r / rubber_force).
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
 
     References
     ----------
@@ -65,12 +70,17 @@ class ForceLaw:
 
     @property
     def fastest(self) -> float:
-        """Rate [rad/s] at which the rubber's force follows a motion of 1 m/s, the fastest that is expected."""
+        """Rate [rad/s] at which the rubber's force follows a motion of 1 m/s, the fastest expected."""
         return self.rubber_stiffness / self.rubber_force
 
 
 def damping_factor(temperature: float) -> float:
     """Return the damping at an oil temperature [degrees Celsius] over that at 20 degrees Celsius.
+
+    Raises
+    ------
+    ParameterError
+        If the temperature is not within -60 to 200 degrees Celsius.
 
     Notes
     -----

@@ -37,7 +37,7 @@ def response(discrete: StateSpace, inputs: Real) -> Real:
     Raises
     ------
     ParameterError
-        Where the inputs have another shape.
+        If the inputs have another shape.
 
     Notes
     -----
@@ -99,7 +99,13 @@ def with_rises(inputs: Real) -> Real:
 
 
 def settling_time(vehicle: Structure, *, remainder: float = 1e-4) -> float:
-    """Return the time after which free motion has decayed to `remainder` of its amplitude [s]."""
+    """Return the time after which free motion has decayed to `remainder` of its amplitude [s].
+
+    Raises
+    ------
+    ParameterError
+        If a free motion does not decay, or the remainder is not between 0 and 1.
+    """
     check_number("remainder", remainder, above=0, at_most=1)
     slowest = -float(np.max(np.linalg.eigvals(vehicle.state_space().state_matrix).real))
     if slowest <= 0:
@@ -108,7 +114,13 @@ def settling_time(vehicle: Structure, *, remainder: float = 1e-4) -> float:
 
 
 def check_fits(vehicle: Structure, excitation: Excitation) -> None:
-    """Refuse a vehicle without sensors, and an excitation with another number of inputs."""
+    """Refuse a vehicle without sensors, and an excitation with another number of inputs.
+
+    Raises
+    ------
+    ParameterError
+        If the vehicle has no sensors, or another number of inputs.
+    """
     if not vehicle.outputs.channels:
         raise ParameterError("the vehicle has no motion sensors: add [[sensor]] tables to its file")
     if excitation.n_inputs != len(vehicle.inputs):
@@ -158,7 +170,7 @@ def simulate(
     Raises
     ------
     ParameterError
-        Where the vehicle has no sensors, or another number of inputs than the excitation.
+        If the vehicle has no sensors, or another number of inputs than the excitation.
     """
     check_number("duration", duration, above=0)
     check_number("sampling_rate", sampling_rate, above=0)

@@ -56,8 +56,8 @@ def simulate_nonlinear(
     duration
         Recorded time [s], after a lead-in that is discarded.
     sampling_rate
-        Sampling rate of the recording [Hz]; the integration takes at least 1000 steps per second, more where the
-        vehicle needs them.
+        Sampling rate of the recording [Hz]; the integration takes at least 1000 steps per second, more if the vehicle
+        needs them.
     force_laws
         Force laws by part ("suspension", "tyre", "mount") or by owner and part ("front_left.suspension"); parts
         without one are linear.
@@ -79,9 +79,9 @@ def simulate_nonlinear(
     Raises
     ------
     ParameterError
-        Where the vehicle has no sensors, other inputs than the excitation, or no part or component of a given name.
+        If the vehicle has no sensors, other inputs than the excitation, or lacks a named part or component.
     MissingPackageError
-        Where numba is not installed.
+        If numba is not installed.
     """
     check_number("duration", duration, above=0)
     check_number("sampling_rate", sampling_rate, above=0)
@@ -158,9 +158,9 @@ def integrate(
     Raises
     ------
     ParameterError
-        Where inputs have another shape, or a force law or a time history names no part of the vehicle.
+        If inputs have another shape, or a force law or a time history names a part that the vehicle lacks.
     MissingPackageError
-        Where numba is not installed.
+        If numba is not installed.
     """
     n = len(vehicle.coordinates)
     if inputs.ndim != 2 or inputs.shape[0] != len(vehicle.inputs):

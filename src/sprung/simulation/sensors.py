@@ -1,4 +1,4 @@
-"""What sensors and recorders do to signals: noise, resolution, range, and the ways in which they fail."""
+"""Imperfections of sensors and recorders: noise, resolution, range, and faults."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -13,8 +13,8 @@ from sprung.errors import ParameterError
 from sprung.excitation import noise
 from sprung.recording import Gap, Recording
 
-#: Something that a sensor or recorder does to a recording: a function of this module with its options bound by
-#: `functools.partial`. A random one keeps its parameter `generator` free.
+#: Imperfection of a sensor or recorder: a function of this module with its options bound by `functools.partial`. A
+#: random one keeps its parameter `generator` free.
 Imperfection = Callable[..., Recording]
 
 
@@ -67,6 +67,11 @@ def with_noise(
         Source of the randomness.
     band
         Lower and upper edge of the noise [Hz]; None for white noise. See `sprung.excitation.noise`.
+
+    Raises
+    ------
+    ParameterError
+        If the ratio is not above 0, or the band is not valid.
     """
     check_number("snr", snr, above=0)
     added = noise(recording.samples.shape, band=band, sampling_rate=recording.sampling_rate, generator=generator)
@@ -100,9 +105,14 @@ def noisy(
     channel
         Name of the channel; None: all channels of `quantity`.
     quantity
-        Quantity of the channels where `channel` is None.
+        Quantity of the channels if `channel` is None.
     band
         Lower and upper edge of the noise [Hz]; None for white noise.
+
+    Raises
+    ------
+    ParameterError
+        If the standard deviation is negative, or the channel does not exist.
     """
     check_number("standard_deviation", standard_deviation, at_least=0)
     rows = _rows(recording, quantity) if channel is None else [recording.index(channel)]
@@ -125,7 +135,12 @@ def quantised(recording: Recording, *, full_scale: float, bits: int = 16, quanti
     bits
         Number of bits, 1 to 32: steps of 2 full_scale / 2^bits.
     quantity
-        Quantity of the channels that are quantised.
+        Quantity of the quantised channels.
+
+    Raises
+    ------
+    ParameterError
+        If the range or the number of bits is out of range.
     """
     check_number("full_scale", full_scale, above=0)
     check_number("bits", bits, at_least=1, at_most=32)
@@ -137,13 +152,25 @@ def quantised(recording: Recording, *, full_scale: float, bits: int = 16, quanti
 
 
 def clipped(recording: Recording, *, channel: str, limit: float) -> Recording:
-    """Return the recording with a channel clipped at +-limit, in the unit of the samples."""
+    """Return the recording with a channel clipped at +-limit, in the unit of the samples.
+
+    Raises
+    ------
+    ParameterError
+        If the channel does not exist, or the limit is not above 0.
+    """
     check_number("limit", limit, above=0)
     return _changed(recording, channel, np.clip(_row(recording, channel), -limit, limit), f"clipped at +-{limit:g}")
 
 
 def drifting(recording: Recording, *, channel: str, per_hour: float, generator: np.random.Generator) -> Recording:
-    """Return the recording with a random walk on a channel, whose standard deviation after an hour is `per_hour`."""
+    """Return the recording with a random walk on a channel, whose standard deviation after an hour is `per_hour`.
+
+    Raises
+    ------
+    ParameterError
+        If the channel does not exist, or the drift is out of range.
+    """
     check_number("per_hour", per_hour, at_least=0)
     steps = generator.standard_normal(recording.n_samples)
     walk = np.cumsum(steps) * per_hour / math.sqrt(3600 * recording.sampling_rate)
@@ -200,6 +227,11 @@ def spiking(
         Height of a spike, in the unit of the samples.
     generator
         Source of the randomness.
+
+    Raises
+    ------
+    ParameterError
+        If the channel does not exist, or the rate is out of range.
     """
     check_number("rate", rate, at_least=0, at_most=recording.sampling_rate)
     samples = _row(recording, channel).copy()
@@ -238,6 +270,11 @@ def delayed(recording: Recording, *, channel: str, delay: float) -> Recording:
 def jittered(recording: Recording, *, standard_deviation: float, generator: np.random.Generator) -> Recording:
     """Return the recording as sampled at times that scatter by `standard_deviation` [s], the same in all channels.
 
+    Raises
+    ------
+    ParameterError
+        If the standard deviation is out of range.
+
     Notes
     -----
     The values between samples are those of a cubic spline through each stretch between gaps.
@@ -254,7 +291,13 @@ def jittered(recording: Recording, *, standard_deviation: float, generator: np.r
 
 
 def with_gap(recording: Recording, *, onset: float, duration: float) -> Recording:
-    """Return the recording without the samples of `duration` [s] from `onset` [s] on, with the gap marked."""
+    """Return the recording without the samples of `duration` [s] from `onset` [s] on, with the gap marked.
+
+    Raises
+    ------
+    ParameterError
+        If the recording has gaps already, or the gap is not inside it.
+    """
     first, last = (_sample(recording, time) for time in (onset, onset + duration))
     if recording.gaps:
         raise ParameterError("the recording has gaps already: add them from the last to the first")

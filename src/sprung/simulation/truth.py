@@ -29,7 +29,7 @@ def truth(
     seed
         Seed of the simulation.
     speed
-        Speed of the drive; None where there is none.
+        Speed of the drive; None without one.
     duration
         Duration of the recording [s].
     faults
@@ -39,7 +39,7 @@ def truth(
     -------
     dict
         Exact modes at the sensors and components by corner or mass with their SI values, both at the end of the
-        recording; speed (mean, lowest, highest [m/s]) or null; faults by component; and where a fault begins later or
+        recording; speed (mean, lowest, highest [m/s]) or null; faults by component; and if a fault begins later or
         grows, `fault_courses` (onset and growth [s]) and `modes_over_time` (frequencies and damping at equal
         intervals).
     """

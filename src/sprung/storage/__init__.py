@@ -1,4 +1,4 @@
-"""Results and state of the monitor in SQL, and the archive of samples; it knows documents, not vehicles."""
+"""Results and state of the monitor in SQL, and the archive of samples; independent of the model of a vehicle."""
 
 from sprung.storage.archive import Retention, write_archive
 from sprung.storage.rows import (

@@ -34,7 +34,7 @@ class Alerts:
     def put(
         self, row: AlertRow, *, history: tuple[str, str, str], notify: Document | None = None, now: int
     ) -> AlertRow:
-        """Store an alert in place of what is stored for its vehicle and cause.
+        """Store an alert, replacing the one of the same vehicle and cause.
 
         Parameters
         ----------
@@ -45,12 +45,12 @@ class Alerts:
         notify
             Notification to send; None: none.
         now
-            The time.
+            Present time, UTC ns.
 
         Returns
         -------
         AlertRow
-            The alert as it is stored.
+            Alert as stored.
         """
         values = {name: value for name, value in asdict(row).items() if name != "id"} | {"updated": now}
         put = self._database.insert(ALERTS).values(values)
@@ -67,7 +67,7 @@ class Alerts:
         return replace(row, id=identity, updated=now)
 
     def history(self, alert_id: int) -> list[HistoryRow]:
-        """Return what happened to an alert, in order."""
+        """Return the history of an alert, oldest event first."""
         query = select(ALERT_HISTORY).where(ALERT_HISTORY.c.alert == alert_id).order_by(ALERT_HISTORY.c.id)
         with self._database.reading() as connection:
             return [HistoryRow(**row) for row in connection.execute(query).mappings()]

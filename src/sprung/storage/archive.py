@@ -27,7 +27,7 @@ _NEVER = 2**63
 
 @dataclass(frozen=True, slots=True)
 class _Day:
-    """The files of a vehicle and day: when their folder changed (None: just now), oldest begin, bytes."""
+    """Files of a vehicle and day: time of change of the folder (None: just now), oldest start, bytes."""
 
     changed: int | None
     oldest: int
@@ -50,26 +50,26 @@ def write_archive(
     Parameters
     ----------
     folder
-        The archive.
+        Folder of the archive.
     vehicle
-        1 to 64 letters, digits, dots, dashes and underscores.
+        Name of the vehicle: 1 to 64 letters, digits, dots, dashes and underscores.
     boot, first_seq
         Boot and sequence number of the first frame.
     t0
         Time of the first sample, UTC nanoseconds; also the time of the file.
     samples
-        Shape (channels, samples); stored with 32 bits.
+        Samples in SI units, shape (channels, samples); stored with 32 bits.
     channels
-        Their names, the headings of the columns behind the time.
+        Names of the channels, the headings of the columns after the time.
     sampling_rate
-        In Hz.
+        Sampling rate [Hz].
 
     Raises
     ------
     ParameterError
-        Where a name or number cannot be used.
+        If a name or number cannot be used.
     StoreError
-        Where the archive cannot be written.
+        If the archive cannot be written.
     """
     values = frozen_array("samples", samples, ndim=2, dtype=np.float32)
     _check_channels(channels, len(values))
@@ -83,18 +83,18 @@ def write_archive(
 
 
 class Retention:
-    """Deletes what an archive need not keep, as often as asked: what it saw in a folder holds until that changes.
+    """Deletes old files of an archive; the contents of a folder are remembered until it changes.
 
     Parameters
     ----------
     folder
-        The archive, as `write_archive` writes it.
+        Folder of the archive, as `write_archive` writes it.
 
     Notes
     -----
-    The time of a folder changes with every file that comes or goes, whoever does it. So a look costs one call of the
-    system for each vehicle and day, and one for each file only where something came or has to go. Nothing of it is on
-    disk: the first look after a restart sees every file.
+    The time of a folder changes with every file that is added or removed by any program. So a pass costs one system
+    call for each vehicle and day, and one for each file only in folders that changed or lose a file. Nothing of this is
+    stored: the first pass after a restart examines every file.
     """
 
     def __init__(self, folder: Path | str) -> None:
@@ -102,14 +102,14 @@ class Retention:
         self._days: dict[str, _Day] = {}
 
     def prune(self, *, before: int, most_bytes: int | None = None) -> int:
-        """Delete files whose samples begin before a time, then the oldest until the rest is small enough.
+        """Delete files whose samples begin before a time, then the oldest ones down to a total size.
 
         Parameters
         ----------
         before
-            UTC nanoseconds.
+            Time before which samples are deleted, UTC ns.
         most_bytes
-            Bytes that may remain; None for any number.
+            Largest size that may remain [bytes]; None for any.
 
         Returns
         -------
@@ -119,7 +119,7 @@ class Retention:
         Raises
         ------
         StoreError
-            Where a file cannot be deleted.
+            If a file cannot be deleted.
         """
         with _reported(self._folder):
             self._look()
@@ -142,7 +142,7 @@ class Retention:
         return n_deleted
 
     def _look(self) -> None:
-        """See what is in the folders of days that are new or changed."""
+        """Examine the folders of days that are new or changed."""
         days, settled = {}, time.time_ns() - _SETTLED
         for path, changed in _day_folders(self._folder):
             day = self._days.get(path)
@@ -155,7 +155,7 @@ class Retention:
 
 
 def _day_folders(folder: Path) -> Iterator[tuple[str, int]]:
-    """Yield the folders of vehicles and days, and when each changed."""
+    """Yield the folders of vehicles and days with their times of change."""
     for vehicle in os.scandir(folder) if folder.is_dir() else ():
         for day in os.scandir(vehicle.path) if vehicle.is_dir() else ():
             if day.is_dir():
@@ -163,7 +163,7 @@ def _day_folders(folder: Path) -> Iterator[tuple[str, int]]:
 
 
 def _files(folder: str) -> list[tuple[int, str, int]]:
-    """Return begin, path and size of the files of a day."""
+    """Return start, path and size of the files of a day."""
     files = [(file.stat(), file.path) for file in os.scandir(folder) if file.name.endswith((".parquet", ".part"))]
     return [(facts.st_mtime_ns, path, facts.st_size) for facts, path in files]
 
@@ -212,7 +212,7 @@ def _write(path: Path, table: Any, t0: int) -> None:
 
 
 def _sync(folder: Path) -> None:
-    """Make a rename in a folder last."""
+    """Sync a rename in a folder to disk."""
     opened = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(opened)
@@ -222,7 +222,7 @@ def _sync(folder: Path) -> None:
 
 @contextmanager
 def _reported(path: Path) -> Iterator[None]:
-    """Raise what the disk refuses as StoreError."""
+    """Raise errors of the disk as StoreError."""
     try:
         yield
     except OSError as error:

@@ -14,7 +14,7 @@ from sqlalchemy.exc import DBAPIError, StatementError
 
 from sprung.storage.schema import SNAPSHOTS, StoreError
 
-#: Time that a process waits for another one that writes [s].
+#: Longest time that a process waits for another one that writes [s].
 PATIENCE = 10.0
 #: Bytes free on its disk below which a store counts as full.
 LEAST_FREE = 1 << 20
@@ -32,7 +32,7 @@ class Database:
     url
         Address of the database.
     notices
-        Sentences about what was found when it was opened.
+        Sentences about problems found when it was opened.
     """
 
     def __init__(self, url: URL, *, notices: tuple[str, ...] = ()) -> None:
@@ -42,7 +42,7 @@ class Database:
 
     @property
     def path(self) -> Path | None:
-        """The file of SQLite."""
+        """Path of the SQLite file; None with a server."""
         return Path(self.engine.url.database or "") if self.engine.dialect.name == "sqlite" else None
 
     def reading(self) -> AbstractContextManager[Connection]:
@@ -54,11 +54,11 @@ class Database:
         return _transaction(self._writer)
 
     def insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
-        """Return an INSERT that can say what happens to rows that are there."""
+        """Return an INSERT that supports a clause for existing rows."""
         return postgresql.insert(table) if self.path is None else sqlite.insert(table)
 
     def size(self) -> int:
-        """Return the bytes that the store takes on disk."""
+        """Return the size of the store on disk [bytes]."""
         if self.path is not None:
             files = (self.path.with_name(self.path.name + ending) for ending in ("", "-wal", "-shm"))
             return sum(file.stat().st_size for file in files if file.exists())
@@ -75,11 +75,11 @@ class Database:
         Raises
         ------
         StoreError
-            Where the store cannot write, or its disk has less than 1 MiB left.
+            If the store cannot write, or its disk has less than 1 MiB left.
 
         Notes
         -----
-        SQLite writes nothing to its disk before the commit; room and permission there are looked at.
+        SQLite writes nothing to its disk before the commit; free space and permission are checked there.
         """
         free = self.free()
         if free is not None and free < LEAST_FREE:
@@ -110,7 +110,7 @@ def _engine(url: URL) -> Engine:
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:
-        # A transaction that reads and then writes fails at once if another one wrote in between: lock first.
+        # A transaction that reads and then writes fails immediately if another one wrote in between: lock first.
         is_writing = connection.get_execution_options().get("is_writing")
         connection.exec_driver_sql("BEGIN IMMEDIATE" if is_writing else "BEGIN")
 
@@ -119,14 +119,14 @@ def _engine(url: URL) -> Engine:
 
 @contextmanager
 def _transaction(engine: Engine) -> Iterator[Connection]:
-    """Commit at the end, or roll back and raise what went wrong as StoreError."""
+    """Commit at the end, or roll back and raise any error as StoreError."""
     try:
         with engine.connect() as connection:
             try:
                 with connection.begin():
                     yield connection
             except DBAPIError:
-                # SQLite goes on reading through what was opened on a read-only disk: open anew next time.
+                # SQLite keeps using files that were opened on a read-only disk: reopen them next time.
                 connection.invalidate()
                 engine.dispose()
                 raise
@@ -137,7 +137,7 @@ def _transaction(engine: Engine) -> Iterator[Connection]:
 
 
 def _sentence(error: BaseException | None) -> str:
-    """Return what went wrong and what to do about it."""
+    """Return the cause of an error and its remedy."""
     cause = str(error).strip().partition("\n")[0]
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
     state = getattr(error, "sqlstate", None) or ""

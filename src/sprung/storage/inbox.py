@@ -1,4 +1,4 @@
-"""The durable inbox: frames that arrived, in any order and more than once, and how far they are complete."""
+"""The durable inbox: frames that arrived, in any order and repeatedly, and their progress towards completeness."""
 
 from collections.abc import Container, Mapping, Sequence
 from typing import Any
@@ -56,7 +56,7 @@ class Inbox:
             return [VehicleRow(**row) for row in rows.mappings()]
 
     def vehicle(self, vehicle: str) -> VehicleRow | None:
-        """Return a vehicle; None where it has no description."""
+        """Return a vehicle; None if it has no description."""
         with self._database.reading() as connection:
             row = connection.execute(select(VEHICLES).where(VEHICLES.c.vehicle == vehicle)).mappings().first()
             return None if row is None else VehicleRow(**row)
@@ -68,27 +68,27 @@ class Inbox:
             return {row.vehicle: row.last_seen for row in rows}
 
     def add_frames(self, frames: Sequence[StoredFrame], *, now: int) -> dict[Key, int]:
-        """Put frames into the inbox, those that are new, and sync them to disk.
+        """Put new frames into the inbox, and sync them to disk.
 
         Parameters
         ----------
         frames
             Frames in any order; of several with one number the first counts.
         now
-            The time.
+            Present time, UTC ns.
 
         Returns
         -------
         dict
-            For each vehicle and boot among `frames`, the seq up to which everything arrived or is lost: what can be
-            acknowledged.
+            Sequence number up to which every frame arrived or is lost, and can be acknowledged, for each vehicle and
+            boot among `frames`.
 
         Raises
         ------
         ParameterError
-            Where boot or seq is negative or 2^63 and more.
+            If boot or seq is negative, or 2^63 or more.
         StoreError
-            Where the store cannot write; nothing is stored then.
+            If the store cannot write; nothing is stored then.
         """
         batches: dict[Key, dict[int, StoredFrame]] = {}
         for frame in frames:
@@ -119,12 +119,12 @@ class Inbox:
         return reached
 
     def declare_lost(self, vehicle: str, boot: int, below_seq: int, *, now: int) -> int:
-        """Declare the frames below `below_seq` lost that have not arrived.
+        """Declare lost the frames below `below_seq` that have not arrived.
 
         Returns
         -------
         int
-            The seq up to which everything arrived or is lost: what can be acknowledged.
+            Sequence number up to which every frame arrived or is lost, and can be acknowledged.
         """
         key = (vehicle, check_count("boot", boot))
         check_count("below_seq", below_seq)
@@ -161,13 +161,13 @@ class Inbox:
             return [StoredFrame._make(row) for row in connection.execute(query)]
 
     def boots(self, vehicle: str) -> list[int]:
-        """Return the boots of a vehicle with frames in the inbox, rising."""
+        """Return the boots of a vehicle with frames in the inbox, ascending."""
         query = select(FRAMES.c.boot).distinct().where(FRAMES.c.vehicle == vehicle).order_by(FRAMES.c.boot)
         with self._database.reading() as connection:
             return list(connection.scalars(query))
 
     def _locked(self, connection: Connection, keys: Sequence[Key], now: int) -> dict[Key, Cursor]:
-        """Return cursors, made where there were none; on PostgreSQL other writers of them wait from here on."""
+        """Return cursors, created if missing; on PostgreSQL other writers of them wait from here on."""
         fresh = {"contiguous": -1, "done": -1, "lost": 0, "updated": now}
         rows = [{"vehicle": vehicle, "boot": boot, **fresh} for vehicle, boot in keys]
         connection.execute(self._database.insert(CURSORS).on_conflict_do_nothing(), rows)
@@ -194,7 +194,7 @@ def _run(batch: Container[int], *, after: int) -> int:
 
 
 def _followed(connection: Connection, reached: Mapping[Key, int]) -> list[Key]:
-    """Return those of some vehicles and boots whose next frame arrived before."""
+    """Return the vehicles and boots whose next frame arrived earlier."""
     following = [(vehicle, boot, seq + 1) for (vehicle, boot), seq in reached.items() if seq < _LARGEST]
     columns = FRAMES.c.vehicle, FRAMES.c.boot, FRAMES.c.seq
     rows = connection.execute(select(*columns).where(tuple_(*columns).in_(following)))

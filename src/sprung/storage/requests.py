@@ -48,7 +48,7 @@ class Requests:
             return [CommandRow(**row) for row in connection.execute(query).mappings()]
 
     def command(self, command_id: int) -> CommandRow | None:
-        """Return a request, open or done; None where the number is unknown."""
+        """Return a request, open or done; None if the number is unknown."""
         with self._database.reading() as connection:
             row = connection.execute(select(COMMANDS).where(COMMANDS.c.id == command_id)).mappings().first()
             return None if row is None else CommandRow(**row)

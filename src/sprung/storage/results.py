@@ -23,14 +23,14 @@ class Results:
         self._database = database
 
     def commit(self, progress: Progress) -> None:
-        """Store the results of analysis in one transaction; the same again changes nothing.
+        """Store the results of analysis in one transaction; storing the same again has no effect.
 
         Raises
         ------
         ParameterError
-            Where incomplete frames are declared analysed.
+            If incomplete frames are declared analysed.
         StoreError
-            Where the store cannot write; nothing is stored then.
+            If the store cannot write; nothing is stored then.
         """
         of_boot = {"vehicle": progress.vehicle, "boot": progress.boot}
         with self._database.writing() as connection:
@@ -69,7 +69,7 @@ class Results:
             return None if row is None else Snapshot(**row)
 
     def _add(self, connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
-        """Store rows, those that are new."""
+        """Store new rows."""
         if rows:
             connection.execute(self._database.insert(table).on_conflict_do_nothing(), rows)
 

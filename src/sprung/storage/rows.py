@@ -1,18 +1,24 @@
-"""What goes into the store and comes out of it. Times are UTC nanoseconds."""
+"""Values that the store takes and returns. Times are UTC nanoseconds."""
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
 from sprung.errors import ParameterError
 
-#: What JSON can hold, without NaN and infinities.
+#: Values that JSON can hold, without NaN and infinities.
 Document: TypeAlias = dict[str, Any]
 #: Number of a window, its t0, its document.
 Numbered: TypeAlias = tuple[int, int, Document]
 
 
 def check_count(name: str, value: int, *, at_least: int = 0) -> int:
-    """Return `value` if it is a whole number that a column holds."""
+    """Return `value` if it is a whole number that a column holds.
+
+    Raises
+    ------
+    ParameterError
+        If the value is not a whole number of that range.
+    """
     if not isinstance(value, int) or not at_least <= value < 2**63:
         raise ParameterError(f"{name}={value!r} must be a whole number from {at_least} to 2^63 - 1")
     return value
@@ -56,7 +62,7 @@ class Cursor:
     lost
         Number of frames declared lost.
     updated
-        When `contiguous` last moved.
+        Time when `contiguous` last changed.
     """
 
     contiguous: int = -1
@@ -90,7 +96,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class BaselineRow:
-    """One version of what is normal for a vehicle."""
+    """One version of the baseline of a vehicle."""
 
     vehicle: str
     version: int
@@ -122,16 +128,16 @@ class Progress:
     delete_through_seq
         Sequence number up to which they are deleted, at most `done_seq`; -1 keeps all.
     observations, modes, findings
-        Each with the number of its window, t0 and document. The findings of one window belong into one progress.
+        Documents, each with the number of its window and t0. The findings of one window belong in one progress.
     baselines
-        New ones: version, time, reason, document.
+        Version, time, reason and document of each new baseline.
     snapshot
-        State after `done_seq`, or None.
+        State after `done_seq`; None: not stored.
 
     Raises
     ------
     ParameterError
-        Where a number is out of range.
+        If a number is out of range.
     """
 
     vehicle: str
@@ -177,7 +183,7 @@ class AlertRow:
 
 @dataclass(frozen=True, slots=True)
 class HistoryRow:
-    """Event of an alert: what, by whom, and assignee and end of the shelf after it."""
+    """Event of an alert: what, by whom, and assignee and end of the shelving after it."""
 
     id: int
     alert: int

@@ -1,4 +1,4 @@
-"""The tables of the store as they are now; `sprung.storage.migrations` leads there from every released schema.
+"""Present tables of the store; `sprung.storage.migrations` upgrades every released schema to them.
 
 Times are UTC nanoseconds. `boot` counts the starts of a box, `seq` its frames since then, from 0.
 """
@@ -29,7 +29,7 @@ class StoreError(SprungError):
 
 
 class Json(TypeDecorator[Any]):
-    """What JSON can hold, as text: both databases then refuse NaN and infinities, and keep the order of names."""
+    """JSON values as text, so that both databases refuse NaN and infinities, and keep the order of names."""
 
     impl = Text
     cache_ok = True
@@ -116,7 +116,7 @@ def _entries(name: str, *more: Column[object]) -> Table:
 
 OBSERVATIONS = _entries("observations")
 MODES = _entries("modes")
-#: A window may have several findings; `place` tells them apart.
+#: A window may have several findings, which `place` distinguishes.
 FINDINGS = _entries("findings", _key("place", _INTEGER))
 
 BASELINES = Table(

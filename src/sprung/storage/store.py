@@ -48,7 +48,7 @@ class Store:
     requests
         Commands for the monitor, and the audit trail.
     notices
-        Sentences about what was found when the store was opened.
+        Sentences about problems found when the store was opened.
     """
 
     def __init__(self, database: Database) -> None:
@@ -65,7 +65,7 @@ class Store:
 
     @property
     def folder(self) -> Path | None:
-        """Folder of the file of SQLite; None with a server."""
+        """Folder of the SQLite file; None with a server."""
         return None if self._database.path is None else self._database.path.parent
 
     def size(self) -> int:
@@ -82,7 +82,7 @@ class Store:
         Raises
         ------
         StoreError
-            Where the store cannot write, or its disk has less than 1 MiB left.
+            If the store cannot write, or its disk has less than 1 MiB left.
         """
         self._database.check()
 
@@ -104,7 +104,7 @@ class Store:
 
 
 def open_store(url: str) -> Store:
-    """Open a store, make it where there is none, and bring its schema up to date.
+    """Open a store, create it if needed, and bring its schema up to date.
 
     Parameters
     ----------
@@ -114,13 +114,13 @@ def open_store(url: str) -> Store:
     Raises
     ------
     ParameterError
-        Where the address is of neither.
+        If the address is neither of these.
     StoreError
-        Where the store cannot be opened, or a newer program wrote it.
+        If the store cannot be opened, or a newer program wrote it.
 
     Notes
     -----
-    A file of SQLite that is damaged or no database is renamed to ``<name>.corrupt-<time>``; `Store.notices` says so.
+    A damaged SQLite file is renamed to ``<name>.corrupt-<time>``, which `Store.notices` reports.
     """
     from sprung.storage.migrations import upgrade
 
@@ -137,7 +137,13 @@ def open_store(url: str) -> Store:
 
 
 def check_address(url: str) -> URL:
-    """Return the parts of an address of a store, or say what is wrong with it."""
+    """Return the parts of the address of a store, or raise what is wrong with it.
+
+    Raises
+    ------
+    ParameterError
+        If the address is not that of a store.
+    """
     try:
         address = make_url(url)
     except ArgumentError:
@@ -198,4 +204,4 @@ def _set_aside(path: Path, damage: str) -> str:
         part = path.with_name(path.name + ending)
         if part.exists():
             part.rename(aside.with_name(aside.name + ending))
-    return f"the store {path} was damaged ({damage}): it is kept as {aside.name}, and a new one was begun"
+    return f"the store {path} was damaged ({damage}): it is kept as {aside.name}, and a new one was created"

@@ -40,7 +40,7 @@ class Component:
         Raises
         ------
         ParameterError
-            Where the text is not of that form.
+            If the text is not of that form.
         """
         corner, dot, kind = text.partition(".")
         if not (corner and dot and kind) or "." in kind:
@@ -64,11 +64,11 @@ class Component:
 
     @property
     def side(self) -> str | None:
-        """Side of the vehicle, "left" or "right"; None where the owner is no corner."""
+        """Side of the vehicle, "left" or "right"; None if the owner is not a corner."""
         side = self.corner.rpartition("_")[2]
         return side if side in {"left", "right"} else None
 
     @property
     def axle(self) -> str:
-        """Axle of the corner, such as "front" or "axle2"; the owner itself where it is no corner."""
+        """Axle of the corner, such as "front" or "axle2"; the owner itself if it is not a corner."""
         return self.corner if self.side is None else self.corner.rpartition("_")[0]

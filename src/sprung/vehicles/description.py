@@ -30,6 +30,11 @@ _BOUNCE = (0.05, 500.0)
 def corner_names(n_axles: int) -> tuple[str, ...]:
     """Return the names of the corners from front to rear, left before right.
 
+    Raises
+    ------
+    ParameterError
+        If there are fewer than two axles.
+
     Examples
     --------
     >>> corner_names(3)

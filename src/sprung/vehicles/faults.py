@@ -69,6 +69,11 @@ class Fault:
 def parse_fault(text: str) -> Fault:
     """Return the fault written as CORNER.COMPONENT=CHANGE, with @ONSET and +GROWTH in seconds if it is not constant.
 
+    Raises
+    ------
+    ParameterError
+        If the text does not have this form, or a number is out of range.
+
     Examples
     --------
     >>> parse_fault("front_left.spring=-0.2")
@@ -87,7 +92,7 @@ def parse_fault(text: str) -> Fault:
     except ValueError:
         raise ParameterError(
             f"fault {text!r} is not of the form CORNER.COMPONENT=CHANGE, such as front_left.spring=-0.2, with "
-            "@ONSET+GROWTH in seconds for one that begins later or grows: correct it"
+            "@ONSET+GROWTH in seconds if it begins later or grows: correct it"
         ) from None
     return Fault(Component(match["owner"], match["component"]), change, onset, growth)
 

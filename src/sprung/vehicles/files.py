@@ -1,4 +1,4 @@
-"""Vehicle files (`sprung.vehicle/1`): read, check and write; the vehicles that come with the package."""
+"""Vehicle files (`sprung.vehicle/1`): reading, checking and writing; the vehicles shipped with the package."""
 
 import json
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from sprung.errors import FormatError, ParameterError
 from sprung.toml import checked, toml_fields
 from sprung.vehicles.description import KINDS, Chain, Quarter, Vehicle
 
-#: Vehicles that come with the package.
+#: Vehicles shipped with the package.
 VEHICLES = ("chain3", "plate", "quarter", "scale-bogie", "y25", "zafira", "zafira-printed")
 
 # A vehicle file is a page of text; anything larger is another file.
@@ -18,7 +18,7 @@ _LARGEST_FILE = 1_000_000
 
 
 def read_vehicle(path_or_name: str | Path) -> Vehicle:
-    """Read the file of a vehicle on axles, or one of those that come with the package.
+    """Read the file of a vehicle on axles, or one of those shipped with the package.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ def read_vehicle(path_or_name: str | Path) -> Vehicle:
     Raises
     ------
     ParameterError
-        Where there is no such file or name, or it describes a quarter vehicle or a chain.
+        If the file or name does not exist, or describes a quarter vehicle or a chain.
     FormatError
-        Where the file is not a valid vehicle file; the message names file, field, rule and remedy.
+        If the file is not a valid vehicle file; the message names file, field, rule and remedy.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def read_vehicle(path_or_name: str | Path) -> Vehicle:
 
 
 def read_description(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
-    """Read a vehicle file of any kind, or one of the vehicles that come with the package.
+    """Read a vehicle file of any kind, or one of the vehicles shipped with the package.
 
     Parameters
     ----------
@@ -57,14 +57,14 @@ def read_description(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
     Returns
     -------
     Vehicle, Quarter or Chain
-        According to the `kind` in the file.
+        Description of the kind that the file states.
 
     Raises
     ------
     ParameterError
-        Where there is no such file or name.
+        If the file or name does not exist.
     FormatError
-        Where the file is not a valid vehicle file; the message names file, field, rule and remedy.
+        If the file is not a valid vehicle file; the message names file, field, rule and remedy.
 
     Examples
     --------
@@ -91,12 +91,12 @@ def parse_vehicle(fields: Mapping[str, Any]) -> Vehicle | Quarter | Chain:
     Parameters
     ----------
     fields
-        As in a vehicle file; `schema` may be left out.
+        Fields as in a vehicle file; `schema` may be left out.
 
     Raises
     ------
     ParameterError
-        Where a field is missing, unknown or outside its range; the message names field, rule and remedy.
+        If a field is missing, unknown or outside its range; the message names field, rule and remedy.
     """
     kind = fields.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
@@ -128,9 +128,9 @@ def vehicle_from_text(text: str, *, source: str) -> Vehicle:
     Raises
     ------
     FormatError
-        Where the text is not a valid vehicle file.
+        If the text is not a valid vehicle file.
     ParameterError
-        Where it describes a quarter vehicle or a chain.
+        If it describes a quarter vehicle or a chain.
     """
     return _on_axles(_read(source, text.encode("utf-8")), source=source)
 

@@ -43,7 +43,7 @@ def rigid_body_participation(
         Channels of `modes`, in the same order.
     mass
         Mass and inertia matrix of the body, shape (3, 3), for shares of kinetic energy. None: shares of the sum of
-        squares that each motion by itself gives at the sensors; if some sensors measure rotation, shares of the kinetic
+        squares that each motion alone gives at the sensors; if some sensors measure rotation, shares of the kinetic
         energy of a body with radii of gyration of 1 m.
 
     Returns
@@ -111,7 +111,7 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
     Returns
     -------
     Modes
-        Modes with labels; None where there is no label.
+        Modes with labels; None for a mode without one.
 
     Notes
     -----

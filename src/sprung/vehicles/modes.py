@@ -81,7 +81,7 @@ def modes(system: MechanicalSystem, outputs: Outputs) -> ExactModes:
 
 
 def _reach(outputs: Outputs, pulsation: Real) -> Real:
-    """Return the largest reading of any sensor for motions of size 1 at each angular frequency [rad/s]."""
+    """Return the largest reading of any sensor for motions of unit size at each angular frequency [rad/s]."""
     matrices = (outputs.displacement, outputs.velocity, outputs.acceleration)
     sizes = [np.abs(matrix).max(initial=0.0) * pulsation**order for order, matrix in enumerate(matrices)]
     return np.sum(sizes, axis=0)

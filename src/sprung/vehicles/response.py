@@ -25,12 +25,12 @@ def frequency_response(structure: Structure, frequencies: ArrayLike) -> Complex:
     Returns
     -------
     ndarray
-        Shape (frequencies, channels, inputs): output over input, such as m/s^2 over m.
+        Output over input, such as m/s^2 over m, shape (frequencies, channels, inputs).
 
     Raises
     ------
     ParameterError
-        Where a frequency is negative or not finite.
+        If a frequency is negative or not finite.
 
     Notes
     -----
@@ -61,9 +61,9 @@ class Sensitivities:
     components
         The vehicle's springs, dampers and tyres.
     natural_frequency
-        d f / d ln(value) [Hz], shape (modes, components): 0.01 times it is the change for 1 % of the component.
+        Derivatives d f / d ln(value) [Hz], shape (modes, components); times 0.01: the change for 1 % of the component.
     damping_ratio
-        d xi / d ln(value), shape (modes, components).
+        Derivatives d xi / d ln(value), shape (modes, components).
     """
 
     components: tuple[Component, ...]

@@ -23,13 +23,13 @@ def with_layout(recording: Recording, sensors: Sequence[Sensor]) -> Recording:
     Returns
     -------
     Recording
-        A channel whose unit the recording does not know is multiplied by the sensor's factor. One whose unit it
-        knows is in SI already: only the sensor's `scale` is applied.
+        Recording in SI units. A channel of unknown unit is multiplied by the sensor's factor; one of known unit is in
+        SI already, so that only the sensor's `scale` is applied.
 
     Raises
     ------
     ParameterError
-        Where no sensor is in the recording, or one has another quantity there.
+        If the recording has none of the sensors, or one with another quantity.
     """
     stated = {sensor.channel: sensor for sensor in sensors}
     if stated and not stated.keys() & set(recording.names):
@@ -47,7 +47,7 @@ def with_layout(recording: Recording, sensors: Sequence[Sensor]) -> Recording:
 
 
 def quantities_of(recording: Recording, sensors: Sequence[Sensor]) -> dict[str, str]:
-    """Return the quantity of each channel: its own, or where that is unknown that of the vehicle file.
+    """Return the quantity of each channel: its own, or if that is unknown the one of the vehicle file.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def quantities_of(recording: Recording, sensors: Sequence[Sensor]) -> dict[str, 
     Raises
     ------
     ParameterError
-        As from `with_layout`.
+        As raised by `with_layout`.
     """
     with_layout(recording, sensors)
     stated = {sensor.channel: sensor.quantity for sensor in sensors}

@@ -47,7 +47,7 @@ MOTIONS = MappingProxyType(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Element:
-    """A spring with a damper beside it, and where it is fixed.
+    """A spring with a damper in parallel, and its attachment.
 
     Parameters
     ----------
@@ -56,14 +56,19 @@ class Element:
     part
         A key of `PARTS`.
     elongation
-        Shape (n,): elongation for one unit of each coordinate.
+        Elongation for one unit of each coordinate, shape (n,).
     stiffness, damping
-        In N/m and N s/m, at least 0.
+        Stiffness [N/m] and damping [N s/m], at least 0.
     foot
-        Name of the base displacement that moves its lower end; None where that end is fixed or on a mass.
-        Such an element has no damping: the velocity of the base is no input.
+        Name of the base displacement that moves its lower end; None if that end is fixed or on a mass. An element with
+        a foot has no damping, as the velocity of the base is not an input.
     series_stiffness
-        Of the bushing in series with the damper [N/m], above 0; None where the damper is fixed rigidly.
+        Stiffness of the bushing in series with the damper [N/m], above 0; None if the damper is fixed rigidly.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range, or an element on a moving base has damping.
     """
 
     owner: str
@@ -88,7 +93,7 @@ class Element:
 
     @property
     def components(self) -> tuple[Component, Component | None]:
-        """The components that its stiffness and its damping are; None where it has no damping of its own."""
+        """Components of its stiffness and of its damping; None if it has no damping of its own."""
         spring, damper = PARTS[self.part]
         return Component(self.owner, spring), None if damper is None else Component(self.owner, damper)
 
@@ -105,7 +110,7 @@ class Element:
         Returns
         -------
         ndarray
-            Shape of `s`, in N/m.
+            Dynamic stiffness [N/m], shape of `s`.
 
         Notes
         -----
@@ -152,16 +157,21 @@ class Structure:
     coordinates
         Names of the n coordinates: "bounce", "pitch", "roll" of the body, "wheel_" and the corner, "mass_1" ...
     mass
-        Shape (n, n), in kg and kg m^2.
+        Mass matrix [kg, kg m^2], shape (n, n).
     elements
         Springs with dampers; their stiffness and damping matrices add up.
     inputs
         Names of the inputs, forces [N] or base displacements [m].
     forces
-        Shape (n, inputs): generalised force of one unit of each input that acts as a force; zeros for base
+        Generalised force of one unit of each input that acts as a force, shape (n, inputs); zeros for base
         displacements, which act through the elements that stand on them.
     outputs
-        What the sensors read.
+        Output matrices of the sensors.
+
+    Raises
+    ------
+    ParameterError
+        If elements, inputs or outputs do not match the coordinates.
     """
 
     coordinates: tuple[str, ...]
@@ -204,7 +214,7 @@ class Structure:
         Notes
         -----
         With elongations e = D q - F u: K = D^T diag(k) D, C = D^T diag(c) D, B = forces + D^T diag(k) F. A damper with
-        a bushing is no part of C but an arm of its own.
+        a bushing is not part of C but an arm of its own.
         """
         D = self.elongations
         stiffness = np.array([element.stiffness for element in self.elements])
@@ -228,12 +238,12 @@ class Structure:
         Parameters
         ----------
         factors
-            By component, such as {Component("front_left", "spring"): 0.8}; at least 0.
+            Factors by component, such as {Component("front_left", "spring"): 0.8}; at least 0.
 
         Raises
         ------
         ParameterError
-            Where there is no such component.
+            If the structure lacks a component, or a factor is below 0.
         """
         known = {str(component) for component in self.components()}
         for component, factor in factors.items():
@@ -253,17 +263,22 @@ class Structure:
         Parameters
         ----------
         mass
-            In kg, at least 0.
+            Mass of the load [kg], at least 0.
         x, y
-            Place ahead and to the left of the body's own centre of gravity [m]. The coordinates stay those of the
-            empty body, so that sensors and springs keep their places.
+            Position ahead and to the left of the body's own centre of gravity [m]. The coordinates stay those of the
+            empty body, so that sensors and springs keep their positions.
+
+        Raises
+        ------
+        ParameterError
+            If the mass is negative, or the structure has no body on axles.
         """
         check_number("mass of the payload", mass, at_least=0)
         row = body_row(self.coordinates, x=x, y=y)
         return replace(self, mass=self.mass + mass * np.outer(row, row))
 
     def modes(self) -> ExactModes:
-        """Return the exact modes as the sensors see them."""
+        """Return the exact modes as observed by the sensors."""
         return modes(self.system, self.outputs)
 
     def state_space(self) -> StateSpace:
@@ -286,7 +301,7 @@ class Structure:
 
 
 def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], carriers: Sequence[str]) -> Outputs:
-    """Return what motion sensors on the parts of a structure read.
+    """Return the output matrices of motion sensors on the parts of a structure.
 
     Parameters
     ----------
@@ -295,12 +310,12 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
     sensors
         Channels of a motion quantity, with position and direction where they are on the body.
     carriers
-        For each sensor the part it is fixed to: "body", or the name of a coordinate.
+        Part that carries each sensor: "body", or the name of a coordinate.
 
     Raises
     ------
     ParameterError
-        Where a quantity is no motion or a carrier is no part of the structure.
+        If a quantity is not a motion, or a carrier is not a part of the structure.
 
     Notes
     -----
@@ -313,7 +328,8 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
     for row, (sensor, carrier) in enumerate(zip(sensors, carriers, strict=True)):
         if sensor.quantity not in MOTIONS:
             raise ParameterError(
-                f"quantity {sensor.quantity!r} of channel {sensor.name!r} is no motion: use one of {', '.join(MOTIONS)}"
+                f"quantity {sensor.quantity!r} of channel {sensor.name!r} is not a motion: "
+                f"use one of {', '.join(MOTIONS)}"
             )
         order, is_rotation = MOTIONS[sensor.quantity]
         for name, value in _motion(sensor, carrier, is_rotation=is_rotation).items():  # names that it lacks are 0
@@ -328,6 +344,11 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
 
 def body_row(coordinates: Sequence[str], *, x: float, y: float) -> Real:
     """Return the upward displacement of the body at (x, y) [m] for one unit of each coordinate, shape (n,).
+
+    Raises
+    ------
+    ParameterError
+        If the structure has no bounce, pitch or roll.
 
     Notes
     -----

@@ -169,6 +169,11 @@ def state_space(system: MechanicalSystem, outputs: Outputs) -> StateSpace:
 def discretised(continuous: StateSpace, *, sampling_rate: float) -> StateSpace:
     """Return the state space sampled at `sampling_rate` [Hz] with inputs held between samples (zero-order hold).
 
+    Raises
+    ------
+    ParameterError
+        If the sampling rate is not above 0.
+
     Notes
     -----
     One matrix exponential of [[A, B], [0, 0]] / sampling_rate gives both matrices, also where A is singular.

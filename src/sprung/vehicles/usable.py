@@ -11,30 +11,30 @@ from sprung.signals.inspection import CONDITIONS, constant_value
 from sprung.vehicles.description import Chain, Quarter, Vehicle
 from sprung.vehicles.sensor_layout import with_layout
 
-#: Speed below which a vehicle's motion says nothing of its modes [m/s].
+#: Speed below which a vehicle's motion carries no information on its modes [m/s].
 _SLOWEST = 3.0
-#: Relative differences that resampling and conversion of units make of a constant: a channel within them is dead.
+#: Relative variation of a constant after resampling and conversion of units: a channel within it is dead.
 _ROUNDING = 1e-12
 
 AnyVehicle = Vehicle | Quarter | Chain
 
 
 def usable(recording: Recording, *, vehicle: AnyVehicle | None = None) -> Recording:
-    """Return the outputs (and the speed) of a recording, in SI units, where the vehicle moves and nothing is missing.
+    """Return the outputs (and the speed) of a recording in SI units, while the vehicle moves and no value is missing.
 
     Parameters
     ----------
     recording
         Recording as read.
     vehicle
-        Vehicle whose sensors, where its file states any, are the outputs; otherwise every channel that is no condition.
+        Vehicle whose sensors, if its file states any, are the outputs; otherwise every channel of motion is one.
 
     Raises
     ------
     DataError
-        Where an output is dead, or nothing is left.
+        If an output is dead, or nothing is left.
     ParameterError
-        Where none of the vehicle file's sensors is in the recording, or one has another quantity there.
+        If the recording has none of the vehicle file's sensors, or one with another quantity.
     """
     speed = speed_channel(recording, vehicle)
     if vehicle is not None and vehicle.sensor:
@@ -43,7 +43,7 @@ def usable(recording: Recording, *, vehicle: AnyVehicle | None = None) -> Record
 
 
 def output_channels(recording: Recording, vehicle: AnyVehicle | None = None) -> tuple[str, ...]:
-    """Return the names of the channels of motion: the vehicle file's sensors, or where it has none every such channel.
+    """Return the names of the channels of motion: the vehicle file's sensors, or all such channels if it has none.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def output_channels(recording: Recording, vehicle: AnyVehicle | None = None) -> 
 
 
 def usable_motion(recording: Recording, outputs: Sequence[str], speed: str | None) -> Recording:
-    """Return the outputs (and the speed) where the vehicle moves and nothing is missing; the rest becomes gaps.
+    """Return the outputs (and the speed) while the vehicle moves and no value is missing; the rest becomes gaps.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def usable_motion(recording: Recording, outputs: Sequence[str], speed: str | Non
     Raises
     ------
     DataError
-        Where an output is dead, or nothing is left.
+        If an output is dead, or nothing is left.
     """
     recording = recording.select([*outputs, speed] if speed and speed not in outputs else list(outputs))
     _check_alive(recording, outputs)
@@ -83,7 +83,7 @@ def usable_motion(recording: Recording, outputs: Sequence[str], speed: str | Non
 
 
 def speed_channel(recording: Recording, vehicle: AnyVehicle | None = None) -> str | None:
-    """Return the name of the channel with the vehicle's speed, in any case of letters; None where there is none."""
+    """Return the name of the channel with the vehicle's speed, ignoring case; None if there is none."""
     name = "speed" if vehicle is None else vehicle.speed_channel
     if name in recording.names:
         return name

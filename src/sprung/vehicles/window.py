@@ -1,4 +1,4 @@
-"""A stretch of driving with what its vehicle's file says of it: sensors, speed, structure, conditions."""
+"""A stretch of driving, interpreted by its vehicle file: sensors, speed, structure, conditions."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
@@ -37,7 +37,7 @@ class Window:
         Name of the channel with the speed [m/s]; None: not recorded, or left out.
     conditions
         Means of "speed" [m/s] and "temperature" [°C], "standing" (share of time), "turning" (RMS of the yaw rate
-        [rad/s]), each where a channel shows it.
+        [rad/s]), as far as channels measure them.
     """
 
     recording: Recording
@@ -53,17 +53,17 @@ class Window:
 
     @cached_property
     def motion(self) -> Recording:
-        """Outputs (and speed) where the vehicle moves and nothing is missing.
+        """Outputs (and speed) while the vehicle moves and no value is missing.
 
         Raises
         ------
         DataError
-            Where an output is dead, or nothing is left.
+            If an output is dead, or nothing is left.
         """
         return usable_motion(self.recording, self.outputs, self.speed)
 
     def without(self, names: Collection[str]) -> "Window":
-        """Return the window without the channels in `names`, and without what the speed shows if it is among them."""
+        """Return the window without the channels in `names`, and without conditions from the speed if it is one."""
         if not names:
             return self
         left = [name for name in self.recording.names if name not in names]
@@ -74,7 +74,7 @@ class Window:
         return replace(window, speed=None, conditions=conditions)
 
     def exchanged(self, first: str, second: str) -> "Window":
-        """Return the window as if two sensors had been at each other's places."""
+        """Return the window with the positions of two sensors exchanged."""
         order = np.arange(len(self.recording.names))
         rows = [self.recording.index(first), self.recording.index(second)]
         order[rows] = rows[::-1]
@@ -98,7 +98,7 @@ def window_of(recording: Recording, vehicle: Vehicle) -> Window:
     Raises
     ------
     ParameterError
-        Where none of the vehicle file's sensors is in the recording, or one has another quantity there.
+        If the recording has none of the vehicle file's sensors, or one with another quantity.
     """
     placed = with_layout(recording, vehicle.sensor)
     speed = speed_channel(placed, vehicle)
@@ -106,7 +106,7 @@ def window_of(recording: Recording, vehicle: Vehicle) -> Window:
 
 
 def _conditions(placed: Recording, vehicle: Vehicle, speed: str | None) -> dict[str, float]:
-    """Return the conditions that single channels show."""
+    """Return the conditions that single channels measure."""
     conditions: dict[str, float] = {}
     if speed is not None:
         values = placed.samples[placed.index(speed)]

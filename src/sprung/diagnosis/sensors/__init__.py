@@ -1,4 +1,4 @@
-"""Sensor checks: what is wrong with a channel, before anything is said of a suspension."""
+"""Sensor checks: faults of channels, which are excluded before the suspension is assessed."""
 
 from sprung.diagnosis.sensors.checks import SensorCheck, check_sensors, sensor_faults
 from sprung.diagnosis.sensors.faults import KINDS, SensorFault

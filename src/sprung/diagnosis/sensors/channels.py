@@ -1,4 +1,4 @@
-"""The channels that sensor checks look at: their samples on the move, and the spectra of these."""
+"""Channels for the sensor checks: their samples on the move, and the spectra of these."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from sprung.vehicles.window import Window
 
 #: Speed above which a vehicle moves [m/s]: while it stands, sensors may well be constant.
 _MOVING = 2.0
-#: Length of segments of spectra [s], and fewest of them that checks of spectra need.
+#: Length of segments of spectra [s], and smallest number of them for checks of spectra.
 _SEGMENT, _FEWEST_SEGMENTS = 2.048, 4
 
 
@@ -39,7 +39,7 @@ class Channels:
 
     @property
     def sampling_rate(self) -> float:
-        """In Hz."""
+        """Sampling rate [Hz]."""
         return self.recording.sampling_rate
 
     @cached_property
@@ -60,7 +60,7 @@ class Channels:
 
     @property
     def has_spectra(self) -> bool:
-        """Whether there are channels, and samples on the move for a few segments."""
+        """Whether there are channels, and enough samples on the move for spectra."""
         enough = _FEWEST_SEGMENTS * _SEGMENT * self.sampling_rate
         return bool(self.names) and self.samples.shape[1] >= enough
 
@@ -75,7 +75,7 @@ class Channels:
 
 
 def channels_of_motion(window: Window) -> Channels:
-    """Return the channels of motion of a window; one that never moves counts throughout."""
+    """Return the channels of motion of a window; all samples count if the vehicle never moves."""
     recording = window.recording
     is_moving = np.ones(recording.n_samples, dtype=np.bool_)
     if window.speed is not None:

@@ -16,8 +16,8 @@ from sprung.vehicles.window import Window, window_of
 #: Size of a fault in words, by row of the channels that have it.
 Check = Callable[[Channels], dict[int, str]]
 
-#: Kind of fault and the check that finds it. The first fault of a channel counts; spectra are computed of the channels
-#: without a fault of the first group. Faults against the rigid body follow (`rigid_body_faults`).
+#: Kind of fault and the check that finds it. The first fault of a channel counts; spectra are computed for the channels
+#: without a fault of the first group. Checks against the rigid body follow (`rigid_body_faults`).
 CHECKS_OF_SAMPLES: tuple[tuple[str, Check], ...] = (("dead", dead), ("stuck", stuck), ("clipped", clipped))
 CHECKS_OF_SPECTRA: tuple[tuple[str, Check], ...] = (
     ("spiking", spiking),
@@ -31,14 +31,14 @@ _MISSING = 0.5
 
 @dataclass(frozen=True, slots=True)
 class SensorCheck:
-    """What the checks of a window's sensors found.
+    """Result of the sensor checks of a window.
 
     Parameters
     ----------
     faults
         Faults of single channels.
     disagreement
-        RMS of the residual channel over that of the channels, where no single channel explains it but other signs,
+        Ratio of the RMS of the residual to that of the channels, if no single channel explains it but other signs,
         gains, places or delays of several do; 0 otherwise.
     """
 
@@ -59,7 +59,7 @@ def sensor_faults(recording: Recording, vehicle: Vehicle) -> tuple[SensorFault, 
     Raises
     ------
     DataError, ParameterError
-        As from `check_sensors` and `window_of`.
+        As raised by `check_sensors` and `window_of`.
     """
     return check_sensors(window_of(recording, vehicle)).faults
 
@@ -75,26 +75,26 @@ def check_sensors(window: Window) -> SensorCheck:
     Raises
     ------
     DataError
-        Where no sensor of motion of the vehicle file is in the recording.
+        If the recording has no motion sensor of the vehicle file.
 
     Notes
     -----
-    Dead, stuck, clipped, spiking, noisy and drifting channels and mains hum show in a channel next to others of its
-    quantity; inverted, swapped, wrongly scaled and late ones in what the rigid body cannot explain, see
-    `rigid_body_faults`.
+    Dead, stuck, clipped, spiking, noisy and drifting channels and mains hum are found by comparing a channel with
+    others of its quantity; inverted, swapped, wrongly scaled and late ones by the motion that the rigid body cannot
+    explain, see `rigid_body_faults`.
 
-    That residual needs accelerations at more places than the rigid body has motions there: four on a car. With fewer,
-    with angular velocities or displacements among them, and where those of one axle or side are wrong alike and the
-    body hardly moves that way, inverted, swapped, wrongly scaled and late sensors are not found here. Exchanged sensors
-    of opposite corners leave it as it is (see `exchanged_opposites`). A gain that is off by less than about 6 % in one
-    of four corners is below its limit.
+    That residual needs accelerations at more places than the rigid body has motions: four on a car. Inverted, swapped,
+    wrongly scaled and late sensors are not found with fewer, with angular velocities or displacements among them, or if
+    those of one axle or side are wrong in the same way and the body scarcely moves in that direction. Exchanged sensors
+    of opposite corners do not change the residual (see `exchanged_opposites`). A gain error below about 6 % at one of
+    four corners is not detectable.
 
-    Several wrong channels: where (a + b d/dt)^T y with constant a and b, a of length 1, nearly vanishes, but n^T y does
-    not, signs, gains, places or delays are not those of the vehicle file. Noise, lines of wheels and a body that bends
-    follow no such rule. With four channels, two wrong ones may be taken for one.
+    Several wrong channels: if (a + b d/dt)^T y with constant a and b, a of length 1, nearly vanishes but n^T y does
+    not, signs, gains, places or delays are not those of the vehicle file. Noise, wheel lines and a flexible body do not
+    have this property. With four channels, two wrong ones may be taken for one.
     """
     if not window.vehicle.sensor or not window.outputs:
-        raise DataError("the recording has no channel of motion of the vehicle file's sensors: give accelerations")
+        raise DataError("the recording has none of the vehicle file's motion sensors: give accelerations")
     channels = channels_of_motion(window)
     faults = _faults(channels, CHECKS_OF_SAMPLES)
     alive = [
@@ -113,7 +113,7 @@ def check_sensors(window: Window) -> SensorCheck:
 
 
 def _faults(channels: Channels, checks: Sequence[tuple[str, Check]]) -> dict[str, SensorFault]:
-    """Return the first fault of each channel that checks find."""
+    """Return the first fault that the checks find in each channel."""
     faults: dict[str, SensorFault] = {}
     for kind, check in checks:
         for row, detail in check(channels).items():

@@ -1,4 +1,4 @@
-"""Sensors at opposite corners that are exchanged: only the delay between the axles shows it."""
+"""Exchanged sensors at opposite corners, which only the delay between the axles reveals."""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -10,26 +10,26 @@ from sprung.likelihood import CornerFit, CornerSettings, nominal_misfit
 from sprung.likelihood.fitting import fit_windows
 from sprung.vehicles.window import Window
 
-#: Model error above which an exchange is tried, and share of it to which the exchange must bring it.
+#: Model error above which an exchange is tried, and share of it to which the exchange must reduce it.
 _SUSPECT, _CURED = 0.3, 0.8
 
 
 def exchanged_opposites(window: Window, fit: CornerFit, settings: CornerSettings | None) -> tuple[SensorFault, ...]:
-    """Return the accelerometers as swapped where those at opposite corners are exchanged.
+    """Return swapped accelerometers at opposite corners, as faults.
 
     Parameters
     ----------
     window
         Window without failing channels.
     fit
-        Fit to it as recorded.
+        Fit to the window as recorded.
     settings
         Choices of the fit.
 
     Notes
     -----
-    Such an exchange leaves bounce as it is and reverses pitch and roll. It is fitted only where it makes the vehicle as
-    its file says more likely (`nominal_misfit`). Which of the two pairs was exchanged cannot be seen.
+    Such an exchange leaves bounce as it is and reverses pitch and roll. It is fitted only if it makes the nominal
+    vehicle more likely (`nominal_misfit`). Which of the two pairs was exchanged cannot be determined.
     """
     if fit.model_error <= _SUSPECT:
         return ()

@@ -1,4 +1,4 @@
-"""Faults that show in the residual channel: what the rigid body cannot explain of the channels."""
+"""Faults that show in the residual: the part of the channels that rigid-body motion cannot explain."""
 
 from itertools import combinations
 
@@ -9,7 +9,7 @@ from sprung.diagnosis.sensors.faults import SensorFault
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles import Structure
 
-#: Least power of the residual over the mean power of the channels.
+#: Smallest power of the residual over the mean power of the channels.
 _RESIDUAL = 1e-3
 #: Share of the residual that one faulty channel must explain, and that other signs, gains, places and delays of several
 #: channels must.
@@ -19,7 +19,7 @@ _BAND = (0.5, 0.5)
 
 
 def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[list[SensorFault], float]:
-    """Find inverted, swapped, wrongly scaled, late and noisy channels by what the rigid body cannot explain.
+    """Find inverted, swapped, wrongly scaled, late and noisy channels by their residual against a rigid body.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     Returns
     -------
     tuple
-        Faults of single channels, and the RMS of the residual over that of the channels where several channels explain
-        it and no single one does; otherwise 0.
+        Faults of single channels, and the ratio of the RMS of the residual to that of the channels if several channels
+        explain it and no single one does; otherwise 0.
 
     Notes
     -----
@@ -40,7 +40,7 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     are an orthonormal basis of the left null space, N T = 0, so that n is noise while all sensors are right. A faulty
     channel k, measured as G times what it should be, makes the residual N_k (1 - 1/G) y_k: coherent with y_k at all
     frequencies, and its transfer function gives G. With angular velocities or displacements among the channels the
-    residual would need differentiation, and nothing is said.
+    residual would need differentiation, and no fault is reported.
     """
     null = _null_space(spectra.names, structure)
     if not len(null):
@@ -60,7 +60,7 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
 
 
 def _null_space(names: tuple[str, ...], structure: Structure) -> Real:
-    """Return the rows N of N T = 0, shape (residuals, channels); none where channels are no accelerations."""
+    """Return the rows N of N T = 0, shape (residuals, channels); none without accelerations."""
     outputs = structure.outputs
     rows = [outputs.names.index(name) for name in names]
     if np.any(outputs.velocity[rows]) or np.any(outputs.displacement[rows]):
@@ -118,7 +118,7 @@ def _single_fault(S: Complex, null: Real, names: tuple[str, ...], frequencies: R
 
 
 def _transfer(S: Complex, null: Real, row: int) -> tuple[Complex, Real, Real]:
-    """Return the residual over a channel, the power of that channel and what it explains, all over frequency."""
+    """Return residual over channel, the power of the channel, and the power it explains, all over frequency."""
     direction = null[:, row] / max(np.sum(null[:, row] ** 2), 1e-300)
     cross = np.einsum("k,ki,fi->f", direction, null, S[:, :, row])
     own = S[:, row, row].real
@@ -130,12 +130,12 @@ def _explained_share(S: Complex, null: Real, row: int) -> float:
     return float(np.sum(_transfer(S, null, row)[2]) * np.sum(null[:, row] ** 2) / _residual_power(S, null))
 
 
-#: Deviation of a gain from 1 and delay [s] up to which they are right.
+#: Deviation of a gain from 1 and delay [s] that are tolerated.
 _GAIN, _DELAY = 0.03, 1.5e-3
 #: Longest delay sought [s] and number of delays on the grid; share of 1/G that neither gain nor delay explains above
 #: which a channel is noisy.
 _LONGEST, _N_DELAYS, _UNEXPLAINED = 0.1, 801, 0.3
-_NOISY = ("noisy", "moves by itself")
+_NOISY = ("noisy", "has a signal of its own that the other channels lack")
 
 
 def _kind_and_size(S: Complex, null: Real, row: int, frequencies: Real) -> tuple[str, str]:
@@ -151,9 +151,9 @@ def _kind_and_size(S: Complex, null: Real, row: int, frequencies: Real) -> tuple
     if np.sum(own * np.abs(error) ** 2) > _UNEXPLAINED * np.sum(own * np.abs(inverse) ** 2):
         return _NOISY
     if amplitude < 0:
-        return "inverted", f"{-1 / amplitude:.2f} times the opposite of what the others say"
+        return "inverted", f"{-1 / amplitude:.2f} times the opposite of what the others measure"
     if abs(delay) > _DELAY:
         return "time_shifted", f"{1e3 * abs(delay):.1f} ms {'late' if delay > 0 else 'early'}"
     if abs(1 / amplitude - 1) > _GAIN:
-        return "wrong_gain", f"{1 / amplitude:.2f} times what the others say"
+        return "wrong_gain", f"{1 / amplitude:.2f} times what the others measure"
     return _NOISY

@@ -1,4 +1,4 @@
-"""Faults that show in a channel by itself, or next to others of its quantity.
+"""Faults that show in a channel alone, or in comparison with others of its quantity.
 
 A check takes channels and returns the size of the fault in words, by row of the channels that have it.
 """
@@ -11,15 +11,15 @@ from sprung.signals.inspection import clipped_share, missing_share, stuck_runs
 
 #: Share of missing values above which a channel is dead.
 _MISSING = 0.5
-#: Share of a window on the move above which a channel is stuck. `sprung info` shows any run of a second; a fault must
-#: not follow from a few of them, as a slow sensor on a smooth road has.
+#: Share of a window on the move above which a channel is stuck. `sprung info` shows any run of a second; a few of them,
+#: as from a slow sensor on a smooth road, are not a fault.
 _STUCK = 0.02
 #: Largest magnitude of 0, over the standard deviation.
 _ZERO = 1e-6
 
 
 def dead(channels: Channels) -> dict[int, str]:
-    """Find channels that hold hardly any value, or rest at 0."""
+    """Find channels of which nearly all values are missing, or that rest at 0."""
     details = {}
     for row, values in enumerate(channels.samples):
         missing = missing_share(values)
@@ -42,7 +42,7 @@ def stuck(channels: Channels) -> dict[int, str]:
 
 
 def _rest(values: Real, sampling_rate: float) -> tuple[float, float] | None:
-    """Return the value of the longest run of a second or more, and the share of all such; None where it is small."""
+    """Return the value of the longest run of a second or more, and the share of all such runs; None if it is small."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return None
@@ -54,7 +54,7 @@ def _rest(values: Real, sampling_rate: float) -> tuple[float, float] | None:
 
 
 def _is_zero(value: float, values: Real) -> bool:
-    """Return whether a value is 0 but for rounding."""
+    """Return whether a value is 0 to rounding."""
     spread = float(np.std(values[np.isfinite(values)]))
     return value == 0 or abs(value) <= _ZERO * max(spread, 1e-12)
 
@@ -76,11 +76,11 @@ def clipped(channels: Channels) -> dict[int, str]:
     }
 
 
-#: Robust standard deviations by which a spike stands out, and fewest spikes that are a fault.
+#: Robust standard deviations by which a spike stands out, and smallest number of spikes that is a fault.
 _SPIKE, _FEWEST_SPIKES = 12.0, 3
-#: Samples within which a spike rings where time stamps were made regular.
+#: Samples within which a spike rings after resampling to regular time stamps.
 _ONE_SPIKE = 5
-#: Standard deviations of the samples that no body jumps to and back from within a sample.
+#: Jump and return within a sample, in standard deviations of the samples, that no body can perform.
 _NO_BODY = 6.0
 
 
@@ -92,7 +92,7 @@ def spiking(channels: Channels) -> dict[int, str]:
     details = {}
     for row, size in enumerate(sizes):
         peers = channels.peers(row)
-        # A pothole moves all sensors; without another of its quantity, only what no body does is a spike.
+        # A pothole moves all sensors; without another of its quantity, only a jump that no body performs is a spike.
         is_alone = (
             np.abs(sizes[peers, 1:-1]).max(axis=0) < 0.5 * np.abs(size[1:-1])
             if peers

@@ -12,10 +12,10 @@ from sprung.signals.conditioning import band_pass
 from sprung.signals.inspection import equal_runs
 from sprung.vehicles.window import Window
 
-#: Duration for which a speed stays the same before it is doubted [s]: a driver keeps a speed for shorter.
+#: Duration of a constant speed after which it is doubted [s]: no driver keeps a speed exactly for as long.
 _LONG = 120.0
-#: RMS of a driving body's acceleration [m/s^2] in a band [Hz]: on the best of roads it is more, under an idling engine
-#: less.
+#: RMS of a driving body's acceleration [m/s^2] in a band [Hz]: exceeded on the best of roads, but not under an idling
+#: engine.
 _DRIVING, _BODY = 0.1, (0.5, 10.0)
 #: A speed is wrong if the delay between the axles gives another one, by more than this factor, in more than this share
 #: of the segments. Shaking on a rig is ruled out by the least share of segments with a speed and by the model error.
@@ -23,7 +23,7 @@ _FACTOR, _WRONG_SHARE, _LEAST_SHARE, _MOST_ERROR = 1.25, 0.25, 0.75, 1.0
 
 
 def speed_fault(window: Window, *, settings: CornerSettings | None = None) -> SensorFault | None:
-    """Return the fault of a window's speed channel, dead or stuck; None where there is none.
+    """Return the fault of a window's speed channel, dead or stuck; None if none is found.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ def speed_fault(window: Window, *, settings: CornerSettings | None = None) -> Se
 
     Notes
     -----
-    That a speed stays exactly the same proves nothing: a vehicle stands, or keeps its speed and the bus sends whole
-    km/h. It is wrong only where the delay between the axles gives another speed. A standing vehicle and one on a rig
-    have no such delay. Without accelerations no fault is found.
+    A constant speed is not a fault in itself: the vehicle may stand, or keep its speed while the bus sends whole km/h.
+    It is wrong only if the delay between the axles gives another speed. A standing vehicle and one on a rig have no
+    such delay. Without accelerations no fault is found.
     """
     if window.speed is None or (settings or CornerSettings()).kind == "rig" or window.vehicle.kind == "rig":
         return None
@@ -56,12 +56,12 @@ def speed_fault(window: Window, *, settings: CornerSettings | None = None) -> Se
         window.speed,
         "dead" if speed == 0 else "stuck",
         f"stays at {speed:.3g} m/s for {lengths[longest] / recording.sampling_rate:.0f} s, while the delay between the "
-        f"axles says {estimates.min():.2g} to {estimates.max():.2g} m/s",
+        f"axles gives {estimates.min():.2g} to {estimates.max():.2g} m/s",
     )
 
 
 def _speeds_by_delay(stretch: Window, settings: CornerSettings | None) -> Real:
-    """Return the speed of each segment by the delay between the axles; none where it gives none or nothing drives."""
+    """Return the speed of each segment by the delay between the axles; none if it gives none or the vehicle stands."""
     try:
         if not _is_driving(stretch.motion):
             return np.zeros(0)

@@ -26,14 +26,14 @@ def upgrade(connection: Connection, *, target: str | None = None) -> None:
     Parameters
     ----------
     connection
-        In a transaction, which the caller commits.
+        Connection in a transaction, which the caller commits.
     target
-        Revision to stop at; None goes to the newest.
+        Revision to stop at; None: the newest.
 
     Raises
     ------
     StoreError
-        Where the schema is of a newer program.
+        If the schema is of a newer program.
     """
     if connection.dialect.name == "postgresql":
         connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
