@@ -169,7 +169,7 @@ def test_no_finding_between_two_logs_of_the_same_car(real_file):
         for log, length in (("00000165_00000001-60FEB68B", 360.0), ("00000165_00000002-60FEB8E3", 150.0))
     )
     assert sum(one.is_conclusive for one in fast) == 4
-    baseline = learn(fast, n_windows=4)
+    baseline = learn(fast, least_windows=4)
     found = diagnose(slow, baseline)
     assert found.detection is not None
     assert found.findings == ()

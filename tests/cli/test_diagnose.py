@@ -2,6 +2,7 @@ import json
 
 import pytest
 
+from sprung.diagnosis import LEAST_WINDOWS
 from sprung.formats import write
 from sprung.simulation import RoadDrive, dead, simulate_drive
 from sprung.vehicles import MountedMass, parse_fault, read_vehicle
@@ -155,3 +156,7 @@ def test_baseline_is_json(drives, baseline):
     document = json.loads(baseline.read_text())
     assert document["schema"] == "sprung.baseline/1"
     assert (document["n_windows"], len(document["components"])) == (3, 12)
+
+
+def test_help_states_the_least_number_of_windows(sprung):
+    assert f"Least number of usable windows ({LEAST_WINDOWS})" in " ".join(sprung("baseline", "--help").out.split())

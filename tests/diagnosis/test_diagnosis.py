@@ -146,7 +146,7 @@ def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms(
         for k in range(30):
             one = window(generator, 600.0 * k)
             every.append(replace(one, log_ratios=one.log_ratios + drawn(generator, 3 * COVARIANCE)))
-        found = detect(learn(every[:6], n_windows=4), every[6:], false_alarms=0.1)
+        found = detect(learn(every[:6], least_windows=4), every[6:], false_alarms=0.1)
         alarms += found.first_alert is not None
     assert alarms <= 10  # 5 and two standard deviations
 

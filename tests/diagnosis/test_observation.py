@@ -59,7 +59,7 @@ def test_the_residual_test_needs_no_samples(car, run, observations):
     parts = [run.part(k, k + run.n_samples // 5) for k in range(0, run.n_samples, run.n_samples // 5)]
     outputs = [part.select(part.names[:4]) for part in parts]
     expected = learn_residuals(outputs, sampling_rate=25.0)
-    baseline = learn(observations[:5], n_windows=5)
+    baseline = learn(observations[:5], least_windows=5)
     assert baseline.residuals.n_windows == expected.n_windows
     np.testing.assert_allclose(baseline.residuals.center, expected.center, rtol=1e-9)
     last = run.part(0, run.n_samples // 5)
@@ -95,7 +95,7 @@ def test_a_window_with_a_failing_sensor_has_no_residual_test(car, run):
 
 
 def test_a_second_opinion_that_disagrees_is_said(observations):
-    baseline = learn(observations[:5], n_windows=5)
+    baseline = learn(observations[:5], least_windows=5)
     agreed = diagnose(observations, baseline)
     (note,) = [note for note in agreed.notes if note.startswith("second opinion")]
     assert note.endswith("windows differ from those of the baseline (p < 0.001)")
@@ -111,7 +111,7 @@ def test_windows_of_several_vehicles_are_refused(observations):
     others = [replace(one, vehicle="other") for one in observations]
     with pytest.raises(ParameterError, match="of the vehicles other, zafira: give those of one"):
         learn([*observations, *others])
-    baseline = learn(observations, n_windows=5)
+    baseline = learn(observations, least_windows=5)
     assert baseline.vehicle == "zafira"
     with pytest.raises(ParameterError, match="the baseline is of 'zafira'"):
         diagnose(others, baseline)

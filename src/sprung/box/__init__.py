@@ -1,7 +1,7 @@
 """The box on the vehicle: sources of samples, spool, frames.
 
-`sprung.box.onboard` (identification on the vehicle) is imported only where it is needed, as a box is much smaller without
-it.
+`sprung.box.onboard` (identification on the vehicle) is imported only where it is needed: a box is much
+smaller without it.
 """
 
 from sprung.box.box import Box, BoxSettings

@@ -23,7 +23,7 @@ def baseline(
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     window: Minutes = 10.0,
-    n_windows: Annotated[int, option("N", "Least number of usable windows.", "--windows", min=2)] = 6,
+    least_windows: Annotated[int | None, option("N", "Least number of usable windows (6).", "--windows", min=2)] = None,
     previous: Annotated[Path | None, option("B.json", "Baseline to replace, such as after maintenance.")] = None,
     reason: Annotated[
         str, option("TEXT", "Reason for learning, such as 'new dampers'; required with --previous.", show_default=False)
@@ -32,7 +32,7 @@ def baseline(
 ) -> None:
     """Learn the baseline of a vehicle from drives while it is healthy."""
     from sprung import tables
-    from sprung.diagnosis import learn
+    from sprung.diagnosis import LEAST_WINDOWS, learn
     from sprung.documents import baseline_document, write_baseline
     from sprung.vehicles import read_vehicle
 
@@ -46,7 +46,8 @@ def baseline(
         observations = observed(
             files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
         )
-    learnt = learn(observations, reason=reason.strip() or "first learning", previous=before, n_windows=n_windows)
+    least = LEAST_WINDOWS if least_windows is None else least_windows
+    learnt = learn(observations, reason=reason.strip() or "first learning", previous=before, least_windows=least)
     write_baseline(learnt, out)
     if write_result(baseline_document(learnt), json):
         sentences = tables.baseline_in_words(learnt, n_windows=len(observations))

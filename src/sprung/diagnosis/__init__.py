@@ -13,7 +13,7 @@ from sprung.diagnosis.changes import (
 from sprung.diagnosis.evidence import ModeChange, mode_changes
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding
 from sprung.diagnosis.hypotheses import Hypothesis
-from sprung.diagnosis.learning import learn
+from sprung.diagnosis.learning import LEARNING_WINDOWS, LEAST_WINDOWS, learn
 from sprung.diagnosis.observation import Observation, observe, observe_window, windows
 from sprung.diagnosis.residuals import (
     ResidualReference,
@@ -31,6 +31,8 @@ from sprung.diagnosis.trends import Trend, trend
 __all__ = [
     "INTERVAL_95",
     "KINDS",
+    "LEARNING_WINDOWS",
+    "LEAST_WINDOWS",
     "SEVERITIES",
     "Baseline",
     "Candidate",

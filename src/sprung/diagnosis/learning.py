@@ -16,8 +16,9 @@ from sprung.diagnosis.residuals import ResidualReference, learn_reference
 from sprung.errors import DataError
 from sprung.vehicles import Component
 
-#: Smallest number of windows that a baseline is learnt from.
-FEWEST = 6
+#: Usual number of windows that a baseline is learnt from, and the smallest that must be usable.
+LEARNING_WINDOWS = 12
+LEAST_WINDOWS = LEARNING_WINDOWS // 2
 #: Standard deviation of the change of ln values with one unit of a condition, before any window.
 _SLOPE = 0.01
 #: Weights in windows of prior scatters: the usual one of axles, and the one that windows report.
@@ -31,7 +32,7 @@ def learn(
     *,
     reason: str = "first learning",
     previous: Baseline | None = None,
-    n_windows: int = FEWEST,
+    least_windows: int = LEAST_WINDOWS,
 ) -> Baseline:
     """Learn the baseline of a vehicle.
 
@@ -43,8 +44,8 @@ def learn(
         Reason for learning: "first learning", "new dampers" ...
     previous
         Baseline that this one replaces.
-    n_windows
-        Smallest number of windows that it is learnt from, at least 2.
+    least_windows
+        Smallest number of usable windows, at least 2.
 
     Returns
     -------
@@ -81,15 +82,15 @@ def learn(
     H. Hotelling, The generalization of Student's ratio, Annals of Mathematical Statistics 2 (1931) 360-378.
     A. Gelman et al., Bayesian Data Analysis, 3rd edition (2013), chapter 14 (Student's t prediction).
     """
-    check_number("n_windows", n_windows, at_least=2)
+    check_number("least_windows", least_windows, at_least=2)
     every = list(observations)
     vehicle = vehicle_of(every)
     sound = [observation for observation in every if observation.is_conclusive and not observation.sensor_faults]
     common = [observation for observation in sound if observation.components == sound[0].components]
     while True:
-        if len(common) < n_windows:
+        if len(common) < least_windows:
             raise DataError(
-                f"{len(common)} of {len(every)} windows can be learnt from, and {n_windows} are needed: give more "
+                f"{len(common)} of {len(every)} windows can be learnt from, and {least_windows} are needed: give more "
                 f"drives{_commonest_reason(every)}"
             )
         estimate = _Estimate.of(common)

@@ -8,6 +8,7 @@ import numpy as np
 
 from sprung._checks import check_number
 from sprung.diagnosis import (
+    LEARNING_WINDOWS,
     Baseline,
     ChangeDetector,
     Diagnosis,
@@ -64,7 +65,7 @@ class MonitorSettings:
     window: float = 600.0
     identify_every: float = 60.0
     method: str = "cov"
-    learning_windows: int = 12
+    learning_windows: int = LEARNING_WINDOWS
     false_alarms: float = 1e-3
     hours_per_day: float = 8.0
     most_windows: int = 96
@@ -405,7 +406,9 @@ class VehicleMonitor:
         if have < needed:
             return None
         try:
-            learnt = learn(self._learning, reason=self._reason, previous=self._baseline, n_windows=max(2, needed // 2))
+            learnt = learn(
+                self._learning, reason=self._reason, previous=self._baseline, least_windows=max(2, needed // 2)
+            )
         except DataError as error:
             self._note = str(error)
             return None
