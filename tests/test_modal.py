@@ -160,11 +160,11 @@ def test_modes_state_their_own_frequency_damping_and_collinearity():
 
 
 def test_shapes_that_do_not_fit_poles_or_channels_are_refused():
-    nothing = np.zeros(1)
+    nothing, pole, shape = np.zeros(1), np.ones(1, dtype=complex), np.ones((1, 3), dtype=complex)
     with pytest.raises(ParameterError, match=r"^mode_shapes \(1, 3\) must be 1 modes by 2 channels$"):
-        Modes(np.ones(1), np.ones((1, 3)), ("a", "b"), nothing, nothing, nothing, (None,))
+        Modes(pole, shape, ("a", "b"), nothing, nothing, nothing, (None,))
     with pytest.raises(
         ParameterError,
         match=r"^mode_shapes \(1, 3\) must have one row for each of 1 poles and one column for each of 2 channels$",
     ):
-        Poles(np.ones(1), np.ones((1, 3)), np.zeros(1), (2,), ("a", "b"), nothing, nothing)
+        Poles(pole, shape, np.zeros(1, dtype=np.intp), (2,), ("a", "b"), nothing, nothing)

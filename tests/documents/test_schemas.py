@@ -66,6 +66,13 @@ def test_unknown_schemas_are_refused(tmp_path):
 def test_a_checker_that_passes_everything_would_be_noticed(check_document):
     alert = {"number": 1, "history": [], "schema": "sprung.alert-history/1"}
     check_document(alert)
-    for change in ({"number": "1"}, {"number": None}, {"history": {}}, {"further": 1}, {"history": [{}]}):
+    changes: list[dict[str, object]] = [
+        {"number": "1"},
+        {"number": None},
+        {"history": {}},
+        {"further": 1},
+        {"history": [{}]},
+    ]
+    for change in changes:
         with pytest.raises(AssertionError):
             check_document({**alert, **change})

@@ -39,18 +39,18 @@ def modes_of(*rows, std=0.01, channels=("a", "b")):
 
 def test_poles_of_one_mode_are_one_group_numbered_by_frequency():
     poles = pole(np.array([9.0, 3.0, 3.005, 9.02, 5.0]), np.full(5, 0.02))
-    assert align(poles, np.ones((5, 2))).tolist() == [2, 0, 0, 2, 1]
+    assert align(poles, np.ones((5, 2), dtype=complex)).tolist() == [2, 0, 0, 2, 1]
 
 
 def test_close_frequencies_of_different_shape_are_different_modes():
     poles = pole(np.array([3.0, 3.001, 3.0, 3.001]), np.full(4, 0.02))
-    groups = align(poles, np.array([[1, 1], [1, -1], [1, 1.02], [1, -1.02]]))
+    groups = align(poles, np.array([[1, 1], [1, -1], [1, 1.02], [1, -1.02]], dtype=complex))
     assert groups[0] == groups[2] != groups[1] == groups[3]
 
 
 def test_the_width_of_a_group_is_its_bandwidth():
     """0.01 f + 0.5 xi f: 3 Hz at 20 % damping is 0.33 Hz wide, at 1 % it is 0.045 Hz wide."""
-    shapes = np.ones((2, 2))
+    shapes = np.ones((2, 2), dtype=complex)
     for damping, width in ((0.2, 0.33), (0.01, 0.045)):
         near = pole(np.array([3.0, 3.0 + 0.9 * width]), np.full(2, damping))
         far = pole(np.array([3.0, 3.0 + 1.2 * width]), np.full(2, damping))
@@ -61,14 +61,14 @@ def test_the_width_of_a_group_is_its_bandwidth():
 def test_free_damping_groups_by_frequency_and_shape_only():
     """Three subsets of one mode: 2.0, 1.1 and 0.6 %."""
     poles = pole(np.array([3.0, 3.0, 3.0]), np.array([0.1, 0.05, 0.02]))
-    shapes = np.ones((3, 2))
+    shapes = np.ones((3, 2), dtype=complex)
     assert align(poles, shapes, has_free_damping=True).tolist() == [0, 0, 0]
     assert len(set(align(poles, shapes))) > 1
 
 
 @pytest.mark.parametrize("n", [0, 1])
 def test_few_poles_align_with_themselves(n):
-    assert align(pole(np.full(n, 3.0)), np.ones((n, 2))).tolist() == [0] * n
+    assert align(pole(np.full(n, 3.0)), np.ones((n, 2), dtype=complex)).tolist() == [0] * n
 
 
 @settings(max_examples=30, deadline=None)
@@ -76,7 +76,8 @@ def test_few_poles_align_with_themselves(n):
 def test_groups_do_not_depend_on_order_or_scale_of_shapes(order, phase, size):
     generator = np.random.default_rng(0)
     poles = pole(np.repeat([3.0, 5.0, 9.0], 4) * generator.normal(1, 0.002, 12), np.full(12, 0.03))
-    shapes = np.repeat([[1, 1], [1, -1], [1, 0]], 4, axis=0) + 0.02 * generator.normal(size=(12, 2))
+    shapes = np.repeat(np.array([[1, 1], [1, -1], [1, 0]], dtype=complex), 4, axis=0)
+    shapes += 0.02 * generator.normal(size=(12, 2))
     groups = align(poles, shapes)
     assert groups.tolist() == [0] * 4 + [1] * 4 + [2] * 4
     turned = align(poles[order], size * np.exp(1j * phase) * shapes[order])

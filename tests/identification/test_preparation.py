@@ -7,7 +7,7 @@ from sprung.errors import DataError, ParameterError
 from sprung.identification import BlockRowLadder, IdentificationSettings
 from sprung.identification.planning import plan_preparation
 from sprung.identification.preparation import prepare, search_harmonics
-from sprung.recording import Channel, Gap, Recording
+from sprung.recording import Channel, Recording
 from sprung.signals.cepstrum import ShortPass
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain, parse_vehicle, read_description
@@ -60,7 +60,8 @@ def test_missing_values_become_gaps():
     samples[1, 400:450] = np.nan
     found = usable(recorded(samples))
     assert found.n_samples == 950
-    assert found.gaps == (Gap(400, pytest.approx(0.5)),)
+    (gap,) = found.gaps
+    assert (gap.index, gap.duration) == (400, pytest.approx(0.5))
 
 
 def test_only_what_was_recorded_while_moving_counts():

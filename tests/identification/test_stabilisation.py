@@ -121,9 +121,8 @@ def test_a_frequency_as_uncertain_as_its_bandwidth_is_no_mode():
 
 
 def test_a_diagram_without_poles_has_no_modes():
-    empty = Poles(
-        np.zeros(0), np.zeros((0, 2)), np.zeros(0, dtype=int), (2, 4, 6), ("a", "b"), np.zeros(0), np.zeros(0)
-    )
+    nothing, no_shapes = np.zeros(0), np.zeros((0, 2), dtype=complex)
+    empty = Poles(nothing.astype(complex), no_shapes, np.zeros(0, dtype=int), (2, 4, 6), ("a", "b"), nothing, nothing)
     selected = select_modes(stabilise(empty))
     assert len(selected.modes) == 0
     assert selected.alignments.shape == (0,)
@@ -221,7 +220,7 @@ def test_the_vectorised_comparison_equals_a_plain_loop(seed, counts, criteria):
     shapes = generator.choice([1.0, -1.0], (n, 2)) + 0.1 * generator.normal(size=(n, 2))
     poles = Poles(
         pole(frequency, damping),
-        shapes,
+        shapes.astype(complex),
         np.repeat(np.arange(len(counts)), counts),
         tuple(range(2, 2 * len(counts) + 1, 2)),
         ("a", "b"),
@@ -250,7 +249,7 @@ def test_modes_come_by_rising_frequency_with_unit_shapes():
     modes = selected.modes
     np.testing.assert_allclose(modes.natural_frequency, [3.0, 9.0])
     np.testing.assert_allclose(modes.damping_ratio, [0.02, 0.05])
-    np.testing.assert_allclose(modes.mode_shapes, [[-0.5, 1], [1, 0.5j]])
+    np.testing.assert_allclose(modes.mode_shapes, np.array([[-0.5, 1], [1, 0.5j]]))
     assert selected.alignments.tolist() == [0, 1]
     assert modes.labels == (None, None)
 

@@ -75,12 +75,11 @@ def test_standard_deviations_are_those_of_repeated_runs(vehicle, measured, snr, 
     for seed in range(100):
         correlations = measured(seed, snr=snr)
         realised = realise(correlations, block_rows=BLOCK_ROWS, max_order=6, is_weighted=is_weighted)
-        found = poles_of_orders(realised, [6])
-        nearest = np.argmin(np.abs(found.poles[:, None] - exact.poles), axis=0)
+        poles = poles_of_orders(realised, [6])
+        nearest = np.argmin(np.abs(poles.poles[:, None] - exact.poles), axis=0)
         names = ("natural_frequency", "damping_ratio", "natural_frequency_std", "damping_ratio_std")
-        runs.append([getattr(found, name)[nearest] for name in names])
-    found = np.array(runs)
-    values, deviations = found[:, :2], found[:, 2:]
+        runs.append([getattr(poles, name)[nearest] for name in names])
+    values, deviations = np.split(np.array(runs), 2, axis=1)
     ratio = np.median(deviations, axis=0) / values.std(axis=0, ddof=1)
     assert np.all((ratio > 0.8) & (ratio < 1.25)), ratio
     covered = np.mean(np.abs(values - values.mean(axis=0)) < 1.96 * deviations, axis=0)
@@ -150,7 +149,7 @@ def test_auto_correlations_do_not_count_where_there_are_others(vehicle, measured
 def test_a_single_channel_is_judged_by_its_auto_correlation(vehicle, measured):
     exact, correlations = vehicle("chain3").modes(), measured(1).select(["acc_3"], ["acc_3"])
     ghost = 2 * np.pi * 12.0 * (-0.02 + 1j)
-    found = contributions(np.append(exact.poles, ghost), np.ones((4, 1)), correlations)
+    found = contributions(np.append(exact.poles, ghost), np.ones((4, 1), dtype=complex), correlations)
     assert found[:3].min() > 30
     assert found[3] < 5
 

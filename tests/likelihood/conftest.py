@@ -10,6 +10,7 @@ from sprung.likelihood import (
     FreeComponents,
     MassParameter,
     Model,
+    ParameterBlock,
     PositionParameter,
     RailInputs,
     RigInputs,
@@ -32,7 +33,7 @@ def car():
 def _classes(n_coordinates, *, counts=9.0, n_classes=6):
     """Speed classes without data."""
     f = np.arange(4, 100) / SEGMENT
-    unit = np.broadcast_to(np.eye(n_coordinates), (n_classes, f.size, n_coordinates, n_coordinates))
+    unit = np.broadcast_to(np.eye(n_coordinates, dtype=complex), (n_classes, f.size, n_coordinates, n_coordinates))
     speeds, spreads = np.geomspace(5, 20, n_classes), np.full(n_classes, 0.02)
     return ClassSpectra(f, np.full(n_classes, counts), speeds, spreads, unit, SEGMENT, np.full(unit.shape[:2], counts))
 
@@ -49,7 +50,7 @@ def _road_model(vehicle, *, spectra=None, parts=(), inputs=_road_blocks, sensors
     layout = rigid_layout(nominal)
     spectra = _classes(len(layout.rows)) if spectra is None else spectra
     free = tuple(component for component in nominal.components() if component.side)
-    blocks = [FreeComponents(nominal, free)]
+    blocks: list[ParameterBlock] = [FreeComponents(nominal, free)]
     if parts:
         blocks.append(AddedMass(parts))
     if sensors:
@@ -85,14 +86,12 @@ def _somewhere(model, seed=0, size=0.1):
 
 def _imu():
     """Sensors of a six-axis inertial measurement unit ahead of the centre of gravity."""
-    up, ahead, left = [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]
-    rate = {"quantity": "angular_velocity", "unit": "deg/s"}
+    place, up, ahead, left = (0.3, 0.1, 0.2), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    rates = (("wx", ahead), ("wy", left), ("wz", up))
     return (
-        Sensor(channel="az", quantity="acceleration", unit="g", position=[0.3, 0.1, 0.2], direction=up),
-        Sensor(channel="ax", quantity="acceleration", unit="g", position=[0.3, 0.1, 0.2], direction=ahead),
-        Sensor(channel="wx", direction=ahead, **rate),
-        Sensor(channel="wy", direction=left, **rate),
-        Sensor(channel="wz", direction=up, **rate),
+        Sensor(channel="az", quantity="acceleration", unit="g", position=place, direction=up),
+        Sensor(channel="ax", quantity="acceleration", unit="g", position=place, direction=ahead),
+        *(Sensor(channel=name, quantity="angular_velocity", unit="deg/s", direction=axis) for name, axis in rates),
     )
 
 

@@ -10,7 +10,7 @@ from sprung.likelihood.corners import fitted_structure
 from sprung.likelihood.spectra import onto_grid, through_window
 from sprung.likelihood.transfer import term_gradients, transfer
 from sprung.likelihood.whittle import minus_log_likelihood
-from sprung.vehicles import read_description, structure
+from sprung.vehicles import read_vehicle, structure
 
 CASES = [
     (group, name, kind)
@@ -22,7 +22,7 @@ CASES = [
 
 def whole_model(name, kind, classes):
     """A model with every block that its kind has."""
-    vehicle = read_description(name)
+    vehicle = read_vehicle(name)
     nominal = structure(vehicle)
     layout = rigid_layout(nominal)
     settings = CornerSettings(has_payload=True, has_free_sensors=True)

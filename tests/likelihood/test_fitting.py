@@ -8,10 +8,7 @@ import pytest
 from sprung.errors import DataError, ParameterError
 from sprung.excitation import Lines, Sum, SurfaceMotion, random_speed, road_class
 from sprung.identification import cov_ssi
-from sprung.likelihood import (
-    CornerSettings,
-    fit_corners,
-)
+from sprung.likelihood import CornerSettings, fit_corners
 from sprung.recording import Channel
 from sprung.simulation import (
     FEW_POTHOLES,
@@ -93,15 +90,18 @@ def test_a_fault_stands_out_at_its_corner_only(car, fault):
     assert max(map(abs, change.values())) < 0.06
 
 
+def gyroscope(channel: str, direction: tuple[float, float, float]) -> Sensor:
+    return Sensor(channel=channel, quantity="angular_velocity", unit="rad/s", direction=direction)
+
+
 @pytest.mark.slow
 def test_an_imu_identifies_what_four_corners_identify(car):
-    rate = {"quantity": "angular_velocity", "unit": "rad/s"}
     imu = (
         Sensor(
             channel="az", quantity="acceleration", unit="m/s^2", position=(0.3, 0.1, 0.2), direction=(0.0, 0.0, 1.0)
         ),
-        Sensor(channel="wx", direction=(1.0, 0.0, 0.0), **rate),
-        Sensor(channel="wy", direction=(0.0, 1.0, 0.0), **rate),
+        gyroscope("wx", (1.0, 0.0, 0.0)),
+        gyroscope("wy", (0.0, 1.0, 0.0)),
     )
     with_imu = car.model_copy(update={"sensor": imu})
     one = drive(with_imu, seed=3, snr=100.0)
@@ -112,16 +112,15 @@ def test_an_imu_identifies_what_four_corners_identify(car):
 
 @pytest.mark.slow
 def test_a_wrong_sign_of_the_pitch_rate_shows_as_a_misfit(car):
-    rate = {"quantity": "angular_velocity", "unit": "rad/s"}
-    sensors = [
+    sensors = (
         Sensor(
             channel="az", quantity="acceleration", unit="m/s^2", position=(0.3, 0.0, 0.0), direction=(0.0, 0.0, 1.0)
         ),
-        Sensor(channel="wx", direction=(1.0, 0.0, 0.0), **rate),
-        Sensor(channel="wy", direction=(0.0, 1.0, 0.0), **rate),
-    ]
-    right = car.model_copy(update={"sensor": tuple(sensors)})
-    wrong = car.model_copy(update={"sensor": (*sensors[:2], Sensor(channel="wy", direction=(0.0, -1.0, 0.0), **rate))})
+        gyroscope("wx", (1.0, 0.0, 0.0)),
+        gyroscope("wy", (0.0, 1.0, 0.0)),
+    )
+    right = car.model_copy(update={"sensor": sensors})
+    wrong = car.model_copy(update={"sensor": (*sensors[:2], gyroscope("wy", (0.0, -1.0, 0.0)))})
     run = drive(right, seed=3, snr=100.0).recording
     assert fit_corners(run, wrong).model_error > 5 * max(fit_corners(run, right).model_error, 0.02)
     assert any("than chance allows" in note for note in fit_corners(run, wrong).notes)
@@ -317,6 +316,7 @@ def test_identified_modes_are_a_check_and_another_start(car):
     fault = parse_fault("front_left.spring=0.5")
     one = drive(bogie, kind=RigRun, n_stops=0, duration=200.0, speed=(5.7, 5.7), faults=(fault,))
     fit = fit_corners(one.recording, bogie, modes=cov_ssi(one.recording, vehicle=bogie).modes)
+    assert fit.from_modes is not None
     assert fit.from_modes[0] == pytest.approx(np.log(1.5), abs=0.25)
     assert fit.log_ratios[0] == pytest.approx(np.log(1.5), abs=0.05)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sprung._arrays import Complex
 from sprung.likelihood import MassParameter
 from sprung.likelihood.fitting import minimised
 from sprung.likelihood.spectra import onto_grid, through_window
@@ -71,17 +72,17 @@ def test_information_is_the_mean_curvature(car, road_model, with_data, somewhere
 
 def test_window_and_its_adjoint():
     generator = np.random.default_rng(1)
-    x = generator.standard_normal((2, 12, 3, 3)) + 0j
-    y = generator.standard_normal((2, 10, 3, 3)) + 0j
+    x = generator.standard_normal((2, 12, 3, 3)).astype(complex)
+    y = generator.standard_normal((2, 10, 3, 3)).astype(complex)
     assert np.vdot(y, through_window(x)) == pytest.approx(np.vdot(onto_grid(y), x))
-    assert through_window(np.ones((1, 5, 1, 1)) + 0j) == pytest.approx(1)
+    assert through_window(np.ones((1, 5, 1, 1), dtype=complex)) == pytest.approx(1)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
 def test_inverse_and_determinant(size):
     generator = np.random.default_rng(1)
     root = generator.standard_normal((2, 5, size, size)) + 1j * generator.standard_normal((2, 5, size, size))
-    matrices = root @ root.conj().swapaxes(-1, -2) + np.eye(size)
+    matrices: Complex = root @ root.conj().swapaxes(-1, -2) + np.eye(size, dtype=complex)
     inverse, logdet = inverse_and_logdet(matrices)
     assert inverse @ matrices == pytest.approx(np.broadcast_to(np.eye(size), matrices.shape), abs=1e-10)
     assert logdet == pytest.approx(np.linalg.slogdet(matrices)[1])

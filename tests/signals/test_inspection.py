@@ -100,8 +100,9 @@ def test_shares_of_clipped_and_missing_values():
 
 def test_a_constant_within_a_tolerance():
     assert constant_value(np.array([2.0, np.nan, 2.0])) == 2
-    assert constant_value(2 + 1e-13 * np.arange(3)) is None
-    assert constant_value(2 + 1e-13 * np.arange(3), tolerance=1e-12) == 2
+    rising = 2 + 1e-13 * np.arange(3.0)
+    assert constant_value(rising) is None
+    assert constant_value(rising, tolerance=1e-12) == 2
     assert constant_value(np.full(3, np.nan)) is None
 
 

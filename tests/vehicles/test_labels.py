@@ -1,4 +1,4 @@
-"""Names of modes from exact modes of vehicles, for every layout of sensors that can tell them."""
+"""Names of modes from exact modes of vehicles, for every layout of sensors that distinguishes them."""
 
 from dataclasses import replace
 
@@ -24,16 +24,15 @@ def accelerometer(name, x, y, z=0.0, direction=(0.0, 0.0, 1.0)):
 
 def six_axis(x, y, z):
     """Accelerations and angular velocities along the three axes at one place."""
-    axes = np.eye(3).tolist()
-    linear = [accelerometer(f"a{name}", x, y, z, tuple(axis)) for name, axis in zip("xyz", axes, strict=True)]
+    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     return [
-        *linear,
-        *(Channel(f"g{n}", "angular_velocity", (x, y, z), tuple(a)) for n, a in zip("xyz", axes, strict=True)),
+        *(accelerometer(f"a{name}", x, y, z, axis) for name, axis in axes.items()),
+        *(Channel(f"g{name}", "angular_velocity", (x, y, z), axis) for name, axis in axes.items()),
     ]
 
 
 def upright(x, y, z):
-    """The three axes of an inertial unit that tell bounce, pitch and roll."""
+    """The three axes of an inertial unit that distinguish bounce, pitch and roll."""
     return [channel for channel in six_axis(x, y, z) if channel.name in {"az", "gx", "gy"}]
 
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from sprung._arrays import Complex
 from sprung.errors import ParameterError
 from sprung.vehicles import Element, frequency_response, parse_vehicle, read_vehicle, sensitivities, structure
 
@@ -74,7 +75,7 @@ def test_all_springs_and_dampers_together_scale_time():
 @pytest.mark.parametrize("bushing", [None, 60e3])
 def test_derivatives_of_the_dynamic_stiffness_are_finite_differences(bushing):
     element = Element("front_left", "suspension", np.ones(1), 20e3, 1500.0, series_stiffness=bushing)
-    s = np.array([-3.0 + 9j, 2j, -10.0 + 60j])
+    s: Complex = np.array([-3.0 + 9j, 2j, -10.0 + 60j])
     up, down = (element.dynamic_stiffness(s, damper=np.exp(step)) for step in (1e-5, -1e-5))
     assert element.damping_derivative(s) == pytest.approx((up - down) / 2e-5, rel=1e-8)
     ahead, behind = (element.dynamic_stiffness(s * (1 + step)) for step in (1e-5, -1e-5))

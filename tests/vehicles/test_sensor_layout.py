@@ -21,7 +21,7 @@ def sensor(channel, **fields):
 def test_raw_values_become_si_and_get_their_place():
     """1 g = 9.80665 m/s^2 (CGPM 1901); scale multiplies raw values first."""
     placed = with_layout(recorded(Channel("a"), Channel("b")), [sensor("a", scale=-2.0)])
-    np.testing.assert_allclose(placed.samples, [[-2 * 9.80665 * n for n in (1, 2, 3)], [1, 2, 3]])
+    np.testing.assert_allclose(placed.samples, np.outer([-2 * 9.80665, 1.0], [1.0, 2.0, 3.0]))
     assert placed.channels == (Channel("a", "acceleration", (1.2, 0.7, 0.0), (0.0, 0.0, 1.0)), Channel("b"))
     assert placed.history == ("read", "sensor layout of 1 channels")
 

@@ -39,7 +39,8 @@ def oscillator(mass, damping, stiffness, quantity="acceleration"):
     order = {"acceleration": 0, "velocity": 1, "displacement": 2}[quantity]
     rows = [np.zeros((1, 1)) for _ in range(3)]
     rows[order] = np.ones((1, 1))
-    system = MechanicalSystem([[mass]], [[damping]], [[stiffness]], [[1.0]], ("mass_1",), ("force_1",))
+    m, c, k, b = (np.array([[value]]) for value in (mass, damping, stiffness, 1.0))
+    system = MechanicalSystem(m, c, k, b, ("mass_1",), ("force_1",))
     return system, Outputs((Channel("y", quantity),), *rows)
 
 

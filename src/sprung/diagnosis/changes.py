@@ -322,7 +322,7 @@ def detect(
     return detector.detection
 
 
-def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[int]:
+def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -> list[int]:
     """Return which of many vehicles have changed, so that at most a share `rate` of them is named falsely in the mean.
 
     Parameters
