@@ -38,7 +38,7 @@ def test_a_changed_spring_is_seen(reference, change):
     assert max(values) < 1e-4
 
 
-@pytest.mark.parametrize("n_windows", [3, 12])
+@pytest.mark.parametrize("n_windows", [3, pytest.param(12, marks=pytest.mark.slow)])
 def test_as_many_healthy_windows_differ_as_the_p_value_says(n_windows):
     """White noise through two resonances; a reference for every window, which leaves the windows independent."""
     generator = np.random.default_rng([7, n_windows])
