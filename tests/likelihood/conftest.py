@@ -1,3 +1,5 @@
+"""Models of a car with every block of parameters, and spectra that they give themselves."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +9,7 @@ from sprung.likelihood import (
     AddedMass,
     ClassRoughness,
     ClassSpectra,
+    CornerSettings,
     FreeComponents,
     MassParameter,
     Model,
@@ -19,7 +22,11 @@ from sprung.likelihood import (
     SensorNoise,
     SensorPositions,
     rigid_layout,
+    vehicle_model,
 )
+from sprung.likelihood.spectra import onto_grid, through_window
+from sprung.likelihood.transfer import term_gradients, transfer
+from sprung.likelihood.whittle import minus_log_likelihood
 from sprung.vehicles import Sensor, read_vehicle, structure
 
 SEGMENT = 5.12
@@ -138,3 +145,36 @@ def road_model():
 @pytest.fixture(scope="session")
 def with_data():
     return _with_data
+
+
+@pytest.fixture(scope="session")
+def whole_model():
+    """Return a function from a shipped vehicle and what drives it to a model with every block that it can have."""
+
+    def model(name, kind):
+        vehicle = read_vehicle(name)
+        nominal = structure(vehicle)
+        layout = rigid_layout(nominal)
+        settings = CornerSettings(has_payload=True, has_free_sensors=True)
+        spectra = _classes(len(layout.rows), n_classes=3)
+        return vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind)
+
+    return model
+
+
+@pytest.fixture(scope="session")
+def misfit():
+    """Return a function from a model and terms to their likelihood, without a prior."""
+    return lambda model, terms: minus_log_likelihood(through_window(transfer(terms).spectral_matrix), model.spectra)[0]
+
+
+@pytest.fixture(scope="session")
+def gradients_of():
+    """Return a function from a model and terms to the gradients of the likelihood with respect to the terms."""
+
+    def gradients(model, terms):
+        response = transfer(terms)
+        weight = minus_log_likelihood(through_window(response.spectral_matrix), model.spectra)[1]
+        return term_gradients(response, onto_grid(weight))
+
+    return gradients

@@ -8,12 +8,9 @@ import pytest
 from sprung._arrays import Complex
 from sprung.likelihood import MassParameter
 from sprung.likelihood.fitting import minimised
-from sprung.likelihood.spectra import onto_grid, through_window
-from sprung.likelihood.transfer import transfer
 from sprung.likelihood.whittle import TOO_FAR, inverse_and_logdet, minus_log_likelihood
 from sprung.signals.spectrum import spectral_matrix
 from sprung.simulation import RoadDrive, simulate_drive
-from sprung.vehicles import frequency_response, structure
 
 
 def test_gradient_is_the_finite_difference(model, with_data, somewhere):
@@ -70,14 +67,6 @@ def test_information_is_the_mean_curvature(car, road_model, with_data, somewhere
         assert curvature[:12] == pytest.approx(information[k, :12], rel=1e-4, abs=1e-5 * information[k, k])
 
 
-def test_window_and_its_adjoint():
-    generator = np.random.default_rng(1)
-    x = generator.standard_normal((2, 12, 3, 3)).astype(complex)
-    y = generator.standard_normal((2, 10, 3, 3)).astype(complex)
-    assert np.vdot(y, through_window(x)) == pytest.approx(np.vdot(onto_grid(y), x))
-    assert through_window(np.ones((1, 5, 1, 1), dtype=complex)) == pytest.approx(1)
-
-
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
 def test_inverse_and_determinant(size):
     generator = np.random.default_rng(1)
@@ -112,14 +101,6 @@ def test_the_objective_is_large_where_it_overflows(car, road_model, with_data):
     value, gradient = model.objective(model.start + 1e4)
     assert value == TOO_FAR
     assert not gradient.any()
-
-
-def test_transfer_is_the_frequency_response(car, road_model):
-    """H of the model times the reduction's inverse: what `frequency_response` of the state space gives."""
-    model = road_model(car)
-    H = transfer(model.terms(model.start)).matrix
-    expected = model.layout.reduction @ frequency_response(structure(car), model.spectra.grid)
-    assert pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max()) == H
 
 
 @pytest.mark.slow
