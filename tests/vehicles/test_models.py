@@ -3,8 +3,6 @@
 F. Liu, Online Identification of Vehicle Dynamic Systems for Condition Monitoring, Huddersfield (2020), is "the thesis".
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,13 +10,10 @@ from sprung.errors import ParameterError
 from sprung.recording import Channel
 from sprung.vehicles import (
     Component,
-    Element,
     Vehicle,
-    body_row,
     chain,
     corner_names,
     parse_vehicle,
-    participation,
     read_description,
     read_vehicle,
     sensor_outputs,
@@ -109,45 +104,6 @@ def test_shapes_on_the_corners_follow_the_axes():
     shapes = structure(read_vehicle("scale-bogie")).modes().mode_shapes.real
     signs = np.sign(shapes[:3] * np.sign(shapes[:3, :1]))
     assert signs.tolist() == [[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, 1, -1]]
-
-
-def test_body_row_is_iso_8855():
-    """Positive pitch is nose down: a point ahead of the centre goes down; positive roll lifts the left side."""
-    row = body_row(("wheel", "bounce", "pitch", "roll"), x=1.2, y=0.7)
-    assert row.tolist() == [0.0, 1.0, -1.2, 0.7]
-
-
-@pytest.mark.parametrize(
-    ("quantity", "direction", "expected"),
-    [
-        ("acceleration", (0, 0, 1), (1.0, -1.2, 0.7)),
-        ("acceleration", (1, 0, 0), (0.0, 0.3, 0.0)),
-        ("acceleration", (0, 1, 0), (0.0, 0.0, -0.3)),
-        ("displacement", (0, 0, -1), (-1.0, 1.2, -0.7)),
-        ("angular_velocity", (0, 1, 0), (0.0, 1.0, 0.0)),
-        ("angular_velocity", (1, 0, 0), (0.0, 0.0, 1.0)),
-        ("angular_velocity", (0, 0, 1), (0.0, 0.0, 0.0)),
-        ("angle", (0, -1, 0), (0.0, -1.0, 0.0)),
-    ],
-)
-def test_sensors_read_the_motion_of_a_rigid_body(quantity, direction, expected):
-    sensor = Channel("s", quantity, (1.2, 0.7, 0.3), direction)
-    outputs = sensor_outputs(("bounce", "pitch", "roll"), sensors=[sensor], carriers=["body"])
-    rows = {"acceleration": outputs.acceleration, "angular_velocity": outputs.velocity}
-    assert rows.get(quantity, outputs.displacement)[0] == pytest.approx(expected)
-
-
-def test_sensor_motion_agrees_with_a_rotated_body():
-    """The rows are the derivative of R r + z, with R the rotation by roll about x and pitch about y."""
-    r, step = np.array([1.2, 0.7, 0.3]), 1e-6
-    for pitch, roll, column in ((step, 0.0, 1), (0.0, step, 2)):
-        about_y = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
-        about_x = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
-        moved = (about_y @ about_x @ r - r) / step
-        for axis in range(3):
-            sensor = Channel("s", "displacement", tuple(r), tuple(np.eye(3)[axis]))
-            outputs = sensor_outputs(("bounce", "pitch", "roll"), sensors=[sensor], carriers=["body"])
-            assert outputs.displacement[0, column] == pytest.approx(moved[axis], abs=1e-5)
 
 
 def test_stiffness_is_the_energy_of_springs_in_the_given_places():
@@ -245,13 +201,6 @@ def test_three_axles_have_six_corners():
     assert vehicle.modes().labels.count("wheel_hop") == 6
 
 
-def test_corner_names():
-    assert corner_names(2) == ("front_left", "front_right", "rear_left", "rear_right")
-    assert corner_names(4)[2:6] == ("axle2_left", "axle2_right", "axle3_left", "axle3_right")
-    with pytest.raises(ParameterError, match="n_axles=1 must be at least 2"):
-        corner_names(1)
-
-
 def test_left_out_masses_make_everything_per_kilogram_of_body():
     """Dividing every mass, stiffness and damping by the body's mass leaves the modes as they are."""
     full = read_vehicle("zafira")
@@ -282,11 +231,6 @@ def test_labels_follow_the_motion_not_the_order():
     assert set(modes.labels[:3]) == {"bounce", "pitch", "roll"}
     assert modes.labels[0] == "roll"
     assert modes.labels[2] == "bounce"
-
-
-def test_participation_sums_to_one():
-    shares = participation(np.diag([2.0, 1.0]), np.array([[1.0, 1j], [0.0, 2.0]]))
-    assert shares == pytest.approx(np.array([[2 / 3, 1 / 3], [0.0, 1.0]]))
 
 
 def test_components_are_those_of_the_file():
@@ -327,11 +271,6 @@ def test_sensor_on_a_wheel_reads_the_wheel():
         sensor_outputs(("bounce",), sensors=[Channel("a", "acceleration")], carriers=["roof"])
 
 
-def test_element_on_the_base_has_no_damper():
-    with pytest.raises(ParameterError, match="damping=3 of front_left tyre must be 0"):
-        Element("front_left", "tyre", np.ones(1), 10.0, 3.0, foot="road_front_left")
-
-
 def with_bushing(name, stiffness):
     vehicle = read_vehicle(name)
     axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": stiffness}) for axle in vehicle.axle)
@@ -346,17 +285,6 @@ def test_a_hard_bushing_is_none_and_a_soft_one_takes_the_damping_away():
     assert hard.natural_frequency == pytest.approx(plain.natural_frequency, rel=1e-4)
     assert hard.damping_ratio == pytest.approx(plain.damping_ratio, rel=1e-4)
     assert np.all(soft.damping_ratio < 1e-6)
-
-
-def test_oscillator_with_a_bushing_has_the_roots_of_its_cubic():
-    m, k, c, b = 2.0, 800.0, 12.0, 500.0
-    chain = structure(
-        parse_vehicle({"name": "one", "kind": "chain", "mass": [{"mass": m, "stiffness": k, "damping": c}]})
-    )
-    bushed = replace(chain, elements=(replace(chain.elements[0], series_stiffness=b),))
-    # (m s^2 + k)(c s + b) + b c s = 0
-    expected = np.roots([m * c, m * b, (k + b) * c, k * b])
-    assert np.sort_complex(np.linalg.eigvals(bushed.system.state_matrix())) == pytest.approx(np.sort_complex(expected))
 
 
 def test_plate_has_the_published_frequencies():
@@ -436,51 +364,3 @@ def test_a_lateral_sensor_reads_sway_yaw_and_roll():
     )
     row = dict(zip(vehicle.coordinates, structure(vehicle).outputs.displacement[0], strict=True))
     assert row == {"bounce": 0, "pitch": 0, "roll": pytest.approx(-0.3), "sway": 1.0, "yaw": 2.0}
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            {"body": {"mass": 1480.0, "pitch_inertia": 2.2e9}},
-            r"body, pitch_inertia=2.2e\+09 kg m2 must be .* correct the unit",
-        ),
-        ({"body": {"mass": 1480.0, "roll_inertia": 0.36}}, "body, roll_inertia=0.36 kg m2 must be"),
-        ({"body": {"mass": 1.48e12}}, r"spring_stiffness: a body of 1.48e\+12 kg would bounce"),
-        (
-            {
-                "sensor": [
-                    {
-                        "channel": "a",
-                        "quantity": "acceleration",
-                        "unit": "g",
-                        "position": [1220.0, 0.0, 0.0],
-                        "direction": [0.0, 0.0, 1.0],
-                    }
-                ]
-            },
-            r"\[\[sensor\]\] 1, position=\[1220.0, 0.0, 0.0\] is more than 14 m, five wheelbases",
-        ),
-    ],
-)
-def test_what_no_vehicle_can_be_is_refused(change, message):
-    fields = read_vehicle("zafira").model_dump(exclude_defaults=True)
-    with pytest.raises(ParameterError, match=message):
-        parse_vehicle({**fields, "kind": "road", **change})
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"wheelset_mass": 1300.0}, "wheelset_mass needs wheelset_roll_inertia"),
-        ({"contact_half_track": 0.75}, "contact_half_track needs wheelset_mass"),
-        ({"lateral_damping": 10.0}, "lateral_damping needs lateral_stiffness"),
-        ({"lateral_stiffness": 10.0}, "lateral_stiffness is given for some axles only"),
-        ({"damper_bushing_stiffness": 0.0}, r"\[\[axle\]\] 1, damper_bushing_stiffness=0.0 must be above 0"),
-    ],
-)
-def test_half_a_description_of_an_axle_is_refused(change, message):
-    fields = read_vehicle("zafira").model_dump(exclude_defaults=True)
-    front, rear = fields["axle"]
-    with pytest.raises(ParameterError, match=message):
-        parse_vehicle({**fields, "kind": "road", "axle": [{**front, **change}, rear]})

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from sprung._arrays import Complex
 from sprung.errors import ParameterError
-from sprung.vehicles import Element, frequency_response, parse_vehicle, read_vehicle, sensitivities, structure
+from sprung.vehicles import frequency_response, parse_vehicle, read_vehicle, sensitivities, structure
 
 
 def quarter(**corner):
@@ -70,23 +69,3 @@ def test_all_springs_and_dampers_together_scale_time():
     # k to a k and c to sqrt(a) c: every frequency by sqrt(a), damping ratios stay
     assert np.allclose(result.natural_frequency @ weights, car.modes().natural_frequency / 2, rtol=1e-9)
     assert np.allclose(result.damping_ratio @ weights, 0, atol=1e-9)
-
-
-@pytest.mark.parametrize("bushing", [None, 60e3])
-def test_derivatives_of_the_dynamic_stiffness_are_finite_differences(bushing):
-    element = Element("front_left", "suspension", np.ones(1), 20e3, 1500.0, series_stiffness=bushing)
-    s: Complex = np.array([-3.0 + 9j, 2j, -10.0 + 60j])
-    up, down = (element.dynamic_stiffness(s, damper=np.exp(step)) for step in (1e-5, -1e-5))
-    assert element.damping_derivative(s) == pytest.approx((up - down) / 2e-5, rel=1e-8)
-    ahead, behind = (element.dynamic_stiffness(s * (1 + step)) for step in (1e-5, -1e-5))
-    assert element.damping_derivative(s) / s == pytest.approx((ahead - behind) / (2e-5 * s), rel=1e-8)
-    assert element.dynamic_stiffness(s, spring=2.0) - element.dynamic_stiffness(s) == pytest.approx(20e3)
-
-
-def test_a_bushing_is_in_series_with_the_damper():
-    rigid = Element("front_left", "suspension", np.ones(1), 0.0, 1500.0)
-    soft = Element("front_left", "suspension", np.ones(1), 0.0, 1500.0, series_stiffness=60e3)
-    s = np.array([1j, 40j])
-    compliance = 1 / rigid.dynamic_stiffness(s) + 1 / 60e3
-    assert soft.dynamic_stiffness(s) == pytest.approx(1 / compliance, rel=1e-12)
-    assert soft.dynamic_stiffness(1e9j) == pytest.approx(60e3, rel=1e-3)
