@@ -10,7 +10,7 @@ from sprung.diagnosis.baseline import units_of
 from sprung.errors import ParameterError
 
 
-def test_a_file_that_explains_its_windows_badly_is_remarked_on(healthy, baseline):
+def test_a_file_that_explains_its_windows_badly_is_remarked_on(healthy, baseline) -> None:
     bad = [replace(one, conditions={**one.conditions, "model_error": 0.51}) for one in healthy(12)]
     taught = learn(bad)
     (note,) = taught.notes
@@ -19,7 +19,7 @@ def test_a_file_that_explains_its_windows_badly_is_remarked_on(healthy, baseline
     assert baseline.notes == ()
 
 
-def test_a_window_that_the_vehicle_file_explains_badly_is_not_compared_with_it(healthy):
+def test_a_window_that_the_vehicle_file_explains_badly_is_not_compared_with_it(healthy) -> None:
     (one,) = healthy(1)
     nominal = nominal_baseline(one.components, vehicle="car")
     bad = replace(one, conditions={"model_error": 0.2})

@@ -33,7 +33,7 @@ def fed(detector, observations):
     return detector
 
 
-def test_updates_give_the_evidence_of_every_beginning(baseline, softening):
+def test_updates_give_the_evidence_of_every_beginning(baseline, softening) -> None:
     """The evidence after each window is that of the windows until then alone."""
     detector = ChangeDetector(baseline)
     for count, observation in enumerate(softening, start=1):
@@ -49,14 +49,14 @@ def test_updates_give_the_evidence_of_every_beginning(baseline, softening):
     assert detector.threshold == pytest.approx(np.log(48 / 1e-3))
 
 
-def test_without_a_window_to_compare_there_is_no_evidence(baseline, softening):
+def test_without_a_window_to_compare_there_is_no_evidence(baseline, softening) -> None:
     detector = fed(ChangeDetector(baseline), [softening[2], softening[6]])
     assert (detector.detection, detector.candidates, detector.is_alert) == (None, (), False)
     assert len(detector.observations) == 2
 
 
 @pytest.mark.parametrize("n_windows", [None, 4])
-def test_it_goes_on_from_its_windows_and_evidence(baseline, softening, n_windows):
+def test_it_goes_on_from_its_windows_and_evidence(baseline, softening, n_windows) -> None:
     through = ChangeDetector(baseline, n_windows=n_windows)
     stopped = ChangeDetector(baseline, n_windows=n_windows)
     for observation in softening:
@@ -69,7 +69,7 @@ def test_it_goes_on_from_its_windows_and_evidence(baseline, softening, n_windows
     assert without_evidence.evidence[-1] == through.evidence[-1]
 
 
-def test_windows_that_are_forgotten_leave_the_evidence_of_the_rest(baseline, softening):
+def test_windows_that_are_forgotten_leave_the_evidence_of_the_rest(baseline, softening) -> None:
     """The last evidence is that of the windows looked back on; earlier ones stay as they were."""
     detector = ChangeDetector(baseline, n_windows=5)
     seen = {}
@@ -87,7 +87,7 @@ def test_windows_that_are_forgotten_leave_the_evidence_of_the_rest(baseline, sof
     assert detector.evidence[-1] == alone.evidence[-1]
 
 
-def test_an_update_looks_at_the_new_window_only(baseline, softening, monkeypatch):
+def test_an_update_looks_at_the_new_window_only(baseline, softening, monkeypatch) -> None:
     """Residuals and covariances of earlier windows are not computed again."""
     detector = fed(ChangeDetector(baseline), softening[:-1])
     seen, compute = [], Baseline.residual
@@ -102,14 +102,14 @@ def test_an_update_looks_at_the_new_window_only(baseline, softening, monkeypatch
     assert seen == [softening[-1]]
 
 
-def test_impossible_settings_are_refused(baseline):
+def test_impossible_settings_are_refused(baseline) -> None:
     for settings in ({"false_alarms": 0.0}, {"windows_per_day": 0.0}, {"n_windows": 0}):
         with pytest.raises(ParameterError, match=next(iter(settings))):
             ChangeDetector(baseline, **settings)
 
 
 @pytest.mark.slow
-def test_false_alarms_stay_below_the_stated_rate(healthy):
+def test_false_alarms_stay_below_the_stated_rate(healthy) -> None:
     """200 vehicles with 48 windows each, at one false alarm in ten vehicle-days: 20 expected at most."""
     alarms = 0
     for seed in range(200):
@@ -120,7 +120,7 @@ def test_false_alarms_stay_below_the_stated_rate(healthy):
     assert alarms <= 28  # 20 and 1.7 standard deviations
 
 
-def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms(window, drawn):
+def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms(window, drawn) -> None:
     """Whatever the fit says of itself: the scatter follows from six windows of learning and from those tested."""
     alarms = 0
     for seed in range(100):
@@ -135,7 +135,7 @@ def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms(
     assert alarms <= 10  # 5 and two standard deviations
 
 
-def test_e_values_have_the_mean_one_at_most_without_a_change(healthy):
+def test_e_values_have_the_mean_one_at_most_without_a_change(healthy) -> None:
     values = []
     for seed in range(150):
         every = healthy(18, seed=seed + 9000)
@@ -146,7 +146,7 @@ def test_e_values_have_the_mean_one_at_most_without_a_change(healthy):
     assert false_discoveries(np.log(values)) == []
 
 
-def test_intervals_cover_the_size(faulty, baseline):
+def test_intervals_cover_the_size(faulty, baseline) -> None:
     inside = 0
     for seed in range(100):
         (finding,) = diagnose(faulty(seed + 50, {"front_left.spring": -0.15}), baseline).findings
@@ -155,7 +155,7 @@ def test_intervals_cover_the_size(faulty, baseline):
     assert inside >= 88
 
 
-def test_sizes_are_not_drawn_towards_nothing(faulty, baseline):
+def test_sizes_are_not_drawn_towards_nothing(faulty, baseline) -> None:
     """However large, and from one window: the prior of sizes weighs evidence, and no more."""
     errors = []
     for seed in range(40):
@@ -165,7 +165,7 @@ def test_sizes_are_not_drawn_towards_nothing(faulty, baseline):
     assert abs(np.mean(errors)) < 0.02
 
 
-def test_false_discoveries_of_a_fleet():
+def test_false_discoveries_of_a_fleet() -> None:
     assert false_discoveries([0.0, 12.0, -1.0, 9.0], rate=0.05) == [1, 3]
     assert false_discoveries([0.0, 1.0, -1.0], rate=0.05) == []
     with pytest.raises(ParameterError, match="rate"):

@@ -8,7 +8,7 @@ from sprung.diagnosis import Diagnosis, Finding, diagnose
 from sprung.diagnosis.findings import time_in_words
 
 
-def test_sentences_of_intervals_and_axles(faulty, baseline):
+def test_sentences_of_intervals_and_axles(faulty, baseline) -> None:
     (finding,) = diagnose(faulty(5, {"rear_left.damper": -0.2, "rear_right.damper": -0.2}), baseline).findings
     assert finding.sentence.startswith("both rear dampers ")
     doubtful = replace(finding, change=-0.01, interval=(-0.03, 0.01))

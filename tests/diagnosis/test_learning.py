@@ -9,7 +9,7 @@ from sprung.diagnosis import SensorFault, learn
 from sprung.errors import DataError, ParameterError
 
 
-def test_suspect_windows_are_not_learnt_from(window, healthy, silent):
+def test_suspect_windows_are_not_learnt_from(window, healthy, silent) -> None:
     good = healthy(10)
     generator = np.random.default_rng(9)
     bad = [window(generator, 0.0, {"front_left.spring": -0.4}), window(generator, 0.0, {"rear_left.tyre": 0.5})]
@@ -19,7 +19,7 @@ def test_suspect_windows_are_not_learnt_from(window, healthy, silent):
     assert np.abs(found.mean[0]) < 0.1
 
 
-def test_too_few_windows_are_refused_with_the_reason(healthy, silent):
+def test_too_few_windows_are_refused_with_the_reason(healthy, silent) -> None:
     too_short = silent("12 segments are too few")
     with pytest.raises(
         DataError, match=r"3 of 5 windows can be learnt from, .* 6 are needed: .*\(12 segments are too few\)"

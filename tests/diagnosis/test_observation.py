@@ -42,7 +42,7 @@ def observations(car, run):
     return observe([run, later], car, length=120.0)
 
 
-def test_windows_of_recordings_in_the_order_of_time(car, run, observations):
+def test_windows_of_recordings_in_the_order_of_time(car, run, observations) -> None:
     assert [one.time for one in observations] == [0.0, 120.0, 240.0, 360.0, 480.0, 3600.0]
     assert {one.vehicle for one in observations} == {"zafira"}
     assert all(one.is_conclusive for one in observations)
@@ -50,13 +50,13 @@ def test_windows_of_recordings_in_the_order_of_time(car, run, observations):
     np.testing.assert_allclose(alone.log_ratios, observations[0].log_ratios, rtol=1e-9, atol=1e-12)
 
 
-def test_conditions_of_a_conclusive_window(observations):
+def test_conditions_of_a_conclusive_window(observations) -> None:
     conditions = observations[0].conditions
     assert {"roughness", "payload", "speed", "standing", "model_error", "segments"} <= conditions.keys()
     assert conditions["roughness"] == pytest.approx(256e-6, rel=0.15)  # G(n0) of class C, ISO 8608, geometric mean
 
 
-def test_sensors_are_placed_once(car, run, monkeypatch):
+def test_sensors_are_placed_once(car, run, monkeypatch) -> None:
     calls, place = [], window.with_layout
 
     def counted(recording, sensors):
@@ -68,7 +68,7 @@ def test_sensors_are_placed_once(car, run, monkeypatch):
     assert len(calls) == 1
 
 
-def test_the_residual_test_needs_no_samples(car, run, observations):
+def test_the_residual_test_needs_no_samples(car, run, observations) -> None:
     """Learnt from and compared with what observations carry: as from the recordings themselves."""
     parts = [run.part(k, k + run.n_samples // 5) for k in range(0, run.n_samples, run.n_samples // 5)]
     outputs = [part.select(part.names[:4]) for part in parts]
@@ -85,7 +85,7 @@ def test_the_residual_test_needs_no_samples(car, run, observations):
     assert tests[3600.0].p_value == pytest.approx(single.p_value, rel=1e-6)
 
 
-def test_an_observation_without_segments_is_small(observations):
+def test_an_observation_without_segments_is_small(observations) -> None:
     """Four outputs at 11 lags: 1.4 kB."""
     residuals = observations[0].residuals
     assert residuals.mean.nbytes == 4 * 4 * 11 * 8
@@ -98,13 +98,13 @@ def test_an_observation_without_segments_is_small(observations):
         learn_reference(without)
 
 
-def test_a_window_with_a_failing_sensor_has_no_residual_test(car, run):
+def test_a_window_with_a_failing_sensor_has_no_residual_test(car, run) -> None:
     broken = observe_window(dead(run.part(0, 24_000), channel="acc_rl"), car)
     assert broken.sensor_faults
     assert broken.residuals is None
 
 
-def test_a_second_opinion_that_disagrees_is_said(observations):
+def test_a_second_opinion_that_disagrees_is_said(observations) -> None:
     baseline = learn(observations[:5], n_windows=5)
     agreed = diagnose(observations, baseline)
     (note,) = [note for note in agreed.notes if note.startswith("second opinion")]
@@ -117,7 +117,7 @@ def test_a_second_opinion_that_disagrees_is_said(observations):
     assert any("it disagrees" in note for note in tests.notes)
 
 
-def test_windows_follow_each_other_and_keep_the_rest():
+def test_windows_follow_each_other_and_keep_the_rest() -> None:
     samples = np.arange(1300.0)[None, :]
     run = Recording(samples, 1.0, (Channel("a", "acceleration"),))
     parts = list(windows([run, run], length=600.0))
@@ -127,7 +127,7 @@ def test_windows_follow_each_other_and_keep_the_rest():
     assert [time for time, _ in windows([dated, replace(dated, start=10**18 + 10**13)], length=2000.0)] == [0.0, 10**4]
 
 
-def test_conditions_of_an_inconclusive_window(car):
+def test_conditions_of_an_inconclusive_window(car) -> None:
     yaw = car.sensor[0].model_copy(
         update={"channel": "yaw_rate", "quantity": "angular_velocity", "unit": "deg/s", "direction": (0.0, 0.0, -1.0)}
     )

@@ -8,7 +8,7 @@ import pytest
 from sprung.diagnosis import Candidate, Hypothesis, diagnose, trend
 
 
-def test_growing_change_has_a_trend_and_a_forecast(window, faulty, baseline):
+def test_growing_change_has_a_trend_and_a_forecast(window, faulty, baseline) -> None:
     generator = np.random.default_rng(4)
     growing = [window(generator, 600.0 * k, {"front_left.spring": -0.01 * k}) for k in range(16)]
     (finding,) = diagnose(growing, baseline).findings
@@ -22,7 +22,7 @@ def test_growing_change_has_a_trend_and_a_forecast(window, faulty, baseline):
     assert steady.trend is None or steady.trend.hours_to_limit is None
 
 
-def test_a_limit_that_is_passed_is_due_now(window, baseline):
+def test_a_limit_that_is_passed_is_due_now(window, baseline) -> None:
     generator = np.random.default_rng(4)
     growing = [window(generator, 600.0 * k, {"front_left.spring": -0.03 * k}) for k in range(16)]
     (finding,) = diagnose(growing, baseline).findings

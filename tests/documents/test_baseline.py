@@ -15,13 +15,13 @@ from sprung.documents.baseline import BY_CONDITION, BaselineDocument
 from sprung.errors import FormatError
 
 
-def test_a_baseline_is_read_as_it_was_written(baseline, check_document, tmp_path, same):
+def test_a_baseline_is_read_as_it_was_written(baseline, check_document, tmp_path, same) -> None:
     sprung.write_baseline(baseline, tmp_path / "baseline.json")
     assert same(sprung.read_baseline(tmp_path / "baseline.json"), baseline)
     check_document(json.loads((tmp_path / "baseline.json").read_text()))
 
 
-def test_a_residual_reference_is_read_as_it_was_written(baseline, plain, same):
+def test_a_residual_reference_is_read_as_it_was_written(baseline, plain, same) -> None:
     from dataclasses import replace
 
     generator = np.random.default_rng(2)
@@ -32,7 +32,7 @@ def test_a_residual_reference_is_read_as_it_was_written(baseline, plain, same):
     assert same(baseline_from_document(plain(baseline_document(baseline))), baseline)
 
 
-def test_every_field_of_a_baseline_is_in_its_document(baseline):
+def test_every_field_of_a_baseline_is_in_its_document(baseline) -> None:
     names = {field.name for field in fields(baseline)}
     assert names - set(BY_CONDITION) == set(BaselineDocument.model_fields) - {"schema_name", "conditions"}
 
@@ -49,7 +49,7 @@ def test_every_field_of_a_baseline_is_in_its_document(baseline):
         ({"design": None}, "design"),
     ],
 )
-def test_other_documents_are_not_a_baseline(baseline, change, message):
+def test_other_documents_are_not_a_baseline(baseline, change, message) -> None:
     document = baseline_document(baseline).as_json()
     with pytest.raises(FormatError, match=message):
         baseline_from_document({**document, **change})

@@ -15,7 +15,7 @@ def fit(drive):
     return sprung.fit_corners(drive.recording, sprung.read_vehicle("zafira"))
 
 
-def test_corners_are_read_as_they_were_written(fit, plain, tmp_path):
+def test_corners_are_read_as_they_were_written(fit, plain, tmp_path) -> None:
     sprung.write_corners(fit, tmp_path / "corners.json")
     document = sprung.read_corners(tmp_path / "corners.json")
     written = plain(corners_document(fit))

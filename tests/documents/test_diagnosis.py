@@ -16,7 +16,7 @@ from sprung.documents import (
 from sprung.errors import FormatError
 
 
-def test_windows_are_read_as_they_were_written(observations, same):
+def test_windows_are_read_as_they_were_written(observations, same) -> None:
     nothing = sprung.Observation(
         5.0,
         (),
@@ -37,7 +37,7 @@ def test_windows_are_read_as_they_were_written(observations, same):
         observation_from_document({**observation_document(nothing), "time": "now"})
 
 
-def test_a_diagnosis_is_read_as_it_was_written(observations, baseline, plain, tmp_path):
+def test_a_diagnosis_is_read_as_it_was_written(observations, baseline, plain, tmp_path) -> None:
     diagnosis = sprung.diagnose(observations, baseline)
     shapes = np.array([[1.0, 0.5], [1.0, 0.4]])
     changes = [ModeChange("roll", (2.0, 1.9), (0.2, 0.21), 0.99, ("acc_fl", "acc_fr"), shapes, None, (1.9, 0.2))]
@@ -56,7 +56,7 @@ def test_a_diagnosis_is_read_as_it_was_written(observations, baseline, plain, tm
     assert document.modes[0].measured_since == (1.9, 0.2)
 
 
-def test_a_finding_keeps_its_trend(observations, baseline, plain):
+def test_a_finding_keeps_its_trend(observations, baseline, plain) -> None:
     from dataclasses import replace
 
     diagnosis = sprung.diagnose(observations, baseline)

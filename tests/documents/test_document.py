@@ -13,7 +13,7 @@ from sprung.documents.monitoring import AlertsDocument
 from sprung.errors import FormatError
 
 
-def test_what_is_not_finite_is_null():
+def test_what_is_not_finite_is_null() -> None:
     values = {"a": np.nan, "b": [np.inf, np.float64(1.5)], "c": np.array([[1.0, np.nan]]), "d": (np.int64(3), None)}
     assert json.loads(document_text(values)) == {"a": None, "b": [None, 1.5], "c": [[1.0, None]], "d": [3, None]}
     assert json.loads(document_text({"a": np.bool_(True)})) == {"a": True}

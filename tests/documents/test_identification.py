@@ -17,7 +17,7 @@ def identification():
     return sprung.coss_ssi(run, settings=sprung.IdentificationSettings(n_subsets=2, lifter=sprung.ShortPass(2.0)))
 
 
-def test_an_identification_is_read_as_it_was_written(identification, plain, tmp_path):
+def test_an_identification_is_read_as_it_was_written(identification, plain, tmp_path) -> None:
     sprung.write_identification(identification, tmp_path / "modes.json")
     document = sprung.read_identification(tmp_path / "modes.json")
     written = plain(identification_document(identification))
@@ -29,7 +29,7 @@ def test_an_identification_is_read_as_it_was_written(identification, plain, tmp_
     )
 
 
-def test_modes_of_a_document_are_those_of_the_identification(identification, tmp_path):
+def test_modes_of_a_document_are_those_of_the_identification(identification, tmp_path) -> None:
     sprung.write_identification(identification, tmp_path / "modes.json")
     modes = sprung.read_identification(tmp_path / "modes.json").as_modes()
     np.testing.assert_allclose(modes.poles, identification.modes.poles, rtol=1e-12)
@@ -38,7 +38,7 @@ def test_modes_of_a_document_are_those_of_the_identification(identification, tmp
     assert (modes.labels, modes.channels) == (identification.modes.labels, identification.modes.channels)
 
 
-def test_harmonics_have_the_unit_of_their_kind(identification, plain):
+def test_harmonics_have_the_unit_of_their_kind(identification, plain) -> None:
     from dataclasses import replace
 
     lines = (
@@ -52,7 +52,7 @@ def test_harmonics_have_the_unit_of_their_kind(identification, plain):
     assert identification_document(replace(identification, harmonics=document.harmonics)).harmonics == lines
 
 
-def test_modes_alone_are_those_of_a_subset(identification, plain):
+def test_modes_alone_are_those_of_a_subset(identification, plain) -> None:
     subset = identification.subsets[0]
     written = plain(identification_document(identification))
     assert mode_documents(subset.modes) == written["subsets"][0]["modes"]

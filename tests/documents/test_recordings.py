@@ -10,7 +10,7 @@ from sprung.documents import (
 from sprung.errors import FormatError
 
 
-def test_inspections_are_read_as_they_were_written(drive, plain, tmp_path):
+def test_inspections_are_read_as_they_were_written(drive, plain, tmp_path) -> None:
     facts = {"run.csv": sprung.inspect(drive.recording)}
     sprung.write_inspections(facts, tmp_path / "info.json")
     assert sprung.read_inspections(tmp_path / "info.json") == facts
@@ -19,7 +19,7 @@ def test_inspections_are_read_as_they_were_written(drive, plain, tmp_path):
     assert file["channels"][0]["is_dead"] is False
 
 
-def test_the_truth_is_read_as_it_was_written(drive, plain, tmp_path):
+def test_the_truth_is_read_as_it_was_written(drive, plain, tmp_path) -> None:
     sprung.write_truth({**drive.truth, "kind": "road"}, tmp_path / "truth.json")
     document = sprung.read_truth(tmp_path / "truth.json")
     assert plain(document) == {**drive.truth, "kind": "road"}

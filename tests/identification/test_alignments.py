@@ -33,18 +33,18 @@ def modes_of(*rows, std=0.01, channels=("a", "b")):
     )
 
 
-def test_poles_of_one_mode_are_one_group_numbered_by_frequency():
+def test_poles_of_one_mode_are_one_group_numbered_by_frequency() -> None:
     poles = pole(np.array([9.0, 3.0, 3.005, 9.02, 5.0]), np.full(5, 0.02))
     assert align(poles, np.ones((5, 2), dtype=complex)).tolist() == [2, 0, 0, 2, 1]
 
 
-def test_close_frequencies_of_different_shape_are_different_modes():
+def test_close_frequencies_of_different_shape_are_different_modes() -> None:
     poles = pole(np.array([3.0, 3.001, 3.0, 3.001]), np.full(4, 0.02))
     groups = align(poles, np.array([[1, 1], [1, -1], [1, 1.02], [1, -1.02]], dtype=complex))
     assert groups[0] == groups[2] != groups[1] == groups[3]
 
 
-def test_the_width_of_a_group_is_its_bandwidth():
+def test_the_width_of_a_group_is_its_bandwidth() -> None:
     """0.01 f + 0.5 xi f: 3 Hz at 20 % damping is 0.33 Hz wide, at 1 % it is 0.045 Hz wide."""
     shapes = np.ones((2, 2), dtype=complex)
     for damping, width in ((0.2, 0.33), (0.01, 0.045)):
@@ -54,7 +54,7 @@ def test_the_width_of_a_group_is_its_bandwidth():
         assert align(far, shapes).tolist() == [0, 1]
 
 
-def test_free_damping_groups_by_frequency_and_shape_only():
+def test_free_damping_groups_by_frequency_and_shape_only() -> None:
     """Three subsets of one mode: 2.0, 1.1 and 0.6 %."""
     poles = pole(np.array([3.0, 3.0, 3.0]), np.array([0.1, 0.05, 0.02]))
     shapes = np.ones((3, 2), dtype=complex)
@@ -63,13 +63,13 @@ def test_free_damping_groups_by_frequency_and_shape_only():
 
 
 @pytest.mark.parametrize("n", [0, 1])
-def test_few_poles_align_with_themselves(n):
+def test_few_poles_align_with_themselves(n) -> None:
     assert align(pole(np.full(n, 3.0)), np.ones((n, 2), dtype=complex)).tolist() == [0] * n
 
 
 @settings(max_examples=30, deadline=None)
 @given(order=st.permutations(range(12)), phase=st.floats(0, 6.3), size=st.floats(1e-3, 1e3))
-def test_groups_do_not_depend_on_order_or_scale_of_shapes(order, phase, size):
+def test_groups_do_not_depend_on_order_or_scale_of_shapes(order, phase, size) -> None:
     generator = np.random.default_rng(0)
     poles = pole(np.repeat([3.0, 5.0, 9.0], 4) * generator.normal(1, 0.002, 12), np.full(12, 0.03))
     shapes = np.repeat(np.array([[1, 1], [1, -1], [1, 0]], dtype=complex), 4, axis=0)
@@ -92,14 +92,14 @@ def measured():
     return modes_of(*rows, channels=exact.channels, std=1e-3), correlations
 
 
-def test_modes_that_contribute_no_more_than_chance_are_not_significant(measured):
+def test_modes_that_contribute_no_more_than_chance_are_not_significant(measured) -> None:
     modes, correlations = measured
     assert significant(modes, correlations, least=4.0).tolist() == [True] * 3 + [False] * 3
     assert significant(modes, correlations, least=0.0).all()
     assert not significant(modes, correlations, least=1e9).any()
 
 
-def test_an_uncertain_mode_counts_less(measured):
+def test_an_uncertain_mode_counts_less(measured) -> None:
     """The contribution is divided by (deviation / half-bandwidth) / 0.2."""
     modes, correlations = measured
     true = modes.take(np.arange(3))
@@ -112,7 +112,7 @@ def test_an_uncertain_mode_counts_less(measured):
         assert found.tolist() == [is_kept, True, True]
 
 
-def test_the_bound_is_higher_with_few_blocks(measured):
+def test_the_bound_is_higher_with_few_blocks(measured) -> None:
     """Fisher's distribution with 12 and 1 degrees of freedom exceeds 6,000 once in a hundred times."""
     modes, correlations = measured
     halves = np.stack([correlations.blocks[:15].mean(axis=0), correlations.blocks[15:].mean(axis=0)])
@@ -120,6 +120,6 @@ def test_the_bound_is_higher_with_few_blocks(measured):
     assert not significant(modes, few, least=4.0).any()
 
 
-def test_no_modes_are_judged_without_complaint(measured):
+def test_no_modes_are_judged_without_complaint(measured) -> None:
     modes, correlations = measured
     assert significant(modes.take(np.zeros(0, dtype=int)), correlations, least=4.0).shape == (0,)

@@ -15,7 +15,7 @@ from sprung.simulation import simulate, usual_excitation
 BLOCK_ROWS = 20
 
 
-def test_contributions_are_large_for_true_modes_and_about_1_for_poles_that_are_not_there(vehicle, measured):
+def test_contributions_are_large_for_true_modes_and_about_1_for_poles_that_are_not_there(vehicle, measured) -> None:
     exact, generator = vehicle("chain3").modes(), np.random.default_rng(0)
     ghosts = 2 * np.pi * np.array([12.0, 24.0, 40.0]) * (-0.02 + 1j)
     poles = np.concatenate([exact.poles, ghosts])
@@ -28,7 +28,7 @@ def test_contributions_are_large_for_true_modes_and_about_1_for_poles_that_are_n
     np.testing.assert_allclose(np.mean(found, axis=0)[3:], 1, atol=0.35)
 
 
-def test_what_a_sensor_has_alone_contributes_nothing(vehicle):
+def test_what_a_sensor_has_alone_contributes_nothing(vehicle) -> None:
     """A resonance in the electronics of one sensor, twice as strong as its signal, at 13 Hz."""
     exact, generator = vehicle("chain3").modes(), np.random.default_rng(0)
     own = 2 * np.pi * 13.0 * (-0.01 + 1j * np.sqrt(1 - 0.01**2))
@@ -54,7 +54,7 @@ def test_what_a_sensor_has_alone_contributes_nothing(vehicle):
     assert np.median(found, axis=0)[:3].min() > 10
 
 
-def test_auto_correlations_do_not_count_where_there_are_others(vehicle, measured):
+def test_auto_correlations_do_not_count_where_there_are_others(vehicle, measured) -> None:
     exact, correlations = vehicle("chain3").modes(), measured(1)
     own = np.eye(3)[:, :, None] * np.random.default_rng(0).normal(size=40)
     own_blocks = np.arange(len(correlations.blocks))[:, None, None, None] * own
@@ -63,7 +63,7 @@ def test_auto_correlations_do_not_count_where_there_are_others(vehicle, measured
     np.testing.assert_allclose(contributions(exact.poles, exact.mode_shapes, changed), wanted, rtol=1e-9)
 
 
-def test_a_single_channel_is_judged_by_its_auto_correlation(vehicle, measured):
+def test_a_single_channel_is_judged_by_its_auto_correlation(vehicle, measured) -> None:
     exact, correlations = vehicle("chain3").modes(), measured(1).select(["acc_3"], ["acc_3"])
     ghost = 2 * np.pi * 12.0 * (-0.02 + 1j)
     found = contributions(np.append(exact.poles, ghost), np.ones((4, 1), dtype=complex), correlations)
@@ -71,14 +71,14 @@ def test_a_single_channel_is_judged_by_its_auto_correlation(vehicle, measured):
     assert found[3] < 5
 
 
-def test_contributions_do_not_depend_on_the_scale_of_shapes_or_units(vehicle, measured):
+def test_contributions_do_not_depend_on_the_scale_of_shapes_or_units(vehicle, measured) -> None:
     exact, correlations = vehicle("chain3").modes(), measured(2)
     in_other_units = replace(correlations, values=correlations.values * 1e6, blocks=correlations.blocks * 1e6)
     wanted = contributions(exact.poles, exact.mode_shapes, correlations)
     np.testing.assert_allclose(contributions(exact.poles, 3j * exact.mode_shapes, in_other_units), wanted, rtol=1e-9)
 
 
-def test_exact_correlations_leave_no_room_for_chance(known):
+def test_exact_correlations_leave_no_room_for_chance(known) -> None:
     correlations, poles, shapes = known("chain3", 125.0)
     assert np.isinf(contributions(poles, shapes, correlations)).all()
 
@@ -87,7 +87,7 @@ def test_exact_correlations_leave_no_room_for_chance(known):
     ("name", "rate", "outputs"),
     [("chain3", 125.0, "2"), ("chain3", 125.0, "13"), ("zafira", 100.0, "14"), ("zafira", 100.0, "231")],
 )
-def test_shapes_on_some_channels_are_completed_to_all(known, name, rate, outputs):
+def test_shapes_on_some_channels_are_completed_to_all(known, name, rate, outputs) -> None:
     correlations, poles, shapes = known(name, rate)
     rows = [int(channel) - 1 for channel in outputs]
     completed = complete_shapes(poles, (2 - 1j) * shapes[:, rows], correlations, tuple(outputs))
@@ -96,7 +96,7 @@ def test_shapes_on_some_channels_are_completed_to_all(known, name, rate, outputs
     np.testing.assert_allclose(completed[:, rows], (2 - 1j) * shapes[:, rows], atol=1e-6)
 
 
-def test_completion_does_not_look_at_auto_correlations(known):
+def test_completion_does_not_look_at_auto_correlations(known) -> None:
     correlations, poles, shapes = known("chain3", 125.0)
     values = correlations.values + np.eye(3)[:, :, None] * np.cos(np.arange(correlations.n_lags))
     noisy = exact_correlations(values, sampling_rate=125.0)

@@ -26,7 +26,7 @@ def modes_of(*rows, std=0.01, channels=("a", "b")):
     )
 
 
-def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own():
+def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own() -> None:
     """Damping differs between the subsets of one mode, frequency and shape do not."""
     parts = [
         modes_of((3.0, 0.020, (1, 0.5)), (9.0, 0.05, (1, -1))),
@@ -44,7 +44,7 @@ def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own():
     assert merged.modes.stable_rate.tolist() == [0.5, 0.5]
 
 
-def test_a_mode_of_less_than_half_of_the_parts_is_left_out():
+def test_a_mode_of_less_than_half_of_the_parts_is_left_out() -> None:
     one, none = modes_of((3.0, 0.02, (1, 1))), modes_of((3.0, 0.02, (1, 1))).take(np.zeros(0, dtype=int))
     assert len(merge_modes([one, none], weights=[1, 1]).modes) == 1
     assert len(merge_modes([one, none, none], weights=[1, 1, 1]).modes) == 0
@@ -52,28 +52,28 @@ def test_a_mode_of_less_than_half_of_the_parts_is_left_out():
     assert merge_modes([none], weights=[1]).members.shape == (0, 1)
 
 
-def test_merged_modes_come_by_rising_frequency():
+def test_merged_modes_come_by_rising_frequency() -> None:
     part = modes_of((9.0, 0.02, (1, 1)), (3.0, 0.02, (1, -1)), (5.0, 0.02, (1, 0)))
     merged = merge_modes([part, part.take(np.array([2, 0, 1]))], weights=[1, 1])
     np.testing.assert_allclose(merged.modes.natural_frequency, [3.0, 5.0, 9.0])
     assert merged.members.tolist() == [[1, 2], [2, 0], [0, 1]]
 
 
-def test_close_modes_of_different_shape_do_not_merge():
+def test_close_modes_of_different_shape_do_not_merge() -> None:
     parts = [modes_of((3.0, 0.02, (1, 1)), (3.02, 0.02, (1, -1)))] * 2
     merged = merge_modes(parts, weights=[1, 1])
     assert merged.members.tolist() == [[0, 0], [1, 1]]
     np.testing.assert_allclose(np.diag(mac(merged.modes.mode_shapes, parts[0].mode_shapes)), 1)
 
 
-def test_of_two_modes_of_one_part_that_merge_the_more_stable_one_stands_for_it():
+def test_of_two_modes_of_one_part_that_merge_the_more_stable_one_stands_for_it() -> None:
     twins = replace(modes_of((3.0, 0.02, (1, 1)), (3.01, 0.03, (1, 1))), stable_rate=np.array([0.3, 0.8]))
     merged = merge_modes([twins], weights=[1])
     assert merged.members.tolist() == [[1]]
     np.testing.assert_allclose(merged.modes.poles, twins.poles[1:])
 
 
-def test_one_part_merges_to_itself():
+def test_one_part_merges_to_itself() -> None:
     part = modes_of((3.0, 0.02, (1, 1)), (9.0, 0.05, (1, -1)))
     merged = merge_modes([part], weights=[7])
     np.testing.assert_allclose(merged.modes.poles, part.poles)

@@ -48,7 +48,7 @@ def assert_same(one, other, *, deviations):
 
 
 @pytest.mark.parametrize("names", [["acc_1"], ["acc_3"], ["acc_1", "acc_3"], ["acc_2", "acc_3"]])
-def test_one_or_two_channels_are_enough(names):
+def test_one_or_two_channels_are_enough(names) -> None:
     found = cov_ssi(run().select(names))
     np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
     assert found.modes.channels == tuple(names)
@@ -56,13 +56,13 @@ def test_one_or_two_channels_are_enough(names):
     assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes[:, columns])).min() > 0.98
 
 
-def test_a_single_channel_is_noted():
+def test_a_single_channel_is_noted() -> None:
     notes = cov_ssi(run().select(["acc_1"])).notes
     assert any(note.startswith("one channel") for note in notes)
 
 
 @pytest.mark.parametrize("references", [("acc_1",), ("acc_2", "acc_3")])
-def test_references_can_be_chosen(references):
+def test_references_can_be_chosen(references) -> None:
     found = cov_ssi([run(1), run(2), run(3)], settings=IdentificationSettings(references=references))
     np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
     assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes)).min() > 0.98
@@ -70,7 +70,7 @@ def test_references_can_be_chosen(references):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_generator_is_read_once_one_record_at_a_time(method):
+def test_a_generator_is_read_once_one_record_at_a_time(method) -> None:
     records = [run(seed) for seed in range(4)]
     settings = IdentificationSettings(segment=6.0)
     alive = []
@@ -85,27 +85,27 @@ def test_a_generator_is_read_once_one_record_at_a_time(method):
     assert_same(found, METHODS[method](records, settings=settings), deviations=1e-9)
 
 
-def test_a_record_with_gaps_is_used_up_to_its_gaps():
+def test_a_record_with_gaps_is_used_up_to_its_gaps() -> None:
     record = replace(run(), gaps=(Gap(1_000, 1.0), Gap(1_010, 1.0), Gap(20_000, 3.0)))
     found = cov_ssi(record)
     np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
 
 
-def test_missing_values_are_left_out():
+def test_missing_values_are_left_out() -> None:
     samples = run().samples.copy()
     samples[1, 1_000:1_100] = np.nan
     found = cov_ssi(run().changed("lost", samples=samples))
     np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
 
 
-def test_records_of_a_higher_rate_are_brought_down():
+def test_records_of_a_higher_rate_are_brought_down() -> None:
     records = [run(), run(2, sampling_rate=1000.0)]
     found = cov_ssi(records)
     np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_poor_records_among_good_ones_are_left_out_and_noted(first):
+def test_poor_records_among_good_ones_are_left_out_and_noted(first) -> None:
     good = run()
     poor = good.changed("cut", samples=good.samples[:, :1])
     dead = good.changed("cable off", samples=np.where([[True], [False], [True]], good.samples, 0.0))
@@ -118,14 +118,14 @@ def test_poor_records_among_good_ones_are_left_out_and_noted(first):
     assert_same(found, cov_ssi([good, run(2)][first:]), deviations=0.5)
 
 
-def test_one_subset_is_the_average_of_all_segments():
+def test_one_subset_is_the_average_of_all_segments() -> None:
     """F. Liu (2020), section 4.2: J = 1 is ACS-Cov-SSI."""
     records = [run(seed) for seed in range(3)]
     settings = IdentificationSettings(n_subsets=1, segment=10.0)
     assert_same(coss_ssi(records, settings=settings), acs_ssi(records, settings=settings), deviations=1e-9)
 
 
-def test_the_ladder_of_the_thesis_averages_with_bias():
+def test_the_ladder_of_the_thesis_averages_with_bias() -> None:
     """The average of one segment of N samples is (N - m) / N times the one without bias at lag m."""
     settings = as_in_thesis(IdentificationSettings(segment=60.0), rows=(12, 14))
     summary = summarise("acs", run(), settings=settings)
@@ -136,7 +136,7 @@ def test_the_ladder_of_the_thesis_averages_with_bias():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_progress_rises_from_nothing_to_everything(method):
+def test_progress_rises_from_nothing_to_everything(method) -> None:
     calls = []
     METHODS[method]([run(1), run(2), run(3)], on_progress=lambda doing, share: calls.append((doing, share)))
     shares = [share for _, share in calls]
@@ -147,14 +147,14 @@ def test_progress_rises_from_nothing_to_everything(method):
     assert len(set(shares)) == len(shares) >= 5
 
 
-def test_nothing_given_is_changed():
+def test_nothing_given_is_changed() -> None:
     record = run()
     before = record.samples.copy()
     cov_ssi(record)
     np.testing.assert_array_equal(record.samples, before)
 
 
-def test_noise_alone_has_no_modes():
+def test_noise_alone_has_no_modes() -> None:
     noise = np.random.default_rng(0).normal(size=(3, 30_000))
     for method in METHODS.values():
         found = method(recorded(noise))
@@ -257,13 +257,13 @@ def broken(row, value):
         ),
     ],
 )
-def test_bad_input_gets_one_clear_sentence(method, record, settings, error, sentence):
+def test_bad_input_gets_one_clear_sentence(method, record, settings, error, sentence) -> None:
     with pytest.raises(error) as refusal:
         METHODS[method](record(), settings=IdentificationSettings(**settings))
     assert str(refusal.value) == sentence
 
 
-def test_records_of_one_logger_by_slightly_different_clocks_are_one_condition():
+def test_records_of_one_logger_by_slightly_different_clocks_are_one_condition() -> None:
     masses = chain()
     runs = [simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=500.0, seed=k) for k in range(2)]
     late = replace(runs[1], sampling_rate=500.0 * 1.0002)

@@ -32,7 +32,7 @@ def run_of_the_chain(**options):
 
 
 @pytest.mark.parametrize("band", [None, (3.0, 40.0)])
-def test_motion_is_decimated_without_trend_and_of_unit_rms(band):
+def test_motion_is_decimated_without_trend_and_of_unit_rms(band) -> None:
     recording = run_of_the_chain()
     recording = recording.changed("offset", samples=recording.samples * 1e3 + 7.0)
     plan = plan_preparation(recording, settings=IdentificationSettings(band=band))
@@ -49,7 +49,7 @@ def test_motion_is_decimated_without_trend_and_of_unit_rms(band):
     assert prepared.spectra.names == recording.names
 
 
-def test_motion_below_the_wanted_band_is_filtered_off():
+def test_motion_below_the_wanted_band_is_filtered_off() -> None:
     """A swaying of 0.2 Hz, a hundred times the motion, is 15 times below half the lower edge."""
     recording = run_of_the_chain()
     sway = 100 * recording.samples.std() * np.sin(2 * np.pi * 0.2 * np.arange(recording.n_samples) / 500.0)
@@ -62,7 +62,7 @@ def test_motion_below_the_wanted_band_is_filtered_off():
 
 
 @pytest.mark.parametrize("frequency", [1.5, 3.0, 6.0])
-def test_the_high_pass_halves_at_half_the_lower_edge(frequency):
+def test_the_high_pass_halves_at_half_the_lower_edge(frequency) -> None:
     """Fourth order, run both ways: 1 / (1 + (3 Hz / f)^8)."""
     tone = np.sin(2 * np.pi * frequency * np.arange(30_000) / 500.0)
     recording = Recording(np.vstack([tone, 2 * tone]), 500.0, (Channel("a"), Channel("b")))
@@ -71,7 +71,7 @@ def test_the_high_pass_halves_at_half_the_lower_edge(frequency):
     assert found.std(axis=1) == pytest.approx(1 / (1 + (3.0 / frequency) ** 8), rel=1e-3)
 
 
-def test_editing_keeps_the_spectra_before_and_after():
+def test_editing_keeps_the_spectra_before_and_after() -> None:
     recording = run_of_the_chain()
     plan = plan_preparation(recording, settings=IdentificationSettings())
     prepared = prepare(recording, plan, lifter=ShortPass(0.25))
@@ -80,7 +80,7 @@ def test_editing_keeps_the_spectra_before_and_after():
     assert not np.allclose(prepared.edited_spectra.matrix, prepared.spectra.matrix)
 
 
-def test_harmonics_are_searched_above_the_band_of_the_identification():
+def test_harmonics_are_searched_above_the_band_of_the_identification() -> None:
     """A line of 60 Hz, in a record that is decimated to 20 Hz for its modes."""
     recording = run_of_the_chain()
     line = recording.samples.std() * np.sin(2 * np.pi * 60.0 * np.arange(recording.n_samples) / 500.0)

@@ -45,7 +45,7 @@ def assert_same(one, other, *, deviations):
 
 @pytest.mark.parametrize("has_disjoint_references", [False, True])
 @pytest.mark.parametrize("method", METHODS)
-def test_every_mode_leads_back_to_its_subsets_and_their_poles(method, has_disjoint_references):
+def test_every_mode_leads_back_to_its_subsets_and_their_poles(method, has_disjoint_references) -> None:
     settings = IdentificationSettings(has_disjoint_references=has_disjoint_references)
     found = METHODS[method]([run(seed) for seed in range(4)], settings=settings)
     assert found.members.shape == (len(found.modes), len(found.subsets))
@@ -67,7 +67,7 @@ def test_every_mode_leads_back_to_its_subsets_and_their_poles(method, has_disjoi
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_modes_that_contribute_too_little_are_dropped_with_all_that_belongs_to_them(method):
+def test_modes_that_contribute_too_little_are_dropped_with_all_that_belongs_to_them(method) -> None:
     few = IdentificationSettings(criteria=StabilityCriteria(contribution=1e9))
     found = METHODS[method](run(), settings=few)
     assert len(found.modes) == 0
@@ -79,7 +79,7 @@ def test_modes_that_contribute_too_little_are_dropped_with_all_that_belongs_to_t
         assert set(statuses[behind]) <= {PoleStatus.INSIGNIFICANT, PoleStatus.SELECTED}
 
 
-def test_subsets_hold_all_segments_and_rise_in_level():
+def test_subsets_hold_all_segments_and_rise_in_level() -> None:
     found = coss_ssi([run(seed) for seed in range(6)])
     levels = [subset.level for subset in found.subsets if subset.level is not None]
     assert len(levels) == len(found.subsets)
@@ -90,13 +90,13 @@ def test_subsets_hold_all_segments_and_rise_in_level():
     assert cov_ssi(run()).subsets[0].level is None
 
 
-def test_merged_subsets_are_noted():
+def test_merged_subsets_are_noted() -> None:
     found = coss_ssi(run(), settings=IdentificationSettings(n_subsets=10))
     assert len(found.subsets) < 10
     assert sum("merged with" in note for note in found.notes) == 10 - len(found.subsets)
 
 
-def test_choices_are_noted_and_filled_in():
+def test_choices_are_noted_and_filled_in() -> None:
     found = cov_ssi(run())
     assert found.notes[0].startswith("band ")
     assert found.notes[0].endswith("Hz (where the channels move together), sampled at 125 Hz")
@@ -107,7 +107,7 @@ def test_choices_are_noted_and_filled_in():
     assert found.settings == IdentificationSettings()
 
 
-def test_the_ladder_of_the_thesis_stays_in_the_settings():
+def test_the_ladder_of_the_thesis_stays_in_the_settings() -> None:
     found = cov_ssi(run(), settings=as_in_thesis(rows=(12, 14)))
     assert found.effective_settings.ladder == found.plan.ladder == BlockRowLadder(12, 14)
     assert found.effective_settings.block_rows is None

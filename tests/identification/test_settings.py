@@ -34,7 +34,7 @@ from sprung.identification.stabilisation import THESIS_CRITERIA
         ),
     ],
 )
-def test_settings_that_cannot_be_used_are_refused(settings, sentence):
+def test_settings_that_cannot_be_used_are_refused(settings, sentence) -> None:
     with pytest.raises(ParameterError) as refusal:
         IdentificationSettings(**settings)
     assert str(refusal.value) == sentence

@@ -32,7 +32,7 @@ def perturbed(correlations, change):
         (("zafira", 100.0, "1234"), 1e-9, 5e-4),
     ],
 )
-def test_standard_deviations_equal_a_finite_difference_of_the_poles(known, case, step, tolerance, form):
+def test_standard_deviations_equal_a_finite_difference_of_the_poles(known, case, step, tolerance, form) -> None:
     """Two blocks that differ from the average by +-dLambda have the standard error abs(d pole).
 
     The weakest of the car's 14 states hangs on a singular value of 1e-4 of the largest: rounding, not the formula,
@@ -61,7 +61,7 @@ def test_standard_deviations_equal_a_finite_difference_of_the_poles(known, case,
 
 @pytest.mark.parametrize("snr", [10.0, 0.5])
 @pytest.mark.parametrize("is_weighted", [True, False])
-def test_standard_deviations_are_those_of_repeated_runs(vehicle, measured, snr, is_weighted):
+def test_standard_deviations_are_those_of_repeated_runs(vehicle, measured, snr, is_weighted) -> None:
     """Monte Carlo of 100 runs of 60 s; the spread of 100 values is itself known to 7 %."""
     exact = vehicle("chain3").modes()
     runs = []
@@ -79,7 +79,7 @@ def test_standard_deviations_are_those_of_repeated_runs(vehicle, measured, snr, 
     assert np.all(covered >= 0.88), covered
 
 
-def test_ten_times_the_length_has_a_third_of_the_deviation(measured):
+def test_ten_times_the_length_has_a_third_of_the_deviation(measured) -> None:
     short, long = (
         poles_of_orders(realise(measured(1, duration=duration), block_rows=BLOCK_ROWS, max_order=6), [6])
         for duration in (60.0, 600.0)

@@ -30,7 +30,7 @@ def blocks_of(group, model, parameters):
     return blocks
 
 
-def test_names_starts_and_priors_agree(case):
+def test_names_starts_and_priors_agree(case) -> None:
     group, model = case
     for block, own in blocks_of(group, model, model.start):
         assert block.start.shape == block.prior_std.shape == block.is_log_power.shape == (len(block.names),)
@@ -40,14 +40,14 @@ def test_names_starts_and_priors_agree(case):
     assert len(set(model.names)) == len(model.names) == model.start.size
 
 
-def test_rows_of_the_groups_are_all_parameters_once(case):
+def test_rows_of_the_groups_are_all_parameters_once(case) -> None:
     _, model = case
     groups = {block.group for block in model.blocks}
     assert sorted(row for group in groups for row in model.rows(group)) == list(range(model.start.size))
     assert model.rows("no such group").size == 0
 
 
-def test_values_are_physical(whole_model):
+def test_values_are_physical(whole_model) -> None:
     model = whole_model("zafira", "road")
     parameters = model.start.copy()
     parameters[model.rows("components")[0]] = np.log(0.8)
@@ -61,7 +61,7 @@ def test_values_are_physical(whole_model):
     assert (values["waviness"], values["delay"], values["class_0"]) == (2.0, 1.0, 1.0)
 
 
-def test_gradient_of_a_block_is_the_finite_difference(case, somewhere, with_data, misfit, gradients_of):
+def test_gradient_of_a_block_is_the_finite_difference(case, somewhere, with_data, misfit, gradients_of) -> None:
     group, model = case
     parameters = somewhere(model, size=0.05)
     model = with_data(model, somewhere(model, seed=1, size=0.05))
@@ -76,7 +76,7 @@ def test_gradient_of_a_block_is_the_finite_difference(case, somewhere, with_data
         assert value == pytest.approx(difference, rel=1e-5, abs=1e-6 * scale), model.names[row]
 
 
-def test_derivatives_of_a_block_are_finite_differences(case, somewhere):
+def test_derivatives_of_a_block_are_finite_differences(case, somewhere) -> None:
     group, model = case
     parameters = somewhere(model, size=0.05)
     response = transfer(model.terms(parameters))
@@ -90,14 +90,14 @@ def test_derivatives_of_a_block_are_finite_differences(case, somewhere):
         assert np.abs(derivative - difference).max() < bound, model.names[row]
 
 
-def test_parameters_that_are_log_powers_scale_the_spectra_together(case, somewhere):
+def test_parameters_that_are_log_powers_scale_the_spectra_together(case, somewhere) -> None:
     _, model = case
     parameters = somewhere(model)
     scales = np.concatenate([block.is_log_power for block in model.blocks])
     assert model.matrix(parameters + np.log(3) * scales) == pytest.approx(3 * model.matrix(parameters), rel=1e-9)
 
 
-def test_a_fitted_structure_moves_as_its_terms_do(case, somewhere):
+def test_a_fitted_structure_moves_as_its_terms_do(case, somewhere) -> None:
     """The transfer of the terms, and that of a structure with the same components and masses."""
     _, model = case
     parameters = somewhere(model, size=0.05)

@@ -16,7 +16,7 @@ def on_a_road(whole_model, somewhere, with_data):
     return with_data(model, somewhere(model, seed=1)), model.terms(somewhere(model))
 
 
-def test_transfer_is_the_frequency_response(car, road_model):
+def test_transfer_is_the_frequency_response(car, road_model) -> None:
     """H of the model times the reduction's inverse: what `frequency_response` of the state space gives."""
     model = road_model(car)
     H = transfer(model.terms(model.start)).matrix
@@ -27,7 +27,7 @@ def test_transfer_is_the_frequency_response(car, road_model):
 @pytest.mark.parametrize(
     "term", ["stiffness", "mass", "forces", "motion", "feedthrough", "channel_response", "inputs", "noise"]
 )
-def test_gradient_of_a_term_is_the_finite_difference(term, on_a_road, misfit, gradients_of):
+def test_gradient_of_a_term_is_the_finite_difference(term, on_a_road, misfit, gradients_of) -> None:
     """d objective = Re sum(g dT) for a change of a term, Hermitian or symmetric where the term is."""
     model, terms = on_a_road
     value, generator = getattr(terms, term), np.random.default_rng(3)
@@ -45,7 +45,7 @@ def test_gradient_of_a_term_is_the_finite_difference(term, on_a_road, misfit, gr
 
 
 @pytest.mark.parametrize("term", ["mass", "forces", "motion", "feedthrough"])
-def test_change_by_a_term_is_the_finite_difference(term, on_a_road):
+def test_change_by_a_term_is_the_finite_difference(term, on_a_road) -> None:
     _, terms = on_a_road
     value = getattr(terms, term)
     change = np.random.default_rng(3).standard_normal(value.shape)
@@ -66,7 +66,7 @@ def with_measured_input(terms, *, density=0.3):
     return replace(terms, measured_inputs=measured, **more)
 
 
-def test_a_measured_input_that_a_channel_reads_adds_its_spectrum(on_a_road):
+def test_a_measured_input_that_a_channel_reads_adds_its_spectrum(on_a_road) -> None:
     _, terms = on_a_road
     feedthrough = np.zeros((4, 5))
     feedthrough[2, 4] = 0.5  # half of the input is read by the third channel
@@ -77,7 +77,7 @@ def test_a_measured_input_that_a_channel_reads_adds_its_spectrum(on_a_road):
 
 
 @pytest.mark.parametrize("term", ["forces", "feedthrough"])
-def test_gradient_of_what_a_measured_input_does_is_the_finite_difference(term, on_a_road, misfit, gradients_of):
+def test_gradient_of_what_a_measured_input_does_is_the_finite_difference(term, on_a_road, misfit, gradients_of) -> None:
     model, terms = on_a_road
     terms = with_measured_input(terms)
     change = np.zeros(getattr(terms, term).shape)

@@ -35,6 +35,6 @@ def test_sensors_are_free_where_the_settings_say_so(classes) -> None:
     ("settings", "message"),
     [({"band": (5.0, 2.0)}, "must rise"), ({"prior_std": 0.0}, "above 0"), ({"segment": -1.0}, "above 0")],
 )
-def test_impossible_settings_are_refused(settings, message):
+def test_impossible_settings_are_refused(settings, message) -> None:
     with pytest.raises(ParameterError, match=message):
         CornerSettings(**settings)

@@ -10,7 +10,7 @@ from sprung.vehicles import (
 )
 
 
-def test_corner_names():
+def test_corner_names() -> None:
     assert corner_names(2) == ("front_left", "front_right", "rear_left", "rear_right")
     assert corner_names(4)[2:6] == ("axle2_left", "axle2_right", "axle3_left", "axle3_right")
     with pytest.raises(ParameterError, match="n_axles=1 must be at least 2"):
@@ -42,7 +42,7 @@ def test_corner_names():
         ),
     ],
 )
-def test_what_no_vehicle_can_be_is_refused(change, message):
+def test_what_no_vehicle_can_be_is_refused(change, message) -> None:
     fields = read_vehicle("zafira").model_dump(exclude_defaults=True)
     with pytest.raises(ParameterError, match=message):
         parse_vehicle({**fields, "kind": "road", **change})
@@ -58,7 +58,7 @@ def test_what_no_vehicle_can_be_is_refused(change, message):
         ({"damper_bushing_stiffness": 0.0}, r"\[\[axle\]\] 1, damper_bushing_stiffness=0.0 must be above 0"),
     ],
 )
-def test_half_a_description_of_an_axle_is_refused(change, message):
+def test_half_a_description_of_an_axle_is_refused(change, message) -> None:
     fields = read_vehicle("zafira").model_dump(exclude_defaults=True)
     front, rear = fields["axle"]
     with pytest.raises(ParameterError, match=message):

@@ -49,7 +49,7 @@ def parsed(**changes) -> Vehicle:
     return vehicle
 
 
-def test_chain_has_the_published_modes():
+def test_chain_has_the_published_modes() -> None:
     """Table 4-1 of the thesis, to the digits printed."""
     modes = structure(read_description("chain3")).modes()
     assert modes.natural_frequency.round(2).tolist() == [7.01, 19.65, 28.39]
@@ -57,7 +57,7 @@ def test_chain_has_the_published_modes():
     assert modes.labels == (None, None, None)
 
 
-def test_chain_function_is_the_shipped_chain():
+def test_chain_function_is_the_shipped_chain() -> None:
     shipped, built = structure(read_description("chain3")), chain()
     assert built.coordinates == shipped.coordinates == ("mass_1", "mass_2", "mass_3")
     assert built.outputs.channels == shipped.outputs.channels
@@ -65,7 +65,7 @@ def test_chain_function_is_the_shipped_chain():
         np.testing.assert_array_equal(getattr(built.system, name), getattr(shipped.system, name))
 
 
-def test_quarter_has_the_published_modes():
+def test_quarter_has_the_published_modes() -> None:
     """Section 5.3.1 of the thesis, to the digits printed."""
     modes = structure(read_description("quarter")).modes()
     assert modes.natural_frequency.round(2).tolist() == [13.21, 56.35]
@@ -81,7 +81,7 @@ def test_quarter_has_the_published_modes():
         ("zafira-printed", (1.12, 1.33, 1.64), (20.9, 26.5, 31.5), 0.0025),  # of the printed parameters
     ],
 )
-def test_body_modes_of_the_shipped_vehicles(name, frequencies, damping, tolerance):
+def test_body_modes_of_the_shipped_vehicles(name, frequencies, damping, tolerance) -> None:
     modes = structure(read_description(name)).modes()
     assert modes.labels[:3] == ("bounce", "pitch", "roll")
     assert modes.natural_frequency[:3] == pytest.approx(frequencies, rel=tolerance)
@@ -89,7 +89,7 @@ def test_body_modes_of_the_shipped_vehicles(name, frequencies, damping, toleranc
     assert modes.labels[3:] == ("wheel_hop",) * 4
 
 
-def test_wheels_moving_crosswise_do_not_move_a_symmetric_body():
+def test_wheels_moving_crosswise_do_not_move_a_symmetric_body() -> None:
     """The fourth wheel hop mode of the bogie is seen by sensors on the wheels only."""
     bogie = read_vehicle("scale-bogie")
     assert sorted(np.abs(structure(bogie).modes().mode_shapes[3:]).max(axis=1).round(9).tolist()) == [0, 1, 1, 1]
@@ -99,14 +99,14 @@ def test_wheels_moving_crosswise_do_not_move_a_symmetric_body():
     assert [1, -1, -1, 1] in (np.sign(shapes) * np.sign(shapes[:, :1])).tolist()
 
 
-def test_shapes_on_the_corners_follow_the_axes():
+def test_shapes_on_the_corners_follow_the_axes() -> None:
     """Bounce: all alike. Pitch: front against rear. Roll: left against right. Order FL, FR, RL, RR."""
     shapes = structure(read_vehicle("scale-bogie")).modes().mode_shapes.real
     signs = np.sign(shapes[:3] * np.sign(shapes[:3, :1]))
     assert signs.tolist() == [[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, 1, -1]]
 
 
-def test_stiffness_is_the_energy_of_springs_in_the_given_places():
+def test_stiffness_is_the_energy_of_springs_in_the_given_places() -> None:
     """q^T K q / 2 against the sum of k e^2 / 2 with elongations written out for the two-axle car."""
     vehicle = read_vehicle("zafira")
     system = structure(vehicle).system
@@ -125,7 +125,7 @@ def test_stiffness_is_the_energy_of_springs_in_the_given_places():
 
 
 @pytest.mark.parametrize("name", ["chain3", "quarter", "zafira", "scale-bogie"])
-def test_matrices_are_symmetric_and_definite(name):
+def test_matrices_are_symmetric_and_definite(name) -> None:
     system = structure(read_description(name)).system
     np.testing.assert_array_equal(system.stiffness, system.stiffness.T)
     np.testing.assert_array_equal(system.damping, system.damping.T)
@@ -133,14 +133,14 @@ def test_matrices_are_symmetric_and_definite(name):
     assert np.linalg.eigvalsh(system.damping).min() > -1e-9 * system.damping.max()
 
 
-def test_body_follows_a_lifted_road():
+def test_body_follows_a_lifted_road() -> None:
     """All wheels lifted by 1 at rest lift body and wheels by 1, without pitch or roll."""
     system = structure(read_vehicle("zafira")).system
     lifted = np.linalg.solve(system.stiffness, system.input_matrix @ np.ones(4))
     assert lifted == pytest.approx([1, 0, 0, 1, 1, 1, 1], abs=1e-12)
 
 
-def test_wheel_hop_frequencies():
+def test_wheel_hop_frequencies() -> None:
     found = wheel_hop_frequencies(read_vehicle("zafira"))
     assert found == pytest.approx(np.sqrt([235079.0 / 40.5, 227195.0 / 40.5]) / (2 * np.pi))
     undamped = parsed(axle=[{**axle, "damping": 0.0} for axle in car()["axle"]])
@@ -148,7 +148,7 @@ def test_wheel_hop_frequencies():
     assert exact == pytest.approx(np.repeat(wheel_hop_frequencies(undamped)[0], 4), rel=0.01)
 
 
-def test_wheels_of_infinite_stiffness_leave_three_closed_form_modes():
+def test_wheels_of_infinite_stiffness_leave_three_closed_form_modes() -> None:
     """Without wheels: bounce sqrt(sum k/m), pitch sqrt(sum k x^2/I), roll sqrt(sum k y^2/I)."""
     axle = {"half_track": 0.15, "spring_stiffness": 126.0, "damping": 0.5}
     plate = parsed(
@@ -168,7 +168,7 @@ def test_wheels_of_infinite_stiffness_leave_three_closed_form_modes():
     assert np.isnan(wheel_hop_frequencies(plate)).all()
 
 
-def test_anti_roll_bar_stiffens_roll_only():
+def test_anti_roll_bar_stiffens_roll_only() -> None:
     """A bar of stiffness b adds b (2 y)^2 to the roll stiffness of the body and nothing to bounce and pitch."""
     plain, barred = (
         structure(parse_vehicle(car(axle=[{**axle, "anti_roll_stiffness": bar} for axle in car()["axle"]])))
@@ -181,7 +181,7 @@ def test_anti_roll_bar_stiffens_roll_only():
     assert barred.components()[Component("front_axle", "anti_roll")] == 12e3
 
 
-def test_mounted_mass_has_its_frequency_on_a_held_body():
+def test_mounted_mass_has_its_frequency_on_a_held_body() -> None:
     mount = {"mass": 180.0, "x": 1.1, "y": 0.1, "frequency": 11.0, "damping_ratio": 0.08}
     vehicle = structure(parse_vehicle(car(mounted_mass=[mount])))
     system = vehicle.system
@@ -192,7 +192,7 @@ def test_mounted_mass_has_its_frequency_on_a_held_body():
     assert lifted == pytest.approx([1, 0, 0, 1, 1, 1, 1, 1], abs=1e-12)
 
 
-def test_three_axles_have_six_corners():
+def test_three_axles_have_six_corners() -> None:
     axle = car()["axle"][0]
     vehicle = structure(parse_vehicle(car(axle=[axle, {**axle, "x": -0.9}, {**axle, "x": -1.9}])))
     assert vehicle.system.n_coordinates == 9
@@ -201,7 +201,7 @@ def test_three_axles_have_six_corners():
     assert vehicle.modes().labels.count("wheel_hop") == 6
 
 
-def test_left_out_masses_make_everything_per_kilogram_of_body():
+def test_left_out_masses_make_everything_per_kilogram_of_body() -> None:
     """Dividing every mass, stiffness and damping by the body's mass leaves the modes as they are."""
     full = read_vehicle("zafira")
     fields = full.model_dump(exclude_defaults=True)
@@ -214,7 +214,7 @@ def test_left_out_masses_make_everything_per_kilogram_of_body():
 
 
 @pytest.mark.parametrize("name", ["zafira", "scale-bogie"])
-def test_estimates_for_left_out_inertias_and_wheels_are_of_the_right_size(name):
+def test_estimates_for_left_out_inertias_and_wheels_are_of_the_right_size(name) -> None:
     full = read_vehicle(name)
     fields = full.model_dump(exclude_defaults=True)
     fields["body"] = {"mass": full.body.mass}
@@ -225,7 +225,7 @@ def test_estimates_for_left_out_inertias_and_wheels_are_of_the_right_size(name):
     assert np.diag(structure(parse_vehicle(fields)).mass)[3:] == pytest.approx(full.body.mass / 36 * np.ones(4))
 
 
-def test_labels_follow_the_motion_not_the_order():
+def test_labels_follow_the_motion_not_the_order() -> None:
     stiff_bounce = car(body={"mass": 1400.0, "pitch_inertia": 8000.0, "roll_inertia": 4000.0})
     modes = structure(parse_vehicle(stiff_bounce)).modes()
     assert set(modes.labels[:3]) == {"bounce", "pitch", "roll"}
@@ -233,7 +233,7 @@ def test_labels_follow_the_motion_not_the_order():
     assert modes.labels[2] == "bounce"
 
 
-def test_components_are_those_of_the_file():
+def test_components_are_those_of_the_file() -> None:
     components = structure(read_vehicle("zafira")).components()
     rear_left = {c.kind: value for c, value in components.items() if c.corner == "rear_left"}
     assert rear_left == {"spring": 36295.0, "damper": 1688.0, "tyre": 190900.0}
@@ -245,7 +245,7 @@ def test_components_are_those_of_the_file():
     }
 
 
-def test_chain_of_unequal_masses():
+def test_chain_of_unequal_masses() -> None:
     vehicle = chain(2, mass=[1.0, 3.0], stiffness=[10.0, 20.0], damping=0.5)
     np.testing.assert_allclose(vehicle.system.stiffness, [[30.0, -20.0], [-20.0, 20.0]])
     np.testing.assert_allclose(vehicle.system.mass, np.diag([1.0, 3.0]))
@@ -255,7 +255,7 @@ def test_chain_of_unequal_masses():
         chain(1, mass=-1.0)
 
 
-def test_sensors_of_other_quantities_are_no_outputs():
+def test_sensors_of_other_quantities_are_no_outputs() -> None:
     temperature = {"channel": "t", "quantity": "temperature", "unit": "degC"}
     vehicle = structure(parse_vehicle(car(sensor=[temperature, SENSOR])))
     assert vehicle.outputs.names == ("a",)
@@ -263,7 +263,7 @@ def test_sensors_of_other_quantities_are_no_outputs():
         sensor_outputs(("bounce",), sensors=[Channel("t", "temperature")], carriers=["body"])
 
 
-def test_sensor_on_a_wheel_reads_the_wheel():
+def test_sensor_on_a_wheel_reads_the_wheel() -> None:
     sensor = {**SENSOR, "on": "wheel_rear_left", "direction": [0, 0, -1]}
     outputs = structure(parse_vehicle(car(sensor=[sensor]))).outputs
     assert outputs.acceleration.tolist() == [[0, 0, 0, 0, 0, -1.0, 0]]
@@ -277,7 +277,7 @@ def with_bushing(name, stiffness):
     return structure(vehicle.model_copy(update={"axle": axles}))
 
 
-def test_a_hard_bushing_is_none_and_a_soft_one_takes_the_damping_away():
+def test_a_hard_bushing_is_none_and_a_soft_one_takes_the_damping_away() -> None:
     plain, hard, soft = (
         structure(read_vehicle("zafira")).modes(),
         *(with_bushing("zafira", k).modes() for k in (1e9, 1e-3)),
@@ -287,14 +287,14 @@ def test_a_hard_bushing_is_none_and_a_soft_one_takes_the_damping_away():
     assert np.all(soft.damping_ratio < 1e-6)
 
 
-def test_plate_has_the_published_frequencies():
+def test_plate_has_the_published_frequencies() -> None:
     """Section 6.2 of the thesis; stiffness and dimensions are chosen so, see the file."""
     modes = structure(read_vehicle("plate")).modes()
     assert modes.natural_frequency == pytest.approx([2.73, 3.81, 4.53], abs=0.005)
     assert modes.labels == ("bounce", "pitch", "roll")
 
 
-def test_plate_is_bounce_pitch_and_roll_in_closed_form():
+def test_plate_is_bounce_pitch_and_roll_in_closed_form() -> None:
     """f = sqrt(4 k / m), sqrt(4 k x^2 / I), sqrt(4 k y^2 / I) over 2 pi (eq. 6-10 and 6-11)."""
     plate = read_vehicle("plate")
     k, body, axle = plate.axle[0].spring_stiffness, plate.body, plate.axle[0]
@@ -303,7 +303,7 @@ def test_plate_is_bounce_pitch_and_roll_in_closed_form():
     assert structure(plate).modes().natural_frequency == pytest.approx(expected)
 
 
-def test_y25_comes_within_a_fifth_of_the_published_frequencies():
+def test_y25_comes_within_a_fifth_of_the_published_frequencies() -> None:
     """Figure 8-3: bounce 11.42, roll 13.59, pitch 14.77 Hz; the geometry is not published."""
     modes = structure(read_vehicle("y25")).modes()
     found = dict(zip(modes.labels, modes.natural_frequency, strict=True))
@@ -311,7 +311,7 @@ def test_y25_comes_within_a_fifth_of_the_published_frequencies():
     assert found["bounce"] < found["roll"] < found["pitch"]
 
 
-def test_wheelset_on_rails_in_closed_form():
+def test_wheelset_on_rails_in_closed_form() -> None:
     """A frame that is too heavy to move leaves wheelsets that bounce and roll between two pairs of springs."""
     y25 = read_vehicle("y25")
     heavy = y25.body.model_copy(update={"mass": 1e9, "pitch_inertia": 1e9, "roll_inertia": 1e9})
@@ -330,7 +330,7 @@ def lateral(**axle):
     return structure(parse_vehicle({"name": "l", "kind": "road", "body": body, "axle": [front, rear]}))
 
 
-def test_sway_and_yaw_in_closed_form():
+def test_sway_and_yaw_in_closed_form() -> None:
     """Two coordinates, uncoupled from the others at height 0: [m, I] and lateral springs at x = 1.2 and -1.5 m."""
     modes = lateral().modes()
     stiffness = 2 * 50e3 * np.array([[2, 1.2 - 1.5], [1.2 - 1.5, 1.2**2 + 1.5**2]])
@@ -340,7 +340,7 @@ def test_sway_and_yaw_in_closed_form():
     assert {"bounce", "pitch", "roll"} <= set(modes.labels)
 
 
-def test_low_suspension_couples_roll_with_sway():
+def test_low_suspension_couples_roll_with_sway() -> None:
     system = lateral(height=-0.4).system
     names = system.coordinates
     roll, sway = names.index("roll"), names.index("sway")
@@ -350,7 +350,7 @@ def test_low_suspension_couples_roll_with_sway():
     assert np.linalg.eigvalsh(system.stiffness)[0] > 0
 
 
-def test_a_lateral_sensor_reads_sway_yaw_and_roll():
+def test_a_lateral_sensor_reads_sway_yaw_and_roll() -> None:
     sensor = {"channel": "y", "quantity": "displacement", "unit": "m"}
     fields = {"half_track": 0.7, "spring_stiffness": 30e3, "damping": 0.0, "lateral_stiffness": 50e3}
     vehicle = parse_vehicle(

@@ -20,7 +20,7 @@ def quarter(**corner):
     )
 
 
-def test_quarter_car_is_the_closed_form():
+def test_quarter_car_is_the_closed_form() -> None:
     f = np.array([0.0, 0.5, 1.3, 4.0, 11.0, 40.0])
     s = 2j * np.pi * f
     arm = 20e3 + 1500 * s
@@ -28,7 +28,7 @@ def test_quarter_car_is_the_closed_form():
     assert np.allclose(frequency_response(quarter(), f)[:, 0, 0], expected, rtol=1e-10)
 
 
-def test_quarter_car_with_bushing_is_the_closed_form():
+def test_quarter_car_with_bushing_is_the_closed_form() -> None:
     f = np.array([0.1, 1.3, 4.0, 11.0, 40.0])
     s = 2j * np.pi * f
     arm = 20e3 + 1 / (1 / (1500 * s) + 1 / 80e3)
@@ -37,19 +37,19 @@ def test_quarter_car_with_bushing_is_the_closed_form():
     assert np.allclose(found, expected, rtol=1e-10)
 
 
-def test_body_follows_a_slow_road():
+def test_body_follows_a_slow_road() -> None:
     car = structure(read_vehicle("zafira"))
     slow = frequency_response(car, [1e-3])[0] / -((2e-3 * np.pi) ** 2)
     assert np.allclose(slow.sum(axis=1), 1, atol=1e-4)  # all wheels lifted by 1 m lift every corner by 1 m
 
 
-def test_impossible_frequencies_are_refused():
+def test_impossible_frequencies_are_refused() -> None:
     with pytest.raises(ParameterError, match="at least 0"):
         frequency_response(quarter(), [-1.0])
 
 
 @pytest.mark.parametrize("bushing", [None, 60e3])
-def test_sensitivities_are_the_finite_differences(bushing):
+def test_sensitivities_are_the_finite_differences(bushing) -> None:
     vehicle = read_vehicle("zafira")
     axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": bushing}) for axle in vehicle.axle)
     car = structure(vehicle.model_copy(update={"axle": axles}))
@@ -62,7 +62,7 @@ def test_sensitivities_are_the_finite_differences(bushing):
         assert np.allclose(result.damping_ratio[:, column], damping, atol=1e-7)
 
 
-def test_all_springs_and_dampers_together_scale_time():
+def test_all_springs_and_dampers_together_scale_time() -> None:
     car = structure(read_vehicle("zafira"))
     result = sensitivities(car)
     weights = np.array([0.5 if component.kind == "damper" else 1.0 for component in result.components])

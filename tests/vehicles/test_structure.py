@@ -17,7 +17,7 @@ from sprung.vehicles import (
 )
 
 
-def test_body_row_is_iso_8855():
+def test_body_row_is_iso_8855() -> None:
     """Positive pitch is nose down: a point ahead of the centre goes down; positive roll lifts the left side."""
     row = body_row(("wheel", "bounce", "pitch", "roll"), x=1.2, y=0.7)
     assert row.tolist() == [0.0, 1.0, -1.2, 0.7]
@@ -36,14 +36,14 @@ def test_body_row_is_iso_8855():
         ("angle", (0, -1, 0), (0.0, -1.0, 0.0)),
     ],
 )
-def test_sensors_read_the_motion_of_a_rigid_body(quantity, direction, expected):
+def test_sensors_read_the_motion_of_a_rigid_body(quantity, direction, expected) -> None:
     sensor = Channel("s", quantity, (1.2, 0.7, 0.3), direction)
     outputs = sensor_outputs(("bounce", "pitch", "roll"), sensors=[sensor], carriers=["body"])
     rows = {"acceleration": outputs.acceleration, "angular_velocity": outputs.velocity}
     assert rows.get(quantity, outputs.displacement)[0] == pytest.approx(expected)
 
 
-def test_sensor_motion_agrees_with_a_rotated_body():
+def test_sensor_motion_agrees_with_a_rotated_body() -> None:
     """The rows are the derivative of R r + z, with R the rotation by roll about x and pitch about y."""
     r, step = np.array([1.2, 0.7, 0.3]), 1e-6
     for pitch, roll, column in ((step, 0.0, 1), (0.0, step, 2)):
@@ -56,12 +56,12 @@ def test_sensor_motion_agrees_with_a_rotated_body():
             assert outputs.displacement[0, column] == pytest.approx(moved[axis], abs=1e-5)
 
 
-def test_element_on_the_base_has_no_damper():
+def test_element_on_the_base_has_no_damper() -> None:
     with pytest.raises(ParameterError, match="damping=3 of front_left tyre must be 0"):
         Element("front_left", "tyre", np.ones(1), 10.0, 3.0, foot="road_front_left")
 
 
-def test_oscillator_with_a_bushing_has_the_roots_of_its_cubic():
+def test_oscillator_with_a_bushing_has_the_roots_of_its_cubic() -> None:
     m, k, c, b = 2.0, 800.0, 12.0, 500.0
     chain = structure(
         parse_vehicle({"name": "one", "kind": "chain", "mass": [{"mass": m, "stiffness": k, "damping": c}]})
@@ -73,7 +73,7 @@ def test_oscillator_with_a_bushing_has_the_roots_of_its_cubic():
 
 
 @pytest.mark.parametrize("bushing", [None, 60e3])
-def test_derivatives_of_the_dynamic_stiffness_are_finite_differences(bushing):
+def test_derivatives_of_the_dynamic_stiffness_are_finite_differences(bushing) -> None:
     element = Element("front_left", "suspension", np.ones(1), 20e3, 1500.0, series_stiffness=bushing)
     s: Complex = np.array([-3.0 + 9j, 2j, -10.0 + 60j])
     up, down = (element.dynamic_stiffness(s, damper=np.exp(step)) for step in (1e-5, -1e-5))
@@ -83,7 +83,7 @@ def test_derivatives_of_the_dynamic_stiffness_are_finite_differences(bushing):
     assert element.dynamic_stiffness(s, spring=2.0) - element.dynamic_stiffness(s) == pytest.approx(20e3)
 
 
-def test_a_bushing_is_in_series_with_the_damper():
+def test_a_bushing_is_in_series_with_the_damper() -> None:
     rigid = Element("front_left", "suspension", np.ones(1), 0.0, 1500.0)
     soft = Element("front_left", "suspension", np.ones(1), 0.0, 1500.0, series_stiffness=60e3)
     s = np.array([1j, 40j])

@@ -64,7 +64,7 @@ def realised_poles(correlations, sampling_rate, order, block_rows):
 
 
 @pytest.mark.parametrize("quantity", ["acceleration", "velocity", "displacement"])
-def test_transfer_function_of_every_motion(quantity):
+def test_transfer_function_of_every_motion(quantity) -> None:
     """(j w)^order / (k - m w^2 + j c w), the receptance, mobility and accelerance of an oscillator."""
     space = state_space(*oscillator(2.0, 12.0, 800.0, quantity))
     order = {"displacement": 0, "velocity": 1, "acceleration": 2}[quantity]
@@ -76,7 +76,7 @@ def test_transfer_function_of_every_motion(quantity):
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_zero_order_hold_agrees_with_scipy(name):
+def test_zero_order_hold_agrees_with_scipy(name) -> None:
     continuous = structure(read_description(name)).state_space()
     discrete = discretised(continuous, sampling_rate=RATES[name])
     matrices = (
@@ -90,7 +90,7 @@ def test_zero_order_hold_agrees_with_scipy(name):
         assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-13 * np.abs(theirs).max())
 
 
-def test_free_mass_is_discretised_though_its_state_matrix_is_singular():
+def test_free_mass_is_discretised_though_its_state_matrix_is_singular() -> None:
     """A constant force on a free mass: x = F t^2 / 2 m, v = F t / m."""
     system, outputs = oscillator(2.0, 0.0, 0.0)
     discrete = discretised(state_space(system, outputs), sampling_rate=10.0)
@@ -101,7 +101,7 @@ def test_free_mass_is_discretised_though_its_state_matrix_is_singular():
 
 
 @pytest.mark.parametrize("name", sorted(set(VEHICLES) - {"y25"}))  # its load at 2 Hz is lost beside wheels at 177 Hz
-def test_poles_come_back_from_exact_correlations(name):
+def test_poles_come_back_from_exact_correlations(name) -> None:
     vehicle = with_wheel_sensors(name)
     correlations = exact_correlations(vehicle.discretised(RATES[name]), n_lags=24)
     exact = vehicle.modes().poles
@@ -112,7 +112,7 @@ def test_poles_come_back_from_exact_correlations(name):
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_covariance_of_the_state_agrees_with_the_kronecker_solution(name):
+def test_covariance_of_the_state_agrees_with_the_kronecker_solution(name) -> None:
     discrete = structure(read_description(name)).discretised(RATES[name])
     A, B = discrete.state_matrix, discrete.input_matrix
     found = stationary_covariance(A, B @ B.T)
@@ -123,7 +123,7 @@ def test_covariance_of_the_state_agrees_with_the_kronecker_solution(name):
 
 
 @pytest.mark.parametrize("name", ["chain3", "quarter", "zafira"])
-def test_correlations_agree_with_the_sum_over_the_impulse_response(name):
+def test_correlations_agree_with_the_sum_over_the_impulse_response(name) -> None:
     """E[y(k+m) y(k)^T] = sum_n h(n+m) h(n)^T for white inputs of variance 1."""
     discrete = structure(read_description(name)).discretised(RATES[name])
     n_lags, length = 12, 60_000
@@ -138,7 +138,7 @@ def test_correlations_agree_with_the_sum_over_the_impulse_response(name):
         assert found[:, :, lag] == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(found).max())
 
 
-def test_references_and_input_covariance():
+def test_references_and_input_covariance() -> None:
     discrete = chain().discretised(500.0)
     covariance = np.diag([1.0, 4.0, 9.0])
     full = exact_correlations(discrete, n_lags=6, input_covariance=covariance)
@@ -150,19 +150,19 @@ def test_references_and_input_covariance():
     assert single[0] + 4 * single[1] + 9 * single[2] == pytest.approx(full)
 
 
-def test_lag_zero_is_a_covariance():
+def test_lag_zero_is_a_covariance() -> None:
     lag_zero = exact_correlations(chain().discretised(500.0), n_lags=1)[:, :, 0]
     assert lag_zero == pytest.approx(lag_zero.T)
     assert np.linalg.eigvalsh(lag_zero).min() > 0
 
 
-def test_matrices_are_read_only():
+def test_matrices_are_read_only() -> None:
     system = chain().system
     with pytest.raises(ValueError, match="read-only"):
         system.mass[0, 0] = 2.0
 
 
-def test_contradicting_shapes_are_refused():
+def test_contradicting_shapes_are_refused() -> None:
     eye = np.eye(2)
     with pytest.raises(ParameterError, match=r"damping has shape \(3, 3\), but must be \(2, 2\): 2 coordinates"):
         MechanicalSystem(eye, np.eye(3), eye, eye, ("a", "b"), ("f", "g"))
@@ -175,6 +175,6 @@ def test_contradicting_shapes_are_refused():
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan])
-def test_sampling_rate_must_be_positive(rate):
+def test_sampling_rate_must_be_positive(rate) -> None:
     with pytest.raises(ParameterError, match="sampling_rate"):
         chain().discretised(rate)

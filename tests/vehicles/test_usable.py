@@ -22,12 +22,12 @@ def noise(n_channels=2, n_samples=1000, seed=0):
     return np.random.default_rng(seed).normal(size=(n_channels, n_samples))
 
 
-def test_outputs_are_the_channels_of_motion():
+def test_outputs_are_the_channels_of_motion() -> None:
     recording = recorded(noise(3), ("a", "oil", "b"), quantities=("acceleration", "temperature"))
     assert usable(recording).names == ("a", "b")
 
 
-def test_outputs_are_the_vehicle_s_sensors_in_its_order_and_in_si():
+def test_outputs_are_the_vehicle_s_sensors_in_its_order_and_in_si() -> None:
     """A chain file with two of its sensors in g; the third channel of the recording is none."""
     fields = read_description("chain3").model_dump(exclude_defaults=True)
     sensors = [
@@ -41,7 +41,7 @@ def test_outputs_are_the_vehicle_s_sensors_in_its_order_and_in_si():
     np.testing.assert_allclose(found.samples, 9.80665 * recording.samples[[2, 0]])
 
 
-def test_missing_values_become_gaps():
+def test_missing_values_become_gaps() -> None:
     samples = noise()
     samples[1, 400:450] = np.nan
     found = usable(recorded(samples))
@@ -50,7 +50,7 @@ def test_missing_values_become_gaps():
     assert (gap.index, gap.duration) == (400, pytest.approx(0.5))
 
 
-def test_only_what_was_recorded_while_moving_counts():
+def test_only_what_was_recorded_while_moving_counts() -> None:
     """Above 3 m/s: the first and the last three seconds of ten."""
     speed = np.where(np.abs(np.arange(1000) - 499.5) < 200, 1.0, 10.0)
     recording = recorded(np.vstack([speed, noise()]), ("speed", "a", "b"), quantities=("speed",))
@@ -89,13 +89,13 @@ def test_only_what_was_recorded_while_moving_counts():
         ),
     ],
 )
-def test_dead_channels_and_empty_recordings_are_refused(samples, sentence):
+def test_dead_channels_and_empty_recordings_are_refused(samples, sentence) -> None:
     with pytest.raises(DataError) as refusal:
         usable(recorded(np.asarray(samples)))
     assert str(refusal.value) == sentence
 
 
-def test_a_large_offset_is_no_dead_channel():
+def test_a_large_offset_is_no_dead_channel() -> None:
     """An accelerometer standing upright: 9.81 m/s^2 and little motion."""
     samples = 9.81 + 1e-4 * noise()
     assert usable(recorded(samples)).n_samples == 1000
