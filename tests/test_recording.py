@@ -45,7 +45,7 @@ def test_integers_become_floating_point_numbers() -> None:
     assert recorded(samples=np.ones((3, 4), dtype=np.int16)).samples.dtype == np.float64
 
 
-def test_select_takes_channels_in_the_order_asked_for() -> None:
+def test_select_takes_channels_in_the_order_given() -> None:
     selected = recorded(gaps=(Gap(4, 0.3),), history=("read",)).select(["speed", "a"])
     assert selected.names == ("speed", "a")
     np.testing.assert_array_equal(selected.samples, SAMPLES[[2, 0]])

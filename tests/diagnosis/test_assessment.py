@@ -64,13 +64,13 @@ def test_more_than_usual_at_all_corners_is_one_finding(faulty, baseline) -> None
     assert finding.interval[0] <= -0.5 <= finding.interval[1]
 
 
-def test_what_moves_all_corners_is_no_finding(faulty, baseline) -> None:
+def test_what_moves_all_corners_gives_no_finding(faulty, baseline) -> None:
     """Cold dampers and a payload: all of a kind by the same factor."""
     change = {f"{corner}.damper": 0.25 for corner in CORNERS} | {f"{corner}.spring": -0.12 for corner in CORNERS}
     assert diagnose(faulty(5, change), baseline).findings == ()
 
 
-def test_conditions_that_the_baseline_never_met_are_no_change(window) -> None:
+def test_conditions_outside_the_baseline_are_not_taken_for_a_change(window) -> None:
     """One component follows the road as the prior of slopes has it, and all learning was on one road."""
     generator = np.random.default_rng(4)
 
@@ -89,7 +89,7 @@ def test_conditions_that_the_baseline_never_met_are_no_change(window) -> None:
     assert any("roughness far from that of the baseline" in note for note in smooth.notes)
 
 
-def test_conditions_never_met_are_noted(healthy, baseline) -> None:
+def test_conditions_outside_the_baseline_are_noted(healthy, baseline) -> None:
     far = [replace(one, conditions={**one.conditions, "payload": 900.0}) for one in healthy(3, seed=8)]
     assert any("payload far from that of the baseline" in note for note in diagnose(far, baseline).notes)
 

@@ -10,12 +10,12 @@ from sprung.diagnosis.baseline import units_of
 from sprung.errors import ParameterError
 
 
-def test_a_file_that_explains_its_windows_badly_is_remarked_on(healthy, baseline) -> None:
+def test_a_file_that_explains_its_windows_badly_is_noted(healthy, baseline) -> None:
     bad = [replace(one, conditions={**one.conditions, "model_error": 0.51}) for one in healthy(12)]
-    taught = learn(bad)
-    (note,) = taught.notes
+    learnt = learn(bad)
+    (note,) = learnt.notes
     assert "off by 51 %" in note
-    assert note in diagnose(bad, taught).notes
+    assert note in diagnose(bad, learnt).notes
     assert baseline.notes == ()
 
 

@@ -104,7 +104,7 @@ def test_a_window_with_a_failing_sensor_has_no_residual_test(car, run) -> None:
     assert broken.residuals is None
 
 
-def test_a_second_opinion_that_disagrees_is_said(observations) -> None:
+def test_a_second_opinion_that_disagrees_is_noted(observations) -> None:
     baseline = learn(observations[:5], n_windows=5)
     agreed = diagnose(observations, baseline)
     (note,) = [note for note in agreed.notes if note.startswith("second opinion")]

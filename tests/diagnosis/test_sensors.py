@@ -69,7 +69,7 @@ def test_every_kind_is_tried() -> None:
     assert set(FAULTS) == set(KINDS)
 
 
-def test_healthy_sensors_are_not_accused(car, run) -> None:
+def test_healthy_sensors_have_no_faults(car, run) -> None:
     assert sensor_faults(run, car) == ()
 
 

@@ -90,7 +90,7 @@ def test_segments_up_to_four_times_the_median_power_stay_as_they_are(power) -> N
     np.testing.assert_array_equal(limited.n_products, segments.n_products)
 
 
-def test_silence_is_no_measure_of_what_is_loud() -> None:
+def test_loudness_is_not_measured_against_silence() -> None:
     """Six silent segments, three ordinary ones and one hundred times louder: limited against the ordinary ones."""
     segments = loud_and_ordinary(100.0)
     heard = np.arange(10) < 4

@@ -76,7 +76,7 @@ def test_the_first_criterion_that_fails_is_the_reason(below, here, status) -> No
     assert diagram.alignments[1] == (0 if status == PoleStatus.SELECTED else -1)
 
 
-def test_incoherent_shapes_are_dropped_where_a_bound_is_asked_for() -> None:
+def test_incoherent_shapes_are_dropped_where_a_bound_is_set() -> None:
     """MPC of (1, 0.5i) is ((1 - 0.25) / (1 + 0.25))^2 = 0.36."""
     poles = ladder(*[[(5.0, 0.02, (1, 0.5j))]] * 2)
     assert stabilise(poles, criteria=LOOSE).status[1] == PoleStatus.SELECTED
@@ -111,7 +111,7 @@ def test_an_alignment_on_too_few_rungs_is_rare(n_rungs, n_stable, status) -> Non
     assert found.tolist() == [PoleStatus.FREQUENCY_CHANGED] + [status] * n_stable
 
 
-def test_a_frequency_as_uncertain_as_its_bandwidth_is_no_mode() -> None:
+def test_a_frequency_as_uncertain_as_its_bandwidth_is_not_a_mode() -> None:
     """Half-bandwidth 5 Hz x 0.02 = 0.1 Hz and the bound 0.6: a standard deviation of 0.061 Hz is too much."""
     rungs = [[(5.0, 0.02, (1, 2))]] * 3
     assert stabilise(ladder(*rungs, std=0.059)).status[1:].tolist() == [PoleStatus.SELECTED] * 2

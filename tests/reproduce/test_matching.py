@@ -26,7 +26,7 @@ def test_missing_and_other_modes(truth) -> None:
     assert (apart.mac.size, apart.n_others) == (1, 2)
 
 
-def test_a_mode_far_off_or_of_another_shape_is_no_match(truth) -> None:
+def test_a_mode_far_off_or_of_another_shape_does_not_match(truth) -> None:
     import dataclasses
 
     far = dataclasses.replace(truth, poles=truth.poles * 1.2)

@@ -51,7 +51,7 @@ def test_pulses_are_one_family_of_multiples() -> None:
         assert line.band[0] < line.frequency < line.band[1]
 
 
-def test_a_sine_beside_the_pulses_is_no_multiple() -> None:
+def test_a_sine_between_the_pulses_is_not_a_multiple() -> None:
     harmonics = [line for line in find_harmonics(quarter(4, seed=2)) if line.frequency < 400]
     (sine,) = [line for line in harmonics if line.fundamental is None]
     assert sine.frequency == pytest.approx(17.0, abs=0.01)
@@ -180,19 +180,19 @@ def test_drives_without_lines_have_none(spread, duration) -> None:
 # Poles
 
 
-def test_a_narrow_pole_at_a_line_is_a_harmonic_and_a_damped_mode_beside_it_is_not() -> None:
+def test_a_narrow_pole_at_a_line_is_a_harmonic_and_a_damped_mode_next_to_it_is_not() -> None:
     line = Harmonic(3.65, "constant", (3.6, 3.7), 0.1, 20.0, ("a",))
     frequencies = np.array([3.65, 3.56, 3.65, 3.65, 4.5, 13.2])
     ratios = np.array([0.001, 0.01, 0.13, 0.04, 0.001, 0.001])
-    told = near_harmonic(frequencies, ratios, [line], resolution=0.25)
-    assert told.tolist() == [True, True, False, False, False, False]
+    is_harmonic = near_harmonic(frequencies, ratios, [line], resolution=0.25)
+    assert is_harmonic.tolist() == [True, True, False, False, False, False]
     assert not near_harmonic(frequencies, ratios, [], resolution=0.25).any()
 
 
 def test_a_pole_in_the_band_that_a_line_sweeps_is_a_harmonic_unless_it_is_heavily_damped() -> None:
     wheel = Harmonic(0.516, "speed", (7.2, 11.6), 0.003, 15.0, ("a",))
-    told = near_harmonic([11.6, 9.0, 11.0, 13.5, 1.5], [0.03, 0.04, 0.1, 0.02, 0.04], [wheel], resolution=0.2)
-    assert told.tolist() == [True, True, False, False, False]
+    is_harmonic = near_harmonic([11.6, 9.0, 11.0, 13.5, 1.5], [0.03, 0.04, 0.1, 0.02, 0.04], [wheel], resolution=0.2)
+    assert is_harmonic.tolist() == [True, True, False, False, False]
 
 
 def test_poles_without_damping_ratios_are_refused() -> None:

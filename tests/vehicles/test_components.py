@@ -16,7 +16,7 @@ def test_text_and_component_are_each_other() -> None:
         assert str(Component.parse(text)) == text
 
 
-def test_owner_that_is_no_corner_is_its_own_axle() -> None:
+def test_an_owner_that_is_not_a_corner_is_its_own_axle() -> None:
     bar = Component("front_axle", "anti_roll")
     assert (bar.axle, bar.side) == ("front_axle", None)
 

@@ -180,7 +180,7 @@ def test_without_a_vehicle_four_corners_name_the_body_modes_and_no_wheel_hop() -
     ],
     ids=["without places", "without quantities", "with a temperature", "on one line", "two only"],
 )
-def test_layouts_that_do_not_tell_the_motions_give_no_names(channels) -> None:
+def test_layouts_that_do_not_distinguish_the_motions_give_no_names(channels) -> None:
     modes = as_modes(2j * np.pi * np.ones(1), np.ones((1, len(channels))), [c.name for c in channels])
     shares, explained = rigid_body_participation(modes, channels)
     assert np.isnan(shares).all()

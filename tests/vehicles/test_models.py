@@ -255,7 +255,7 @@ def test_chain_of_unequal_masses() -> None:
         chain(1, mass=-1.0)
 
 
-def test_sensors_of_other_quantities_are_no_outputs() -> None:
+def test_sensors_of_other_quantities_are_not_outputs() -> None:
     temperature = {"channel": "t", "quantity": "temperature", "unit": "degC"}
     vehicle = structure(parse_vehicle(car(sensor=[temperature, SENSOR])))
     assert vehicle.outputs.names == ("a",)

@@ -32,7 +32,7 @@ def test_oscillator_has_its_textbook_pole() -> None:
 
 
 @pytest.mark.parametrize("damping", [80.0, 500.0])
-def test_motion_without_oscillation_is_no_mode(damping) -> None:
+def test_motion_without_oscillation_is_not_a_mode(damping) -> None:
     found = modes(*oscillator(2.0, damping, 800.0))
     assert found.poles.shape == (0,)
     assert found.mode_shapes.shape == (0, 1)

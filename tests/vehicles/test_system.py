@@ -100,7 +100,7 @@ def test_free_mass_is_discretised_though_its_state_matrix_is_singular() -> None:
         exact_correlations(discrete, n_lags=4)
 
 
-@pytest.mark.parametrize("name", sorted(set(VEHICLES) - {"y25"}))  # its load at 2 Hz is lost beside wheels at 177 Hz
+@pytest.mark.parametrize("name", sorted(set(VEHICLES) - {"y25"}))  # its load at 2 Hz is lost next to wheels at 177 Hz
 def test_poles_come_back_from_exact_correlations(name) -> None:
     vehicle = with_wheel_sensors(name)
     correlations = exact_correlations(vehicle.discretised(RATES[name]), n_lags=24)

@@ -28,7 +28,7 @@ def test_outputs_are_the_channels_of_motion() -> None:
 
 
 def test_outputs_are_the_vehicle_s_sensors_in_its_order_and_in_si() -> None:
-    """A chain file with two of its sensors in g; the third channel of the recording is none."""
+    """A chain file with two of its sensors in g; the third channel of the recording is not a sensor."""
     fields = read_description("chain3").model_dump(exclude_defaults=True)
     sensors = [
         {"channel": name, "quantity": "acceleration", "unit": "g", "on": f"mass_{k}"}
@@ -95,7 +95,7 @@ def test_dead_channels_and_empty_recordings_are_refused(samples, sentence) -> No
     assert str(refusal.value) == sentence
 
 
-def test_a_large_offset_is_no_dead_channel() -> None:
+def test_a_large_offset_is_not_a_dead_channel() -> None:
     """An accelerometer standing upright: 9.81 m/s^2 and little motion."""
     samples = 9.81 + 1e-4 * noise()
     assert usable(recorded(samples)).n_samples == 1000
