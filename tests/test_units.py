@@ -7,12 +7,12 @@ from sprung.recording import QUANTITIES
 from sprung.units import UNITS, conversion
 
 
-def test_every_unit_measures_a_known_quantity():
+def test_every_unit_measures_a_known_quantity() -> None:
     assert {quantity for quantity, _ in UNITS.values()} <= set(QUANTITIES)
 
 
 @pytest.mark.parametrize("quantity", [name for name in QUANTITIES if name != "unknown"])
-def test_si_units_have_the_factor_one(quantity):
+def test_si_units_have_the_factor_one(quantity) -> None:
     unit = {"strain": "strain"}.get(quantity, QUANTITIES[quantity])
     measured, factor = conversion(unit)
     assert QUANTITIES[measured] == QUANTITIES[quantity]
@@ -43,14 +43,14 @@ def test_si_units_have_the_factor_one(quantity):
         ("με", "strain", 1e-6),
     ],
 )
-def test_conversion(unit, quantity, factor):
+def test_conversion(unit, quantity, factor) -> None:
     measured, value = conversion(unit)
     assert measured == quantity
     assert value == pytest.approx(factor, rel=1e-15)
 
 
 @pytest.mark.parametrize("unit", ["", "furlong", "Mg", "G", "kg", "m/s^3"])
-def test_unknown_units_are_refused_with_the_known_ones(unit):
+def test_unknown_units_are_refused_with_the_known_ones(unit) -> None:
     with pytest.raises(ParameterError, match=r"is unknown: convert the values to one of m/s\^2, mm/s\^2") as refusal:
         conversion(unit)
     assert "\n" not in str(refusal.value)

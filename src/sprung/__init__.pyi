@@ -85,4 +85,5 @@ from sprung.vehicles import read_vehicle as read_vehicle
 from sprung.vehicles import structure as structure
 from sprung.vehicles import write_vehicle as write_vehicle
 
+__all__: list[str]
 __version__: str

@@ -23,13 +23,13 @@ def damping_ratio(poles: Complex) -> Real:
     return -poles.real / np.abs(poles)
 
 
-def mac(shapes: Complex, others: Complex) -> Real:
+def mac(shapes: Complex | Real, others: Complex | Real) -> Real:
     """Return the modal assurance criterion (MAC) of every shape with every shape of another set.
 
     Parameters
     ----------
     shapes, others
-        Mode shapes, shapes (modes, channels) and (other modes, channels).
+        Mode shapes, complex or real, shapes (modes, channels) and (other modes, channels).
 
     Returns
     -------

@@ -25,7 +25,7 @@ def blocks(path, language):
     return re.findall(rf"```{language}\n(.*?)```", path.read_text(encoding="utf-8"), flags=re.DOTALL)
 
 
-def test_vehicle_file_of_the_documentation_parses():
+def test_vehicle_file_of_the_documentation_parses() -> None:
     (block,) = blocks(REPOSITORY / "docs" / "vehicle-file.md", "toml")
     vehicle = parse_vehicle(tomllib.loads(block))
     assert vehicle.name == "zafira"
@@ -39,7 +39,7 @@ def commands():
 
 
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
-def test_commands_of_the_documents_have_their_options(words):
+def test_commands_of_the_documents_have_their_options(words) -> None:
     command = itertools.takewhile(lambda word: not word.startswith("-"), words)
     shown = subprocess.run(
         [sys.executable, "-c", "from sprung.cli import main; raise SystemExit(main())", *command, "--help"],
@@ -53,19 +53,19 @@ def test_commands_of_the_documents_have_their_options(words):
             assert word in shown
 
 
-def test_links_of_the_documents_lead_somewhere():
+def test_links_of_the_documents_lead_somewhere() -> None:
     for path in DOCUMENTS:
         for target in re.findall(r"\]\(([^)#:]+)\)", path.read_text(encoding="utf-8")):
             assert (path.parent / target).exists(), f"{path.name}: {target}"
 
 
-def test_every_public_name_is_documented():
+def test_every_public_name_is_documented() -> None:
     for name in sprung.__all__:
         value = getattr(sprung, name)
         assert isinstance(value, str) or value.__doc__, name
 
 
-def test_every_setting_is_documented():
+def test_every_setting_is_documented() -> None:
     for setting in fields(IdentificationSettings):
         assert re.search(rf"^    .*\b{setting.name}\b", IdentificationSettings.__doc__ or "", flags=re.MULTILINE)
 
@@ -79,13 +79,13 @@ EXAMPLES = {
 }
 
 
-def test_every_example_is_run():
+def test_every_example_is_run() -> None:
     assert EXAMPLES.keys() == {path.name for path in (REPOSITORY / "examples").glob("*.py")}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_examples_run(name, tmp_path, check_document):
+def test_examples_run(name, tmp_path, check_document) -> None:
     words = [sys.executable, str(REPOSITORY / "examples" / name)]
     outcome = subprocess.run(words, capture_output=True, text=True, check=True, cwd=tmp_path)
     text, documents = EXAMPLES[name]

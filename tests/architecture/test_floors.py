@@ -62,17 +62,17 @@ def imported(path):
     return names
 
 
-def test_every_module_has_a_floor():
+def test_every_module_has_a_floor() -> None:
     unknown = {name for name, _ in modules()} - FLOOR_OF.keys()
     assert not unknown, f"put {unknown} on a floor here and in docs/architecture.md"
 
 
-def test_every_floor_has_its_modules():
+def test_every_floor_has_its_modules() -> None:
     assert FLOOR_OF.keys() <= {name for name, _ in modules()}
 
 
 @pytest.mark.parametrize(("name", "path"), list(modules()), ids=lambda value: str(value).removeprefix(str(SOURCE)))
-def test_imports_go_down(name, path):
+def test_imports_go_down(name, path) -> None:
     for target in imported(path):
         parts = target.split(".")
         if parts[0] == "sprung" and len(parts) > 1 and parts[1] in FLOOR_OF and parts[1] != name:
@@ -80,12 +80,12 @@ def test_imports_go_down(name, path):
         assert name in ONLY_IN.get(parts[0], {name}), f"{path.name} imports {parts[0]}, which belongs elsewhere"
 
 
-def test_picture_in_the_documentation_is_this_one():
+def test_picture_in_the_documentation_is_this_one() -> None:
     text = (SOURCE.parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
     drawn = [line.split("|")[0].split() for line in text.split("```floors\n")[1].split("```")[0].splitlines()]
     assert [set(names) for names in drawn] == [set(names) for names in reversed(FLOORS)]
 
 
-def test_no_module_has_an_empty_name():
+def test_no_module_has_an_empty_name() -> None:
     banned = {"utils", "helpers", "core", "base", "misc", "manager"}
     assert not banned & {path.stem for _, path in modules()}

@@ -14,14 +14,14 @@ def components(*names):
 SPRINGS = ("front_left.spring", "front_right.spring", "rear_left.spring", "rear_right.spring")
 
 
-def test_pairs_ends_and_all_of_a_kind():
+def test_pairs_ends_and_all_of_a_kind() -> None:
     pairs, ends, together = directions(components(*SPRINGS))
     assert pairs.tolist() == [[1, -1, 0, 0], [0, 0, 1, -1]]
     assert ends.tolist() == [[0.5, 0.5, -0.5, -0.5]]
     assert together.tolist() == [[1, 1, 1, 1]]
 
 
-def test_kinds_with_different_numbers_of_axles():
+def test_kinds_with_different_numbers_of_axles() -> None:
     """Dampers of the front axle only: they have no front against rear."""
     some = components(*SPRINGS, "front_left.damper", "front_right.damper")
     _, ends, _ = directions(some)

@@ -5,8 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.diagnosis import compare_residuals, diagnose, learn, learn_residuals, observe, observe_window
+from sprung.diagnosis import (
+    compare_residuals,
+    diagnose,
+    learn,
+    learn_reference,
+    learn_residuals,
+    observe,
+    observe_window,
+    windows,
+)
 from sprung.errors import ParameterError
+from sprung.recording import Channel, Recording
 from sprung.simulation import RoadConditions, RoadDrive, dead, simulate_drive
 from sprung.vehicles import read_vehicle, window
 
@@ -32,7 +42,7 @@ def observations(car, run):
     return observe([run, later], car, length=120.0)
 
 
-def test_windows_of_recordings_in_the_order_of_time(car, run, observations):
+def test_windows_of_recordings_in_the_order_of_time(car, run, observations) -> None:
     assert [one.time for one in observations] == [0.0, 120.0, 240.0, 360.0, 480.0, 3600.0]
     assert {one.vehicle for one in observations} == {"zafira"}
     assert all(one.is_conclusive for one in observations)
@@ -40,26 +50,31 @@ def test_windows_of_recordings_in_the_order_of_time(car, run, observations):
     np.testing.assert_allclose(alone.log_ratios, observations[0].log_ratios, rtol=1e-9, atol=1e-12)
 
 
-def test_conditions_of_a_conclusive_window(observations):
+def test_conditions_of_a_conclusive_window(observations) -> None:
     conditions = observations[0].conditions
     assert {"roughness", "payload", "speed", "standing", "model_error", "segments"} <= conditions.keys()
     assert conditions["roughness"] == pytest.approx(256e-6, rel=0.15)  # G(n0) of class C, ISO 8608, geometric mean
 
 
-def test_sensors_are_placed_once(car, run, monkeypatch):
-    calls = []
-    place = window.with_layout
-    monkeypatch.setattr(window, "with_layout", lambda *given: calls.append(given) or place(*given))
+def test_sensors_are_placed_once(car, run, monkeypatch) -> None:
+    calls, place = [], window.with_layout
+
+    def counted(recording, sensors):
+        calls.append(recording)
+        return place(recording, sensors)
+
+    monkeypatch.setattr(window, "with_layout", counted)
     observe_window(dead(run.part(0, 24_000), channel="acc_rl"), car)
     assert len(calls) == 1
 
 
-def test_the_residual_test_needs_no_samples(car, run, observations):
+def test_the_residual_test_needs_no_samples(car, run, observations) -> None:
     """Learnt from and compared with what observations carry: as from the recordings themselves."""
     parts = [run.part(k, k + run.n_samples // 5) for k in range(0, run.n_samples, run.n_samples // 5)]
     outputs = [part.select(part.names[:4]) for part in parts]
     expected = learn_residuals(outputs, sampling_rate=25.0)
     baseline = learn(observations[:5], least_windows=5)
+    assert baseline.residuals is not None
     assert baseline.residuals.n_windows == expected.n_windows
     np.testing.assert_allclose(baseline.residuals.center, expected.center, rtol=1e-9)
     last = run.part(0, run.n_samples // 5)
@@ -70,7 +85,7 @@ def test_the_residual_test_needs_no_samples(car, run, observations):
     assert tests[3600.0].p_value == pytest.approx(single.p_value, rel=1e-6)
 
 
-def test_an_observation_without_segments_is_small(observations):
+def test_an_observation_without_segments_is_small(observations) -> None:
     """Four outputs at 11 lags: 1.4 kB."""
     residuals = observations[0].residuals
     assert residuals.mean.nbytes == 4 * 4 * 11 * 8
@@ -78,23 +93,18 @@ def test_an_observation_without_segments_is_small(observations):
     compact = observations[0].without_segments()
     assert compact.residuals.segments is None
     assert compact.residuals.mean is residuals.mean or np.array_equal(compact.residuals.mean, residuals.mean)
+    without = [one.without_segments().residuals for one in observations]
     with pytest.raises(ParameterError, match="without its segments"):
-        learn_from_compact(observations)
+        learn_reference(without)
 
 
-def learn_from_compact(observations):
-    from sprung.diagnosis import learn_reference
-
-    return learn_reference([one.without_segments().residuals for one in observations])
-
-
-def test_a_window_with_a_failing_sensor_has_no_residual_test(car, run):
+def test_a_window_with_a_failing_sensor_has_no_residual_test(car, run) -> None:
     broken = observe_window(dead(run.part(0, 24_000), channel="acc_rl"), car)
     assert broken.sensor_faults
     assert broken.residuals is None
 
 
-def test_a_second_opinion_that_disagrees_is_said(observations):
+def test_a_second_opinion_that_disagrees_is_noted(observations) -> None:
     baseline = learn(observations[:5], least_windows=5)
     agreed = diagnose(observations, baseline)
     (note,) = [note for note in agreed.notes if note.startswith("second opinion")]
@@ -107,11 +117,29 @@ def test_a_second_opinion_that_disagrees_is_said(observations):
     assert any("it disagrees" in note for note in tests.notes)
 
 
-def test_windows_of_several_vehicles_are_refused(observations):
-    others = [replace(one, vehicle="other") for one in observations]
-    with pytest.raises(ParameterError, match="of the vehicles other, zafira: give those of one"):
-        learn([*observations, *others])
-    baseline = learn(observations, least_windows=5)
-    assert baseline.vehicle == "zafira"
-    with pytest.raises(ParameterError, match="the baseline is of 'zafira'"):
-        diagnose(others, baseline)
+def test_windows_follow_each_other_and_keep_the_rest() -> None:
+    samples = np.arange(1300.0)[None, :]
+    run = Recording(samples, 1.0, (Channel("a", "acceleration"),))
+    parts = list(windows([run, run], length=600.0))
+    assert [time for time, _ in parts] == [0.0, 600.0, 1300.0, 1900.0]
+    assert [part.n_samples for _, part in parts] == [600, 700, 600, 700]
+    dated = replace(run, start=10**18)
+    assert [time for time, _ in windows([dated, replace(dated, start=10**18 + 10**13)], length=2000.0)] == [0.0, 10**4]
+
+
+def test_conditions_of_an_inconclusive_window(car) -> None:
+    yaw = car.sensor[0].model_copy(
+        update={"channel": "yaw_rate", "quantity": "angular_velocity", "unit": "deg/s", "direction": (0.0, 0.0, -1.0)}
+    )
+    car = car.model_copy(update={"sensor": (*car.sensor, yaw)})
+    run = simulate_drive(car, RoadDrive(duration=30.0), seed=1).recording
+    samples = run.samples.copy()
+    samples[run.index("speed"), : run.n_samples // 4] = 0.0
+    samples[run.index("yaw_rate")] = 0.2
+    warm = np.full((1, run.n_samples), 21.5)
+    channels = (*run.channels, Channel("oil", "temperature"))
+    found = observe_window(replace(run, samples=np.concatenate([samples, warm]), channels=channels), car)
+    assert not found.is_conclusive
+    assert found.conditions["standing"] == pytest.approx(0.25, abs=0.01)
+    assert found.conditions["temperature"] == pytest.approx(21.5)
+    assert found.conditions["turning"] == pytest.approx(0.2)

@@ -25,21 +25,21 @@ def reference():
     return learn_residuals([chain(seed) for seed in range(16)])
 
 
-def test_healthy_windows_of_any_level_pass(reference):
+def test_healthy_windows_of_any_level_pass(reference) -> None:
     values = [compare_residuals(reference, chain(seed, level=10.0 ** (seed % 3 - 1))).p_value for seed in range(30, 56)]
     assert min(values) > 1e-3
     assert 0.2 < np.median(values) < 0.8
 
 
 @pytest.mark.parametrize("change", [-0.15, 0.15])
-def test_a_changed_spring_is_seen(reference, change):
+def test_a_changed_spring_is_seen(reference, change) -> None:
     name = next(iter(structure(read_description("chain3")).components())).corner
     values = [compare_residuals(reference, chain(seed, f"{name}.spring={change}")).p_value for seed in range(60, 66)]
     assert max(values) < 1e-4
 
 
-@pytest.mark.parametrize("n_windows", [3, 12])
-def test_as_many_healthy_windows_differ_as_the_p_value_says(n_windows):
+@pytest.mark.parametrize("n_windows", [3, pytest.param(12, marks=pytest.mark.slow)])
+def test_as_many_healthy_windows_differ_as_the_p_value_says(n_windows) -> None:
     """White noise through two resonances; a reference for every window, which leaves the windows independent."""
     generator = np.random.default_rng([7, n_windows])
     values = []
@@ -59,7 +59,7 @@ def resonances(generator):
     return Recording(outputs, 25.0, tuple(Channel(f"a{k}", "acceleration") for k in range(3)))
 
 
-def test_it_needs_windows_and_the_same_channels(reference):
+def test_it_needs_windows_and_the_same_channels(reference) -> None:
     with pytest.raises(DataError, match="the residual test needs at least 3 usable windows, got 2"):
         learn_residuals([chain(0), chain(1)])
     with pytest.raises(ParameterError, match="select the same ones"):
@@ -67,7 +67,7 @@ def test_it_needs_windows_and_the_same_channels(reference):
 
 
 @pytest.mark.slow
-def test_flexible_against_stiff_building(real_file):
+def test_flexible_against_stiff_building(real_file) -> None:
     """One record of 100 s each: learnt on the first windows of the flexible one, without that of the first shock."""
 
     def floors(state):

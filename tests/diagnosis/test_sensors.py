@@ -65,17 +65,17 @@ FAULTS = {
 }
 
 
-def test_every_kind_is_tried():
+def test_every_kind_is_tried() -> None:
     assert set(FAULTS) == set(KINDS)
 
 
-def test_healthy_sensors_are_not_accused(car, run):
+def test_healthy_sensors_have_no_faults(car, run) -> None:
     assert sensor_faults(run, car) == ()
 
 
 @pytest.mark.parametrize("channel", ["acc_fr", "acc_rl"])
 @pytest.mark.parametrize("kind", FAULTS)
-def test_a_fault_is_named_with_its_channel(car, run, kind, channel):
+def test_a_fault_is_named_with_its_channel(car, run, kind, channel) -> None:
     rms = float(run.samples[run.index(channel)].std())
     broken = with_imperfections(run, [FAULTS[kind](rms, channel)], seed=1)
     found = sensor_faults(broken, car)
@@ -84,7 +84,7 @@ def test_a_fault_is_named_with_its_channel(car, run, kind, channel):
         assert len(found) == 1
 
 
-def test_noise_in_the_band_of_the_body_is_seen_in_the_residual(car, run):
+def test_noise_in_the_band_of_the_body_is_seen_in_the_residual(car, run) -> None:
     half = 0.5 * run.samples[1].std()
     generator = np.random.default_rng(1)
     broken = noisy(run, standard_deviation=half, channel="acc_fr", band=(1.0, 20.0), generator=generator)
@@ -93,7 +93,7 @@ def test_noise_in_the_band_of_the_body_is_seen_in_the_residual(car, run):
 
 
 @pytest.mark.parametrize(("gain", "delay"), [(0.8, 0.0), (1.3, 0.0), (1.0, 4e-3), (1.0, 30e-3)])
-def test_size_of_gain_and_delay(car, run, gain, delay):
+def test_size_of_gain_and_delay(car, run, gain, delay) -> None:
     is_gain = delay == 0
     wrong = scaled(run, channel="acc_fl", factor=gain) if is_gain else delayed(run, channel="acc_fl", delay=delay)
     (fault,) = sensor_faults(wrong, car)
@@ -101,12 +101,12 @@ def test_size_of_gain_and_delay(car, run, gain, delay):
     assert number == pytest.approx(gain if delay == 0 else 1e3 * delay, rel=0.07)
 
 
-def test_an_early_channel_is_called_early(car, run):
+def test_an_early_channel_is_called_early(car, run) -> None:
     (fault,) = sensor_faults(delayed(run, channel="acc_fl", delay=-0.01), car)
     assert (fault.kind, fault.detail) == ("time_shifted", "10.0 ms early")
 
 
-def test_a_recording_of_speed_alone_is_refused(car, run):
+def test_a_recording_of_speed_alone_is_refused(car, run) -> None:
     speed = Sensor(channel="speed", quantity="speed", unit="m/s")
     with pytest.raises(DataError, match="no channel of motion"):
         sensor_faults(run.select(["speed"]), car.model_copy(update={"sensor": (*car.sensor, speed)}))
@@ -120,8 +120,10 @@ CONTRADICTIONS = {
 }
 
 
-@pytest.mark.parametrize("wrong", CONTRADICTIONS)
-def test_two_wrong_sensors_make_the_window_inconclusive(car, run, wrong):
+@pytest.mark.parametrize(
+    "wrong", [pytest.param(name, marks=pytest.mark.slow if "inverted" in name else ()) for name in CONTRADICTIONS]
+)
+def test_two_wrong_sensors_make_the_window_inconclusive(car, run, wrong) -> None:
     found = observe_window(with_imperfections(run, CONTRADICTIONS[wrong]), car)
     assert not found.is_conclusive
     assert "check signs, gains, places and delays" in found.reason
@@ -138,7 +140,7 @@ def wheel_lines(run):
 
 
 @pytest.mark.parametrize("unknown", ["nothing", "engine", "anti-roll bars", "wheel lines"])
-def test_healthy_sensors_agree_on_a_smooth_road_with_noise(car, unknown):
+def test_healthy_sensors_agree_on_a_smooth_road_with_noise(car, unknown) -> None:
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
     bars = tuple(axle.model_copy(update={"anti_roll_stiffness": 12e3}) for axle in car.axle)
     changes = {"engine": {"mounted_mass": (engine,)}, "anti-roll bars": {"axle": bars}}
@@ -153,21 +155,21 @@ def with_speed(run, values):
     return replace(run, samples=np.vstack([run.samples[:-1], np.broadcast_to(values, run.n_samples)]))
 
 
-@pytest.mark.parametrize(("speed", "kind"), [(0.0, "dead"), (30.0, "stuck")])
-def test_a_speed_that_stays_while_the_delay_says_another_is_left_out(car, run, speed, kind):
-    found = observe_window(with_speed(run, speed), car)
+@pytest.mark.parametrize(("speed", "kind"), [(0.0, "dead"), pytest.param(30.0, "stuck", marks=pytest.mark.slow)])
+def test_a_speed_that_stays_while_the_delay_says_another_is_left_out(car, run, speed, kind) -> None:
+    found = observe_window(with_speed(run.part(0, run.n_samples // 2), speed), car)
     assert [(fault.channel, fault.kind) for fault in found.sensor_faults] == [("speed", kind)]
     assert found.is_conclusive
     assert not {"speed", "standing"} & found.conditions.keys()
 
 
 @pytest.mark.parametrize(("speed", "road"), [(5.5, "A"), (30.0, "B")])
-def test_a_kept_speed_is_not_stuck(car, speed, road):
+def test_a_kept_speed_is_not_stuck(car, speed, road) -> None:
     settings = nonlinear(road, duration=180.0, speed=(speed, speed), snr=30.0)
     assert speed_fault(window_of(simulate_drive(car, settings, seed=2).recording, car)) is None
 
 
-def test_a_standing_car_and_a_rig_have_no_speed_to_be_wrong(car, run):
+def test_a_standing_car_and_a_rig_have_no_speed_to_be_wrong(car, run) -> None:
     generator = np.random.default_rng(1)
     idling = 0.3 * np.sin(2 * np.pi * 26.0 * np.arange(run.n_samples) / run.sampling_rate)
     still = replace(run, samples=0.02 * generator.standard_normal(run.samples.shape) + idling)
@@ -178,14 +180,14 @@ def test_a_standing_car_and_a_rig_have_no_speed_to_be_wrong(car, run):
 
 
 @pytest.mark.slow
-def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run):
+def test_diagonal_sensors_exchanged_are_seen_by_the_delay(car, run) -> None:
     found = observe_window(swapped(run, first="acc_fl", second="acc_rr"), car)
     assert {fault.kind for fault in found.sensor_faults} == {"swapped"}
     assert not found.is_conclusive
 
 
 @pytest.mark.slow
-def test_diagonal_sensors_exchanged_are_seen_despite_an_unknown_engine(car):
+def test_diagonal_sensors_exchanged_are_seen_despite_an_unknown_engine(car) -> None:
     engine = MountedMass(mass=180.0, x=1.1, frequency=11.0, damping_ratio=0.08)
     settings = nonlinear(duration=600.0, snr=50.0)
     run = simulate_drive(car.model_copy(update={"mounted_mass": (engine,)}), settings, seed=5).recording
@@ -198,7 +200,7 @@ def test_diagonal_sensors_exchanged_are_seen_despite_an_unknown_engine(car):
 
 
 @pytest.mark.slow
-def test_the_rest_goes_on_without_a_bad_channel(car, run):
+def test_the_rest_goes_on_without_a_bad_channel(car, run) -> None:
     found = observe_window(dead(run, channel="acc_rl"), car)
     assert [fault.kind for fault in found.sensor_faults] == ["dead"]
     assert found.is_conclusive

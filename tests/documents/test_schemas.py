@@ -14,7 +14,7 @@ SHIPPED = Path(sprung.__file__).parent / "documents" / "json_schemas"
 REFERENCE = (Path(__file__).parents[2] / "docs" / "json.md").read_text(encoding="utf-8")
 
 
-def test_shipped_schemas_are_those_of_the_models(tmp_path):
+def test_shipped_schemas_are_those_of_the_models(tmp_path) -> None:
     write_json_schemas(tmp_path)
     assert {path.name for path in SHIPPED.iterdir()} == {path.name for path in tmp_path.iterdir()}
     for path in tmp_path.iterdir():
@@ -24,7 +24,7 @@ def test_shipped_schemas_are_those_of_the_models(tmp_path):
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-def test_every_schema_names_its_document(name):
+def test_every_schema_names_its_document(name) -> None:
     schema = json_schema(name)
     assert schema["$id"] == schema["properties"]["schema"]["const"] == name
     assert "schema" in schema["required"]
@@ -37,13 +37,13 @@ def keys(schema):
 
 
 @pytest.mark.parametrize("name", sorted(set(DOCUMENTS) - {"sprung.reproduction/1"}))
-def test_every_key_is_in_the_reference(name):
+def test_every_key_is_in_the_reference(name) -> None:
     words = set(re.findall(r"[a-z_0-9]+", " ".join(re.findall(r"`[^`]+`|```json.*?```", REFERENCE, flags=re.DOTALL))))
     missing = set(keys(json_schema(name))) - words
     assert not missing
 
 
-def test_unknown_schemas_are_refused(tmp_path):
+def test_unknown_schemas_are_refused(tmp_path) -> None:
     with pytest.raises(ParameterError, match=r"schema 'sprung.modes/1' is not one of sprung.alert-history/1, "):
         json_schema("sprung.modes/1")
     path = tmp_path / "document.json"
@@ -63,9 +63,16 @@ def test_unknown_schemas_are_refused(tmp_path):
         read_document(tmp_path / "missing.json")
 
 
-def test_a_checker_that_passes_everything_would_be_noticed(check_document):
+def test_a_checker_that_passes_everything_would_be_noticed(check_document) -> None:
     alert = {"number": 1, "history": [], "schema": "sprung.alert-history/1"}
     check_document(alert)
-    for change in ({"number": "1"}, {"number": None}, {"history": {}}, {"further": 1}, {"history": [{}]}):
+    changes: list[dict[str, object]] = [
+        {"number": "1"},
+        {"number": None},
+        {"history": {}},
+        {"further": 1},
+        {"history": [{}]},
+    ]
+    for change in changes:
         with pytest.raises(AssertionError):
             check_document({**alert, **change})

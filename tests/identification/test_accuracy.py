@@ -39,7 +39,7 @@ def twenty_records(seeds, snr, band=None):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("snr", [10.0, 0.5])
 @pytest.mark.parametrize("seeds", [0, 1, 2])
-def test_twenty_records_with_white_noise_give_exactly_the_three_modes(seeds, snr, method):
+def test_twenty_records_with_white_noise_give_exactly_the_three_modes(seeds, snr, method) -> None:
     """f within 0.3 %, xi within 15 %, MAC above 0.99 (CoSS-SSI with three subsets)."""
     found = METHODS[method](twenty_records(seeds, snr))
     assert len(found.modes) == 3
@@ -53,7 +53,7 @@ def test_twenty_records_with_white_noise_give_exactly_the_three_modes(seeds, snr
 @pytest.mark.parametrize("has_disjoint_references", [False, True])
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("seeds", [0, 1, 2])
-def test_noise_in_the_modes_own_band_leaves_all_three(seeds, method, has_disjoint_references):
+def test_noise_in_the_modes_own_band_leaves_all_three(seeds, method, has_disjoint_references) -> None:
     """20 records, SNR 0.5 with noise at 0.5 to 50 Hz: f within 1 %."""
     settings = IdentificationSettings(has_disjoint_references=has_disjoint_references)
     found = METHODS[method](twenty_records(seeds, 0.5, IN_BAND), settings=settings)
@@ -65,7 +65,7 @@ def test_noise_in_the_modes_own_band_leaves_all_three(seeds, method, has_disjoin
 
 
 @pytest.mark.parametrize("snr", [10.0, 0.5])
-def test_one_record_gives_exactly_the_three_modes(snr):
+def test_one_record_gives_exactly_the_three_modes(snr) -> None:
     found = cov_ssi(run(snr=snr))
     assert len(found.modes) == 3
     np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
@@ -76,7 +76,7 @@ def test_one_record_gives_exactly_the_three_modes(snr):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("snr", [10.0, 0.5])
-def test_standard_deviations_are_those_of_repeated_runs(snr):
+def test_standard_deviations_are_those_of_repeated_runs(snr) -> None:
     """Monte Carlo of 100 records with default settings.
 
     The frequency's deviation of the third mode is a quarter too small: of the ladder's poles the one of least
@@ -100,7 +100,7 @@ def test_standard_deviations_are_those_of_repeated_runs(snr):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_car_on_four_shakers_shows_its_named_body_modes(seed):
+def test_a_car_on_four_shakers_shows_its_named_body_modes(seed) -> None:
     """White and independent displacements under the wheels, ten minutes: heavily damped modes of 16 to 24 %."""
     car = read_vehicle("zafira")
     truth = structure(car).modes()
@@ -112,7 +112,7 @@ def test_a_car_on_four_shakers_shows_its_named_body_modes(seed):
     assert np.diag(mac(found.modes.mode_shapes[:3], truth.mode_shapes[:3])).min() > 0.95
 
 
-def test_the_quarter_vehicle_shows_both_modes():
+def test_the_quarter_vehicle_shows_both_modes() -> None:
     """FACTS of section 5.3: 13.21 and 56.35 Hz, 13.10 and 6.33 %."""
     quarter = read_description("quarter")
     found = acs_ssi(
@@ -122,7 +122,7 @@ def test_the_quarter_vehicle_shows_both_modes():
     np.testing.assert_allclose(found.modes.damping_ratio, [0.1310, 0.0633], rtol=0.1)
 
 
-def test_a_line_of_the_excitation_is_reported_and_not_called_a_mode():
+def test_a_line_of_the_excitation_is_reported_and_not_called_a_mode() -> None:
     record = run()
     line = np.sin(2 * np.pi * 12.5 * np.arange(record.n_samples) / 500.0)
     loud = record.changed("line", samples=record.samples + 0.4 * record.samples.std(axis=1, keepdims=True) * line)
@@ -146,13 +146,13 @@ def test_a_line_of_the_excitation_is_reported_and_not_called_a_mode():
     ],
     ids=["as in the thesis", "ladder over block rows", "band", "rate"],
 )
-def test_every_form_finds_the_modes_of_twenty_records(settings):
+def test_every_form_finds_the_modes_of_twenty_records(settings) -> None:
     found = acs_ssi(twenty_records(0, 10.0), settings=settings)
     nearest = np.abs(found.modes.natural_frequency[:, None] / TRUTH.natural_frequency - 1).min(axis=0)
     assert nearest.max() < 0.01
 
 
-def test_the_lifter_s_damping_is_taken_off_again():
+def test_the_lifter_s_damping_is_taken_off_again() -> None:
     """A time constant of 1 s adds 2.3, 0.8 and 0.6 % to the damping of 1.1, 3.1 and 4.6 %."""
     found = cov_ssi(twenty_records(0, 10.0), settings=IdentificationSettings(lifter=Exponential(1.0)))
     np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.005)
@@ -160,7 +160,7 @@ def test_the_lifter_s_damping_is_taken_off_again():
     assert found.edited_spectra is not None
 
 
-def test_correlations_divided_by_the_number_of_samples_read_as_damping():
+def test_correlations_divided_by_the_number_of_samples_read_as_damping() -> None:
     """Segments of 6 s (N = 750 at 125 Hz): 1.5 % instead of 1.12 % for the first mode; without bias 1.12 %."""
     records = [decimate(record, 125.0) for record in twenty_records(0, 10.0)]
     segments = join_segments([correlate_segments(record, n_lags=82, segment=6.0) for record in records])
@@ -174,7 +174,7 @@ def test_correlations_divided_by_the_number_of_samples_read_as_damping():
     assert frequency[True] == pytest.approx(TRUTH.natural_frequency[0], rel=0.003)
 
 
-def test_a_lifter_shorter_than_the_ring_down_is_noted():
+def test_a_lifter_shorter_than_the_ring_down_is_noted() -> None:
     """The first mode rings down in 1 / (0.0112 x 2 pi x 7.01) = 2.03 s, the second in 0.26 s."""
     noted = {}
     for length in (1.0, 4.0):

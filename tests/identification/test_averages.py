@@ -42,7 +42,7 @@ def assert_same(found, wanted, *, rtol=1e-12):
 
 
 @pytest.mark.parametrize("n_segments", [1, 2, 63, 64, 65, 128, 129, 200])
-def test_blocks_are_runs_of_consecutive_segments_and_average_to_the_values(n_segments):
+def test_blocks_are_runs_of_consecutive_segments_and_average_to_the_values(n_segments) -> None:
     segments = correlate_segments(recorded(noise(2, 20 * n_segments)), n_lags=5, segment=0.4)
     found = average(segments)
     assert found.n_segments == segments.n_segments == n_segments
@@ -53,7 +53,7 @@ def test_blocks_are_runs_of_consecutive_segments_and_average_to_the_values(n_seg
     assert_same(found.blocks[0], average(segments.take(range(n_first))).values)
 
 
-def test_values_of_segments_of_unequal_length_are_the_sums_over_the_products():
+def test_values_of_segments_of_unequal_length_are_the_sums_over_the_products() -> None:
     segments = correlate_segments(recorded(noise(1, 250), gaps=(50, 81)), n_lags=20)
     values = average(segments).values[0, 0]
     np.testing.assert_allclose(values, segments.sums.sum(axis=0)[0, 0] / segments.n_products.sum(axis=0))
@@ -61,7 +61,7 @@ def test_values_of_segments_of_unequal_length_are_the_sums_over_the_products():
     np.testing.assert_allclose(biased, segments.sums.sum(axis=0)[0, 0] / 250)
 
 
-def test_spread_of_the_blocks_is_the_uncertainty_of_the_average():
+def test_spread_of_the_blocks_is_the_uncertainty_of_the_average() -> None:
     """White noise of variance 1: the standard deviation of a correlation of N products is 1 / sqrt(N) at lags > 0."""
     found = average(
         correlate_segments(recorded(np.random.default_rng(2).normal(size=(2, 64_000))), n_lags=40, segment=20)
@@ -83,14 +83,14 @@ def loud_and_ordinary(power):
 
 
 @pytest.mark.parametrize("power", [0.0, 1.0, 4.0])
-def test_segments_up_to_four_times_the_median_power_stay_as_they_are(power):
+def test_segments_up_to_four_times_the_median_power_stay_as_they_are(power) -> None:
     segments = loud_and_ordinary(power)
     limited = with_limited_power(segments)
     np.testing.assert_array_equal(limited.sums, segments.sums)
     np.testing.assert_array_equal(limited.n_products, segments.n_products)
 
 
-def test_silence_is_no_measure_of_what_is_loud():
+def test_loudness_is_not_measured_against_silence() -> None:
     """Six silent segments, three ordinary ones and one hundred times louder: limited against the ordinary ones."""
     segments = loud_and_ordinary(100.0)
     heard = np.arange(10) < 4
@@ -102,7 +102,7 @@ def test_silence_is_no_measure_of_what_is_loud():
 
 
 @pytest.mark.parametrize("power", [100.0, 1e8])
-def test_a_loud_segment_counts_like_four_ordinary_ones_and_keeps_its_own_correlation(power):
+def test_a_loud_segment_counts_like_four_ordinary_ones_and_keeps_its_own_correlation(power) -> None:
     """Average of nine segments of power 1 and one of power P with weight 4/P: (9 + 4) / (9 + 4/P)."""
     ordinary = average(loud_and_ordinary(1.0)).values
     found = average(with_limited_power(loud_and_ordinary(power)))
@@ -115,7 +115,7 @@ def test_a_loud_segment_counts_like_four_ordinary_ones_and_keeps_its_own_correla
 # Values
 
 
-def test_known_correlations_have_one_block_and_names():
+def test_known_correlations_have_one_block_and_names() -> None:
     values = np.arange(24.0).reshape(3, 2, 4)
     known = exact_correlations(values, sampling_rate=10.0)
     assert (known.channels, known.references) == (("1", "2", "3"), ("1", "2"))
@@ -124,7 +124,7 @@ def test_known_correlations_have_one_block_and_names():
     np.testing.assert_array_equal(known.is_cross, [[False, True], [True, False], [True, True]])
 
 
-def test_select_takes_outputs_and_references_by_name():
+def test_select_takes_outputs_and_references_by_name() -> None:
     segments = correlate_segments(recorded(noise(3, 300)), n_lags=5, segment=1.0)
     chosen = average(segments).select(["c", "a"], ["b"])
     assert_same(chosen.values, average(segments).values[[2, 0]][:, [1]])
@@ -133,7 +133,7 @@ def test_select_takes_outputs_and_references_by_name():
     assert chosen.is_cross.all()
 
 
-def test_correlations_cannot_be_changed():
+def test_correlations_cannot_be_changed() -> None:
     found = average(correlate_segments(recorded(noise(1, 50)), n_lags=5))
     for array in (found.values, found.blocks, found.weights):
         with pytest.raises(ValueError, match="read-only"):
@@ -162,13 +162,13 @@ def test_correlations_cannot_be_changed():
         ),
     ],
 )
-def test_what_cannot_be_correlated_is_refused(n_samples, options, error, sentence):
+def test_what_cannot_be_correlated_is_refused(n_samples, options, error, sentence) -> None:
     with pytest.raises(error) as refusal:
         correlate_segments(recorded(noise(1, n_samples)), **options)
     assert str(refusal.value) == sentence
 
 
-def test_records_of_different_channels_lags_or_rates_do_not_join():
+def test_records_of_different_channels_lags_or_rates_do_not_join() -> None:
     first = correlate_segments(recorded(noise(2, 50)), n_lags=5)
     for other in (
         correlate_segments(recorded(noise(1, 50)), n_lags=5),
@@ -185,12 +185,12 @@ def test_records_of_different_channels_lags_or_rates_do_not_join():
     )
 
 
-def test_lags_without_any_product_are_refused():
+def test_lags_without_any_product_are_refused() -> None:
     empty = SegmentCorrelations(np.zeros((1, 1, 1, 3)), np.array([[2.0, 1.0, 0.0]]), RATE, ("a",), ("a",))
     with pytest.raises(DataError, match="the segments are shorter than the lags: use longer segments"):
         average(empty)
 
 
-def test_arrays_of_other_dimensions_are_refused():
+def test_arrays_of_other_dimensions_are_refused() -> None:
     with pytest.raises(ParameterError, match=r"^values has 2 dimensions \(2, 3\), but must have 3$"):
         Correlations(np.zeros((2, 3)), np.zeros((1, 1, 2, 3)), np.ones(1), RATE, ("a",), ("a",))

@@ -54,7 +54,7 @@ def assert_same(found, wanted, *, rtol=1e-12):
 @pytest.mark.parametrize("is_continued", [False, True])
 @pytest.mark.parametrize("references", [None, ("b",), ("c", "a")])
 @pytest.mark.parametrize("gaps", [(), (70,), (40, 45, 130)])
-def test_sums_equal_the_direct_ones(is_continued, references, gaps):
+def test_sums_equal_the_direct_ones(is_continued, references, gaps) -> None:
     """Stretches of 200; of 70 and 130; of 40, 5 (shorter than the lags: left out), 85 and 70 samples."""
     samples, n_lags = noise(3, 200), 12
     recording = recorded(samples, gaps=gaps)
@@ -85,7 +85,7 @@ def test_sums_equal_the_direct_ones(is_continued, references, gaps):
     is_continued=st.booleans(),
     seed=st.integers(0, 2**31),
 )
-def test_any_cut_adds_up_to_what_a_direct_sum_gives(size, n_lags, length, is_continued, seed):
+def test_any_cut_adds_up_to_what_a_direct_sum_gives(size, n_lags, length, is_continued, seed) -> None:
     n_channels, n_samples = size
     samples = noise(n_channels, n_samples, seed)
     cut = {"n_lags": n_lags, "segment": length / RATE, "is_continued": is_continued}
@@ -103,7 +103,7 @@ def test_any_cut_adds_up_to_what_a_direct_sum_gives(size, n_lags, length, is_con
 
 
 @pytest.mark.parametrize(("n_samples", "n_lags"), [(6_000, 4), (5_000, 900), (140_000, 3)])
-def test_long_segments_are_summed_in_blocks_without_loss(n_samples, n_lags):
+def test_long_segments_are_summed_in_blocks_without_loss(n_samples, n_lags) -> None:
     """Several FFT blocks; blocks shorter than the lags would need; more blocks than are transformed at once."""
     samples = noise(2, n_samples)
     found = correlate_segments(recorded(samples), n_lags=n_lags)
@@ -112,7 +112,7 @@ def test_long_segments_are_summed_in_blocks_without_loss(n_samples, n_lags):
     np.testing.assert_array_equal(found.n_products[0], counts)
 
 
-def test_a_segment_of_a_stretch_too_short_for_it_is_the_whole_stretch():
+def test_a_segment_of_a_stretch_too_short_for_it_is_the_whole_stretch() -> None:
     found = correlate_segments(recorded(noise(1, 100), gaps=(60,)), n_lags=10, segment=1.0)
     np.testing.assert_array_equal(found.n_products[:, 0], [60, 40])
 
@@ -121,7 +121,7 @@ def test_a_segment_of_a_stretch_too_short_for_it_is_the_whole_stretch():
 
 
 @pytest.mark.parametrize("is_biased", [False, True])
-def test_correlation_of_a_cosine_has_its_closed_form(is_biased):
+def test_correlation_of_a_cosine_has_its_closed_form(is_biased) -> None:
     """2 sum_n cos(w n) cos(w (n + m)) = (N - m) cos(w m) + cos(w (N - 1)) sin((N - m) w) / sin(w)."""
     n, w, m = 400, 0.37, np.arange(30)
     doubled = (n - m) * np.cos(w * m) + np.cos(w * (n - 1)) * np.sin((n - m) * w) / np.sin(w)
@@ -130,14 +130,14 @@ def test_correlation_of_a_cosine_has_its_closed_form(is_biased):
     np.testing.assert_allclose(average(segments, is_biased=is_biased).values[0, 0], expected, atol=1e-14)
 
 
-def test_the_biased_form_falls_off_linearly_with_the_lag():
+def test_the_biased_form_falls_off_linearly_with_the_lag() -> None:
     """A constant: the unbiased correlation is 1 at every lag, the biased one (N - m) / N."""
     segments = correlate_segments(recorded(np.ones(200)), n_lags=40, segment=1.0)
     np.testing.assert_allclose(average(segments).values[0, 0], 1, atol=1e-13)
     np.testing.assert_allclose(average(segments, is_biased=True).values[0, 0], 1 - np.arange(40) / 50, atol=1e-13)
 
 
-def test_the_output_comes_later_than_the_reference():
+def test_the_output_comes_later_than_the_reference() -> None:
     """b repeats a three samples later: Lambda of b with reference a peaks at lag 3, of a with reference b nowhere."""
     a = np.random.default_rng(1).normal(size=20_000)
     found = average(correlate_segments(recorded([a, np.roll(a, 3)]), n_lags=8)).values
@@ -145,7 +145,7 @@ def test_the_output_comes_later_than_the_reference():
     np.testing.assert_allclose(found[0, 1], 0, atol=0.04)
 
 
-def test_two_impulses_meet_at_their_distance_only():
+def test_two_impulses_meet_at_their_distance_only() -> None:
     samples = np.zeros((2, 50))
     samples[0, 10], samples[1, 14] = 2.0, 3.0
     sums = correlate_segments(recorded(samples), n_lags=20).sums[0]
@@ -154,7 +154,7 @@ def test_two_impulses_meet_at_their_distance_only():
     np.testing.assert_allclose(sums, expected, atol=1e-13)
 
 
-def test_nothing_wraps_around():
+def test_nothing_wraps_around() -> None:
     samples = np.zeros(64)
     samples[[0, 63]] = 1.0
     sums = correlate_segments(recorded(samples), n_lags=64).sums[0, 0, 0]
@@ -164,7 +164,7 @@ def test_nothing_wraps_around():
 # Invariances
 
 
-def test_a_gap_separates_like_two_records():
+def test_a_gap_separates_like_two_records() -> None:
     samples = noise(2, 300)
     whole = correlate_segments(recorded(samples, gaps=(130,)), n_lags=10, segment=1.0, is_continued=True)
     parts = [
@@ -175,7 +175,7 @@ def test_a_gap_separates_like_two_records():
     np.testing.assert_array_equal(whole.n_products, join_segments(parts).n_products)
 
 
-def test_joined_records_add():
+def test_joined_records_add() -> None:
     """Values of the joined records: the sums over both, divided by the products of both."""
     parts = [correlate_segments(recorded(noise(2, n, n)), n_lags=6, segment=1.0) for n in (180, 420)]
     joined = average(join_segments(parts))
@@ -186,7 +186,7 @@ def test_joined_records_add():
 
 @settings(max_examples=25, deadline=None)
 @given(order=st.permutations(range(40)), is_biased=st.booleans())
-def test_the_order_of_segments_does_not_matter(order, is_biased):
+def test_the_order_of_segments_does_not_matter(order, is_biased) -> None:
     segments = correlate_segments(recorded(noise(2, 2003)), n_lags=8, segment=1.0)
     assert segments.n_segments == 40
     shuffled = segments.take(order)
@@ -199,7 +199,7 @@ def test_the_order_of_segments_does_not_matter(order, is_biased):
     order=st.permutations(range(3)),
     is_continued=st.booleans(),
 )
-def test_scaled_and_permuted_channels_scale_and_permute_the_correlations(factors, order, is_continued):
+def test_scaled_and_permuted_channels_scale_and_permute_the_correlations(factors, order, is_continued) -> None:
     recording = recorded(noise(3, 400))
     changed = recording.changed("scaled", samples=recording.samples * np.array(factors)[:, None])
     changed = changed.select([recording.names[k] for k in order])
@@ -210,7 +210,7 @@ def test_scaled_and_permuted_channels_scale_and_permute_the_correlations(factors
     assert_same(after / scale, before[np.ix_(order, order)], rtol=1e-10)
 
 
-def test_correlations_of_references_are_columns_of_all():
+def test_correlations_of_references_are_columns_of_all() -> None:
     recording = recorded(noise(3, 200))
     every = correlate_segments(recording, n_lags=7)
     some = correlate_segments(recording, n_lags=7, references=["c", "a"])

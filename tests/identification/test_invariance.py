@@ -29,7 +29,7 @@ def assert_same(one, other, *, deviations):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_permuted_channels_give_the_same_modes(method):
+def test_permuted_channels_give_the_same_modes(method) -> None:
     records = [run(seed) for seed in range(3)]
     order = ["acc_3", "acc_1", "acc_2"]
     straight, turned = METHODS[method](records), METHODS[method]([record.select(order) for record in records])
@@ -40,7 +40,7 @@ def test_permuted_channels_give_the_same_modes(method):
 
 @pytest.mark.parametrize("factors", [(1e-6, 1.0, 1e6), (1e6, 1e6, 1e6), (-1.0, 1.0, 1e-3)])
 @pytest.mark.parametrize("method", METHODS)
-def test_scaled_channels_give_the_same_poles_and_scaled_shapes(method, factors):
+def test_scaled_channels_give_the_same_poles_and_scaled_shapes(method, factors) -> None:
     records = [run(seed) for seed in range(3)]
     scale = np.array(factors)
     scaled = [record.changed("scaled", samples=record.samples * scale[:, None]) for record in records]
@@ -51,14 +51,14 @@ def test_scaled_channels_give_the_same_poles_and_scaled_shapes(method, factors):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_offsets_and_the_time_of_day_do_not_matter(method):
+def test_offsets_and_the_time_of_day_do_not_matter(method) -> None:
     record = run()
     moved = replace(record.changed("offset", samples=record.samples + 9.81), start=1_700_000_000_000_000_000)
     assert_same(METHODS[method](record), METHODS[method](moved), deviations=1e-6)
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_the_order_of_records_hardly_matters(method):
+def test_the_order_of_records_hardly_matters(method) -> None:
     """What is chosen from the first record (scales of channels) changes in the fourth digit."""
     records = [run(seed) for seed in range(4)]
     settings = IdentificationSettings(band=(4.0, 40.0), decimate_to=125.0, block_rows=40, max_order=40, segment=5.0)
@@ -66,7 +66,7 @@ def test_the_order_of_records_hardly_matters(method):
     assert_same(straight, METHODS[method](records[::-1], settings=settings), deviations=0.01)
 
 
-def test_a_shift_in_time_hardly_matters():
+def test_a_shift_in_time_hardly_matters() -> None:
     record = run()
     later = record.changed("three samples later", samples=record.samples[:, 3:])
     assert_same(cov_ssi(record), cov_ssi(later), deviations=0.3)

@@ -14,7 +14,7 @@ LADDERS = {
 
 
 @pytest.mark.parametrize(("ladder", "rungs", "n_lags", "is_biased"), LADDERS.values(), ids=LADDERS)
-def test_the_last_rung_has_the_true_modes(known, ladder, rungs, n_lags, is_biased):
+def test_the_last_rung_has_the_true_modes(known, ladder, rungs, n_lags, is_biased) -> None:
     correlations, poles, shapes = known("chain3", 125.0)
     found = ladder.poles(correlations)
     assert found.ladder == rungs
@@ -35,7 +35,7 @@ def test_the_last_rung_has_the_true_modes(known, ladder, rungs, n_lags, is_biase
         (lambda: BlockRowLadder(1, 12), "block rows 1 to 12 must rise from 2 or more"),
     ],
 )
-def test_impossible_ladders_are_refused(make, sentence):
+def test_impossible_ladders_are_refused(make, sentence) -> None:
     with pytest.raises(ParameterError) as refusal:
         make()
     assert str(refusal.value) == sentence

@@ -1,19 +1,11 @@
-"""Which poles are one mode, which modes are chance, and how parts merge."""
+"""Merging of the modes of several parts."""
 
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from sprung.identification.contribution import contributions
-from sprung.identification.correlation import average, correlate_segments
 from sprung.identification.merging import merge_modes
-from sprung.identification.stabilisation import align, significant
 from sprung.modal import Modes, mac
-from sprung.simulation import simulate, usual_excitation
-from sprung.vehicles import chain
 
 
 def pole(frequency, damping=0.02):
@@ -34,107 +26,7 @@ def modes_of(*rows, std=0.01, channels=("a", "b")):
     )
 
 
-# Alignments
-
-
-def test_poles_of_one_mode_are_one_group_numbered_by_frequency():
-    poles = pole(np.array([9.0, 3.0, 3.005, 9.02, 5.0]), np.full(5, 0.02))
-    assert align(poles, np.ones((5, 2))).tolist() == [2, 0, 0, 2, 1]
-
-
-def test_close_frequencies_of_different_shape_are_different_modes():
-    poles = pole(np.array([3.0, 3.001, 3.0, 3.001]), np.full(4, 0.02))
-    groups = align(poles, np.array([[1, 1], [1, -1], [1, 1.02], [1, -1.02]]))
-    assert groups[0] == groups[2] != groups[1] == groups[3]
-
-
-def test_the_width_of_a_group_is_its_bandwidth():
-    """0.01 f + 0.5 xi f: 3 Hz at 20 % damping is 0.33 Hz wide, at 1 % it is 0.045 Hz wide."""
-    shapes = np.ones((2, 2))
-    for damping, width in ((0.2, 0.33), (0.01, 0.045)):
-        near = pole(np.array([3.0, 3.0 + 0.9 * width]), np.full(2, damping))
-        far = pole(np.array([3.0, 3.0 + 1.2 * width]), np.full(2, damping))
-        assert align(near, shapes).tolist() == [0, 0]
-        assert align(far, shapes).tolist() == [0, 1]
-
-
-def test_free_damping_groups_by_frequency_and_shape_only():
-    """Three subsets of one mode: 2.0, 1.1 and 0.6 %."""
-    poles = pole(np.array([3.0, 3.0, 3.0]), np.array([0.1, 0.05, 0.02]))
-    shapes = np.ones((3, 2))
-    assert align(poles, shapes, has_free_damping=True).tolist() == [0, 0, 0]
-    assert len(set(align(poles, shapes))) > 1
-
-
-@pytest.mark.parametrize("n", [0, 1])
-def test_few_poles_align_with_themselves(n):
-    assert align(pole(np.full(n, 3.0)), np.ones((n, 2))).tolist() == [0] * n
-
-
-@settings(max_examples=30, deadline=None)
-@given(order=st.permutations(range(12)), phase=st.floats(0, 6.3), size=st.floats(1e-3, 1e3))
-def test_groups_do_not_depend_on_order_or_scale_of_shapes(order, phase, size):
-    generator = np.random.default_rng(0)
-    poles = pole(np.repeat([3.0, 5.0, 9.0], 4) * generator.normal(1, 0.002, 12), np.full(12, 0.03))
-    shapes = np.repeat([[1, 1], [1, -1], [1, 0]], 4, axis=0) + 0.02 * generator.normal(size=(12, 2))
-    groups = align(poles, shapes)
-    assert groups.tolist() == [0] * 4 + [1] * 4 + [2] * 4
-    turned = align(poles[order], size * np.exp(1j * phase) * shapes[order])
-    np.testing.assert_array_equal(turned, groups[order])
-
-
-# Significance
-
-
-@pytest.fixture(scope="module")
-def measured():
-    structure = chain()
-    run = simulate(structure, usual_excitation(structure), duration=60.0, sampling_rate=125.0, snr=10.0, seed=1)
-    correlations = average(correlate_segments(run, n_lags=40, segment=2.0, is_continued=True))
-    exact = structure.modes()
-    frequency, damping = exact.natural_frequency, exact.damping_ratio
-    ghosts = [(f, 0.02, shape) for f, shape in ((12.0, (1, -1, 1)), (24.0, (1, 2, -1)), (40.0, (1, 1, 1)))]
-    rows = [*zip(frequency, damping, exact.mode_shapes, strict=True), *ghosts]
-    return modes_of(*rows, channels=exact.channels, std=1e-3), correlations
-
-
-def test_modes_that_contribute_no_more_than_chance_are_not_significant(measured):
-    modes, correlations = measured
-    assert significant(modes, correlations, least=4.0).tolist() == [True] * 3 + [False] * 3
-    assert significant(modes, correlations, least=0.0).all()
-    assert not significant(modes, correlations, least=1e9).any()
-
-
-def test_an_uncertain_mode_counts_less(measured):
-    """The contribution is divided by (deviation / half-bandwidth) / 0.2."""
-    modes, correlations = measured
-    true = modes.take(np.arange(3))
-    least = 0.8 * contributions(true.poles, true.mode_shapes, correlations)[0]
-    assert significant(true, correlations, least=least).all()
-    half_bandwidth = true.natural_frequency * true.damping_ratio
-    for spread, is_kept in ((0.19, True), (0.24, True), (0.26, False)):
-        deviations = half_bandwidth * [spread, 0.01, 0.01]
-        found = significant(replace(true, natural_frequency_std=deviations), correlations, least=least)
-        assert found.tolist() == [is_kept, True, True]
-
-
-def test_the_bound_is_higher_with_few_blocks(measured):
-    """Fisher's distribution with 12 and 1 degrees of freedom exceeds 6,000 once in a hundred times."""
-    modes, correlations = measured
-    halves = np.stack([correlations.blocks[:15].mean(axis=0), correlations.blocks[15:].mean(axis=0)])
-    few = replace(correlations, blocks=halves, weights=np.array([0.5, 0.5]))
-    assert not significant(modes, few, least=4.0).any()
-
-
-def test_no_modes_are_judged_without_complaint(measured):
-    modes, correlations = measured
-    assert significant(modes.take(np.zeros(0, dtype=int)), correlations, least=4.0).shape == (0,)
-
-
-# Merging
-
-
-def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own():
+def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own() -> None:
     """Damping differs between the subsets of one mode, frequency and shape do not."""
     parts = [
         modes_of((3.0, 0.020, (1, 0.5)), (9.0, 0.05, (1, -1))),
@@ -152,7 +44,7 @@ def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own():
     assert merged.modes.stable_rate.tolist() == [0.5, 0.5]
 
 
-def test_a_mode_of_less_than_half_of_the_parts_is_left_out():
+def test_a_mode_of_less_than_half_of_the_parts_is_left_out() -> None:
     one, none = modes_of((3.0, 0.02, (1, 1))), modes_of((3.0, 0.02, (1, 1))).take(np.zeros(0, dtype=int))
     assert len(merge_modes([one, none], weights=[1, 1]).modes) == 1
     assert len(merge_modes([one, none, none], weights=[1, 1, 1]).modes) == 0
@@ -160,28 +52,28 @@ def test_a_mode_of_less_than_half_of_the_parts_is_left_out():
     assert merge_modes([none], weights=[1]).members.shape == (0, 1)
 
 
-def test_merged_modes_come_by_rising_frequency():
+def test_merged_modes_come_by_rising_frequency() -> None:
     part = modes_of((9.0, 0.02, (1, 1)), (3.0, 0.02, (1, -1)), (5.0, 0.02, (1, 0)))
     merged = merge_modes([part, part.take(np.array([2, 0, 1]))], weights=[1, 1])
     np.testing.assert_allclose(merged.modes.natural_frequency, [3.0, 5.0, 9.0])
     assert merged.members.tolist() == [[1, 2], [2, 0], [0, 1]]
 
 
-def test_close_modes_of_different_shape_do_not_merge():
+def test_close_modes_of_different_shape_do_not_merge() -> None:
     parts = [modes_of((3.0, 0.02, (1, 1)), (3.02, 0.02, (1, -1)))] * 2
     merged = merge_modes(parts, weights=[1, 1])
     assert merged.members.tolist() == [[0, 0], [1, 1]]
     np.testing.assert_allclose(np.diag(mac(merged.modes.mode_shapes, parts[0].mode_shapes)), 1)
 
 
-def test_of_two_modes_of_one_part_that_merge_the_more_stable_one_stands_for_it():
+def test_of_two_modes_of_one_part_that_merge_the_more_stable_one_stands_for_it() -> None:
     twins = replace(modes_of((3.0, 0.02, (1, 1)), (3.01, 0.03, (1, 1))), stable_rate=np.array([0.3, 0.8]))
     merged = merge_modes([twins], weights=[1])
     assert merged.members.tolist() == [[1]]
     np.testing.assert_allclose(merged.modes.poles, twins.poles[1:])
 
 
-def test_one_part_merges_to_itself():
+def test_one_part_merges_to_itself() -> None:
     part = modes_of((3.0, 0.02, (1, 1)), (9.0, 0.05, (1, -1)))
     merged = merge_modes([part], weights=[7])
     np.testing.assert_allclose(merged.modes.poles, part.poles)

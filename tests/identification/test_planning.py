@@ -37,7 +37,7 @@ def planned(recording, *, method="cov", total=None, **settings):
     )
 
 
-def test_the_band_holds_all_modes_and_the_rate_carries_it(run):
+def test_the_band_holds_all_modes_and_the_rate_carries_it(run) -> None:
     plan = planned(run)
     assert plan.preparation.band[0] < FREQUENCIES[0]
     assert FREQUENCIES[-1] < plan.preparation.band[1] < 60.0
@@ -49,7 +49,7 @@ def test_the_band_holds_all_modes_and_the_rate_carries_it(run):
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
-def test_choices_do_not_depend_on_units(run, factor):
+def test_choices_do_not_depend_on_units(run, factor) -> None:
     scaled = run.changed("scaled", samples=run.samples * np.array([[1.0], [factor], [1.0]]))
     expected, found = planned(run), planned(scaled)
     assert (found.ladder, found.segment) == (expected.ladder, expected.segment)
@@ -59,12 +59,12 @@ def test_choices_do_not_depend_on_units(run, factor):
     assert factors[0]["acc_2"] == pytest.approx(factors[1]["acc_2"] / factor)
 
 
-def test_choices_do_not_depend_on_the_order_of_channels(run):
+def test_choices_do_not_depend_on_the_order_of_channels(run) -> None:
     turned = run.select(["acc_3", "acc_1", "acc_2"])
     assert (planned(turned).ladder, planned(turned).segment) == (planned(run).ladder, planned(run).segment)
 
 
-def test_the_band_is_where_channels_move_together_not_where_they_are_loud(run):
+def test_the_band_is_where_channels_move_together_not_where_they_are_loud(run) -> None:
     """Noise of each sensor alone at 100 to 200 Hz, as strong as the motion, does not widen the band."""
     generator = np.random.default_rng(0)
     frequencies = np.fft.rfftfreq(run.n_samples, 1 / 500.0)
@@ -75,7 +75,7 @@ def test_the_band_is_where_channels_move_together_not_where_they_are_loud(run):
     assert planned(loud).preparation.band[1] < 60.0
 
 
-def test_the_band_of_a_vehicle_is_around_its_modes():
+def test_the_band_of_a_vehicle_is_around_its_modes() -> None:
     car = read_vehicle("zafira")
     recording = Recording(np.random.default_rng(0).normal(size=(1, 5000)), 200.0, (Channel("a", "acceleration"),))
     plan = plan_preparation(recording, settings=IdentificationSettings(), vehicle=car)
@@ -84,7 +84,7 @@ def test_the_band_of_a_vehicle_is_around_its_modes():
     assert "around the modes of the vehicle file" in plan.notes[0]
 
 
-def test_given_settings_are_kept(run):
+def test_given_settings_are_kept(run) -> None:
     given = {"band": (5.0, 35.0), "decimate_to": 250.0, "segment": 7.0, "block_rows": 33, "max_order": 22}
     plan = planned(run, **given)
     assert plan.preparation.band == given["band"]
@@ -98,7 +98,7 @@ def test_given_settings_are_kept(run):
     assert "(given)" in plan.preparation.notes[0]
 
 
-def test_segments_are_many_and_long_against_the_lags(run):
+def test_segments_are_many_and_long_against_the_lags(run) -> None:
     cov, acs, coss = (planned(run, method=method, total=1200.0) for method in ("cov", "acs", "coss"))
     assert cov.segment == pytest.approx(1200.0 / 48)
     assert acs.segment == pytest.approx(60.0)
@@ -110,7 +110,7 @@ def test_segments_are_many_and_long_against_the_lags(run):
     assert short.segment > 60.0 / 36
 
 
-def test_orders_are_even_and_fit_the_matrix(run):
+def test_orders_are_even_and_fit_the_matrix(run) -> None:
     for given_settings, n_channels in (
         ({}, 3),
         ({"block_rows": 4}, 3),
@@ -167,7 +167,7 @@ def test_orders_are_even_and_fit_the_matrix(run):
         ),
     ],
 )
-def test_what_a_record_cannot_carry_is_refused(run, n_samples, settings, error, sentence):
+def test_what_a_record_cannot_carry_is_refused(run, n_samples, settings, error, sentence) -> None:
     short = run.changed("cut", samples=run.samples[:, :n_samples])
     with pytest.raises(error) as refusal:
         planned(short, **settings)
@@ -179,7 +179,7 @@ def test_what_a_record_cannot_carry_is_refused(run, n_samples, settings, error, 
 
 @settings(deadline=None)
 @given(st.integers(2, 40))
-def test_every_two_channels_are_apart_in_some_split_both_ways(n):
+def test_every_two_channels_are_apart_in_some_split_both_ways(n) -> None:
     splits = disjoint_splits(range(n))
     together = set()
     for outputs, references in splits:
@@ -192,7 +192,7 @@ def test_every_two_channels_are_apart_in_some_split_both_ways(n):
 
 
 @pytest.mark.parametrize("n", [0, 1])
-def test_a_single_channel_cannot_be_split(n):
+def test_a_single_channel_cannot_be_split(n) -> None:
     with pytest.raises(ParameterError) as refusal:
         disjoint_splits(range(n))
     assert str(refusal.value) == "disjoint outputs and references need at least two channels"

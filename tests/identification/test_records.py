@@ -23,7 +23,7 @@ def correlated(records, **settings):
     return correlate_records(records, method="acs", settings=wishes, vehicle=None, report=lambda doing, share: None)
 
 
-def test_records_of_an_iterator_do_not_pile_up():
+def test_records_of_an_iterator_do_not_pile_up() -> None:
     """While a record is made, the generator and the identification may hold the one before it, and no older one."""
     held = []
 
@@ -39,7 +39,7 @@ def test_records_of_an_iterator_do_not_pile_up():
     assert found.segments.n_segments == 30
 
 
-def test_the_first_usable_record_makes_the_plan():
+def test_the_first_usable_record_makes_the_plan() -> None:
     """The first record is dead, the second too short, the third is good, the fourth is dead."""
     good = [run(0), run(1)]
     dead = good[0].changed("cable off", samples=np.zeros_like(good[0].samples))
@@ -51,7 +51,7 @@ def test_the_first_usable_record_makes_the_plan():
     assert [note.split(" left out")[0] for note in found.notes] == ["record 1", "record 2", "record 4"]
 
 
-def test_without_a_usable_record_the_first_reason_is_raised():
+def test_without_a_usable_record_the_first_reason_is_raised() -> None:
     short = run(0).part(0, 150)
     dead = run(0).changed("cable off", samples=np.zeros((3, 30_000)))
     with pytest.raises(DataError, match=r"^the longest stretch without a gap has 150 samples"):

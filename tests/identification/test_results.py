@@ -1,6 +1,4 @@
-"""Records and channels of every make, and what a result says about how it came about."""
-
-from dataclasses import replace
+"""What a result says about how it came about."""
 
 import numpy as np
 import pytest
@@ -10,15 +8,13 @@ from sprung.identification import (
     BlockRowLadder,
     IdentificationSettings,
     OrderLadder,
-    acs_ssi,
     as_in_thesis,
     coss_ssi,
     cov_ssi,
-    summarise,
 )
 from sprung.identification.stabilisation import StabilityCriteria
-from sprung.modal import PoleStatus, mac
-from sprung.recording import Channel, Gap, Recording
+from sprung.modal import PoleStatus
+from sprung.recording import Channel, Recording
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
 
@@ -47,86 +43,9 @@ def assert_same(one, other, *, deviations):
         assert np.all(difference <= deviations * getattr(one.modes, f"{name}_std") + 1e-9)
 
 
-# Layouts of channels and records
-
-
-@pytest.mark.parametrize("names", [["acc_1"], ["acc_3"], ["acc_1", "acc_3"], ["acc_2", "acc_3"]])
-def test_one_or_two_channels_are_enough(names):
-    found = cov_ssi(run().select(names))
-    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
-    assert found.modes.channels == tuple(names)
-    columns = [TRUTH.channels.index(name) for name in names]
-    assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes[:, columns])).min() > 0.98
-
-
-def test_a_single_channel_is_noted():
-    notes = cov_ssi(run().select(["acc_1"])).notes
-    assert any(note.startswith("one channel") for note in notes)
-
-
-@pytest.mark.parametrize("references", [("acc_1",), ("acc_2", "acc_3")])
-def test_references_can_be_chosen(references):
-    found = cov_ssi([run(1), run(2), run(3)], settings=IdentificationSettings(references=references))
-    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
-    assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes)).min() > 0.98
-    assert found.subsets[0].diagrams[0].poles.channels == TRUTH.channels
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_generator_is_read_once_one_record_at_a_time(method):
-    records = [run(seed) for seed in range(4)]
-    settings = IdentificationSettings(segment=6.0)
-    alive = []
-
-    def one_by_one():
-        for k, record in enumerate(records):
-            alive.append(k)
-            yield record
-
-    found = METHODS[method](one_by_one(), settings=settings)
-    assert alive == [0, 1, 2, 3]
-    assert_same(found, METHODS[method](records, settings=settings), deviations=1e-9)
-
-
-def test_a_record_with_gaps_is_used_up_to_its_gaps():
-    record = replace(run(), gaps=(Gap(1_000, 1.0), Gap(1_010, 1.0), Gap(20_000, 3.0)))
-    found = cov_ssi(record)
-    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
-
-
-def test_missing_values_are_left_out():
-    samples = run().samples.copy()
-    samples[1, 1_000:1_100] = np.nan
-    found = cov_ssi(run().changed("lost", samples=samples))
-    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
-
-
-def test_records_of_a_higher_rate_are_brought_down():
-    records = [run(), run(2, sampling_rate=1000.0)]
-    found = cov_ssi(records)
-    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
-
-
-@pytest.mark.parametrize("first", [0, 1])
-def test_poor_records_among_good_ones_are_left_out_and_noted(first):
-    good = run()
-    poor = good.changed("cut", samples=good.samples[:, :1])
-    dead = good.changed("cable off", samples=np.where([[True], [False], [True]], good.samples, 0.0))
-    found = cov_ssi([good, poor, run(2), dead][first:])
-    left_out = [note for note in found.notes if "left out" in note]
-    assert left_out == [
-        f"record {2 - first} left out: the recording has 1 sample(s): record at least a minute",
-        f"record {4 - first} left out: channel 'acc_2' is constant at 0: leave it out with --channels acc_1,acc_3",
-    ]
-    assert_same(found, cov_ssi([good, run(2)][first:]), deviations=0.5)
-
-
-# What leads to the modes
-
-
 @pytest.mark.parametrize("has_disjoint_references", [False, True])
 @pytest.mark.parametrize("method", METHODS)
-def test_every_mode_leads_back_to_its_subsets_and_their_poles(method, has_disjoint_references):
+def test_every_mode_leads_back_to_its_subsets_and_their_poles(method, has_disjoint_references) -> None:
     settings = IdentificationSettings(has_disjoint_references=has_disjoint_references)
     found = METHODS[method]([run(seed) for seed in range(4)], settings=settings)
     assert found.members.shape == (len(found.modes), len(found.subsets))
@@ -148,7 +67,7 @@ def test_every_mode_leads_back_to_its_subsets_and_their_poles(method, has_disjoi
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_modes_that_contribute_too_little_are_dropped_with_all_that_belongs_to_them(method):
+def test_modes_that_contribute_too_little_are_dropped_with_all_that_belongs_to_them(method) -> None:
     few = IdentificationSettings(criteria=StabilityCriteria(contribution=1e9))
     found = METHODS[method](run(), settings=few)
     assert len(found.modes) == 0
@@ -160,9 +79,10 @@ def test_modes_that_contribute_too_little_are_dropped_with_all_that_belongs_to_t
         assert set(statuses[behind]) <= {PoleStatus.INSIGNIFICANT, PoleStatus.SELECTED}
 
 
-def test_subsets_hold_all_segments_and_rise_in_level():
+def test_subsets_hold_all_segments_and_rise_in_level() -> None:
     found = coss_ssi([run(seed) for seed in range(6)])
-    levels = [subset.level for subset in found.subsets]
+    levels = [subset.level for subset in found.subsets if subset.level is not None]
+    assert len(levels) == len(found.subsets)
     assert all(low < high for low, high in levels)
     assert [high for _, high in levels[:-1]] == [low for low, _ in levels[1:]]
     expected = 6 * int(60.0 // found.plan.segment)
@@ -170,69 +90,25 @@ def test_subsets_hold_all_segments_and_rise_in_level():
     assert cov_ssi(run()).subsets[0].level is None
 
 
-def test_one_subset_is_the_average_of_all_segments():
-    """F. Liu (2020), section 4.2: J = 1 is ACS-Cov-SSI."""
-    records = [run(seed) for seed in range(3)]
-    settings = IdentificationSettings(n_subsets=1, segment=10.0)
-    assert_same(coss_ssi(records, settings=settings), acs_ssi(records, settings=settings), deviations=1e-9)
-
-
-def test_merged_subsets_are_noted():
+def test_merged_subsets_are_noted() -> None:
     found = coss_ssi(run(), settings=IdentificationSettings(n_subsets=10))
     assert len(found.subsets) < 10
     assert sum("merged with" in note for note in found.notes) == 10 - len(found.subsets)
 
 
-def test_choices_are_noted_and_filled_in():
+def test_choices_are_noted_and_filled_in() -> None:
     found = cov_ssi(run())
     assert found.notes[0].startswith("band ")
     assert found.notes[0].endswith("Hz (where the channels move together), sampled at 125 Hz")
     effective, plan = found.effective_settings, found.plan
     assert (effective.decimate_to, effective.segment) == (plan.preparation.decimate_to, plan.segment)
-    assert OrderLadder(effective.block_rows, effective.max_order) == plan.ladder
+    assert isinstance(plan.ladder, OrderLadder)
+    assert (effective.block_rows, effective.max_order) == (plan.ladder.block_rows, plan.ladder.max_order)
     assert found.settings == IdentificationSettings()
 
 
-def test_the_ladder_of_the_thesis_stays_in_the_settings():
+def test_the_ladder_of_the_thesis_stays_in_the_settings() -> None:
     found = cov_ssi(run(), settings=as_in_thesis(rows=(12, 14)))
     assert found.effective_settings.ladder == found.plan.ladder == BlockRowLadder(12, 14)
     assert found.effective_settings.block_rows is None
     assert found.subsets[0].diagrams[0].poles.ladder == (12, 13, 14)
-
-
-def test_the_ladder_of_the_thesis_averages_with_bias():
-    """The average of one segment of N samples is (N - m) / N times the one without bias at lag m."""
-    settings = as_in_thesis(IdentificationSettings(segment=60.0), rows=(12, 14))
-    summary = summarise("acs", run(), settings=settings)
-    biased, unbiased = summary.subsets[0][1].values, summary.average.values
-    n_samples = 60.0 * summary.average.sampling_rate
-    expected = unbiased * (1 - np.arange(summary.plan.ladder.n_lags) / n_samples)
-    np.testing.assert_allclose(biased, expected, rtol=1e-9)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_progress_rises_from_nothing_to_everything(method):
-    calls = []
-    METHODS[method]([run(1), run(2), run(3)], on_progress=lambda doing, share: calls.append((doing, share)))
-    shares = [share for _, share in calls]
-    assert shares == sorted(shares)
-    assert (shares[0], shares[-1]) == (0.0, 1.0)
-    assert [doing for doing, _ in calls[:3]] == [f"correlating record {k}" for k in (1, 2, 3)]
-    assert calls[-1] == ("done", 1.0)
-    assert len(set(shares)) == len(shares) >= 5
-
-
-def test_nothing_given_is_changed():
-    record = run()
-    before = record.samples.copy()
-    cov_ssi(record)
-    np.testing.assert_array_equal(record.samples, before)
-
-
-def test_noise_alone_has_no_modes():
-    noise = np.random.default_rng(0).normal(size=(3, 30_000))
-    for method in METHODS.values():
-        found = method(recorded(noise))
-        assert len(found.modes) == 0
-        assert found.members.shape == (0, len(found.subsets))
-        assert found.modes.mode_shapes.shape == (0, 3)

@@ -29,7 +29,7 @@ def sizes(found):
     return [len(subset.segments) for subset in found.subsets]
 
 
-def test_level_is_the_smallest_rms_of_the_correlations():
+def test_level_is_the_smallest_rms_of_the_correlations() -> None:
     """F. Liu (2020), section 4.2, steps 3 and 4, from the definition."""
     samples = np.random.default_rng(0).normal(size=(3, 500)) * [[1.0], [0.1], [4.0]]
     recording = Recording(samples, 50.0, tuple(Channel(name) for name in "abc"))
@@ -46,14 +46,14 @@ def test_level_is_the_smallest_rms_of_the_correlations():
     np.testing.assert_allclose(segment_levels(segments), expected, rtol=1e-10)
 
 
-def test_limiting_loud_segments_does_not_change_any_level():
+def test_limiting_loud_segments_does_not_change_any_level() -> None:
     levels = [1.0, 2.0, 1.5, 1e6]
     limited = with_limited_power(segments_of_level(levels))
     assert limited.n_products.min() < 1
     np.testing.assert_allclose(segment_levels(limited), levels, rtol=1e-12)
 
 
-def test_equal_width_cuts_the_range_of_levels():
+def test_equal_width_cuts_the_range_of_levels() -> None:
     """Levels 1 to 10 in three ranges of width 3: 1, 2, 3.5 | 4, 6 | 7, 8, 10 (an edge belongs to the upper range)."""
     segments = segments_of_level([10, 1, 4, 8, 2, 6, 7, 3.5])
     found = subsets_of_equal_width(segments, 3)
@@ -63,7 +63,7 @@ def test_equal_width_cuts_the_range_of_levels():
     assert averages(segments, found)[0].values[0, 0, 0] == pytest.approx((1 + 2 + 3.5) / 3)
 
 
-def test_a_poor_subset_is_merged_with_its_poorer_neighbour_and_that_is_noted():
+def test_a_poor_subset_is_merged_with_its_poorer_neighbour_and_that_is_noted() -> None:
     """Equal width over 0 to 30: ten segments below 10, none between, one at 30."""
     found = subsets_of_equal_width(segments_of_level([*range(10), 30]), 3)
     assert sizes(found) == [11]
@@ -74,7 +74,7 @@ def test_a_poor_subset_is_merged_with_its_poorer_neighbour_and_that_is_noted():
     assert found.subsets[0].level == (0, 30)
 
 
-def test_the_lowest_and_the_highest_range_merge_inwards():
+def test_the_lowest_and_the_highest_range_merge_inwards() -> None:
     lowest = subsets_of_equal_width(segments_of_level([0, 11, 12, 13, 21, 22, 30]), 3)
     assert sizes(lowest) == [4, 3]
     assert lowest.notes == ("level range 0 to 10 held 1 segment(s): merged with 10 to 20",)
@@ -84,13 +84,13 @@ def test_the_lowest_and_the_highest_range_merge_inwards():
 
 
 @pytest.mark.parametrize("levels", [[3.0], [2.0, 2.0, 2.0, 2.0]])
-def test_one_segment_or_one_level_gives_one_subset(levels):
+def test_one_segment_or_one_level_gives_one_subset(levels) -> None:
     found = subsets_of_equal_width(segments_of_level(levels), 3)
     assert sizes(found) == [len(levels)]
     assert len(found.notes) == 2
 
 
-def test_one_subset_is_the_overall_average():
+def test_one_subset_is_the_overall_average() -> None:
     segments = segments_of_level([5, 1, 2, 9])
     found = subsets_of_equal_width(segments, 1)
     assert sizes(found) == [4]
@@ -103,7 +103,7 @@ def test_one_subset_is_the_overall_average():
     n_subsets=st.integers(1, 6),
     min_segments=st.integers(1, 5),
 )
-def test_every_segment_is_in_exactly_one_subset_and_nothing_is_lost(levels, n_subsets, min_segments):
+def test_every_segment_is_in_exactly_one_subset_and_nothing_is_lost(levels, n_subsets, min_segments) -> None:
     segments = segments_of_level(levels)
     found = subsets_of_equal_width(segments, n_subsets, min_segments=min_segments)
     everywhere = np.concatenate([subset.segments for subset in found.subsets])
@@ -121,7 +121,7 @@ def test_every_segment_is_in_exactly_one_subset_and_nothing_is_lost(levels, n_su
 
 
 @pytest.mark.parametrize("is_biased", [False, True])
-def test_the_mean_of_the_subsets_weighted_with_their_products_is_the_overall_average(is_biased):
+def test_the_mean_of_the_subsets_weighted_with_their_products_is_the_overall_average(is_biased) -> None:
     """Segments of a real cut: the number of products differs from segment to segment by one."""
     samples = np.random.default_rng(4).normal(size=(2, 2011)) * np.linspace(0.5, 2.0, 2011)
     recording = Recording(samples, 50.0, (Channel("a"), Channel("b")))
@@ -137,7 +137,7 @@ def test_the_mean_of_the_subsets_weighted_with_their_products_is_the_overall_ave
     np.testing.assert_allclose(total / sum(divisors), average(segments, is_biased=is_biased).values, rtol=1e-12)
 
 
-def test_the_order_of_segments_does_not_change_the_subsets():
+def test_the_order_of_segments_does_not_change_the_subsets() -> None:
     levels = np.random.default_rng(5).uniform(1, 9, size=24)
     order = np.random.default_rng(6).permutation(24)
     straight = subsets_of_equal_width(segments_of_level(levels), 3)
@@ -147,6 +147,6 @@ def test_the_order_of_segments_does_not_change_the_subsets():
         assert sorted(before.segments) == sorted(order[after.segments])
 
 
-def test_no_subset_at_all_is_refused():
+def test_no_subset_at_all_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"^n_subsets=0 must be at least 1$"):
         subsets_of_equal_width(segments_of_level([1, 2, 3]), 0)

@@ -1,3 +1,5 @@
+"""Models of a car with every block of parameters, and spectra that they give themselves."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -7,9 +9,11 @@ from sprung.likelihood import (
     AddedMass,
     ClassRoughness,
     ClassSpectra,
+    CornerSettings,
     FreeComponents,
     MassParameter,
     Model,
+    ParameterBlock,
     PositionParameter,
     RailInputs,
     RigInputs,
@@ -18,7 +22,11 @@ from sprung.likelihood import (
     SensorNoise,
     SensorPositions,
     rigid_layout,
+    vehicle_model,
 )
+from sprung.likelihood.spectra import onto_grid, through_window
+from sprung.likelihood.transfer import term_gradients, transfer
+from sprung.likelihood.whittle import minus_log_likelihood
 from sprung.vehicles import Sensor, read_vehicle, structure
 
 SEGMENT = 5.12
@@ -32,7 +40,7 @@ def car():
 def _classes(n_coordinates, *, counts=9.0, n_classes=6):
     """Speed classes without data."""
     f = np.arange(4, 100) / SEGMENT
-    unit = np.broadcast_to(np.eye(n_coordinates), (n_classes, f.size, n_coordinates, n_coordinates))
+    unit = np.broadcast_to(np.eye(n_coordinates, dtype=complex), (n_classes, f.size, n_coordinates, n_coordinates))
     speeds, spreads = np.geomspace(5, 20, n_classes), np.full(n_classes, 0.02)
     return ClassSpectra(f, np.full(n_classes, counts), speeds, spreads, unit, SEGMENT, np.full(unit.shape[:2], counts))
 
@@ -49,7 +57,7 @@ def _road_model(vehicle, *, spectra=None, parts=(), inputs=_road_blocks, sensors
     layout = rigid_layout(nominal)
     spectra = _classes(len(layout.rows)) if spectra is None else spectra
     free = tuple(component for component in nominal.components() if component.side)
-    blocks = [FreeComponents(nominal, free)]
+    blocks: list[ParameterBlock] = [FreeComponents(nominal, free)]
     if parts:
         blocks.append(AddedMass(parts))
     if sensors:
@@ -85,14 +93,12 @@ def _somewhere(model, seed=0, size=0.1):
 
 def _imu():
     """Sensors of a six-axis inertial measurement unit ahead of the centre of gravity."""
-    up, ahead, left = [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]
-    rate = {"quantity": "angular_velocity", "unit": "deg/s"}
+    place, up, ahead, left = (0.3, 0.1, 0.2), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    rates = (("wx", ahead), ("wy", left), ("wz", up))
     return (
-        Sensor(channel="az", quantity="acceleration", unit="g", position=[0.3, 0.1, 0.2], direction=up),
-        Sensor(channel="ax", quantity="acceleration", unit="g", position=[0.3, 0.1, 0.2], direction=ahead),
-        Sensor(channel="wx", direction=ahead, **rate),
-        Sensor(channel="wy", direction=left, **rate),
-        Sensor(channel="wz", direction=up, **rate),
+        Sensor(channel="az", quantity="acceleration", unit="g", position=place, direction=up),
+        Sensor(channel="ax", quantity="acceleration", unit="g", position=place, direction=ahead),
+        *(Sensor(channel=name, quantity="angular_velocity", unit="deg/s", direction=axis) for name, axis in rates),
     )
 
 
@@ -139,3 +145,36 @@ def road_model():
 @pytest.fixture(scope="session")
 def with_data():
     return _with_data
+
+
+@pytest.fixture(scope="session")
+def whole_model():
+    """Return a function from a shipped vehicle and what drives it to a model with every block that it can have."""
+
+    def model(name, kind):
+        vehicle = read_vehicle(name)
+        nominal = structure(vehicle)
+        layout = rigid_layout(nominal)
+        settings = CornerSettings(has_payload=True, has_free_sensors=True)
+        spectra = _classes(len(layout.rows), n_classes=3)
+        return vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind)
+
+    return model
+
+
+@pytest.fixture(scope="session")
+def misfit():
+    """Return a function from a model and terms to their likelihood, without a prior."""
+    return lambda model, terms: minus_log_likelihood(through_window(transfer(terms).spectral_matrix), model.spectra)[0]
+
+
+@pytest.fixture(scope="session")
+def gradients_of():
+    """Return a function from a model and terms to the gradients of the likelihood with respect to the terms."""
+
+    def gradients(model, terms):
+        response = transfer(terms)
+        weight = minus_log_likelihood(through_window(response.spectral_matrix), model.spectra)[1]
+        return term_gradients(response, onto_grid(weight))
+
+    return gradients

@@ -30,7 +30,7 @@ def components(vehicle, *names):
 
 
 @pytest.mark.parametrize("name", ["zafira", "scale-bogie", "y25"])
-def test_exact_modes_give_exact_springs_and_dampers(name):
+def test_exact_modes_give_exact_springs_and_dampers(name) -> None:
     nominal = structure(read_description(name))
     true = with_faults(nominal, [parse_fault("front_left.spring=-0.3"), parse_fault("rear_right.damper=0.2")])
     free = components(nominal, "spring", "damper")
@@ -39,7 +39,7 @@ def test_exact_modes_give_exact_springs_and_dampers(name):
     assert found == pytest.approx(expected, abs=1e-7)
 
 
-def test_what_the_modes_do_not_determine_stays_near_nominal(car):
+def test_what_the_modes_do_not_determine_stays_near_nominal(car) -> None:
     nominal = structure(car)
     soft = with_faults(nominal, [parse_fault("front_left.spring=-0.3")])
     free = components(nominal, "spring", "damper", "tyre")
@@ -51,7 +51,7 @@ def test_what_the_modes_do_not_determine_stays_near_nominal(car):
     assert np.abs(everything[1:]).max() < 0.06
 
 
-def test_modes_without_a_channel_are_refused(car):
+def test_modes_without_a_channel_are_refused(car) -> None:
     nominal = structure(car)
     modes = exact_modes(nominal)
     few = Modes(

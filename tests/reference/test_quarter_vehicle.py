@@ -35,7 +35,7 @@ def is_true_mode(modes):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [1, 2, 3, 4])
-def test_edited_records_give_the_true_modes_and_no_other(case):
+def test_edited_records_give_the_true_modes_and_no_other(case) -> None:
     settings = IdentificationSettings(lifter=ShortPass(0.25), block_rows=80)
     modes = coss_ssi(records(case), settings=settings).modes
     assert modes.natural_frequency == pytest.approx(FREQUENCIES, rel=0.005)
@@ -44,7 +44,7 @@ def test_edited_records_give_the_true_modes_and_no_other(case):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [1, 2])
-def test_raw_records_with_noise_and_pulses_give_the_true_modes(case):
+def test_raw_records_with_noise_and_pulses_give_the_true_modes(case) -> None:
     modes = coss_ssi(records(case)).modes
     assert modes.natural_frequency == pytest.approx(FREQUENCIES, rel=0.005)
     assert modes.damping_ratio == pytest.approx(RATIOS, rel=0.1)
@@ -52,7 +52,7 @@ def test_raw_records_with_noise_and_pulses_give_the_true_modes(case):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [3, 4])
-def test_raw_records_with_tones_give_no_false_mode(case):
+def test_raw_records_with_tones_give_no_false_mode(case) -> None:
     """The thesis finds false modes at 3.56 and 17.37 Hz, and in case 4 loses the mode at 13.21 Hz, as this does."""
     modes = coss_ssi(records(case)).modes
     assert np.all(is_true_mode(modes))
@@ -62,7 +62,7 @@ def test_raw_records_with_tones_give_no_false_mode(case):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [2, 3, 4])
-def test_pulses_and_tones_are_named_harmonics(case):
+def test_pulses_and_tones_are_named_harmonics(case) -> None:
     lines = cov_ssi(records(case)).harmonics
     pulses = [line for line in lines if line.fundamental == pytest.approx(PULSES, rel=1e-3)]
     assert len(pulses) > 30
@@ -72,12 +72,12 @@ def test_pulses_and_tones_are_named_harmonics(case):
 
 
 @pytest.mark.slow
-def test_random_records_have_no_harmonics():
+def test_random_records_have_no_harmonics() -> None:
     assert cov_ssi(records(1)).harmonics == ()
 
 
 @pytest.mark.slow
-def test_damping_of_an_exponential_lifter_is_subtracted():
+def test_damping_of_an_exponential_lifter_is_subtracted() -> None:
     # exp(-q / 0.25 s) adds 4 rad/s to every pole: 4.8 % of damping at 13.21 Hz.
     settings = IdentificationSettings(lifter=Exponential(0.25))
     modes = cov_ssi(records(1), settings=settings).modes

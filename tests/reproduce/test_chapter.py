@@ -5,7 +5,7 @@ from sprung.reproduce.report import Section
 from sprung.reproduce.runs import Effort
 
 
-def test_a_chapter_runs_its_experiment_for_every_seed():
+def test_a_chapter_runs_its_experiment_for_every_seed() -> None:
     chapter = Chapter(
         title="T",
         example=lambda: "example",

@@ -26,7 +26,7 @@ WANTED = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("chapter", WANTED)
-def test_page_has_every_table_and_figure(tmp_path, chapter):
+def test_page_has_every_table_and_figure(tmp_path, chapter) -> None:
     said = []
     (path,) = reproduce([chapter], directory=tmp_path, n_seeds=2, n_processes=1, on_progress=lambda *x: said.append(x))
     page = path.read_text(encoding="utf-8")
@@ -40,26 +40,26 @@ def test_page_has_every_table_and_figure(tmp_path, chapter):
     assert said[-1][1] == 1.0
 
 
-def test_theory_of_the_chain_meets_the_printed_digits():
+def test_theory_of_the_chain_meets_the_printed_digits() -> None:
     truth = theoretical(structure(read_description("chain3")))
     assert truth.natural_frequency == pytest.approx(chapter_4.PUBLISHED_THEORY[0], abs=0.005)
     assert 100 * truth.damping_ratio == pytest.approx(chapter_4.PUBLISHED_THEORY[1], abs=0.005)
 
 
-def test_theory_of_the_bogie_is_within_half_a_percent():
+def test_theory_of_the_bogie_is_within_half_a_percent() -> None:
     truth = theoretical(chapter_7.bogie("normal"), labels=chapter_7.BODY_MODES)
     assert truth.natural_frequency == pytest.approx(chapter_7.PUBLISHED_THEORY[0], rel=0.005)
     assert 100 * truth.damping_ratio == pytest.approx(chapter_7.PUBLISHED_THEORY[1], rel=0.006)
 
 
-def test_theory_of_the_car_is_within_one_and_a_half_percent():
+def test_theory_of_the_car_is_within_one_and_a_half_percent() -> None:
     truth = theoretical(structure(read_vehicle("zafira")), labels=chapter_6.numbers.BODY_MODES)
     assert truth.natural_frequency == pytest.approx(chapter_6.numbers.CAR_THEORY[0], rel=0.015)
     assert 100 * truth.damping_ratio == pytest.approx(chapter_6.numbers.CAR_THEORY[1], rel=0.015)
 
 
 @pytest.mark.slow
-def test_noise_in_the_band_hides_what_white_noise_does_not():
+def test_noise_in_the_band_hides_what_white_noise_does_not() -> None:
     """Thesis' settings, SNR 0.5: Cov-SSI finds all modes in white noise and loses some with noise in their band."""
     found = np.isfinite(chapter_4.experiment(1)[1, :, 0, 0, 0])
     assert found[0].all()
@@ -67,21 +67,21 @@ def test_noise_in_the_band_hides_what_white_noise_does_not():
 
 
 @pytest.mark.slow
-def test_editing_brings_the_lost_mode_back():
+def test_editing_brings_the_lost_mode_back() -> None:
     found = chapter_5.experiment(1)[:, 0]
     assert np.isnan(found[3, 0])
     assert found[5] == pytest.approx([13.21, 56.35], rel=0.03)
 
 
 @pytest.mark.slow
-def test_raw_rig_signals_show_no_mode_and_edited_ones_do():
+def test_raw_rig_signals_show_no_mode_and_edited_ones_do() -> None:
     raw, edited = chapter_8.experiment(1)[:, 0]
     assert np.isnan(raw).all()
     assert np.isfinite(edited).sum() >= 1
 
 
 @pytest.mark.slow
-def test_rubber_softens_with_the_level_and_nothing_else_does():
+def test_rubber_softens_with_the_level_and_nothing_else_does() -> None:
     """The frequency of mode 1 falls from the lowest to the highest subset with rubber, by default settings."""
     results = comparison.experiment(1)
     change = results[:, 1, 2, 5, 0] / results[:, 1, 2, 4, 0] - 1

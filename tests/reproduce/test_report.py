@@ -17,7 +17,7 @@ def report():
     return Report("A title", "What is & what is not.", (Section("A section", blocks),), ("Run once.",))
 
 
-def test_page_holds_everything_and_needs_no_network(report):
+def test_page_holds_everything_and_needs_no_network(report) -> None:
     page = render(report, others=(("other.html", "Another"),))
     for text in (
         "A title",
@@ -38,12 +38,12 @@ def test_page_holds_everything_and_needs_no_network(report):
     assert page.count("data:image/png;base64,iVBOR") == 1
 
 
-def test_a_row_of_another_length_is_refused():
+def test_a_row_of_another_length_is_refused() -> None:
     with pytest.raises(ParameterError, match="has 1 cells, but must have 2"):
         Table("t", ("a", "b"), (("x",),))
 
 
-def test_words_for_numbers():
+def test_words_for_numbers() -> None:
     assert deviation(101.0, 100.0) == "+1.00 %"
     assert deviation(float("nan"), 100.0) == "–"
     assert spread([np.nan]) == "–"
@@ -53,7 +53,7 @@ def test_words_for_numbers():
     assert worst_error([[1.1, np.nan], [1.1, np.nan]], [1.0, 2.0]) == pytest.approx(0.1)
 
 
-def test_unknown_chapter_is_refused(tmp_path):
+def test_unknown_chapter_is_refused(tmp_path) -> None:
     with pytest.raises(ParameterError, match="chapter '9' is not one of 4, 5"):
         reproduce(["9"], directory=tmp_path / "out")
     assert not (tmp_path / "out").exists()

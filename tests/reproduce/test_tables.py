@@ -3,7 +3,7 @@ import numpy as np
 from sprung.reproduce.tables import theory_table
 
 
-def test_tables_by_columns():
+def test_tables_by_columns() -> None:
     table = theory_table("T", ("bounce",), ([2.0], [2.02]), ([10.0], [np.nan]), digits=(1, 2, 0, 1), remark="R.")
     assert table.columns == (
         "",

@@ -7,14 +7,14 @@ from sprung.identification import BlockRowLadder, IdentificationSettings, as_in_
 from sprung.reproduce.thesis import thesis_settings
 
 
-def test_the_pages_and_the_command_line_have_one_preset():
+def test_the_pages_and_the_command_line_have_one_preset() -> None:
     assert thesis_settings(rows=(12, 45), stable_rate=0.5) == as_in_thesis()
     pages = thesis_settings(rows=(12, 48), stable_rate=0.85, segment=6.0, n_subsets=4, sampling_rate=100.0)
     wishes = IdentificationSettings(segment=6.0, n_subsets=4, decimate_to=100.0)
     assert pages == as_in_thesis(wishes, rows=(12, 48), stable_rate=0.85)
 
 
-def test_the_preset_is_that_of_section_4_3():
+def test_the_preset_is_that_of_section_4_3() -> None:
     """Ladder over 12 to 45 block rows, 1/N, changes up to 0.1, 0.2 and 0.5, delta 0.5."""
     settings = as_in_thesis()
     assert settings.ladder == BlockRowLadder(12, 45)
@@ -23,6 +23,6 @@ def test_the_preset_is_that_of_section_4_3():
     assert (criteria.frequency, criteria.damping, criteria.shape, criteria.stable_rate) == (0.1, 0.2, 0.5, 0.5)
 
 
-def test_block_rows_and_orders_are_those_of_the_ladder():
+def test_block_rows_and_orders_are_those_of_the_ladder() -> None:
     with pytest.raises(ParameterError, match=r"^max_order=40 excludes a ladder over block rows"):
         as_in_thesis(IdentificationSettings(max_order=40))

@@ -46,7 +46,7 @@ def cepstrum(samples):
     return np.fft.ifft(np.log(spectrum)).real
 
 
-def test_an_echo_has_the_rahmonics_of_its_delay_and_a_short_pass_takes_it_out():
+def test_an_echo_has_the_rahmonics_of_its_delay_and_a_short_pass_takes_it_out() -> None:
     """ln(1 + a exp(-i w T)) = sum of (-1)^(n+1) a^n / n exp(-i n w T): none below the delay, so |X| becomes 1."""
     x = np.zeros(4000)
     x[0], x[130] = 1.0, 0.6
@@ -56,7 +56,7 @@ def test_an_echo_has_the_rahmonics_of_its_delay_and_a_short_pass_takes_it_out():
     np.testing.assert_allclose(np.abs(np.fft.rfft(edited))[5:], 1.0, atol=0.02)
 
 
-def test_an_exponential_lifter_moves_a_pole_by_one_over_its_time_constant():
+def test_an_exponential_lifter_moves_a_pole_by_one_over_its_time_constant() -> None:
     denominator, pole = resonator(8.0, 0.02)
     moved, _ = resonator(8.0, 0.02)
     tau = 0.4
@@ -69,7 +69,7 @@ def test_an_exponential_lifter_moves_a_pole_by_one_over_its_time_constant():
     assert subtract_lifter_damping(poles, tau)[0] == pytest.approx(pole)
 
 
-def test_the_first_order_formula_of_the_damping_is_that_of_the_poles():
+def test_the_first_order_formula_of_the_damping_is_that_of_the_poles() -> None:
     omega, xi, tau = 2 * np.pi * 8.0, 0.02, 5.0
     pole = omega * (-xi + 1j * np.sqrt(1 - xi**2))
     true = subtract_lifter_damping(pole, tau)
@@ -77,13 +77,13 @@ def test_the_first_order_formula_of_the_damping_is_that_of_the_poles():
 
 
 @pytest.mark.parametrize("n_samples", [6000, 6007])
-def test_weights_of_one_give_the_recording_without_its_mean(n_samples):
+def test_weights_of_one_give_the_recording_without_its_mean(n_samples) -> None:
     x = noise(n_samples, 2) + np.array([[3.0], [-1.0]])
     edited = edit(recorded(x), ShortPass(1e6))
     np.testing.assert_allclose(edited.samples, x - x.mean(axis=1, keepdims=True), atol=1e-10)
 
 
-def test_a_short_pass_keeps_the_symmetric_half_too():
+def test_a_short_pass_keeps_the_symmetric_half_too() -> None:
     edited = edit(recorded(noise()), ShortPass(0.25)).samples[0]
     after, before = cepstrum(edited), cepstrum(noise()[0])
     np.testing.assert_allclose(after[:25], before[:25], atol=2e-3)
@@ -91,12 +91,12 @@ def test_a_short_pass_keeps_the_symmetric_half_too():
     assert np.abs(after[25:-24]).max() < 2e-3
 
 
-def test_a_short_pass_replaces_noise_by_its_geometric_mean():
+def test_a_short_pass_replaces_noise_by_its_geometric_mean() -> None:
     edited = edit(recorded(noise(200_000)), ShortPass(0.1))
     assert edited.samples.std() == pytest.approx(np.exp(-np.euler_gamma / 2), rel=0.01)
 
 
-def test_stretches_are_edited_by_themselves():
+def test_stretches_are_edited_by_themselves() -> None:
     x = noise(3000)
     edited = edit(recorded(x, gaps=(Gap(1234, 1.0),)), Exponential(0.3))
     alone = edit(recorded(x[:, 1234:]), Exponential(0.3))
@@ -104,20 +104,20 @@ def test_stretches_are_edited_by_themselves():
     assert edited.history == ("cepstrum edited with Exponential(time_constant=0.3)",)
 
 
-def test_silence_stays_silent_and_gaps_in_a_spectrum_do_no_harm():
+def test_silence_stays_silent_and_gaps_in_a_spectrum_do_no_harm() -> None:
     x = np.vstack([np.zeros(1000), np.full(1000, 2.0), np.sin(2 * np.pi * 0.1 * np.arange(1000))])
     edited = edit(recorded(x), ShortPass(0.25)).samples
     np.testing.assert_array_equal(edited[:2], x[:2])
     assert np.isfinite(edited).all()
 
 
-def test_editing_does_not_depend_on_scale():
+def test_editing_does_not_depend_on_scale() -> None:
     x = noise()
     small = edit(recorded(1e-6 * x), ShortPass(0.25)).samples
     np.testing.assert_allclose(small, 1e-6 * edit(recorded(x), ShortPass(0.25)).samples, rtol=1e-9, atol=1e-15)
 
 
-def test_what_cannot_be_edited_is_refused():
+def test_what_cannot_be_edited_is_refused() -> None:
     with pytest.raises(ParameterError, match="time_constant=0 must be above 0"):
         Exponential(0.0)
     with pytest.raises(ParameterError, match="a notch cannot exceed a period"):
@@ -133,7 +133,7 @@ def test_what_cannot_be_edited_is_refused():
         edit(recorded(noise()), Wrong())
 
 
-def test_a_comb_removes_a_pulse_train_and_keeps_the_noise():
+def test_a_comb_removes_a_pulse_train_and_keeps_the_noise() -> None:
     t = np.arange(6000)
     pulses = np.where(t % 40 == 0, 8.0, 0.0)
     edited = edit(recorded(noise() + pulses), Comb(0.4)).samples[0]
@@ -151,7 +151,7 @@ def quarter(case, seed=0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [2, 3, 4])
-def test_editing_gives_the_quarter_vehicle_its_undisturbed_spectrum_back(case):
+def test_editing_gives_the_quarter_vehicle_its_undisturbed_spectrum_back(case) -> None:
     clean, edited = quarter(1), edit(quarter(case), ShortPass(0.25))
     assert find_harmonics(edited) == ()
     before, after, disturbed = (

@@ -37,20 +37,20 @@ def tone(frequency, n_samples, sampling_rate, phase=0.3):
 # Scale and trends
 
 
-def test_scale_multiplies_named_channels_and_leaves_the_others():
+def test_scale_multiplies_named_channels_and_leaves_the_others() -> None:
     recording = recorded(np.ones((2, 5)))
     assert scale(recording, {"c1": 9.81}).samples.tolist() == [[1.0] * 5, [9.81] * 5]
     assert scale(recording, -2.0).samples.tolist() == [[-2.0] * 5] * 2
 
 
-def test_scale_refuses_unknown_channels_and_factors():
+def test_scale_refuses_unknown_channels_and_factors() -> None:
     with pytest.raises(ParameterError, match="no channel 'x'"):
         scale(recorded(np.ones((1, 5))), {"x": 2.0})
     with pytest.raises(ParameterError, match="must be finite"):
         scale(recorded(np.ones((1, 5))), np.inf)
 
 
-def test_detrend_removes_each_stretch_its_own_line():
+def test_detrend_removes_each_stretch_its_own_line() -> None:
     t = np.arange(100.0)
     lines = np.where(t < 40, 3 - 0.5 * t, 7 + 2 * t)
     recording = recorded(lines, gaps=(Gap(40, 1.0),))
@@ -65,11 +65,13 @@ def test_detrend_removes_each_stretch_its_own_line():
 # Butterworth
 
 
-@pytest.mark.parametrize(("low", "high", "kind"), [(2.0, None, "high"), (None, 8.0, "low"), (2.0, 8.0, "band")])
-def test_band_pass_has_zero_phase_and_the_squared_butterworth_gain(low, high, kind):
+@pytest.mark.parametrize(
+    ("low", "high", "kind"), [(2.0, None, "highpass"), (None, 8.0, "lowpass"), (2.0, 8.0, "bandpass")]
+)
+def test_band_pass_has_zero_phase_and_the_squared_butterworth_gain(low, high, kind) -> None:
     rate, n = 100.0, 4000
     edges = [edge for edge in (low, high) if edge is not None]
-    sos = signal.butter(3, edges if len(edges) > 1 else edges[0], f"{kind}pass", fs=rate, output="sos")
+    sos = signal.butter(3, edges if len(edges) > 1 else edges[0], kind, fs=rate, output="sos")
     for frequency in (1.5, 2.0, 4.0, 8.0, 12.0):
         gain = abs(signal.sosfreqz(sos, [frequency], fs=rate)[1][0]) ** 2
         x = tone(frequency, n, rate)
@@ -78,7 +80,7 @@ def test_band_pass_has_zero_phase_and_the_squared_butterworth_gain(low, high, ki
         assert np.abs(y[middle] - gain * x[middle]).max() < 1e-4
 
 
-def test_band_pass_leaves_short_stretches_out_keeps_the_time_and_says_so():
+def test_band_pass_leaves_short_stretches_out_keeps_the_time_and_says_so() -> None:
     x = np.random.default_rng(1).standard_normal(1000)
     recording = recorded(x, start=10**18, gaps=(Gap(30, 2.0), Gap(600, 3.0)))
     filtered = band_pass(recording, 1.0, None)
@@ -90,7 +92,7 @@ def test_band_pass_leaves_short_stretches_out_keeps_the_time_and_says_so():
     np.testing.assert_array_equal(filtered.samples[:, 570:], alone.samples)
 
 
-def test_band_pass_refuses_edges_and_short_recordings():
+def test_band_pass_refuses_edges_and_short_recordings() -> None:
     recording = recorded(np.zeros(500))
     for low, high in ((None, None), (5.0, 2.0), (1.0, 50.0), (-1.0, 2.0)):
         with pytest.raises(ParameterError):
@@ -103,7 +105,7 @@ def test_band_pass_refuses_edges_and_short_recordings():
 
 
 @pytest.mark.parametrize("new_rate", [500.0, 400.0, 373.7, 100.0, 37.0, 10.0])
-def test_decimation_passes_and_stops_what_it_says(new_rate):
+def test_decimation_passes_and_stops_what_it_says(new_rate) -> None:
     rate, n = 1000.0, 60_000
     nyquist = new_rate / 2
     for part in (0.05, 0.4, 0.8):
@@ -118,14 +120,14 @@ def test_decimation_passes_and_stops_what_it_says(new_rate):
             assert np.abs(stopped[len(stopped) // 8 : -len(stopped) // 8]).max() < 1e-4
 
 
-def test_decimation_keeps_a_straight_line_to_its_ends():
+def test_decimation_keeps_a_straight_line_to_its_ends() -> None:
     x = 9.81 + 0.01 * np.arange(5000.0)
     decimated = decimate(recorded(x), 10.0)
     np.testing.assert_allclose(decimated.samples[0], x[::10], atol=1e-2)
 
 
 @pytest.mark.parametrize("new_rate", [10.0, 40.0, 33.3])
-def test_decimation_maps_gaps_and_keeps_the_time_of_each_stretch(new_rate):
+def test_decimation_maps_gaps_and_keeps_the_time_of_each_stretch(new_rate) -> None:
     x = np.vstack([np.sin(np.arange(3000.0) / 50), np.arange(3000.0)])
     recording = recorded(x, start=0, gaps=(Gap(1003, 0.25), Gap(1006, 1.0), Gap(2001, 7.7)))
     decimated = decimate(recording, new_rate)
@@ -138,7 +140,7 @@ def test_decimation_maps_gaps_and_keeps_the_time_of_each_stretch(new_rate):
     np.testing.assert_allclose(decimated.samples[:, stretch], alone.samples, atol=1e-12)
 
 
-def test_decimation_refuses_to_raise_the_rate_and_missing_values():
+def test_decimation_refuses_to_raise_the_rate_and_missing_values() -> None:
     with pytest.raises(ParameterError, match="sampling_rate=200 must be above 0 and at most 100"):
         decimate(recorded(np.zeros(100)), 200.0)
     with pytest.raises(ParameterError, match="decimate in steps"):
@@ -149,7 +151,7 @@ def test_decimation_refuses_to_raise_the_rate_and_missing_values():
         decimate(recorded([0.0, np.nan, 1.0]), 50.0)
 
 
-def test_decimation_to_the_same_rate_changes_nothing():
+def test_decimation_to_the_same_rate_changes_nothing() -> None:
     x = np.random.default_rng(2).standard_normal((2, 100))
     np.testing.assert_array_equal(decimate(recorded(x), 100.0).samples, x)
 
@@ -157,7 +159,7 @@ def test_decimation_to_the_same_rate_changes_nothing():
 # Missing values
 
 
-def test_missing_values_become_gaps_of_the_time_they_took():
+def test_missing_values_become_gaps_of_the_time_they_took() -> None:
     x = np.vstack([np.arange(10.0), np.arange(10.0)])
     x[0, [0, 4]] = np.nan
     x[1, [4, 5]] = np.nan
@@ -169,7 +171,7 @@ def test_missing_values_become_gaps_of_the_time_they_took():
     assert without_missing(complete) is complete
 
 
-def test_a_recording_without_one_complete_sample_is_refused():
+def test_a_recording_without_one_complete_sample_is_refused() -> None:
     with pytest.raises(DataError, match="no sample has a value in every channel"):
         without_missing(recorded(np.full((1, 4), np.nan)))
 
@@ -182,7 +184,7 @@ def driven(v, x, sampling_rate=100.0, **fields):
     return Recording(np.vstack([x, v]), sampling_rate, channels, **fields)
 
 
-def test_a_line_proportional_to_speed_becomes_a_tone_over_distance():
+def test_a_line_proportional_to_speed_becomes_a_tone_over_distance() -> None:
     t = np.arange(12_000) / 100
     v = 10 + 5 * np.sin(0.2 * t)
     metres = 10 * t + 25 * (1 - np.cos(0.2 * t))
@@ -193,14 +195,14 @@ def test_a_line_proportional_to_speed_becomes_a_tone_over_distance():
     assert along.n_samples == pytest.approx(4 * metres[-1], abs=2)
 
 
-def test_resampling_over_distance_aliases_nothing():
+def test_resampling_over_distance_aliases_nothing() -> None:
     t = np.arange(12_000) / 100
     v = np.full(t.size, 5.0)
     along = over_distance(driven(v, np.cos(2 * np.pi * 30 * t)), "v", interval=0.25)
     assert np.abs(along.samples[0])[100:-100].max() < 1e-3
 
 
-def test_standing_parts_are_left_out_and_their_distance_is_the_gap():
+def test_standing_parts_are_left_out_and_their_distance_is_the_gap() -> None:
     v = np.concatenate([np.full(500, 10.0), np.full(300, 1.0), np.full(500, 10.0)])
     recording = driven(v, np.arange(1300.0), start=0)
     moving = while_moving(recording, "v")
@@ -213,7 +215,7 @@ def test_standing_parts_are_left_out_and_their_distance_is_the_gap():
         over_distance(recording, "v", interval=0.5, minimum_speed=20.0)
 
 
-def test_distance_goes_on_across_a_gap():
+def test_distance_goes_on_across_a_gap() -> None:
     recording = driven(np.full(100, 10.0), np.zeros(100), gaps=(Gap(50, 2.0),))
     assert distance_travelled(recording, "v")[-1] == pytest.approx(9.9 + 20.0)
     moving = while_moving(recording, "v")

@@ -40,7 +40,7 @@ def quarter(case, seed):
 # Constant frequency
 
 
-def test_pulses_are_one_family_of_multiples():
+def test_pulses_are_one_family_of_multiples() -> None:
     harmonics = [line for line in find_harmonics(quarter(2, seed=1)) if line.frequency < 400]
     assert len(harmonics) == 109
     assert all(line.fundamental == pytest.approx(3.65, abs=1e-3) for line in harmonics)
@@ -51,7 +51,7 @@ def test_pulses_are_one_family_of_multiples():
         assert line.band[0] < line.frequency < line.band[1]
 
 
-def test_a_sine_beside_the_pulses_is_no_multiple():
+def test_a_sine_between_the_pulses_is_not_a_multiple() -> None:
     harmonics = [line for line in find_harmonics(quarter(4, seed=2)) if line.frequency < 400]
     (sine,) = [line for line in harmonics if line.fundamental is None]
     assert sine.frequency == pytest.approx(17.0, abs=0.01)
@@ -60,7 +60,7 @@ def test_a_sine_beside_the_pulses_is_no_multiple():
 
 
 @pytest.mark.parametrize("frequency", [3.3, 11.7, 43.21, 92.0])
-def test_a_tone_in_noise_is_found_where_it_is(frequency):
+def test_a_tone_in_noise_is_found_where_it_is(frequency) -> None:
     t = np.arange(12_000) / 200
     samples = np.random.default_rng(3).standard_normal((2, t.size))
     samples[1] += 0.7 * np.sin(2 * np.pi * frequency * t)
@@ -69,21 +69,21 @@ def test_a_tone_in_noise_is_found_where_it_is(frequency):
     assert line.channels == ("c1",)
 
 
-def test_a_tone_that_comes_and_goes_is_found():
+def test_a_tone_that_comes_and_goes_is_found() -> None:
     t = np.arange(12_000) / 200
     samples = np.random.default_rng(4).standard_normal(t.size) + np.where(t > 25, np.sin(2 * np.pi * 40 * t), 0)
     (line,) = find_harmonics(recorded(samples, 200.0))
     assert line.frequency == pytest.approx(40.0, abs=0.05)
 
 
-def test_a_tone_in_a_damped_mode_is_found_and_the_mode_is_not():
+def test_a_tone_in_a_damped_mode_is_found_and_the_mode_is_not() -> None:
     t = np.arange(12_000) / 200
     samples = vibration([10.0], 0.1, seed=5, n_channels=1) / 3 + 0.5 * np.sin(2 * np.pi * 10.5 * t)
     (line,) = find_harmonics(recorded(samples, 200.0))
     assert line.frequency == pytest.approx(10.5, abs=0.02)
 
 
-def test_a_tone_below_what_the_record_can_show_is_not_claimed():
+def test_a_tone_below_what_the_record_can_show_is_not_claimed() -> None:
     t = np.arange(12_000) / 200
     samples = np.random.default_rng(6).standard_normal(t.size) + 3 * np.sin(2 * np.pi * 1.7 * t)
     assert find_harmonics(recorded(samples, 200.0)) == ()
@@ -91,7 +91,7 @@ def test_a_tone_below_what_the_record_can_show_is_not_claimed():
     assert line.frequency == pytest.approx(1.7, abs=0.01)
 
 
-def test_lines_do_not_depend_on_scale_order_of_channels_or_a_gap():
+def test_lines_do_not_depend_on_scale_order_of_channels_or_a_gap() -> None:
     t = np.arange(24_000) / 200
     samples = np.random.default_rng(7).standard_normal((2, t.size)) + np.sin(2 * np.pi * 31 * t)
     (line,) = find_harmonics(recorded(samples, 200.0))
@@ -102,12 +102,12 @@ def test_lines_do_not_depend_on_scale_order_of_channels_or_a_gap():
     assert third.frequency == pytest.approx(31.0, abs=0.02)
 
 
-def test_dead_channels_and_short_recordings_have_no_lines():
+def test_dead_channels_and_short_recordings_have_no_lines() -> None:
     assert find_harmonics(recorded(np.zeros((2, 6000)), 100.0)) == ()
     assert find_harmonics(recorded(np.ones((1, 20)), 100.0)) == ()
 
 
-def test_what_cannot_be_searched_is_refused():
+def test_what_cannot_be_searched_is_refused() -> None:
     recording = recorded(np.zeros((1, 100)), 100.0)
     with pytest.raises(ParameterError, match="false_alarm_rate=2"):
         find_harmonics(recording, false_alarm_rate=2.0)
@@ -119,7 +119,7 @@ def test_what_cannot_be_searched_is_refused():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["chain3", "quarter", "white", "light"])
-def test_random_vibration_has_no_harmonics(kind):
+def test_random_vibration_has_no_harmonics(kind) -> None:
     """At the default rate of 1e-3, three lines in 200 records have a probability of 1e-3."""
     n_lines = 0
     for seed in range(200):
@@ -155,7 +155,7 @@ def drive(spread, *, seed, line=0.0, duration=600.0):
 
 
 @pytest.mark.parametrize("spread", [1.0, 4.0])
-def test_the_lines_of_a_wheel_are_proportional_to_speed(spread):
+def test_the_lines_of_a_wheel_are_proportional_to_speed(spread) -> None:
     recording = drive(spread, seed=1, line=0.3)
     once, twice = find_harmonics(recording, speed="v")
     assert once.kind == twice.kind == "speed"
@@ -166,13 +166,13 @@ def test_the_lines_of_a_wheel_are_proportional_to_speed(spread):
     assert once.band[1] == pytest.approx(0.516 * np.quantile(v, 0.95), rel=0.02)
 
 
-def test_at_constant_speed_no_line_is_called_proportional_to_it():
+def test_at_constant_speed_no_line_is_called_proportional_to_it() -> None:
     assert all(line.kind == "constant" for line in find_harmonics(drive(0.02, seed=2, line=0.3), speed="v"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("spread", "duration"), [(1.0, 600.0), (4.0, 600.0), (4.0, 60.0)])
-def test_drives_without_lines_have_none(spread, duration):
+def test_drives_without_lines_have_none(spread, duration) -> None:
     n_lines = sum(len(find_harmonics(drive(spread, seed=s, duration=duration), speed="v")) for s in range(20))
     assert n_lines <= 1
 
@@ -180,22 +180,22 @@ def test_drives_without_lines_have_none(spread, duration):
 # Poles
 
 
-def test_a_narrow_pole_at_a_line_is_a_harmonic_and_a_damped_mode_beside_it_is_not():
+def test_a_narrow_pole_at_a_line_is_a_harmonic_and_a_damped_mode_next_to_it_is_not() -> None:
     line = Harmonic(3.65, "constant", (3.6, 3.7), 0.1, 20.0, ("a",))
     frequencies = np.array([3.65, 3.56, 3.65, 3.65, 4.5, 13.2])
     ratios = np.array([0.001, 0.01, 0.13, 0.04, 0.001, 0.001])
-    told = near_harmonic(frequencies, ratios, [line], resolution=0.25)
-    assert told.tolist() == [True, True, False, False, False, False]
+    is_harmonic = near_harmonic(frequencies, ratios, [line], resolution=0.25)
+    assert is_harmonic.tolist() == [True, True, False, False, False, False]
     assert not near_harmonic(frequencies, ratios, [], resolution=0.25).any()
 
 
-def test_a_pole_in_the_band_that_a_line_sweeps_is_a_harmonic_unless_it_is_heavily_damped():
+def test_a_pole_in_the_band_that_a_line_sweeps_is_a_harmonic_unless_it_is_heavily_damped() -> None:
     wheel = Harmonic(0.516, "speed", (7.2, 11.6), 0.003, 15.0, ("a",))
-    told = near_harmonic([11.6, 9.0, 11.0, 13.5, 1.5], [0.03, 0.04, 0.1, 0.02, 0.04], [wheel], resolution=0.2)
-    assert told.tolist() == [True, True, False, False, False]
+    is_harmonic = near_harmonic([11.6, 9.0, 11.0, 13.5, 1.5], [0.03, 0.04, 0.1, 0.02, 0.04], [wheel], resolution=0.2)
+    assert is_harmonic.tolist() == [True, True, False, False, False]
 
 
-def test_poles_without_damping_ratios_are_refused():
+def test_poles_without_damping_ratios_are_refused() -> None:
     with pytest.raises(ParameterError, match="need as many damping ratios"):
         near_harmonic([1.0, 2.0], [0.1], [], resolution=0.1)
 
@@ -215,7 +215,7 @@ def car(path):
 
 
 @pytest.mark.parametrize("name", ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"])
-def test_the_wheels_of_a_car_turn_at_0_516_per_metre(real_file, name):
+def test_the_wheels_of_a_car_turn_at_0_516_per_metre(real_file, name) -> None:
     """Its circumference is 1.94 m; the middle half of 76 windows lies at 0.513 to 0.519 (the data's description)."""
     path = real_file(f"canedge_car_body_imu/{name}_decoded.parquet")
     harmonics = find_harmonics(car(path), speed="Speed")
@@ -227,7 +227,7 @@ def test_the_wheels_of_a_car_turn_at_0_516_per_metre(real_file, name):
     assert {line.kind for line in harmonics} == {"speed"}
 
 
-def test_engine_lines_of_a_car(real_file):
+def test_engine_lines_of_a_car(real_file) -> None:
     with h5py.File(real_file("endaq_car_ide/GPS-Chick-Fil-A_003.h5")) as file:
         group = file["ch80_40g_DC_Acceleration"]
         samples = np.array([group[f"{axis}_(40g)"][:] for axis in "XYZ"], dtype=float)

@@ -19,7 +19,7 @@ def recording(*rows, **fields):
     return Recording(np.array(rows, dtype=float), 100.0, channels, **fields)
 
 
-def test_levels_of_a_sine_on_an_offset():
+def test_levels_of_a_sine_on_an_offset() -> None:
     phase = 2 * np.pi * np.arange(1000) / 50
     (facts,) = inspect(recording(9.81 + 2 * np.sin(phase))).channels
     assert facts.mean == pytest.approx(9.81)
@@ -31,7 +31,7 @@ def test_levels_of_a_sine_on_an_offset():
     assert (facts.is_dead, facts.is_clipped, facts.is_stuck) == (False, False, False)
 
 
-def test_dead_channels():
+def test_dead_channels() -> None:
     facts = inspect(recording(np.zeros(200), np.full(200, np.nan), np.arange(200))).channels
     assert [channel.is_dead for channel in facts] == [True, True, False]
     assert [channel.n_values for channel in facts] == [200, 0, 200]
@@ -39,7 +39,7 @@ def test_dead_channels():
     assert not facts[0].is_clipped
 
 
-def test_share_of_clipped_samples():
+def test_share_of_clipped_samples() -> None:
     phase = 2 * np.pi * (np.arange(10_000) + 0.5) / 200
     (facts,) = inspect(recording(np.clip(np.sin(phase), -0.5, 2.0))).channels
     # A sine is below -1/2 for a third of its period.
@@ -48,13 +48,13 @@ def test_share_of_clipped_samples():
     assert not facts.is_stuck
 
 
-def test_coarse_but_unclipped_channel_is_not_called_clipped():
+def test_coarse_but_unclipped_channel_is_not_called_clipped() -> None:
     rng = np.random.default_rng(1)
     (facts,) = inspect(recording(np.round(rng.standard_normal(100_000) * 4) / 4)).channels
     assert not facts.is_clipped
 
 
-def test_stuck_stretch_counts_from_a_second_on():
+def test_stuck_stretch_counts_from_a_second_on() -> None:
     values = np.random.default_rng(2).standard_normal(1000)
     values[300:450] = values[300]
     values[600:690] = values[600]
@@ -66,7 +66,7 @@ def test_stuck_stretch_counts_from_a_second_on():
 @pytest.mark.parametrize(
     "channel", [Channel("v", "speed"), Channel("Speed"), Channel("oil", "temperature")], ids=lambda c: c.name
 )
-def test_a_condition_that_rests_is_neither_clipped_nor_stuck_nor_dead(channel):
+def test_a_condition_that_rests_is_neither_clipped_nor_stuck_nor_dead(channel) -> None:
     """A vehicle that keeps its highest speed for half a minute, stands, and keeps one speed throughout."""
     rising = np.concatenate([np.zeros(2000), np.linspace(0, 15, 3000), np.full(3000, 15.0)])
     for values in (rising, np.full(500, 15.0)):
@@ -79,7 +79,7 @@ def test_a_condition_that_rests_is_neither_clipped_nor_stuck_nor_dead(channel):
     assert (motion.is_clipped, motion.is_stuck) == (True, True)
 
 
-def test_runs_of_equal_values():
+def test_runs_of_equal_values() -> None:
     values = np.array([1.0, 1.0, 2.0, np.nan, np.nan, 3.0, 3.0, 3.0])
     starts, lengths = equal_runs(values, breaks=[6])
     assert starts.tolist() == [0, 2, 3, 4, 5, 6]
@@ -90,7 +90,7 @@ def test_runs_of_equal_values():
     assert stuck_runs(at_10_hz, 10.0, breaks=[9])[0].size == 0
 
 
-def test_shares_of_clipped_and_missing_values():
+def test_shares_of_clipped_and_missing_values() -> None:
     assert clipped_share(np.array([0.0, 3.0, 3.0, 3.0, -1.0])) == pytest.approx(0.6)
     assert clipped_share(np.array([0.0, 3.0, 3.0, 3.0, -1.0]), breaks=[2]) == 0
     assert clipped_share(np.full(3, np.nan)) == 0
@@ -98,26 +98,27 @@ def test_shares_of_clipped_and_missing_values():
     assert missing_share(np.zeros(0)) == 1
 
 
-def test_a_constant_within_a_tolerance():
+def test_a_constant_within_a_tolerance() -> None:
     assert constant_value(np.array([2.0, np.nan, 2.0])) == 2
-    assert constant_value(2 + 1e-13 * np.arange(3)) is None
-    assert constant_value(2 + 1e-13 * np.arange(3), tolerance=1e-12) == 2
+    rising = 2 + 1e-13 * np.arange(3.0)
+    assert constant_value(rising) is None
+    assert constant_value(rising, tolerance=1e-12) == 2
     assert constant_value(np.full(3, np.nan)) is None
 
 
-def test_gap_ends_a_run():
+def test_gap_ends_a_run() -> None:
     values = np.random.default_rng(3).standard_normal(1000)
     values[300:450] = values[300]
     assert inspect(recording(values, gaps=(Gap(375, 1.0),))).channels[0].stuck == 0
 
 
-def test_gaps_and_duration():
+def test_gaps_and_duration() -> None:
     facts = inspect(recording(np.arange(1000), gaps=(Gap(100, 2.5), Gap(300, 0.5)), start=7, history=("read",)))
     assert (facts.n_gaps, facts.gap_duration, facts.duration) == (2, 3.0, 10.0)
     assert (facts.start, facts.history, facts.n_samples) == (7, ("read",), 1000)
 
 
-def test_blocks_equal_the_whole():
+def test_blocks_equal_the_whole() -> None:
     rng = np.random.default_rng(4)
     values = rng.standard_normal((2, 9000))
     values[0] += 1e4
@@ -133,6 +134,6 @@ def test_blocks_equal_the_whole():
     assert parts.duration == pytest.approx(whole.duration)
 
 
-def test_nothing_to_inspect():
+def test_nothing_to_inspect() -> None:
     with pytest.raises(DataError, match="no blocks"):
         inspect_blocks([])

@@ -13,7 +13,7 @@ def line(frequency, tolerance=0.01):
 
 
 @pytest.mark.parametrize("n_segments", [5, 6, 7, 11])
-def test_chance_of_regularity_is_uniform_for_random_signals(n_segments):
+def test_chance_of_regularity_is_uniform_for_random_signals(n_segments) -> None:
     """Against the definition: the share of random signals that look at least as regular."""
     powers = np.random.default_rng(5).exponential(size=(20_000, n_segments))
     chances = np.array([chance_of_regularity(row) for row in powers])
@@ -22,27 +22,27 @@ def test_chance_of_regularity_is_uniform_for_random_signals(n_segments):
         assert abs(np.count_nonzero(chances <= level) - expected) < 4 * np.sqrt(expected)
 
 
-def test_one_regular_block_of_two_counts():
+def test_one_regular_block_of_two_counts() -> None:
     regular, random = np.array([1.0, 1.2, 0.9, 1.0, 1.1, 1.0]), np.array([0.1, 3.0, 0.4, 2.0, 0.1, 0.5])
     alone = chance_of_regularity(regular)
     assert chance_of_regularity(np.concatenate([random, regular])) == pytest.approx(2 * (1 - (1 - alone) ** 2))
 
 
-def test_chance_of_regularity_does_not_depend_on_level_and_says_nothing_about_few_segments():
+def test_chance_of_regularity_does_not_depend_on_level_and_says_nothing_about_few_segments() -> None:
     powers = np.array([1.0, 1.2, 0.9, 1.0, 1.1, 1.0])
     assert chance_of_regularity(1e-9 * powers) == pytest.approx(chance_of_regularity(powers))
     assert chance_of_regularity(powers[:4]) == 1.0
     assert chance_of_regularity(np.zeros(6)) == 1.0
 
 
-def test_multiples_follow_a_fundamental_upwards():
+def test_multiples_follow_a_fundamental_upwards() -> None:
     lines = [line(3.652), line(7.3), line(10.95), line(17.0), line(3.65 * 40), line(3.65 * 100)]
     family = multiples(lines[0].frequency, lines[0].tolerance, lines)
     assert family.members == ((0, 1), (1, 2), (2, 3), (4, 40), (5, 100))
     assert family.fundamental == pytest.approx(3.65)
 
 
-def test_a_family_without_its_fundamental_is_found_if_most_multiples_are_there():
+def test_a_family_without_its_fundamental_is_found_if_most_multiples_are_there() -> None:
     family = largest_family([line(20.0), line(30.0), line(40.0), line(50.0), line(61.3)])
     assert family is not None
     assert family.fundamental == pytest.approx(10.0)
@@ -50,7 +50,7 @@ def test_a_family_without_its_fundamental_is_found_if_most_multiples_are_there()
     assert largest_family([line(20.0), line(31.0)]) is None
 
 
-def test_noise_has_no_narrow_lines_at_the_rate_stated():
+def test_noise_has_no_narrow_lines_at_the_rate_stated() -> None:
     found = 0
     for seed, is_geometric in itertools.product(range(100), (False, True)):
         samples = np.random.default_rng(seed).standard_normal((2, 6000))

@@ -15,7 +15,7 @@ def noise(n_channels=3, n_samples=5000, seed=1, **fields):
 
 
 @pytest.mark.parametrize("n_per_segment", [256, 255])
-def test_densities_are_those_of_scipy(n_per_segment):
+def test_densities_are_those_of_scipy(n_per_segment) -> None:
     recording = noise()
     spectra = spectral_matrix(recording, segment_length=n_per_segment / 100)
     settings = {"fs": 100.0, "nperseg": n_per_segment, "noverlap": n_per_segment - round(n_per_segment / 2)}
@@ -26,21 +26,21 @@ def test_densities_are_those_of_scipy(n_per_segment):
     np.testing.assert_allclose(spectra.frequencies, frequencies)
 
 
-def test_phase_says_which_channel_comes_later():
+def test_phase_says_which_channel_comes_later() -> None:
     spectra = spectral_matrix(noise(n_samples=200_000), segment_length=2.56)
     k = 20
     delayed = np.angle(spectra.matrix[1, 0, k])
     assert delayed == pytest.approx(-2 * np.pi * spectra.frequencies[k] * 0.03, abs=0.1)
 
 
-def test_densities_integrate_to_the_variance():
+def test_densities_integrate_to_the_variance() -> None:
     recording = noise(n_samples=100_000)
     spectra = spectral_matrix(recording, segment_length=5.0)
     power = spectra.densities.sum(axis=1) * spectra.frequencies[1]
     np.testing.assert_allclose(power, recording.samples.var(axis=1), rtol=0.02)
 
 
-def test_no_segment_spans_a_gap_and_records_add_up():
+def test_no_segment_spans_a_gap_and_records_add_up() -> None:
     recording = noise(n_samples=3000, gaps=(Gap(700, 1.0), Gap(1999, 2.0)))
     parts = [Recording(recording.samples[:, stretch], 100.0, recording.channels) for stretch in recording.stretches()]
     whole = spectral_matrix(recording, segment_length=1.5)
@@ -50,7 +50,7 @@ def test_no_segment_spans_a_gap_and_records_add_up():
     np.testing.assert_allclose(total.matrix, whole.matrix, atol=1e-14)
 
 
-def test_blocks_do_not_change_the_result(monkeypatch):
+def test_blocks_do_not_change_the_result(monkeypatch) -> None:
     recording = noise()
     whole = spectral_matrix(recording, segment_length=1.0)
     monkeypatch.setattr("sprung.signals.spectrum.BLOCK_SIZE", 1000)
@@ -58,7 +58,7 @@ def test_blocks_do_not_change_the_result(monkeypatch):
     np.testing.assert_allclose(spectral_matrix(recording, segment_length=1.0).matrix, whole.matrix, atol=1e-14)
 
 
-def test_singular_values_count_the_sources():
+def test_singular_values_count_the_sources() -> None:
     source = np.random.default_rng(3).standard_normal((1, 20_000))
     recording = Recording(np.array([[1.0], [-2.0], [0.5]]) @ source, 100.0, tuple(Channel(c) for c in "abc"))
     spectra = spectral_matrix(recording, segment_length=1.0)
@@ -68,7 +68,7 @@ def test_singular_values_count_the_sources():
     assert values[1:].max() < 1e-12 * values[0].max()
 
 
-def test_what_cannot_be_averaged_is_refused():
+def test_what_cannot_be_averaged_is_refused() -> None:
     recording = noise(n_samples=500)
     with pytest.raises(DataError, match="use at most 5 s"):
         spectral_matrix(recording, segment_length=6.0)

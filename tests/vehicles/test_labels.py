@@ -1,4 +1,4 @@
-"""Names of modes from exact modes of vehicles, for every layout of sensors that can tell them."""
+"""Names of modes from exact modes of vehicles, for every layout of sensors that distinguishes them."""
 
 from dataclasses import replace
 
@@ -24,16 +24,15 @@ def accelerometer(name, x, y, z=0.0, direction=(0.0, 0.0, 1.0)):
 
 def six_axis(x, y, z):
     """Accelerations and angular velocities along the three axes at one place."""
-    axes = np.eye(3).tolist()
-    linear = [accelerometer(f"a{name}", x, y, z, tuple(axis)) for name, axis in zip("xyz", axes, strict=True)]
+    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     return [
-        *linear,
-        *(Channel(f"g{n}", "angular_velocity", (x, y, z), tuple(a)) for n, a in zip("xyz", axes, strict=True)),
+        *(accelerometer(f"a{name}", x, y, z, axis) for name, axis in axes.items()),
+        *(Channel(f"g{name}", "angular_velocity", (x, y, z), axis) for name, axis in axes.items()),
     ]
 
 
 def upright(x, y, z):
-    """The three axes of an inertial unit that tell bounce, pitch and roll."""
+    """The three axes of an inertial unit that distinguish bounce, pitch and roll."""
     return [channel for channel in six_axis(x, y, z) if channel.name in {"az", "gx", "gy"}]
 
 
@@ -74,13 +73,13 @@ def body_mass(vehicle=CAR):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_every_layout_names_the_modes_of_the_car(layout):
+def test_every_layout_names_the_modes_of_the_car(layout) -> None:
     channels = LAYOUTS[layout]
     assert labelled(exact_modes(channels), channels, vehicle=CAR).labels == (*BODY, *HOPS)
 
 
 @pytest.mark.parametrize("name", ["zafira", "zafira-printed", "scale-bogie"])
-def test_names_agree_with_those_of_the_full_model(name):
+def test_names_agree_with_those_of_the_full_model(name) -> None:
     """There by the kinetic energy of all seven coordinates, here from the sensors on the body alone."""
     vehicle = read_vehicle(name)
     channels = [sensor.as_channel() for sensor in vehicle.sensor]
@@ -96,7 +95,7 @@ def test_names_agree_with_those_of_the_full_model(name):
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_the_body_explains_all_of_its_own_motion_and_energy_shares_agree_between_layouts(layout):
+def test_the_body_explains_all_of_its_own_motion_and_energy_shares_agree_between_layouts(layout) -> None:
     channels = LAYOUTS[layout]
     shares, explained = rigid_body_participation(exact_modes(channels), channels, mass=body_mass())
     reference, _ = rigid_body_participation(
@@ -109,7 +108,7 @@ def test_the_body_explains_all_of_its_own_motion_and_energy_shares_agree_between
 
 @pytest.mark.parametrize("layout", ["inertial unit at the dashboard", "inertial unit in the boot"])
 @pytest.mark.parametrize("axis", ["gy", "gx"])
-def test_a_gyroscope_of_the_wrong_sign_changes_the_shares(layout, axis):
+def test_a_gyroscope_of_the_wrong_sign_changes_the_shares(layout, axis) -> None:
     """The place of the unit joins acceleration and rates: a reversed axis makes another motion of the body."""
     channels = LAYOUTS[layout]
     modes = exact_modes(channels)
@@ -121,7 +120,7 @@ def test_a_gyroscope_of_the_wrong_sign_changes_the_shares(layout, axis):
     assert np.abs(shares - turned)[:3].max() > 0.05
 
 
-def test_a_pitch_rate_of_the_wrong_sign_loses_the_pitch_mode():
+def test_a_pitch_rate_of_the_wrong_sign_loses_the_pitch_mode() -> None:
     channels = LAYOUTS["inertial unit at the dashboard"]
     modes = exact_modes(channels)
     sign = np.where([channel.name == "gy" for channel in channels], -1.0, 1.0)
@@ -129,7 +128,7 @@ def test_a_pitch_rate_of_the_wrong_sign_loses_the_pitch_mode():
     assert wrong.labels[:3] != BODY
 
 
-def test_more_axes_than_motions_expose_a_wrong_sign():
+def test_more_axes_than_motions_expose_a_wrong_sign() -> None:
     """Two accelerometers at each end and a pitch rate against them: the rigid body explains it only rightly signed."""
     channels = [*LAYOUTS["four corners"], Channel("gy", "angular_velocity", None, (0.0, 1.0, 0.0))]
     placed = [replace(channel, position=channel.position or (0.0, 0.0, 0.0)) for channel in channels]
@@ -144,7 +143,7 @@ def test_more_axes_than_motions_expose_a_wrong_sign():
 
 
 @pytest.mark.parametrize(("motion", "row"), [("bounce", (1, 0, 0)), ("pitch", (0, 1, 0)), ("roll", (0, 0, 1))])
-def test_pure_motions_have_all_of_the_share(motion, row):
+def test_pure_motions_have_all_of_the_share(motion, row) -> None:
     """z - x pitch + y roll at the corners; positive pitch is nose down, positive roll is left side up."""
     channels = LAYOUTS["four corners"]
     shape = np.array([[z - x * p + y * r for (x, y) in CORNERS] for z, p, r in [row]], dtype=complex)
@@ -158,14 +157,14 @@ def test_pure_motions_have_all_of_the_share(motion, row):
 
 @settings(deadline=None)
 @given(size=st.floats(1e-6, 1e6), phase=st.floats(0, 6.3))
-def test_names_do_not_depend_on_the_scale_of_shapes(size, phase):
+def test_names_do_not_depend_on_the_scale_of_shapes(size, phase) -> None:
     channels = LAYOUTS["inertial unit at the dashboard"]
     modes = exact_modes(channels)
     turned = replace(modes, mode_shapes=size * np.exp(1j * phase) * modes.mode_shapes)
     assert labelled(turned, channels, vehicle=CAR).labels == (*BODY, *HOPS)
 
 
-def test_without_a_vehicle_four_corners_name_the_body_modes_and_no_wheel_hop():
+def test_without_a_vehicle_four_corners_name_the_body_modes_and_no_wheel_hop() -> None:
     channels = LAYOUTS["four corners"]
     assert labelled(exact_modes(channels), channels).labels == (*BODY, None, None, None, None)
 
@@ -181,7 +180,7 @@ def test_without_a_vehicle_four_corners_name_the_body_modes_and_no_wheel_hop():
     ],
     ids=["without places", "without quantities", "with a temperature", "on one line", "two only"],
 )
-def test_layouts_that_do_not_tell_the_motions_give_no_names(channels):
+def test_layouts_that_do_not_distinguish_the_motions_give_no_names(channels) -> None:
     modes = as_modes(2j * np.pi * np.ones(1), np.ones((1, len(channels))), [c.name for c in channels])
     shares, explained = rigid_body_participation(modes, channels)
     assert np.isnan(shares).all()
@@ -189,14 +188,14 @@ def test_layouts_that_do_not_tell_the_motions_give_no_names(channels):
     assert labelled(modes, channels).labels == (None,)
 
 
-def test_the_chain_has_no_names():
+def test_the_chain_has_no_names() -> None:
     chain = structure(read_description("chain3"))
     exact = chain.modes()
     modes = as_modes(exact.poles, exact.mode_shapes, exact.channels)
     assert labelled(modes, chain.outputs.channels).labels == (None, None, None)
 
 
-def test_a_bending_body_has_no_name():
+def test_a_bending_body_has_no_name() -> None:
     """Diagonal corners up, the others down: nothing of it is rigid."""
     modes = as_modes(2j * np.pi * np.ones(1), np.array([[1, -1, -1, 1]], dtype=complex), "abcd")
     shares, explained = rigid_body_participation(modes, LAYOUTS["four corners"])
@@ -205,7 +204,7 @@ def test_a_bending_body_has_no_name():
     assert labelled(modes, LAYOUTS["four corners"]).labels == (None,)
 
 
-def test_wheel_hop_is_named_by_frequency_within_a_fifth():
+def test_wheel_hop_is_named_by_frequency_within_a_fifth() -> None:
     front = wheel_hop_frequencies(CAR)[0]
     rear = wheel_hop_frequencies(CAR)[1]
     frequencies = np.array([0.79 * rear, 0.81 * rear, 1.19 * front, 1.21 * front])
@@ -214,13 +213,13 @@ def test_wheel_hop_is_named_by_frequency_within_a_fifth():
     assert labels == (None, "wheel_hop", "wheel_hop", None)
 
 
-def test_each_motion_names_its_lowest_mode_only():
+def test_each_motion_names_its_lowest_mode_only() -> None:
     shapes = np.ones((2, 4), dtype=complex)
     modes = as_modes(2j * np.pi * np.array([1.0, 5.0]), shapes, "abcd")
     assert labelled(modes, LAYOUTS["four corners"]).labels == ("bounce", None)
 
 
-def test_no_modes_are_named_without_complaint():
+def test_no_modes_are_named_without_complaint() -> None:
     modes = as_modes(np.zeros(0), np.zeros((0, 4)), "abcd")
     assert labelled(modes, LAYOUTS["four corners"], vehicle=CAR).labels == ()
     assert MOTIONS == BODY

@@ -3,8 +3,6 @@
 F. Liu, Online Identification of Vehicle Dynamic Systems for Condition Monitoring, Huddersfield (2020), is "the thesis".
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,12 +10,10 @@ from sprung.errors import ParameterError
 from sprung.recording import Channel
 from sprung.vehicles import (
     Component,
-    Element,
-    body_row,
+    Vehicle,
     chain,
     corner_names,
     parse_vehicle,
-    participation,
     read_description,
     read_vehicle,
     sensor_outputs,
@@ -46,7 +42,14 @@ def car(**changes):
     return fields | changes
 
 
-def test_chain_has_the_published_modes():
+def parsed(**changes) -> Vehicle:
+    """The small symmetric car with changed fields."""
+    vehicle = parse_vehicle(car(**changes))
+    assert isinstance(vehicle, Vehicle)
+    return vehicle
+
+
+def test_chain_has_the_published_modes() -> None:
     """Table 4-1 of the thesis, to the digits printed."""
     modes = structure(read_description("chain3")).modes()
     assert modes.natural_frequency.round(2).tolist() == [7.01, 19.65, 28.39]
@@ -54,7 +57,7 @@ def test_chain_has_the_published_modes():
     assert modes.labels == (None, None, None)
 
 
-def test_chain_function_is_the_shipped_chain():
+def test_chain_function_is_the_shipped_chain() -> None:
     shipped, built = structure(read_description("chain3")), chain()
     assert built.coordinates == shipped.coordinates == ("mass_1", "mass_2", "mass_3")
     assert built.outputs.channels == shipped.outputs.channels
@@ -62,7 +65,7 @@ def test_chain_function_is_the_shipped_chain():
         np.testing.assert_array_equal(getattr(built.system, name), getattr(shipped.system, name))
 
 
-def test_quarter_has_the_published_modes():
+def test_quarter_has_the_published_modes() -> None:
     """Section 5.3.1 of the thesis, to the digits printed."""
     modes = structure(read_description("quarter")).modes()
     assert modes.natural_frequency.round(2).tolist() == [13.21, 56.35]
@@ -78,7 +81,7 @@ def test_quarter_has_the_published_modes():
         ("zafira-printed", (1.12, 1.33, 1.64), (20.9, 26.5, 31.5), 0.0025),  # of the printed parameters
     ],
 )
-def test_body_modes_of_the_shipped_vehicles(name, frequencies, damping, tolerance):
+def test_body_modes_of_the_shipped_vehicles(name, frequencies, damping, tolerance) -> None:
     modes = structure(read_description(name)).modes()
     assert modes.labels[:3] == ("bounce", "pitch", "roll")
     assert modes.natural_frequency[:3] == pytest.approx(frequencies, rel=tolerance)
@@ -86,7 +89,7 @@ def test_body_modes_of_the_shipped_vehicles(name, frequencies, damping, toleranc
     assert modes.labels[3:] == ("wheel_hop",) * 4
 
 
-def test_wheels_moving_crosswise_do_not_move_a_symmetric_body():
+def test_wheels_moving_crosswise_do_not_move_a_symmetric_body() -> None:
     """The fourth wheel hop mode of the bogie is seen by sensors on the wheels only."""
     bogie = read_vehicle("scale-bogie")
     assert sorted(np.abs(structure(bogie).modes().mode_shapes[3:]).max(axis=1).round(9).tolist()) == [0, 1, 1, 1]
@@ -96,53 +99,14 @@ def test_wheels_moving_crosswise_do_not_move_a_symmetric_body():
     assert [1, -1, -1, 1] in (np.sign(shapes) * np.sign(shapes[:, :1])).tolist()
 
 
-def test_shapes_on_the_corners_follow_the_axes():
+def test_shapes_on_the_corners_follow_the_axes() -> None:
     """Bounce: all alike. Pitch: front against rear. Roll: left against right. Order FL, FR, RL, RR."""
     shapes = structure(read_vehicle("scale-bogie")).modes().mode_shapes.real
     signs = np.sign(shapes[:3] * np.sign(shapes[:3, :1]))
     assert signs.tolist() == [[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, 1, -1]]
 
 
-def test_body_row_is_iso_8855():
-    """Positive pitch is nose down: a point ahead of the centre goes down; positive roll lifts the left side."""
-    row = body_row(("wheel", "bounce", "pitch", "roll"), x=1.2, y=0.7)
-    assert row.tolist() == [0.0, 1.0, -1.2, 0.7]
-
-
-@pytest.mark.parametrize(
-    ("quantity", "direction", "expected"),
-    [
-        ("acceleration", (0, 0, 1), (1.0, -1.2, 0.7)),
-        ("acceleration", (1, 0, 0), (0.0, 0.3, 0.0)),
-        ("acceleration", (0, 1, 0), (0.0, 0.0, -0.3)),
-        ("displacement", (0, 0, -1), (-1.0, 1.2, -0.7)),
-        ("angular_velocity", (0, 1, 0), (0.0, 1.0, 0.0)),
-        ("angular_velocity", (1, 0, 0), (0.0, 0.0, 1.0)),
-        ("angular_velocity", (0, 0, 1), (0.0, 0.0, 0.0)),
-        ("angle", (0, -1, 0), (0.0, -1.0, 0.0)),
-    ],
-)
-def test_sensors_read_the_motion_of_a_rigid_body(quantity, direction, expected):
-    sensor = Channel("s", quantity, (1.2, 0.7, 0.3), direction)
-    outputs = sensor_outputs(("bounce", "pitch", "roll"), sensors=[sensor], carriers=["body"])
-    rows = {"acceleration": outputs.acceleration, "angular_velocity": outputs.velocity}
-    assert rows.get(quantity, outputs.displacement)[0] == pytest.approx(expected)
-
-
-def test_sensor_motion_agrees_with_a_rotated_body():
-    """The rows are the derivative of R r + z, with R the rotation by roll about x and pitch about y."""
-    r, step = np.array([1.2, 0.7, 0.3]), 1e-6
-    for pitch, roll, column in ((step, 0.0, 1), (0.0, step, 2)):
-        about_y = np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]])
-        about_x = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
-        moved = (about_y @ about_x @ r - r) / step
-        for axis in range(3):
-            sensor = Channel("s", "displacement", tuple(r), tuple(np.eye(3)[axis]))
-            outputs = sensor_outputs(("bounce", "pitch", "roll"), sensors=[sensor], carriers=["body"])
-            assert outputs.displacement[0, column] == pytest.approx(moved[axis], abs=1e-5)
-
-
-def test_stiffness_is_the_energy_of_springs_in_the_given_places():
+def test_stiffness_is_the_energy_of_springs_in_the_given_places() -> None:
     """q^T K q / 2 against the sum of k e^2 / 2 with elongations written out for the two-axle car."""
     vehicle = read_vehicle("zafira")
     system = structure(vehicle).system
@@ -161,7 +125,7 @@ def test_stiffness_is_the_energy_of_springs_in_the_given_places():
 
 
 @pytest.mark.parametrize("name", ["chain3", "quarter", "zafira", "scale-bogie"])
-def test_matrices_are_symmetric_and_definite(name):
+def test_matrices_are_symmetric_and_definite(name) -> None:
     system = structure(read_description(name)).system
     np.testing.assert_array_equal(system.stiffness, system.stiffness.T)
     np.testing.assert_array_equal(system.damping, system.damping.T)
@@ -169,30 +133,28 @@ def test_matrices_are_symmetric_and_definite(name):
     assert np.linalg.eigvalsh(system.damping).min() > -1e-9 * system.damping.max()
 
 
-def test_body_follows_a_lifted_road():
+def test_body_follows_a_lifted_road() -> None:
     """All wheels lifted by 1 at rest lift body and wheels by 1, without pitch or roll."""
     system = structure(read_vehicle("zafira")).system
     lifted = np.linalg.solve(system.stiffness, system.input_matrix @ np.ones(4))
     assert lifted == pytest.approx([1, 0, 0, 1, 1, 1, 1], abs=1e-12)
 
 
-def test_wheel_hop_frequencies():
+def test_wheel_hop_frequencies() -> None:
     found = wheel_hop_frequencies(read_vehicle("zafira"))
     assert found == pytest.approx(np.sqrt([235079.0 / 40.5, 227195.0 / 40.5]) / (2 * np.pi))
-    undamped = parse_vehicle(car(axle=[{**axle, "damping": 0.0} for axle in car()["axle"]]))
+    undamped = parsed(axle=[{**axle, "damping": 0.0} for axle in car()["axle"]])
     exact = structure(undamped).modes().natural_frequency[3:]
     assert exact == pytest.approx(np.repeat(wheel_hop_frequencies(undamped)[0], 4), rel=0.01)
 
 
-def test_wheels_of_infinite_stiffness_leave_three_closed_form_modes():
+def test_wheels_of_infinite_stiffness_leave_three_closed_form_modes() -> None:
     """Without wheels: bounce sqrt(sum k/m), pitch sqrt(sum k x^2/I), roll sqrt(sum k y^2/I)."""
     axle = {"half_track": 0.15, "spring_stiffness": 126.0, "damping": 0.5}
-    plate = parse_vehicle(
-        car(
-            kind="rig",
-            body={"mass": 1.7138, "pitch_inertia": 0.03, "roll_inertia": 0.02},
-            axle=[{"x": 0.2, **axle}, {"x": -0.2, **axle}],
-        )
+    plate = parsed(
+        kind="rig",
+        body={"mass": 1.7138, "pitch_inertia": 0.03, "roll_inertia": 0.02},
+        axle=[{"x": 0.2, **axle}, {"x": -0.2, **axle}],
     )
     vehicle = structure(plate)
     assert vehicle.coordinates == ("bounce", "pitch", "roll")
@@ -206,7 +168,7 @@ def test_wheels_of_infinite_stiffness_leave_three_closed_form_modes():
     assert np.isnan(wheel_hop_frequencies(plate)).all()
 
 
-def test_anti_roll_bar_stiffens_roll_only():
+def test_anti_roll_bar_stiffens_roll_only() -> None:
     """A bar of stiffness b adds b (2 y)^2 to the roll stiffness of the body and nothing to bounce and pitch."""
     plain, barred = (
         structure(parse_vehicle(car(axle=[{**axle, "anti_roll_stiffness": bar} for axle in car()["axle"]])))
@@ -219,7 +181,7 @@ def test_anti_roll_bar_stiffens_roll_only():
     assert barred.components()[Component("front_axle", "anti_roll")] == 12e3
 
 
-def test_mounted_mass_has_its_frequency_on_a_held_body():
+def test_mounted_mass_has_its_frequency_on_a_held_body() -> None:
     mount = {"mass": 180.0, "x": 1.1, "y": 0.1, "frequency": 11.0, "damping_ratio": 0.08}
     vehicle = structure(parse_vehicle(car(mounted_mass=[mount])))
     system = vehicle.system
@@ -230,7 +192,7 @@ def test_mounted_mass_has_its_frequency_on_a_held_body():
     assert lifted == pytest.approx([1, 0, 0, 1, 1, 1, 1, 1], abs=1e-12)
 
 
-def test_three_axles_have_six_corners():
+def test_three_axles_have_six_corners() -> None:
     axle = car()["axle"][0]
     vehicle = structure(parse_vehicle(car(axle=[axle, {**axle, "x": -0.9}, {**axle, "x": -1.9}])))
     assert vehicle.system.n_coordinates == 9
@@ -239,14 +201,7 @@ def test_three_axles_have_six_corners():
     assert vehicle.modes().labels.count("wheel_hop") == 6
 
 
-def test_corner_names():
-    assert corner_names(2) == ("front_left", "front_right", "rear_left", "rear_right")
-    assert corner_names(4)[2:6] == ("axle2_left", "axle2_right", "axle3_left", "axle3_right")
-    with pytest.raises(ParameterError, match="n_axles=1 must be at least 2"):
-        corner_names(1)
-
-
-def test_left_out_masses_make_everything_per_kilogram_of_body():
+def test_left_out_masses_make_everything_per_kilogram_of_body() -> None:
     """Dividing every mass, stiffness and damping by the body's mass leaves the modes as they are."""
     full = read_vehicle("zafira")
     fields = full.model_dump(exclude_defaults=True)
@@ -259,8 +214,8 @@ def test_left_out_masses_make_everything_per_kilogram_of_body():
 
 
 @pytest.mark.parametrize("name", ["zafira", "scale-bogie"])
-def test_estimates_for_left_out_inertias_and_wheels_are_of_the_right_size(name):
-    full = read_description(name)
+def test_estimates_for_left_out_inertias_and_wheels_are_of_the_right_size(name) -> None:
+    full = read_vehicle(name)
     fields = full.model_dump(exclude_defaults=True)
     fields["body"] = {"mass": full.body.mass}
     estimated, exact = (np.diag(structure(vehicle).mass) for vehicle in (parse_vehicle(fields), full))
@@ -270,20 +225,15 @@ def test_estimates_for_left_out_inertias_and_wheels_are_of_the_right_size(name):
     assert np.diag(structure(parse_vehicle(fields)).mass)[3:] == pytest.approx(full.body.mass / 36 * np.ones(4))
 
 
-def test_labels_follow_the_motion_not_the_order():
+def test_labels_follow_the_motion_not_the_order() -> None:
     stiff_bounce = car(body={"mass": 1400.0, "pitch_inertia": 8000.0, "roll_inertia": 4000.0})
     modes = structure(parse_vehicle(stiff_bounce)).modes()
-    assert sorted(modes.labels[:3]) == ["bounce", "pitch", "roll"]
+    assert set(modes.labels[:3]) == {"bounce", "pitch", "roll"}
     assert modes.labels[0] == "roll"
     assert modes.labels[2] == "bounce"
 
 
-def test_participation_sums_to_one():
-    shares = participation(np.diag([2.0, 1.0]), np.array([[1.0, 1j], [0.0, 2.0]]))
-    assert shares == pytest.approx(np.array([[2 / 3, 1 / 3], [0.0, 1.0]]))
-
-
-def test_components_are_those_of_the_file():
+def test_components_are_those_of_the_file() -> None:
     components = structure(read_vehicle("zafira")).components()
     rear_left = {c.kind: value for c, value in components.items() if c.corner == "rear_left"}
     assert rear_left == {"spring": 36295.0, "damper": 1688.0, "tyre": 190900.0}
@@ -295,7 +245,7 @@ def test_components_are_those_of_the_file():
     }
 
 
-def test_chain_of_unequal_masses():
+def test_chain_of_unequal_masses() -> None:
     vehicle = chain(2, mass=[1.0, 3.0], stiffness=[10.0, 20.0], damping=0.5)
     np.testing.assert_allclose(vehicle.system.stiffness, [[30.0, -20.0], [-20.0, 20.0]])
     np.testing.assert_allclose(vehicle.system.mass, np.diag([1.0, 3.0]))
@@ -305,7 +255,7 @@ def test_chain_of_unequal_masses():
         chain(1, mass=-1.0)
 
 
-def test_sensors_of_other_quantities_are_no_outputs():
+def test_sensors_of_other_quantities_are_not_outputs() -> None:
     temperature = {"channel": "t", "quantity": "temperature", "unit": "degC"}
     vehicle = structure(parse_vehicle(car(sensor=[temperature, SENSOR])))
     assert vehicle.outputs.names == ("a",)
@@ -313,7 +263,7 @@ def test_sensors_of_other_quantities_are_no_outputs():
         sensor_outputs(("bounce",), sensors=[Channel("t", "temperature")], carriers=["body"])
 
 
-def test_sensor_on_a_wheel_reads_the_wheel():
+def test_sensor_on_a_wheel_reads_the_wheel() -> None:
     sensor = {**SENSOR, "on": "wheel_rear_left", "direction": [0, 0, -1]}
     outputs = structure(parse_vehicle(car(sensor=[sensor]))).outputs
     assert outputs.acceleration.tolist() == [[0, 0, 0, 0, 0, -1.0, 0]]
@@ -321,18 +271,13 @@ def test_sensor_on_a_wheel_reads_the_wheel():
         sensor_outputs(("bounce",), sensors=[Channel("a", "acceleration")], carriers=["roof"])
 
 
-def test_element_on_the_base_has_no_damper():
-    with pytest.raises(ParameterError, match="damping=3 of front_left tyre must be 0"):
-        Element("front_left", "tyre", np.ones(1), 10.0, 3.0, foot="road_front_left")
-
-
 def with_bushing(name, stiffness):
-    vehicle = read_description(name)
+    vehicle = read_vehicle(name)
     axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": stiffness}) for axle in vehicle.axle)
     return structure(vehicle.model_copy(update={"axle": axles}))
 
 
-def test_a_hard_bushing_is_none_and_a_soft_one_takes_the_damping_away():
+def test_a_hard_bushing_is_none_and_a_soft_one_takes_the_damping_away() -> None:
     plain, hard, soft = (
         structure(read_vehicle("zafira")).modes(),
         *(with_bushing("zafira", k).modes() for k in (1e9, 1e-3)),
@@ -342,25 +287,14 @@ def test_a_hard_bushing_is_none_and_a_soft_one_takes_the_damping_away():
     assert np.all(soft.damping_ratio < 1e-6)
 
 
-def test_oscillator_with_a_bushing_has_the_roots_of_its_cubic():
-    m, k, c, b = 2.0, 800.0, 12.0, 500.0
-    chain = structure(
-        parse_vehicle({"name": "one", "kind": "chain", "mass": [{"mass": m, "stiffness": k, "damping": c}]})
-    )
-    bushed = replace(chain, elements=(replace(chain.elements[0], series_stiffness=b),))
-    # (m s^2 + k)(c s + b) + b c s = 0
-    expected = np.roots([m * c, m * b, (k + b) * c, k * b])
-    assert np.sort_complex(np.linalg.eigvals(bushed.system.state_matrix())) == pytest.approx(np.sort_complex(expected))
-
-
-def test_plate_has_the_published_frequencies():
+def test_plate_has_the_published_frequencies() -> None:
     """Section 6.2 of the thesis; stiffness and dimensions are chosen so, see the file."""
     modes = structure(read_vehicle("plate")).modes()
     assert modes.natural_frequency == pytest.approx([2.73, 3.81, 4.53], abs=0.005)
     assert modes.labels == ("bounce", "pitch", "roll")
 
 
-def test_plate_is_bounce_pitch_and_roll_in_closed_form():
+def test_plate_is_bounce_pitch_and_roll_in_closed_form() -> None:
     """f = sqrt(4 k / m), sqrt(4 k x^2 / I), sqrt(4 k y^2 / I) over 2 pi (eq. 6-10 and 6-11)."""
     plate = read_vehicle("plate")
     k, body, axle = plate.axle[0].spring_stiffness, plate.body, plate.axle[0]
@@ -369,7 +303,7 @@ def test_plate_is_bounce_pitch_and_roll_in_closed_form():
     assert structure(plate).modes().natural_frequency == pytest.approx(expected)
 
 
-def test_y25_comes_within_a_fifth_of_the_published_frequencies():
+def test_y25_comes_within_a_fifth_of_the_published_frequencies() -> None:
     """Figure 8-3: bounce 11.42, roll 13.59, pitch 14.77 Hz; the geometry is not published."""
     modes = structure(read_vehicle("y25")).modes()
     found = dict(zip(modes.labels, modes.natural_frequency, strict=True))
@@ -377,7 +311,7 @@ def test_y25_comes_within_a_fifth_of_the_published_frequencies():
     assert found["bounce"] < found["roll"] < found["pitch"]
 
 
-def test_wheelset_on_rails_in_closed_form():
+def test_wheelset_on_rails_in_closed_form() -> None:
     """A frame that is too heavy to move leaves wheelsets that bounce and roll between two pairs of springs."""
     y25 = read_vehicle("y25")
     heavy = y25.body.model_copy(update={"mass": 1e9, "pitch_inertia": 1e9, "roll_inertia": 1e9})
@@ -396,7 +330,7 @@ def lateral(**axle):
     return structure(parse_vehicle({"name": "l", "kind": "road", "body": body, "axle": [front, rear]}))
 
 
-def test_sway_and_yaw_in_closed_form():
+def test_sway_and_yaw_in_closed_form() -> None:
     """Two coordinates, uncoupled from the others at height 0: [m, I] and lateral springs at x = 1.2 and -1.5 m."""
     modes = lateral().modes()
     stiffness = 2 * 50e3 * np.array([[2, 1.2 - 1.5], [1.2 - 1.5, 1.2**2 + 1.5**2]])
@@ -406,7 +340,7 @@ def test_sway_and_yaw_in_closed_form():
     assert {"bounce", "pitch", "roll"} <= set(modes.labels)
 
 
-def test_low_suspension_couples_roll_with_sway():
+def test_low_suspension_couples_roll_with_sway() -> None:
     system = lateral(height=-0.4).system
     names = system.coordinates
     roll, sway = names.index("roll"), names.index("sway")
@@ -416,7 +350,7 @@ def test_low_suspension_couples_roll_with_sway():
     assert np.linalg.eigvalsh(system.stiffness)[0] > 0
 
 
-def test_a_lateral_sensor_reads_sway_yaw_and_roll():
+def test_a_lateral_sensor_reads_sway_yaw_and_roll() -> None:
     sensor = {"channel": "y", "quantity": "displacement", "unit": "m"}
     fields = {"half_track": 0.7, "spring_stiffness": 30e3, "damping": 0.0, "lateral_stiffness": 50e3}
     vehicle = parse_vehicle(
@@ -430,51 +364,3 @@ def test_a_lateral_sensor_reads_sway_yaw_and_roll():
     )
     row = dict(zip(vehicle.coordinates, structure(vehicle).outputs.displacement[0], strict=True))
     assert row == {"bounce": 0, "pitch": 0, "roll": pytest.approx(-0.3), "sway": 1.0, "yaw": 2.0}
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            {"body": {"mass": 1480.0, "pitch_inertia": 2.2e9}},
-            r"body, pitch_inertia=2.2e\+09 kg m2 must be .* correct the unit",
-        ),
-        ({"body": {"mass": 1480.0, "roll_inertia": 0.36}}, "body, roll_inertia=0.36 kg m2 must be"),
-        ({"body": {"mass": 1.48e12}}, r"spring_stiffness: a body of 1.48e\+12 kg would bounce"),
-        (
-            {
-                "sensor": [
-                    {
-                        "channel": "a",
-                        "quantity": "acceleration",
-                        "unit": "g",
-                        "position": [1220.0, 0.0, 0.0],
-                        "direction": [0.0, 0.0, 1.0],
-                    }
-                ]
-            },
-            r"\[\[sensor\]\] 1, position=\[1220.0, 0.0, 0.0\] is more than 14 m, five wheelbases",
-        ),
-    ],
-)
-def test_what_no_vehicle_can_be_is_refused(change, message):
-    fields = read_vehicle("zafira").model_dump(exclude_defaults=True)
-    with pytest.raises(ParameterError, match=message):
-        parse_vehicle({**fields, "kind": "road", **change})
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"wheelset_mass": 1300.0}, "wheelset_mass needs wheelset_roll_inertia"),
-        ({"contact_half_track": 0.75}, "contact_half_track needs wheelset_mass"),
-        ({"lateral_damping": 10.0}, "lateral_damping needs lateral_stiffness"),
-        ({"lateral_stiffness": 10.0}, "lateral_stiffness is given for some axles only"),
-        ({"damper_bushing_stiffness": 0.0}, r"\[\[axle\]\] 1, damper_bushing_stiffness=0.0 must be above 0"),
-    ],
-)
-def test_half_a_description_of_an_axle_is_refused(change, message):
-    fields = read_vehicle("zafira").model_dump(exclude_defaults=True)
-    front, rear = fields["axle"]
-    with pytest.raises(ParameterError, match=message):
-        parse_vehicle({**fields, "kind": "road", "axle": [{**front, **change}, rear]})

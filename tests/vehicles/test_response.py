@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.vehicles import Element, frequency_response, parse_vehicle, read_vehicle, sensitivities, structure
+from sprung.vehicles import frequency_response, parse_vehicle, read_vehicle, sensitivities, structure
 
 
 def quarter(**corner):
@@ -20,7 +20,7 @@ def quarter(**corner):
     )
 
 
-def test_quarter_car_is_the_closed_form():
+def test_quarter_car_is_the_closed_form() -> None:
     f = np.array([0.0, 0.5, 1.3, 4.0, 11.0, 40.0])
     s = 2j * np.pi * f
     arm = 20e3 + 1500 * s
@@ -28,7 +28,7 @@ def test_quarter_car_is_the_closed_form():
     assert np.allclose(frequency_response(quarter(), f)[:, 0, 0], expected, rtol=1e-10)
 
 
-def test_quarter_car_with_bushing_is_the_closed_form():
+def test_quarter_car_with_bushing_is_the_closed_form() -> None:
     f = np.array([0.1, 1.3, 4.0, 11.0, 40.0])
     s = 2j * np.pi * f
     arm = 20e3 + 1 / (1 / (1500 * s) + 1 / 80e3)
@@ -37,19 +37,19 @@ def test_quarter_car_with_bushing_is_the_closed_form():
     assert np.allclose(found, expected, rtol=1e-10)
 
 
-def test_body_follows_a_slow_road():
+def test_body_follows_a_slow_road() -> None:
     car = structure(read_vehicle("zafira"))
     slow = frequency_response(car, [1e-3])[0] / -((2e-3 * np.pi) ** 2)
     assert np.allclose(slow.sum(axis=1), 1, atol=1e-4)  # all wheels lifted by 1 m lift every corner by 1 m
 
 
-def test_impossible_frequencies_are_refused():
+def test_impossible_frequencies_are_refused() -> None:
     with pytest.raises(ParameterError, match="at least 0"):
         frequency_response(quarter(), [-1.0])
 
 
 @pytest.mark.parametrize("bushing", [None, 60e3])
-def test_sensitivities_are_the_finite_differences(bushing):
+def test_sensitivities_are_the_finite_differences(bushing) -> None:
     vehicle = read_vehicle("zafira")
     axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": bushing}) for axle in vehicle.axle)
     car = structure(vehicle.model_copy(update={"axle": axles}))
@@ -62,30 +62,10 @@ def test_sensitivities_are_the_finite_differences(bushing):
         assert np.allclose(result.damping_ratio[:, column], damping, atol=1e-7)
 
 
-def test_all_springs_and_dampers_together_scale_time():
+def test_all_springs_and_dampers_together_scale_time() -> None:
     car = structure(read_vehicle("zafira"))
     result = sensitivities(car)
     weights = np.array([0.5 if component.kind == "damper" else 1.0 for component in result.components])
     # k to a k and c to sqrt(a) c: every frequency by sqrt(a), damping ratios stay
     assert np.allclose(result.natural_frequency @ weights, car.modes().natural_frequency / 2, rtol=1e-9)
     assert np.allclose(result.damping_ratio @ weights, 0, atol=1e-9)
-
-
-@pytest.mark.parametrize("bushing", [None, 60e3])
-def test_derivatives_of_the_dynamic_stiffness_are_finite_differences(bushing):
-    element = Element("front_left", "suspension", np.ones(1), 20e3, 1500.0, series_stiffness=bushing)
-    s = np.array([-3.0 + 9j, 2j, -10.0 + 60j])
-    up, down = (element.dynamic_stiffness(s, damper=np.exp(step)) for step in (1e-5, -1e-5))
-    assert element.damping_derivative(s) == pytest.approx((up - down) / 2e-5, rel=1e-8)
-    ahead, behind = (element.dynamic_stiffness(s * (1 + step)) for step in (1e-5, -1e-5))
-    assert element.damping_derivative(s) / s == pytest.approx((ahead - behind) / (2e-5 * s), rel=1e-8)
-    assert element.dynamic_stiffness(s, spring=2.0) - element.dynamic_stiffness(s) == pytest.approx(20e3)
-
-
-def test_a_bushing_is_in_series_with_the_damper():
-    rigid = Element("front_left", "suspension", np.ones(1), 0.0, 1500.0)
-    soft = Element("front_left", "suspension", np.ones(1), 0.0, 1500.0, series_stiffness=60e3)
-    s = np.array([1j, 40j])
-    compliance = 1 / rigid.dynamic_stiffness(s) + 1 / 60e3
-    assert soft.dynamic_stiffness(s) == pytest.approx(1 / compliance, rel=1e-12)
-    assert soft.dynamic_stiffness(1e9j) == pytest.approx(60e3, rel=1e-3)

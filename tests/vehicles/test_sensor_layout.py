@@ -18,15 +18,15 @@ def sensor(channel, **fields):
     return Sensor(channel=channel, **{**given, **fields})
 
 
-def test_raw_values_become_si_and_get_their_place():
+def test_raw_values_become_si_and_get_their_place() -> None:
     """1 g = 9.80665 m/s^2 (CGPM 1901); scale multiplies raw values first."""
     placed = with_layout(recorded(Channel("a"), Channel("b")), [sensor("a", scale=-2.0)])
-    np.testing.assert_allclose(placed.samples, [[-2 * 9.80665 * n for n in (1, 2, 3)], [1, 2, 3]])
+    np.testing.assert_allclose(placed.samples, np.outer([-2 * 9.80665, 1.0], [1.0, 2.0, 3.0]))
     assert placed.channels == (Channel("a", "acceleration", (1.2, 0.7, 0.0), (0.0, 0.0, 1.0)), Channel("b"))
     assert placed.history == ("read", "sensor layout of 1 channels")
 
 
-def test_values_in_si_are_not_converted_again():
+def test_values_in_si_are_not_converted_again() -> None:
     placed = with_layout(recorded(Channel("a", "acceleration")), [sensor("a"), sensor("c")])
     np.testing.assert_allclose(placed.samples, [[1, 2, 3]])
     assert placed.channels[0].position == (1.2, 0.7, 0.0)
@@ -34,26 +34,26 @@ def test_values_in_si_are_not_converted_again():
     np.testing.assert_allclose(turned.samples, [[-1, -2, -3]])
 
 
-def test_a_reversed_gyroscope_is_turned_by_its_scale():
+def test_a_reversed_gyroscope_is_turned_by_its_scale() -> None:
     gyro = sensor("g", quantity="angular_velocity", unit="deg/s", position=None, direction=(0.0, 1.0, 0.0), scale=-1.0)
     placed = with_layout(recorded(Channel("g")), [gyro])
     np.testing.assert_allclose(placed.samples, [[-np.pi / 180 * n for n in (1, 2, 3)]])
     assert placed.channels[0].unit == "rad/s"
 
 
-def test_without_sensors_everything_stays():
+def test_without_sensors_everything_stays() -> None:
     recording = recorded(Channel("a"), Channel("b", "speed"))
     placed = with_layout(recording, [])
     np.testing.assert_array_equal(placed.samples, recording.samples)
     assert placed.channels == recording.channels
 
 
-def test_directions_of_nearly_length_1_get_length_1():
+def test_directions_of_nearly_length_1_get_length_1() -> None:
     placed = with_layout(recorded(Channel("a")), [sensor("a", direction=(0.0, 0.0, 1.005))])
     assert placed.channels[0].direction == pytest.approx((0.0, 0.0, 1.0), abs=1e-12)
 
 
-def test_a_file_of_another_recording_is_refused():
+def test_a_file_of_another_recording_is_refused() -> None:
     with pytest.raises(ParameterError) as refusal:
         with_layout(recorded(Channel("x"), Channel("y")), [sensor("a"), sensor("b")])
     assert str(refusal.value) == (
@@ -61,7 +61,7 @@ def test_a_file_of_another_recording_is_refused():
     )
 
 
-def test_contradicting_quantities_are_refused():
+def test_contradicting_quantities_are_refused() -> None:
     with pytest.raises(ParameterError) as refusal:
         with_layout(recorded(Channel("a", "speed")), [sensor("a")])
     assert str(refusal.value) == (
@@ -69,7 +69,7 @@ def test_contradicting_quantities_are_refused():
     )
 
 
-def test_quantities_of_one_unit_are_the_file_s():
+def test_quantities_of_one_unit_are_the_file_s() -> None:
     """Speed and velocity are both in m/s."""
     velocity = sensor("v", quantity="velocity", unit="m/s")
     placed = with_layout(recorded(Channel("v", "speed")), [velocity])

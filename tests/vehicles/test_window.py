@@ -30,7 +30,7 @@ def run(car):
     return Recording(samples, 100.0, channels)
 
 
-def test_sensors_are_placed_in_si_units(car, run):
+def test_sensors_are_placed_in_si_units(car, run) -> None:
     window = window_of(run, car)
     assert window.outputs == tuple(sensor.channel for sensor in car.sensor)
     placed = window.recording
@@ -40,7 +40,7 @@ def test_sensors_are_placed_in_si_units(car, run):
     assert [component.corner for component in window.structure.components()][:1] == ["front_left"]
 
 
-def test_conditions_are_those_that_channels_show(car, run):
+def test_conditions_are_those_that_channels_show(car, run) -> None:
     window = window_of(run, car)
     assert window.speed == "Speed"
     assert window.conditions == {
@@ -51,7 +51,7 @@ def test_conditions_are_those_that_channels_show(car, run):
     }
 
 
-def test_motion_is_what_identification_uses_and_computed_once(car, run):
+def test_motion_is_what_identification_uses_and_computed_once(car, run) -> None:
     window = window_of(run, car)
     expected = usable(run, vehicle=car)
     np.testing.assert_array_equal(window.motion.samples, expected.samples)
@@ -60,7 +60,7 @@ def test_motion_is_what_identification_uses_and_computed_once(car, run):
     assert window.motion is window.motion
 
 
-def test_channels_left_out_take_with_them_what_they_show(car, run):
+def test_channels_left_out_take_with_them_what_they_show(car, run) -> None:
     window = window_of(run, car)
     assert window.without(()) is window
     rest = window.without({"acc_fr"})
@@ -73,7 +73,7 @@ def test_channels_left_out_take_with_them_what_they_show(car, run):
         _ = window.without(window.outputs).motion
 
 
-def test_exchanged_sensors_hold_each_others_samples(car, run):
+def test_exchanged_sensors_hold_each_others_samples(car, run) -> None:
     window = window_of(run, car)
     exchanged = window.exchanged("acc_fl", "acc_rr")
     np.testing.assert_array_equal(exchanged.recording.samples[[0, 3]], window.recording.samples[[3, 0]])
@@ -82,12 +82,12 @@ def test_exchanged_sensors_hold_each_others_samples(car, run):
     np.testing.assert_array_equal(again.recording.samples, window.recording.samples)
 
 
-def test_a_part_keeps_the_samples_in_between(car, run):
+def test_a_part_keeps_the_samples_in_between(car, run) -> None:
     part = window_of(run, car).part(200, 300)
     assert part.recording.n_samples == 100
     assert part.motion.n_samples == 50
 
 
-def test_a_file_of_another_recording_is_refused(car, run):
+def test_a_file_of_another_recording_is_refused(car, run) -> None:
     with pytest.raises(ParameterError, match="make the names agree"):
         window_of(run.select(["other", "Speed"]), car)

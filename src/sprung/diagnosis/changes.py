@@ -323,7 +323,7 @@ def detect(
     return detector.detection
 
 
-def false_discoveries(evidence: Sequence[float], *, rate: float = 0.05) -> list[int]:
+def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -> list[int]:
     """Return which of many vehicles have changed, with an expected share of at most `rate` named falsely.
 
     Parameters

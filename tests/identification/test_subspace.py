@@ -58,7 +58,7 @@ def rung(poles, k):
 # Exact correlations in, exact poles out
 
 
-def test_the_vehicles_reach_damping_of_30_per_cent(vehicle):
+def test_the_vehicles_reach_damping_of_30_per_cent(vehicle) -> None:
     assert vehicle("zafira").modes().damping_ratio[:3] == pytest.approx([0.162, 0.204, 0.240], abs=1e-3)
     for name in ("zafira-printed", "zafira-firm"):
         assert vehicle(name).modes().damping_ratio[:3].max() > 0.3
@@ -67,7 +67,7 @@ def test_the_vehicles_reach_damping_of_30_per_cent(vehicle):
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(("name", "rate"), CASES)
-def test_exact_correlations_give_exact_poles_and_shapes(known, name, rate, form):
+def test_exact_correlations_give_exact_poles_and_shapes(known, name, rate, form) -> None:
     correlations, poles, shapes = known(name, rate)
     found = poles_of_orders(
         realise(correlations, block_rows=BLOCK_ROWS, max_order=2 * len(poles), **FORMS[form]), [2 * len(poles)]
@@ -80,7 +80,7 @@ def test_exact_correlations_give_exact_poles_and_shapes(known, name, rate, form)
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(("name", "rate"), CASES)
-def test_the_true_poles_are_found_at_every_order_from_the_true_one(known, name, rate, form):
+def test_the_true_poles_are_found_at_every_order_from_the_true_one(known, name, rate, form) -> None:
     correlations, poles, shapes = known(name, rate)
     orders = range(2, 31, 2)
     found = poles_of_orders(realise(correlations, block_rows=BLOCK_ROWS, max_order=30, **FORMS[form]), orders)
@@ -110,7 +110,7 @@ def test_the_true_poles_are_found_at_every_order_from_the_true_one(known, name, 
         (("zafira-firm", 100.0), "1234", "24"),
     ],
 )
-def test_fewer_and_disjoint_references_give_the_same_poles(known, case, outputs, references, form):
+def test_fewer_and_disjoint_references_give_the_same_poles(known, case, outputs, references, form) -> None:
     correlations, poles, shapes = known(*case)
     chosen = correlations.select(tuple(outputs), tuple(references))
     found = poles_of_orders(
@@ -122,7 +122,7 @@ def test_fewer_and_disjoint_references_give_the_same_poles(known, case, outputs,
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(("name", "rate"), [("chain3", 125.0), ("quarter", 250.0), ("zafira", 50.0)])
-def test_the_ladder_over_block_rows_finds_the_true_poles_on_every_high_enough_rung(known, name, rate, form):
+def test_the_ladder_over_block_rows_finds_the_true_poles_on_every_high_enough_rung(known, name, rate, form) -> None:
     correlations, poles, shapes = known(name, rate)
     block_rows = range(11, 27)
     found = block_row_ladder(correlations, block_rows, **{"is_weighted": True, **FORMS[form]})
@@ -135,7 +135,7 @@ def test_the_ladder_over_block_rows_finds_the_true_poles_on_every_high_enough_ru
 
 
 @pytest.mark.parametrize(("name", "rate"), CASES)
-def test_the_state_matrix_by_the_second_route_has_the_same_eigenvalues(known, name, rate):
+def test_the_state_matrix_by_the_second_route_has_the_same_eigenvalues(known, name, rate) -> None:
     """F. Liu (2020), eq. 3-45: A = S^-1/2 U^T T(2:i+1) V S^-1/2, written out from the blocks."""
     correlations, poles, shapes = known(name, rate)
     values, i, n = correlations.values, BLOCK_ROWS, 2 * len(poles)
@@ -159,7 +159,7 @@ def test_the_state_matrix_by_the_second_route_has_the_same_eigenvalues(known, na
     first_lag=st.integers(0, 4),
     n_columns=st.integers(1, 5),
 )
-def test_block_matrices_hold_the_blocks_of_their_equations(sizes, block_rows, first_lag, n_columns):
+def test_block_matrices_hold_the_blocks_of_their_equations(sizes, block_rows, first_lag, n_columns) -> None:
     """F. Liu (2020), eq. 3-39 and 3-35."""
     n_lags = max(2 * block_rows, first_lag + block_rows + n_columns)
     values = np.random.default_rng(0).normal(size=(*sizes, n_lags))
@@ -169,7 +169,7 @@ def test_block_matrices_hold_the_blocks_of_their_equations(sizes, block_rows, fi
     np.testing.assert_array_equal(block_hankel(values, block_rows, first_lag=first_lag, n_columns=n_columns), hankel)
 
 
-def test_weighted_singular_values_are_canonical_correlations_of_past_and_future(known):
+def test_weighted_singular_values_are_canonical_correlations_of_past_and_future(known) -> None:
     """Against the generalised eigenvalue problem of the joint covariance of i past and i future samples.
 
     White noise in lag 0 keeps the covariance far from singular, so that no bound on its eigenvalues acts.
@@ -190,7 +190,7 @@ def test_weighted_singular_values_are_canonical_correlations_of_past_and_future(
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_the_multi_order_qr_equals_a_least_squares_shift_at_every_order(measured, form):
+def test_the_multi_order_qr_equals_a_least_squares_shift_at_every_order(measured, form) -> None:
     """On noisy correlations, where all orders differ; numpy's lstsq of the shifted observability matrix."""
     correlations = measured(seed=3)
     realised = realise(correlations, block_rows=12, max_order=20, **FORMS[form])
@@ -204,7 +204,7 @@ def test_the_multi_order_qr_equals_a_least_squares_shift_at_every_order(measured
         np.testing.assert_allclose(np.sort_complex(rung(found, k).poles), np.sort_complex(expected), rtol=1e-7)
 
 
-def test_the_unweighted_observability_is_that_of_the_singular_value_decomposition(measured):
+def test_the_unweighted_observability_is_that_of_the_singular_value_decomposition(measured) -> None:
     """O = U S^(1/2), F. Liu (2020), eq. 3-41."""
     correlations = measured(seed=4)
     realised = realise(correlations, block_rows=10, max_order=8, is_weighted=False)
@@ -213,7 +213,7 @@ def test_the_unweighted_observability_is_that_of_the_singular_value_decompositio
     np.testing.assert_allclose(np.abs(realised.observability), np.abs(U[:, :8] * np.sqrt(S[:8])), atol=1e-9)
 
 
-def test_joined_ladders_stand_on_top_of_one_another(known):
+def test_joined_ladders_stand_on_top_of_one_another(known) -> None:
     realised = realise(known("chain3", 125.0)[0], block_rows=10, max_order=12)
     low, high = poles_of_orders(realised, [2, 4, 6]), poles_of_orders(realised, [8, 10])
     joined = join_ladders([low, high])
@@ -244,13 +244,13 @@ def test_joined_ladders_stand_on_top_of_one_another(known):
         ({"block_rows": 5, "max_order": 0}, "max_order=0 must be at least 2"),
     ],
 )
-def test_a_matrix_that_cannot_be_built_is_refused(known, options, sentence):
+def test_a_matrix_that_cannot_be_built_is_refused(known, options, sentence) -> None:
     with pytest.raises(ParameterError) as refusal:
         realise(known("chain3", 125.0)[0], **options)
     assert str(refusal.value) == sentence
 
 
-def test_ladder_over_block_rows_of_one_channel():
+def test_ladder_over_block_rows_of_one_channel() -> None:
     """One channel carries one order less than it has block rows."""
     decays = np.exp(-0.1 * np.arange(40)) * np.cos(0.5 * np.arange(40))
     correlations = exact_correlations(decays[None, None], sampling_rate=1.0, channels=("a",))

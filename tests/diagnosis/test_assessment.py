@@ -1,0 +1,199 @@
+"""Diagnoses of windows drawn from their own model, and of simulated drives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.diagnosis import SensorFault, diagnose, learn, observe_window
+from sprung.errors import ParameterError
+from sprung.simulation import (
+    FEW_POTHOLES,
+    REALISTIC_SUSPENSION,
+    Payload,
+    RigRun,
+    RoadConditions,
+    RoadDrive,
+    simulate_drive,
+)
+from sprung.vehicles import parse_fault, read_vehicle
+
+CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
+
+
+@pytest.mark.parametrize("name", ["front_left.spring", "rear_right.damper", "front_right.tyre", "rear_left.spring"])
+@pytest.mark.parametrize("size", [-0.1, 0.15])
+def test_change_is_found_at_its_corner_with_its_size_and_onset(faulty, baseline, name, size) -> None:
+    found = diagnose(faulty(3, {name: size}), baseline)
+    (finding,) = found.findings
+    assert f"{finding.corner}.{finding.component}" == name
+    assert finding.interval is not None
+    assert finding.interval[0] <= size <= finding.interval[1]
+    assert abs(finding.since - 2400.0) <= 600.0
+    assert finding.since_interval[0] <= 2400.0 <= finding.since_interval[1]
+    assert finding.corner.replace("_", "-") in finding.sentence
+
+
+def test_both_sides_of_an_axle_are_one_finding(faulty, baseline) -> None:
+    (finding,) = diagnose(faulty(5, {"rear_left.damper": -0.2, "rear_right.damper": -0.2}), baseline).findings
+    assert (finding.corner, finding.component) == ("rear", "damper")
+    assert finding.change == pytest.approx(-0.2, abs=0.04)
+
+
+def test_several_parts_at_once_are_unmodelled(faulty, baseline) -> None:
+    change = {"front_left.spring": -0.1, "rear_right.tyre": 0.12, "front_right.damper": -0.15, "rear_left.tyre": -0.1}
+    (finding,) = diagnose(faulty(5, change), baseline).findings
+    assert finding.component == "unmodelled"
+
+
+def test_a_part_is_named_though_an_imperfect_file_leaves_a_rest(faulty, baseline) -> None:
+    """What an unknown engine does to the fit: the right part, and a little of everything else."""
+    rest = {"front_left.damper": 0.04, "front_right.tyre": -0.04, "rear_right.spring": 0.03, "rear_right.tyre": 0.024}
+    found = diagnose(faulty(5, {"rear_left.tyre": -0.2, **rest}), baseline)
+    assert found.detection is not None
+    assert found.detection.candidates[0].hypothesis.scope == "else"
+    (finding,) = found.findings
+    assert (finding.corner, finding.component) == ("rear_left", "tyre")
+
+
+def test_more_than_usual_at_all_corners_is_one_finding(faulty, baseline) -> None:
+    (finding,) = diagnose(faulty(5, {f"{corner}.spring": -0.5 for corner in CORNERS}), baseline).findings
+    assert (finding.corner, finding.component) == ("all", "spring")
+    assert finding.sentence.startswith("all springs ")
+    assert finding.interval is not None
+    assert finding.interval[0] <= -0.5 <= finding.interval[1]
+
+
+def test_what_moves_all_corners_gives_no_finding(faulty, baseline) -> None:
+    """Cold dampers and a payload: all of a kind by the same factor."""
+    change = {f"{corner}.damper": 0.25 for corner in CORNERS} | {f"{corner}.spring": -0.12 for corner in CORNERS}
+    assert diagnose(faulty(5, change), baseline).findings == ()
+
+
+def test_conditions_outside_the_baseline_are_not_taken_for_a_change(window) -> None:
+    """One component follows the road as the prior of slopes has it, and all learning was on one road."""
+    generator = np.random.default_rng(4)
+
+    def at(roughness, k):
+        one = window(generator, 600.0 * k)
+        is_moved = np.array([str(component) == "front_left.spring" for component in one.components])
+        moved = one.log_ratios + 0.01 * (np.log(roughness) + 8) / 1.4 * is_moved
+        return replace(one, log_ratios=moved, conditions={**one.conditions, "roughness": roughness})
+
+    baseline = learn([at(np.exp(-8 + 0.01 * k), k) for k in range(12)])
+    rough = [at(np.exp(-8 + 3 * 1.4), k) for k in range(24)]
+    found = diagnose(rough, baseline)
+    assert found.findings == ()
+    assert any("roughness far from that of the baseline" in note for note in found.notes)
+    smooth = diagnose([at(np.exp(-8 - 3 * 1.4), k) for k in range(24)], baseline)
+    assert any("roughness far from that of the baseline" in note for note in smooth.notes)
+
+
+def test_conditions_outside_the_baseline_are_noted(healthy, baseline) -> None:
+    far = [replace(one, conditions={**one.conditions, "payload": 900.0}) for one in healthy(3, seed=8)]
+    assert any("payload far from that of the baseline" in note for note in diagnose(far, baseline).notes)
+
+
+def test_sensor_faults_never_become_findings(faulty, baseline) -> None:
+    shifted = [
+        replace(one, log_ratios=one.log_ratios + 0.5, sensor_faults=(SensorFault("acc_fl", "wrong_gain", "1.5"),))
+        for one in faulty(5, {"front_left.spring": -0.3})
+    ]
+    found = diagnose(shifted, baseline)
+    assert found.findings == ()
+    assert [fault.kind for fault in found.sensor_faults] == ["wrong_gain"]
+    assert not found.is_healthy
+
+
+@pytest.mark.parametrize(
+    ("size", "severity", "number"),
+    [(-0.05, "low", 300), (-0.16, "medium", 500), (-0.28, "high", 700), (-0.6, "critical", 900)],
+)
+def test_severity_is_that_of_the_part_that_is_sure(faulty, baseline, size, severity, number) -> None:
+    (finding,) = diagnose(faulty(3, {"front_left.spring": size}, after=24), baseline).findings
+    assert (finding.severity, finding.severity_number) == (severity, number)
+
+
+def test_what_the_named_part_leaves_unexplained_is_noted(faulty, baseline) -> None:
+    found = diagnose(faulty(6, {"front_left.spring": -0.25, "rear_right.tyre": -0.07}, after=12), baseline)
+    (finding,) = found.findings
+    assert finding.hypothesis == "front_left.spring"
+    assert any("the rest may be another part" in note for note in found.notes)
+    alone = diagnose(faulty(6, {"front_left.spring": -0.25}, after=12), baseline)
+    assert not any("the rest" in note for note in alone.notes)
+
+
+def test_an_alert_that_has_cleared_is_noted(window, baseline) -> None:
+    generator = np.random.default_rng(8)
+    changes: list[dict[str, float]] = [{}] * 3 + [{"front_left.spring": -0.12}] * 3 + [{}] * 60
+    found = diagnose([window(generator, 600.0 * k, change) for k, change in enumerate(changes)], baseline)
+    assert found.findings == ()
+    assert any("an alert was raised in the window at" in note and "has cleared" in note for note in found.notes)
+
+
+def test_windows_with_a_dead_sensor_are_noted_as_not_monitored(healthy, faulty, baseline) -> None:
+    dead = (SensorFault("acc_fl", "dead", ""),)
+    every = [replace(one, sensor_faults=dead) for one in faulty(3, {"front_left.spring": -0.25}, before=0)]
+    found = diagnose([*healthy(2, seed=3), *every], baseline)
+    assert found.findings == ()
+    (note,) = (note for note in found.notes if "not monitored" in note)
+    assert note.startswith("6 of 8 windows were excluded because acc_fl is dead; the suspension is not monitored")
+
+
+def test_without_a_baseline_limits_are_wide(faulty) -> None:
+    change = {"front_left.spring": -0.3}
+    found = diagnose(faulty(3, change, before=0))
+    assert any("no baseline" in note for note in found.notes)
+    (finding,) = found.findings
+    assert (finding.corner, finding.component) == ("front_left", "spring")
+    assert finding.interval is not None
+    assert finding.interval[1] - finding.interval[0] > 0.06
+    assert diagnose(faulty(3, {"front_left.spring": -0.05}, before=0)).findings == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["front_right.tyre=-0.3", "rear_left.damper=-0.1"])
+def test_simulated_drives(fault) -> None:
+    """Nonlinear drives over roads B to D with payload and warm dampers: the right corner within two windows."""
+    car = read_vehicle("zafira")
+
+    def seen(seed, faults=()):
+        generator = np.random.default_rng(seed)
+        settings = RoadDrive(
+            road=RoadConditions(str(generator.choice(["B", "C", "D"])), potholes=FEW_POTHOLES),
+            payload=Payload(float(generator.uniform(0, 300))),
+            suspension=replace(REALISTIC_SUSPENSION, temperature=float(generator.uniform(0, 40))),
+            snr=50.0,
+            faults=faults,
+        )
+        return observe_window(simulate_drive(car, settings, seed=seed).recording, car, time=600.0 * seed)
+
+    normal = learn([seen(seed) for seed in range(6)])
+    assert diagnose([seen(seed) for seed in range(6, 9)], normal).is_healthy
+    (finding,) = diagnose([seen(seed, (parse_fault(fault),)) for seed in (20, 21)], normal).findings
+    assert f"{finding.corner}.{finding.component}" == fault.partition("=")[0]
+    assert finding.change == pytest.approx(parse_fault(fault).change, abs=0.04)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("corner", "change"), [("front_left", 0.5), ("rear_left", -0.75)])
+def test_mounts_of_the_bogie_on_its_rig(corner, change) -> None:
+    """Chapter 7 of the thesis: the right corner, component and sign."""
+    bogie = read_vehicle("scale-bogie")
+
+    def seen(seed, faults=()):
+        settings = RigRun(duration=120.0, speed=(5.6, 5.8), snr=50.0, faults=faults)
+        return observe_window(simulate_drive(bogie, settings, seed=seed).recording, bogie, time=600.0 * seed)
+
+    normal = learn([seen(seed) for seed in range(6)])
+    assert diagnose([seen(seed) for seed in range(6, 9)], normal).is_healthy
+    faults = (parse_fault(f"{corner}.spring={change}"),)
+    (finding,) = diagnose([seen(seed, faults) for seed in (20, 21)], normal).findings
+    assert (finding.corner, finding.component) == (corner, "spring")
+    assert finding.change == pytest.approx(change, abs=0.08)
+
+
+def test_windows_of_another_vehicle_than_the_baseline_are_refused(healthy) -> None:
+    zafira, other = ([replace(one, vehicle=name) for one in healthy(8)] for name in ("zafira", "other"))
+    with pytest.raises(ParameterError, match="of the vehicle 'other', the baseline is of 'zafira'"):
+        diagnose(other, learn(zafira))

@@ -1,0 +1,70 @@
+"""The baseline: residuals in its conditions, which windows it accepts, and what it notes about itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.diagnosis import SensorFault, diagnose, learn, nominal_baseline
+from sprung.diagnosis.baseline import units_of
+from sprung.errors import ParameterError
+
+
+def test_a_file_that_explains_its_windows_badly_is_noted(healthy, baseline) -> None:
+    bad = [replace(one, conditions={**one.conditions, "model_error": 0.51}) for one in healthy(12)]
+    learnt = learn(bad)
+    (note,) = learnt.notes
+    assert "off by 51 %" in note
+    assert note in diagnose(bad, learnt).notes
+    assert baseline.notes == ()
+
+
+def test_a_window_that_the_vehicle_file_explains_badly_is_not_compared_with_it(healthy) -> None:
+    (one,) = healthy(1)
+    nominal = nominal_baseline(one.components, vehicle="car")
+    bad = replace(one, conditions={"model_error": 0.2})
+    assert nominal.accepts(one)
+    assert not nominal.accepts(bad)
+
+
+def test_a_window_with_other_components_or_a_failing_sensor_is_not_accepted(baseline, healthy, silent) -> None:
+    (sound,) = healthy(1)
+    assert baseline.accepts(sound)
+    assert not baseline.accepts(silent("standing"))
+    assert not baseline.accepts(replace(sound, sensor_faults=(SensorFault("acc_fl", "dead", ""),)))
+    fewer = replace(
+        sound, components=sound.components[1:], log_ratios=sound.log_ratios[1:], covariance=sound.covariance[1:, 1:]
+    )
+    assert not baseline.accepts(fewer)
+    with pytest.raises(ParameterError, match="other components than the baseline"):
+        baseline.residual(fewer)
+
+
+def test_conditions_count_in_units_from_the_middle(healthy) -> None:
+    """100 kg, ln roughness 1.4 and 5 m/s; at most 5 units, and 0 where unknown."""
+    middle = {"payload": 100.0, "roughness": 1e-4, "speed": 10.0}
+    (one,) = healthy(1)
+    near = replace(one, conditions={"payload": 250.0, "roughness": 1e-4 * np.exp(-0.7), "speed": 12.0})
+    assert units_of(near, middle) == pytest.approx([1.5, -0.5, 0.4])
+    far = replace(one, conditions={"payload": 1e5, "speed": 0.0})
+    assert units_of(far, middle) == pytest.approx([5.0, 0.0, -2.0])
+    assert units_of(near, {}).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_the_residual_is_what_mean_and_slopes_leave(baseline, healthy) -> None:
+    (one,) = healthy(1, seed=5)
+    slopes = np.zeros((12, 3))
+    slopes[3, 0] = 0.02  # per 100 kg
+    steep = replace(baseline, slopes=slopes)
+    loaded = replace(one, conditions={**one.conditions, "payload": baseline.middle["payload"] + 200.0})
+    expected = one.log_ratios - baseline.mean
+    expected[3] -= 0.04
+    assert steep.residual(loaded) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("mean", np.zeros(1)), ("covariance", np.eye(1)), ("design", np.full((4, 4), np.nan))]
+)
+def test_a_baseline_of_the_wrong_shape_is_refused(baseline, name, value) -> None:
+    with pytest.raises(ParameterError, match=f"{name} of a baseline must be"):
+        replace(baseline, **{name: value})

@@ -1,0 +1,71 @@
+"""Trends: the slope of a growing change, and when it reaches its limit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.diagnosis import Candidate, Hypothesis, diagnose, trend
+
+
+def test_growing_change_has_a_trend_and_a_forecast(window, faulty, baseline) -> None:
+    generator = np.random.default_rng(4)
+    growing = [window(generator, 600.0 * k, {"front_left.spring": -0.01 * k}) for k in range(16)]
+    (finding,) = diagnose(growing, baseline).findings
+    assert finding.trend is not None
+    assert finding.trend.interval[0] < finding.trend.interval[1] < 0
+    assert finding.trend.per_hour == pytest.approx(-0.065, abs=0.02)
+    assert finding.trend.hours_to_limit is not None
+    earliest, latest = finding.trend.hours_to_limit
+    assert 0 < earliest < 2.5 < latest  # another 15 windows at -1 % each make 30 %
+    (steady,) = diagnose(faulty(3, {"front_left.spring": -0.2}), baseline).findings
+    assert steady.trend is None or steady.trend.hours_to_limit is None
+
+
+def test_a_limit_that_is_passed_is_due_now(window, baseline) -> None:
+    generator = np.random.default_rng(4)
+    growing = [window(generator, 600.0 * k, {"front_left.spring": -0.03 * k}) for k in range(16)]
+    (finding,) = diagnose(growing, baseline).findings
+    assert finding.trend is not None
+    assert finding.trend.hours_to_limit is not None
+    assert finding.trend.hours_to_limit[0] == 0
+
+
+def candidate(corner: str, component: str) -> Candidate:
+    scope = "else" if component == "unmodelled" else "single"
+    return Candidate(Hypothesis(scope, corner, component), 50.0, 100.0, -0.1, (-0.12, -0.08), 10.0, 0.0, (0.0, 0.0))
+
+
+def growing(baseline, healthy, *, per_hour):
+    """Windows every ten minutes without scatter whose first spring changes at a steady rate [ln per hour]."""
+    (one,) = healthy(1)
+    still = baseline.mean + baseline.slopes @ baseline.units(one)
+    first = np.eye(12)[0]
+    return [replace(one, time=600.0 * k, log_ratios=still + per_hour * k / 6 * first) for k in range(7)]
+
+
+def test_a_line_without_scatter_has_its_own_slope(baseline, healthy) -> None:
+    """ln falls by 0.12 per hour; the limit -30 % is ln 0.7, from ln -0.12 after the last of six steps."""
+    windows = growing(baseline, healthy, per_hour=-0.12)
+    course = trend(candidate("front_left", "spring"), windows, baseline, since=0.0)
+    assert course is not None
+    assert course.per_hour == pytest.approx(np.expm1(-0.12), rel=1e-9)
+    assert course.interval[0] < course.per_hour < course.interval[1] < 0
+    assert course.hours_to_limit is not None
+    assert course.hours_to_limit[0] < (np.log(0.7) + 0.12) / -0.12 < course.hours_to_limit[1]
+
+
+def test_a_change_back_towards_normal_has_no_limit(baseline, healthy) -> None:
+    """Sizes from ln -0.24 up to -0.12: the slope is positive, the change still negative."""
+    windows = growing(baseline, healthy, per_hour=0.12)
+    shifted = [replace(one, log_ratios=one.log_ratios - 0.24 * np.eye(12)[0]) for one in windows]
+    course = trend(candidate("front_left", "spring"), shifted, baseline, since=0.0)
+    assert course is not None
+    assert course.per_hour == pytest.approx(np.expm1(0.12), rel=1e-9)
+    assert course.hours_to_limit is None
+
+
+def test_three_windows_or_an_unmodelled_change_have_no_trend(baseline, healthy) -> None:
+    windows = growing(baseline, healthy, per_hour=-0.12)
+    assert trend(candidate("front_left", "spring"), windows, baseline, since=2400.0) is None
+    assert trend(candidate("vehicle", "unmodelled"), windows, baseline, since=0.0) is None

@@ -1,0 +1,272 @@
+"""Methods of identification: records and channels of every make, and one clear sentence for what cannot be used."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.errors import DataError, ParameterError
+from sprung.identification import (
+    METHODS,
+    IdentificationSettings,
+    acs_ssi,
+    as_in_thesis,
+    coss_ssi,
+    cov_ssi,
+    summarise,
+)
+from sprung.modal import mac
+from sprung.recording import Channel, Gap, Recording
+from sprung.simulation import simulate, usual_excitation
+from sprung.vehicles import chain
+
+CHAIN = chain()
+
+
+TRUTH = CHAIN.modes()
+
+
+def run(seed=1, *, snr=10.0, band=None, duration=60.0, sampling_rate=500.0, vehicle=CHAIN):
+    excitation = usual_excitation(vehicle)
+    return simulate(
+        vehicle, excitation, duration=duration, sampling_rate=sampling_rate, seed=seed, snr=snr, noise_band=band
+    )
+
+
+def recorded(samples, sampling_rate=500.0):
+    samples = np.atleast_2d(samples)
+    channels = tuple(Channel(f"acc_{k}", "acceleration") for k in range(1, len(samples) + 1))
+    return Recording(samples, sampling_rate, channels)
+
+
+def assert_same(one, other, *, deviations):
+    """The same modes, each within a share of its standard deviation."""
+    assert len(one.modes) == len(other.modes)
+    for name in ("natural_frequency", "damping_ratio"):
+        difference = np.abs(getattr(one.modes, name) - getattr(other.modes, name))
+        assert np.all(difference <= deviations * getattr(one.modes, f"{name}_std") + 1e-9)
+
+
+@pytest.mark.parametrize("names", [["acc_1"], ["acc_3"], ["acc_1", "acc_3"], ["acc_2", "acc_3"]])
+def test_one_or_two_channels_are_enough(names) -> None:
+    found = cov_ssi(run().select(names))
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+    assert found.modes.channels == tuple(names)
+    columns = [TRUTH.channels.index(name) for name in names]
+    assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes[:, columns])).min() > 0.98
+
+
+def test_a_single_channel_is_noted() -> None:
+    notes = cov_ssi(run().select(["acc_1"])).notes
+    assert any(note.startswith("one channel") for note in notes)
+
+
+@pytest.mark.parametrize("references", [("acc_1",), ("acc_2", "acc_3")])
+def test_references_can_be_chosen(references) -> None:
+    found = cov_ssi([run(1), run(2), run(3)], settings=IdentificationSettings(references=references))
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+    assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes)).min() > 0.98
+    assert found.subsets[0].diagrams[0].poles.channels == TRUTH.channels
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_generator_is_read_once_one_record_at_a_time(method) -> None:
+    records = [run(seed) for seed in range(4)]
+    settings = IdentificationSettings(segment=6.0)
+    alive = []
+
+    def one_by_one():
+        for k, record in enumerate(records):
+            alive.append(k)
+            yield record
+
+    found = METHODS[method](one_by_one(), settings=settings)
+    assert alive == [0, 1, 2, 3]
+    assert_same(found, METHODS[method](records, settings=settings), deviations=1e-9)
+
+
+def test_a_record_with_gaps_is_used_up_to_its_gaps() -> None:
+    record = replace(run(), gaps=(Gap(1_000, 1.0), Gap(1_010, 1.0), Gap(20_000, 3.0)))
+    found = cov_ssi(record)
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+
+
+def test_missing_values_are_left_out() -> None:
+    samples = run().samples.copy()
+    samples[1, 1_000:1_100] = np.nan
+    found = cov_ssi(run().changed("lost", samples=samples))
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+
+
+def test_records_of_a_higher_rate_are_brought_down() -> None:
+    records = [run(), run(2, sampling_rate=1000.0)]
+    found = cov_ssi(records)
+    np.testing.assert_allclose(found.modes.natural_frequency, TRUTH.natural_frequency, rtol=0.01)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_poor_records_among_good_ones_are_left_out_and_noted(first) -> None:
+    good = run()
+    poor = good.changed("cut", samples=good.samples[:, :1])
+    dead = good.changed("cable off", samples=np.where([[True], [False], [True]], good.samples, 0.0))
+    found = cov_ssi([good, poor, run(2), dead][first:])
+    left_out = [note for note in found.notes if "left out" in note]
+    assert left_out == [
+        f"record {2 - first} left out: the recording has 1 sample(s): record at least a minute",
+        f"record {4 - first} left out: channel 'acc_2' is constant at 0: leave it out with --channels acc_1,acc_3",
+    ]
+    assert_same(found, cov_ssi([good, run(2)][first:]), deviations=0.5)
+
+
+def test_one_subset_is_the_average_of_all_segments() -> None:
+    """F. Liu (2020), section 4.2: J = 1 is ACS-Cov-SSI."""
+    records = [run(seed) for seed in range(3)]
+    settings = IdentificationSettings(n_subsets=1, segment=10.0)
+    assert_same(coss_ssi(records, settings=settings), acs_ssi(records, settings=settings), deviations=1e-9)
+
+
+def test_the_ladder_of_the_thesis_averages_with_bias() -> None:
+    """The average of one segment of N samples is (N - m) / N times the one without bias at lag m."""
+    settings = as_in_thesis(IdentificationSettings(segment=60.0), rows=(12, 14))
+    summary = summarise("acs", run(), settings=settings)
+    biased, unbiased = summary.subsets[0][1].values, summary.average.values
+    n_samples = 60.0 * summary.average.sampling_rate
+    expected = unbiased * (1 - np.arange(summary.plan.ladder.n_lags) / n_samples)
+    np.testing.assert_allclose(biased, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_progress_rises_from_nothing_to_everything(method) -> None:
+    calls = []
+    METHODS[method]([run(1), run(2), run(3)], on_progress=lambda doing, share: calls.append((doing, share)))
+    shares = [share for _, share in calls]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert [doing for doing, _ in calls[:3]] == [f"correlating record {k}" for k in (1, 2, 3)]
+    assert calls[-1] == ("done", 1.0)
+    assert len(set(shares)) == len(shares) >= 5
+
+
+def test_nothing_given_is_changed() -> None:
+    record = run()
+    before = record.samples.copy()
+    cov_ssi(record)
+    np.testing.assert_array_equal(record.samples, before)
+
+
+def test_noise_alone_has_no_modes() -> None:
+    noise = np.random.default_rng(0).normal(size=(3, 30_000))
+    for method in METHODS.values():
+        found = method(recorded(noise))
+        assert len(found.modes) == 0
+        assert found.members.shape == (0, len(found.subsets))
+        assert found.modes.mode_shapes.shape == (0, 3)
+
+
+def broken(row, value):
+    samples = run().samples.copy()
+    samples[row] = value
+    return recorded(samples)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("record", "settings", "error", "sentence"),
+    [
+        (
+            lambda: broken(2, 3.0),
+            {},
+            DataError,
+            "channel 'acc_3' is constant at 3: leave it out with --channels acc_1,acc_2",
+        ),
+        (
+            lambda: broken(0, np.nan),
+            {},
+            DataError,
+            "channel 'acc_1' has no values: leave it out with --channels acc_2,acc_3",
+        ),
+        (
+            lambda: recorded(np.ones((2, 1))),
+            {},
+            DataError,
+            "the recording has 1 sample(s): record at least a minute",
+        ),
+        (
+            lambda: recorded(np.zeros((2, 0))),
+            {},
+            DataError,
+            "the recording has 0 sample(s): record at least a minute",
+        ),
+        (
+            lambda: recorded(np.zeros((0, 9))),
+            {},
+            DataError,
+            "the recording has no channel of motion: give accelerations or angular velocities",
+        ),
+        (list, {}, DataError, "there is no recording to identify modes from: give at least one"),
+        (
+            lambda: iter([]),
+            {},
+            DataError,
+            "there is no recording to identify modes from: give at least one",
+        ),
+        (
+            lambda: recorded(np.random.default_rng(0).normal(size=(2, 100))),
+            {},
+            DataError,
+            "the longest stretch without a gap has 100 samples at 500 Hz, but identification needs 200 or more:"
+            " record longer, or decimate less",
+        ),
+        (
+            run,
+            {"block_rows": 5000, "decimate_to": 125.0},
+            DataError,
+            "block_rows=5000 needs 10000 lags, but the longest stretch without a gap has 7500 samples at 125 Hz:"
+            " record longer or use block_rows <= 3750",
+        ),
+        (
+            run,
+            {"block_rows": 40, "max_order": 400},
+            ParameterError,
+            "max_order=400 is more than block_rows=40 can carry with 3 channels and 3 references:"
+            " use max_order <= 117 or more block rows",
+        ),
+        (
+            lambda: [run(), run(2, sampling_rate=100.0)],
+            {"decimate_to": 125.0},
+            ParameterError,
+            "sampling rates 125 Hz and 100 Hz differ: bring the records to one rate first (--decimate-to)",
+        ),
+        (
+            run,
+            {"references": ("acc_9",)},
+            ParameterError,
+            "there is no channel 'acc_9': the recording has acc_1, acc_2, acc_3",
+        ),
+        (
+            lambda: [run(), run(2).select(["acc_1", "acc_2"])],
+            {},
+            ParameterError,
+            "there is no channel 'acc_3': the recording has acc_1, acc_2",
+        ),
+        (
+            lambda: run().select(["acc_1"]),
+            {"has_disjoint_references": True},
+            ParameterError,
+            "disjoint outputs and references need at least two channels",
+        ),
+    ],
+)
+def test_bad_input_gets_one_clear_sentence(method, record, settings, error, sentence) -> None:
+    with pytest.raises(error) as refusal:
+        METHODS[method](record(), settings=IdentificationSettings(**settings))
+    assert str(refusal.value) == sentence
+
+
+def test_records_of_one_logger_by_slightly_different_clocks_are_one_condition() -> None:
+    masses = chain()
+    runs = [simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=500.0, seed=k) for k in range(2)]
+    late = replace(runs[1], sampling_rate=500.0 * 1.0002)
+    for settings in (IdentificationSettings(), IdentificationSettings(decimate_to=100.0)):
+        modes = METHODS["cov"]([runs[0], late], settings=settings).modes
+        assert modes.natural_frequency == pytest.approx([7.01, 19.65, 28.39], rel=0.01)

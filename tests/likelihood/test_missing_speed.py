@@ -1,0 +1,64 @@
+"""Speed from the delay between the axles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.errors import DataError
+from sprung.likelihood import SegmentSpectra
+from sprung.likelihood.missing_speed import speed_grid, with_estimated_speeds
+
+
+def test_the_grid_rises_by_two_per_cent_between_its_ends() -> None:
+    grid = speed_grid()
+    assert grid[0] == 3.0
+    assert 45.0 / 1.02 < grid[-1] <= 45.0
+    assert grid[1:] / grid[:-1] == pytest.approx(np.full(grid.size - 1, 1.02))
+
+
+@pytest.fixture
+def model_at(car, road_model, classes):
+    """Return a function from speeds to the model of a car with one class for each."""
+
+    def model(speeds):
+        spectra = replace(classes(3, n_classes=speeds.size), speeds=speeds, spreads=np.zeros(speeds.size))
+        return road_model(car, spectra=spectra)
+
+    return model
+
+
+def segments_of(model, values):
+    n = len(values)
+    return SegmentSpectra(model.spectra.frequencies, values, np.full(n, np.nan), np.zeros(n), 5.12, 3)
+
+
+def drawn(model, seed):
+    """One segment of each class of a model."""
+    n, shape = model.spectra.speeds.size, (96, 3)
+    draws = np.random.default_rng(seed).standard_normal((2, n, *shape)) / np.sqrt(2)
+    return np.einsum("sfij,sfj->sfi", np.linalg.cholesky(model.matrix(model.start)), draws[0] + 1j * draws[1])
+
+
+def test_speeds_of_segments_drawn_from_the_model_come_back(model_at) -> None:
+    """An acceleration from 6 to 22 m/s in 40 segments of any roughness."""
+    speeds = np.geomspace(6.0, 22.0, 40)
+    model = model_at(speeds)
+    levels = np.exp(np.random.default_rng(2).standard_normal(40))[:, None, None]
+    values = levels * drawn(model, 1)
+    segments = with_estimated_speeds(segments_of(model, values), model_at)
+    assert segments.speeds.size >= 36
+    assert segments.n_rejected == 3 + 40 - segments.speeds.size
+    places = [int(np.argmin(np.abs(values - kept).sum(axis=(1, 2)))) for kept in segments.values]
+    errors = np.log(segments.speeds / speeds[places])
+    assert np.abs(errors).max() < 0.06
+    assert np.abs(errors.mean()) < 0.01
+    assert np.abs(errors / segments.spreads).mean() < 1.5
+
+
+def test_speeds_beyond_the_grid_are_not_estimated(model_at) -> None:
+    """At 80 m/s the posterior lies at the end of the grid, 45 m/s."""
+    model = model_at(np.full(20, 80.0))
+    segments = segments_of(model, drawn(model, 1))
+    with pytest.raises(DataError, match=r"gives the speed of only \d+ of 20 segments: add the speed"):
+        with_estimated_speeds(segments, model_at)

@@ -1,0 +1,88 @@
+"""Response of a vehicle, and derivatives of its spectral matrix with respect to every term."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.likelihood.transfer import transfer
+from sprung.vehicles import frequency_response, structure
+
+
+@pytest.fixture
+def on_a_road(whole_model, somewhere, with_data):
+    """A model of a car on a road with the data of some parameters, and its terms at others."""
+    model = whole_model("zafira", "road")
+    return with_data(model, somewhere(model, seed=1)), model.terms(somewhere(model))
+
+
+def test_transfer_is_the_frequency_response(car, road_model) -> None:
+    """H of the model times the reduction's inverse: what `frequency_response` of the state space gives."""
+    model = road_model(car)
+    H = transfer(model.terms(model.start)).matrix
+    expected = model.layout.reduction @ frequency_response(structure(car), model.spectra.grid)
+    assert pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max()) == H
+
+
+@pytest.mark.parametrize(
+    "term", ["stiffness", "mass", "forces", "motion", "feedthrough", "channel_response", "inputs", "noise"]
+)
+def test_gradient_of_a_term_is_the_finite_difference(term, on_a_road, misfit, gradients_of) -> None:
+    """d objective = Re sum(g dT) for a change of a term, Hermitian or symmetric where the term is."""
+    model, terms = on_a_road
+    value, generator = getattr(terms, term), np.random.default_rng(3)
+    change = generator.standard_normal(value.shape)
+    if np.iscomplexobj(value):
+        change = change + 1j * generator.standard_normal(value.shape)
+    if term in {"mass", "inputs", "noise"}:
+        change = change + change.conj().swapaxes(-1, -2)
+    typical = {"forces": 1e3, "feedthrough": 10.0}.get(term, np.abs(value).mean())
+    change *= 1e-5 * typical
+    gradients = gradients_of(model, terms)
+    gradient = getattr(gradients, term)
+    above, below = (misfit(model, replace(terms, **{term: value + sign * change})) for sign in (1, -1))
+    assert np.sum(gradient * change).real == pytest.approx((above - below) / 2, rel=1e-4)
+
+
+@pytest.mark.parametrize("term", ["mass", "forces", "motion", "feedthrough"])
+def test_change_by_a_term_is_the_finite_difference(term, on_a_road) -> None:
+    _, terms = on_a_road
+    value = getattr(terms, term)
+    change = np.random.default_rng(3).standard_normal(value.shape)
+    change = change + change.T if term == "mass" else change
+    step = 1e-5 * ({"forces": 1e3, "feedthrough": 10.0}.get(term) or np.abs(value).mean())
+    above, below = (
+        transfer(replace(terms, **{term: value + sign * step * change})).spectral_matrix for sign in (1, -1)
+    )
+    derivative = getattr(transfer(terms), f"change_by_{term}")(change)
+    difference = (above - below) / (2 * step)
+    assert np.abs(derivative - difference).max() < 1e-5 * np.abs(difference).max()
+
+
+def with_measured_input(terms, *, density=0.3):
+    """Terms with one more input, which moves no wheel and is independent of the road."""
+    measured = np.full((*terms.inputs.shape[:2], 1, 1), density, dtype=np.complex128)
+    more = {name: np.pad(getattr(terms, name), ((0, 0), (0, 1))) for name in ("feet", "forces", "feedthrough")}
+    return replace(terms, measured_inputs=measured, **more)
+
+
+def test_a_measured_input_that_a_channel_reads_adds_its_spectrum(on_a_road) -> None:
+    _, terms = on_a_road
+    feedthrough = np.zeros((4, 5))
+    feedthrough[2, 4] = 0.5  # half of the input is read by the third channel
+    column = 0.5 * terms.reduction[:, 2]
+    both = transfer(replace(with_measured_input(terms), feedthrough=feedthrough)).spectral_matrix
+    expected = transfer(terms).spectral_matrix + 0.3 * np.outer(column, column)
+    assert both == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("term", ["forces", "feedthrough"])
+def test_gradient_of_what_a_measured_input_does_is_the_finite_difference(term, on_a_road, misfit, gradients_of) -> None:
+    model, terms = on_a_road
+    terms = with_measured_input(terms)
+    change = np.zeros(getattr(terms, term).shape)
+    change[:, -1] = np.random.default_rng(3).standard_normal(len(change)) * (1e3 if term == "forces" else 1.0)
+    at, step = replace(terms, **{term: getattr(terms, term) + change}), 1e-4
+    above, below = (misfit(model, replace(at, **{term: getattr(at, term) + k * step * change})) for k in (1, -1))
+    gradient = getattr(gradients_of(model, at), term)
+    assert np.sum(gradient * change).real == pytest.approx((above - below) / (2 * step), rel=1e-5)

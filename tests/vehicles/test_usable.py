@@ -1,0 +1,101 @@
+"""The part of a recording that identification and fits may use."""
+
+import numpy as np
+import pytest
+
+from sprung.errors import DataError
+from sprung.recording import Channel, Recording
+from sprung.vehicles import parse_vehicle, read_description
+from sprung.vehicles.usable import speed_channel, usable
+
+RATE = 100.0
+
+
+def recorded(samples, names="abc", *, quantities=(), **fields):
+    samples = np.atleast_2d(samples)
+    kinds = [*quantities, *["acceleration"] * (len(samples) - len(quantities))]
+    channels = tuple(Channel(name, kind) for name, kind in zip(names, kinds, strict=False))
+    return Recording(samples, RATE, channels, **fields)
+
+
+def noise(n_channels=2, n_samples=1000, seed=0):
+    return np.random.default_rng(seed).normal(size=(n_channels, n_samples))
+
+
+def test_outputs_are_the_channels_of_motion() -> None:
+    recording = recorded(noise(3), ("a", "oil", "b"), quantities=("acceleration", "temperature"))
+    assert usable(recording).names == ("a", "b")
+
+
+def test_outputs_are_the_vehicle_s_sensors_in_its_order_and_in_si() -> None:
+    """A chain file with two of its sensors in g; the third channel of the recording is not a sensor."""
+    fields = read_description("chain3").model_dump(exclude_defaults=True)
+    sensors = [
+        {"channel": name, "quantity": "acceleration", "unit": "g", "on": f"mass_{k}"}
+        for k, name in ((3, "c"), (1, "a"))
+    ]
+    vehicle = parse_vehicle({**fields, "sensor": sensors})
+    recording = recorded(noise(3), quantities=["unknown"] * 3)
+    found = usable(recording, vehicle=vehicle)
+    assert found.names == ("c", "a")
+    np.testing.assert_allclose(found.samples, 9.80665 * recording.samples[[2, 0]])
+
+
+def test_missing_values_become_gaps() -> None:
+    samples = noise()
+    samples[1, 400:450] = np.nan
+    found = usable(recorded(samples))
+    assert found.n_samples == 950
+    (gap,) = found.gaps
+    assert (gap.index, gap.duration) == (400, pytest.approx(0.5))
+
+
+def test_only_what_was_recorded_while_moving_counts() -> None:
+    """Above 3 m/s: the first and the last three seconds of ten."""
+    speed = np.where(np.abs(np.arange(1000) - 499.5) < 200, 1.0, 10.0)
+    recording = recorded(np.vstack([speed, noise()]), ("speed", "a", "b"), quantities=("speed",))
+    found = usable(recording)
+    assert found.names == ("a", "b", "speed")
+    assert found.n_samples == 600
+    assert [gap.index for gap in found.gaps] == [300]
+    assert speed_channel(recording) == "speed"
+    assert speed_channel(recording.select(["a"])) is None
+
+
+@pytest.mark.parametrize(
+    ("samples", "sentence"),
+    [
+        (
+            [np.ones(50), np.arange(50.0)],
+            "channel 'a' is constant at 1: leave it out with --channels b",
+        ),
+        (
+            [np.arange(50.0), np.zeros(50)],
+            "channel 'b' is constant at 0: leave it out with --channels a",
+        ),
+        (
+            [np.full(50, np.nan), np.arange(50.0)],
+            "channel 'a' has no values: leave it out with --channels b",
+        ),
+        (
+            [np.ones(50), np.full(50, np.nan)],
+            "channel 'a' is constant at 1: check the sensors and their wiring",
+        ),
+        ([[1.0], [2.0]], "the recording has 1 sample(s): record at least a minute"),
+        (np.zeros((2, 0)), "the recording has 0 sample(s): record at least a minute"),
+        (
+            np.zeros((0, 50)),
+            "the recording has no channel of motion: give accelerations or angular velocities",
+        ),
+    ],
+)
+def test_dead_channels_and_empty_recordings_are_refused(samples, sentence) -> None:
+    with pytest.raises(DataError) as refusal:
+        usable(recorded(np.asarray(samples)))
+    assert str(refusal.value) == sentence
+
+
+def test_a_large_offset_is_not_a_dead_channel() -> None:
+    """An accelerometer standing upright: 9.81 m/s^2 and little motion."""
+    samples = 9.81 + 1e-4 * noise()
+    assert usable(recorded(samples)).n_samples == 1000
