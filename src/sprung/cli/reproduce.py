@@ -15,7 +15,7 @@ def reproduce(
     chapters: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[CHAPTER]", help="Chapters: 4, 5, 6, 7, 8 or comparison. Default: all.", show_default=False
+            metavar="CHAPTER", help="Chapters: 4, 5, 6, 7, 8 or comparison. Default: all.", show_default=False
         ),
     ] = None,
     *,

@@ -86,7 +86,7 @@ def run_demo(
             if _is_complete(alerts):
                 complete_since = seconds if complete_since is None else complete_since
                 if seconds - complete_since > _SETTLED:
-                    return _sentences(alerts, complete_since, pace)
+                    return _sentences(alerts, complete_since)
     raise DataError(f"no alerts of the spring and the sensor within {limit / 60:g} min: try a lower --pace")
 
 
@@ -151,12 +151,12 @@ def _is_complete(alerts: Sequence[Alert]) -> bool:
     return True
 
 
-def _sentences(alerts: Sequence[Alert], seconds: float, pace: float) -> list[str]:
+def _sentences(alerts: Sequence[Alert], seconds: float) -> list[str]:
     """Return what was found next to what was simulated."""
     texts = {alert.vehicle: alert.text for alert in alerts}
     minutes = _AFTER * PIECE / 60
     return [
-        f"both alerts raised after {seconds:.0f} s at {pace:g} times real time, and no other",
+        f"both alerts raised after {seconds:.0f} s, and no other",
         f"{SOFT.name}: {texts[SOFT.name]} (simulated: {SOFT.fault} from {minutes:.0f} min on)",
         f"{DEAD.name}: {texts[DEAD.name]} (simulated: dead from {minutes:.0f} min on); no alert of its suspension",
         f"{HEALTHY.name}: no alert (simulated: healthy)",
