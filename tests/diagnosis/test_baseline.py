@@ -36,7 +36,7 @@ def test_a_window_with_other_components_or_a_failing_sensor_is_not_accepted(base
         sound, components=sound.components[1:], log_ratios=sound.log_ratios[1:], covariance=sound.covariance[1:, 1:]
     )
     assert not baseline.accepts(fewer)
-    with pytest.raises(ParameterError, match="other components than the baseline"):
+    with pytest.raises(ParameterError, match="the components differ from those of the baseline"):
         baseline.residual(fewer)
 
 

@@ -94,7 +94,7 @@ def test_an_observation_without_segments_is_small(observations) -> None:
     assert compact.residuals.segments is None
     assert compact.residuals.mean is residuals.mean or np.array_equal(compact.residuals.mean, residuals.mean)
     without = [one.without_segments().residuals for one in observations]
-    with pytest.raises(ParameterError, match="without its segments"):
+    with pytest.raises(ParameterError, match="lacks the correlations of its segments"):
         learn_reference(without)
 
 
