@@ -78,7 +78,7 @@ def test_an_observation_without_segments_is_small(observations):
     compact = observations[0].without_segments()
     assert compact.residuals.segments is None
     assert compact.residuals.mean is residuals.mean or np.array_equal(compact.residuals.mean, residuals.mean)
-    with pytest.raises(ParameterError, match="without its segments"):
+    with pytest.raises(ParameterError, match="lacks the correlations of its segments"):
         learn_from_compact(observations)
 
 

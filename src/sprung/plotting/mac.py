@@ -83,8 +83,8 @@ def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: Indices) -> None:
     for k, part in enumerate(parts):
         for index, frequency in enumerate(part.natural_frequency):
             names.append(f"S{k + 1}  {in_hertz(frequency)}")
-            found = np.flatnonzero(members[:, k] == index)
-            merged.append(int(found[0]) if found.size else None)
+            matches = np.flatnonzero(members[:, k] == index)
+            merged.append(int(matches[0]) if matches.size else None)
     draw_mac(axes, mac(together.mode_shapes, together.mode_shapes), names)
     for edge in np.cumsum([len(part) for part in parts])[:-1] - 0.5:
         axes.axhline(edge, color=INK, linewidth=1.5)

@@ -135,19 +135,19 @@ def _draw_values(
 ) -> None:
     """Draw values at the middle of their levels, and a cross on the axis for a missing one."""
     centres, half = levels.mean(axis=1), np.diff(levels, axis=1)[:, 0] / 2
-    found = np.isfinite(values)
+    is_present = np.isfinite(values)
     axes.errorbar(
-        centres[found],
-        values[found],
-        xerr=half[found],
-        yerr=np.nan_to_num(intervals[found]),
+        centres[is_present],
+        values[is_present],
+        xerr=half[is_present],
+        yerr=np.nan_to_num(intervals[is_present]),
         fmt="o",
         color=colour,
         markersize=5.5,
         capsize=3,
         linewidth=1.2,
     )
-    for centre in centres[~found]:
+    for centre in centres[~is_present]:
         style: dict[str, Any] = {"marker": "X", "markersize": 6, "color": FAINT, "clip_on": False}
         axes.plot([centre], [0], transform=axes.get_xaxis_transform(), gid="not found", **style)
     low, high = levels.min(), levels.max()
