@@ -87,7 +87,7 @@ def test_a_file_that_explains_its_windows_badly_is_remarked_on(baseline):
     bad = [replace(one, conditions={**one.conditions, "model_error": 0.51}) for one in healthy(12)]
     taught = learn(bad)
     (note,) = taught.notes
-    assert "off by 51 %" in note
+    assert "deviates by 51 %" in note
     assert baseline_from_document(baseline_document(taught).as_json()).notes == taught.notes
     assert note in diagnose(bad, taught).notes
     assert baseline.notes == ()
