@@ -58,7 +58,9 @@ def test_words_and_figures(sprung, drives, baseline, tmp_path):
     assert outcome.code == 0
     assert "rear-right spring" in outcome.out
     assert "stiffer" in outcome.out
-    assert "trend not estimated: it needs a single part and at least four windows since the onset" in " ".join(outcome.out.split())
+    assert "trend not estimated: it needs a single part and at least four windows since the onset" in " ".join(
+        outcome.out.split()
+    )
     assert "as the finding implies and as measured" in outcome.out
     assert "measured since" in outcome.out
     assert "MAC" in outcome.out

@@ -28,7 +28,7 @@ def health_index(alerts: Iterable[Alert]) -> float:
     >>> health_index([])
     100.0
     """
-    return 100.0 - max((_weight(one.cause) * one.severity / 10 for one in alerts if one.is_active), default=0.0)
+    return 100.0 - max((_weight(alert.cause) * alert.severity / 10 for alert in alerts if alert.is_active), default=0.0)
 
 
 def _weight(cause: str) -> float:

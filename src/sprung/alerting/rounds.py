@@ -122,24 +122,24 @@ def assess(
     ParameterError
         If the alerts and reports are of more than one vehicle.
     """
-    found: dict[str, Report] = {}
+    by_cause: dict[str, Report] = {}
     for report in reports:
-        if report.cause not in found or report.severity > found[report.cause].severity:
-            found[report.cause] = report
-    vehicles = sorted({one.vehicle for one in alerts.values()} | {one.vehicle for one in found.values()})
+        if report.cause not in by_cause or report.severity > by_cause[report.cause].severity:
+            by_cause[report.cause] = report
+    vehicles = sorted({alert.vehicle for alert in alerts.values()} | {report.vehicle for report in by_cause.values()})
     if len(vehicles) > 1:
         raise ParameterError(f"a round is of one vehicle, but this one of {', '.join(vehicles)}: assess each alone")
     ended = [shelf_ended(alert, now) for alert in alerts.values()]
-    known = {one.alert.cause: one.alert for one in ended}
+    present = {transition.alert.cause: transition.alert for transition in ended}
     transitions = list(ended)
-    for cause in dict.fromkeys((*found, *known)):
+    for cause in dict.fromkeys((*by_cause, *present)):
         if is_inhibited and is_of_suspension(cause):
             continue
-        if cause in found:
-            transitions.append(reported(known.get(cause), found[cause], settings, now))
+        if cause in by_cause:
+            transitions.append(reported(present.get(cause), by_cause[cause], settings, now))
         elif looked_for(cause):
-            transitions.append(absent(known[cause], settings, now))
-    return [one for one in transitions if one.what != "none"]
+            transitions.append(absent(present[cause], settings, now))
+    return [transition for transition in transitions if transition.what != "none"]
 
 
 def _updated(alert: Alert, report: Report, settings: AlertSettings, now: int) -> Transition:

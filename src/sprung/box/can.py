@@ -119,7 +119,7 @@ class _Wanted:
 
 def _wanted(database: Any, names: Sequence[str]) -> dict[tuple[int, bool], _Wanted]:
     """Return the messages with signals of some names, by id and whether that is an extended one."""
-    found: dict[tuple[int, bool], _Wanted] = {}
+    wanted: dict[tuple[int, bool], _Wanted] = {}
     for name in names:
         holders = [
             (message, signal)
@@ -135,9 +135,9 @@ def _wanted(database: Any, names: Sequence[str]) -> dict[tuple[int, bool], _Want
             raise ParameterError(f"signal {name!r} is in the CAN messages {several}: write {holders[0][0].name}.{name}")
         message, signal = holders[0]
         key = message.frame_id, bool(message.is_extended_frame)
-        before = found[key].signals if key in found else ()
-        found[key] = _Wanted(message, (*before, _signal(name, signal)))
-    return found
+        before = wanted[key].signals if key in wanted else ()
+        wanted[key] = _Wanted(message, (*before, _signal(name, signal)))
+    return wanted
 
 
 def _signal(name: str, signal: Any) -> _Signal:

@@ -175,11 +175,13 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     every error of the vehicle file makes it do so.
     """
     first, *others = detection.candidates
-    named = next(one for one in detection.candidates if one.hypothesis.scope != "else")
+    named = next(candidate for candidate in detection.candidates if candidate.hypothesis.scope != "else")
     is_enough = named.explained >= _MOSTLY * first.explained and named.log_evidence >= detection.threshold
     if first.hypothesis.scope != "else" or not is_enough:
         return first, others[0]
-    return named, next(one for one in others if one.hypothesis.scope != "else" and one is not named)
+    return named, next(
+        candidate for candidate in others if candidate.hypothesis.scope != "else" and candidate is not named
+    )
 
 
 def _words(candidate: Candidate) -> str:
@@ -205,7 +207,7 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
     if baseline.n_windows == 0:
         notes.append("no baseline: compared with the vehicle file, and left with right, with wide limits")
     if len(sound) < len(conclusive):
-        causes = {f"{f.channel} is {f.kind.replace('_', ' ')}" for one in conclusive for f in one.sensor_faults}
+        causes = {f"{f.channel} is {f.kind.replace('_', ' ')}" for window in conclusive for f in window.sensor_faults}
         notes.append(
             f"{len(conclusive) - len(sound)} of {len(conclusive)} windows were excluded because "
             f"{' and '.join(sorted(causes))}; the suspension is not monitored until this is repaired"

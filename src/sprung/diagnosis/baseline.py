@@ -106,9 +106,9 @@ class Baseline:
         if self.model_error < _IMPERFECT:
             return ()
         return (
-            f"the vehicle file is off by {100 * self.model_error:.0f} % on the windows of the baseline, so that small "
-            "changes are found late or not at all: check masses, geometry and places of sensors, and add what it "
-            "lacks, such as an engine on mounts",
+            f"the vehicle file deviates by {100 * self.model_error:.0f} % on the windows of the baseline, so that "
+            "small changes are found late or not at all: check masses, geometry and places of sensors, and add what "
+            "it lacks, such as an engine on mounts",
         )
 
     def accepts(self, observation: Observation) -> bool:

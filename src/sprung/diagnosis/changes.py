@@ -145,7 +145,9 @@ class ChangeDetector:
         self._threshold = float(np.log(windows_per_day / false_alarms))
         self._hypotheses = hypotheses_of(baseline.components)
         self._log_prior = log_prior(self._hypotheses)
-        directions = [one.direction(baseline.components) for one in self._hypotheses if one.scope != "else"]
+        directions = [
+            hypothesis.direction(baseline.components) for hypothesis in self._hypotheses if hypothesis.scope != "else"
+        ]
         self._directions = np.array(directions).reshape(-1, len(baseline.components))
         # Information of the baseline about its own means and slopes.
         self._start = np.kron(baseline.design, np.linalg.inv(baseline.covariance + baseline.nuisance))

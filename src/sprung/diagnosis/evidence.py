@@ -80,9 +80,9 @@ def mode_changes(
         if component.kind == finding.component and finding.corner in {component.corner, component.axle, "all"}:
             after[component] = before.get(component, 1.0) * (1 + finding.change)
     healthy, changed = (nominal.changed(factors).modes() for factors in (before, after))
-    sound = [one for one in observations if one.is_conclusive and not one.sensor_faults]
-    earlier = [one for one in sound if one.time < finding.since]
-    later = [one for one in sound if one.time >= finding.since]
+    sound = [window for window in observations if window.is_conclusive and not window.sensor_faults]
+    earlier = [window for window in sound if window.time < finding.since]
+    later = [window for window in sound if window.time >= finding.since]
     changes = []
     for label in (label for label in MOTIONS if label in healthy.labels):
         row = healthy.labels.index(label)

@@ -117,7 +117,7 @@ def learn(
         version=1 if previous is None else previous.version + 1,
         reason=reason,
         residuals=_residual_reference(common),
-        model_error=float(np.median([one.conditions.get("model_error", 0.0) for one in common])),
+        model_error=float(np.median([window.conditions.get("model_error", 0.0) for window in common])),
         taught=tuple(sorted(observation.time for observation in common)),
     )
 
@@ -208,7 +208,9 @@ def _is_like(observation: Observation, others: Sequence[Observation], *, chance:
 
 def _conditions_met(observations: Sequence[Observation]) -> dict[str, list[float]]:
     """Return the values of each known condition."""
-    met = {name: [one.conditions[name] for one in observations if name in one.conditions] for name in CONDITIONS}
+    met = {
+        name: [window.conditions[name] for window in observations if name in window.conditions] for name in CONDITIONS
+    }
     return {name: values for name, values in met.items() if values}
 
 
@@ -218,16 +220,17 @@ def _ranges(observations: Sequence[Observation]) -> dict[str, tuple[float, float
 
 def _residual_reference(observations: Sequence[Observation]) -> ResidualReference | None:
     """Return the residual reference of the windows with the channels of the first one; None from too few."""
-    known = [one.residuals for one in observations if one.residuals is not None and one.residuals.segments is not None]
-    alike = [statistics for statistics in known if statistics.is_like(known[0])]
+    residuals = [window.residuals for window in observations]
+    complete = [statistics for statistics in residuals if statistics is not None and statistics.segments is not None]
+    alike = [statistics for statistics in complete if statistics.is_like(complete[0])]
     return learn_reference(alike) if len(alike) >= FEWEST_RESIDUALS else None
 
 
 def _commonest_reason(observations: Sequence[Observation]) -> str:
     """Return the commonest reason why windows cannot be learnt from, in brackets."""
     reasons = [
-        one.reason or f"{one.sensor_faults[0].channel} is {one.sensor_faults[0].kind}"
-        for one in observations
-        if not one.is_conclusive or one.sensor_faults
+        window.reason or f"{window.sensor_faults[0].channel} is {window.sensor_faults[0].kind}"
+        for window in observations
+        if not window.is_conclusive or window.sensor_faults
     ]
     return f" ({max(set(reasons), key=reasons.count)})" if reasons else ""

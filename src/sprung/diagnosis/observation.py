@@ -203,7 +203,7 @@ def _reason(fit: CornerFit, disagreement: float) -> str:
     if fit.n_segments < FEWEST_SEGMENTS:
         return f"{fit.n_segments} segments of steady speed are too few"
     if fit.model_error > _MOST_ERROR:
-        return f"the vehicle file explains the window badly: off by {100 * fit.model_error:.0f} %"
+        return f"the vehicle file explains the window badly: model error {100 * fit.model_error:.0f} %"
     return ""
 
 

@@ -77,7 +77,7 @@ class ResidualStatistics:
 
     def is_like(self, other: "ResidualStatistics | ResidualReference") -> bool:
         """Return whether channels, rate, segments and block rows agree."""
-        settings = [(one.channels, one.segment, one.block_rows) for one in (self, other)]
+        settings = [(value.channels, value.segment, value.block_rows) for value in (self, other)]
         return settings[0] == settings[1] and bool(np.isclose(self.sampling_rate, other.sampling_rate, rtol=1e-6))
 
     def without_segments(self) -> "ResidualStatistics":

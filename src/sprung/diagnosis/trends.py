@@ -75,7 +75,7 @@ def trend(
     """
     components = baseline.components
     direction = candidate.hypothesis.direction(components)
-    later = [one for one in observations if one.time >= since and one.components == components]
+    later = [window for window in observations if window.time >= since and window.components == components]
     if len(later) < _FEWEST or not direction.any():
         return None
     hours = np.array([observation.time for observation in later]) / 3600

@@ -99,8 +99,8 @@ def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, so
         return Baseline(
             **{name: getattr(document, name) for name in _alike()},
             slopes=np.array([conditions[name].slopes for name in CONDITIONS]).T,
-            middle={name: one.middle for name, one in conditions.items() if one.middle is not None},
-            ranges={name: one.range for name, one in conditions.items() if one.range is not None},
+            middle={name: condition.middle for name, condition in conditions.items() if condition.middle is not None},
+            ranges={name: condition.range for name, condition in conditions.items() if condition.range is not None},
         )
     except (ParameterError, ValueError) as error:
         raise FormatError(f"{source}: {error}") from None

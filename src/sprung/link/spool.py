@@ -106,7 +106,7 @@ class Spool:
     @property
     def n_bytes(self) -> int:
         """Size on disk [bytes]."""
-        return sum(one.size for one in self._files)
+        return sum(file.size for file in self._files)
 
     @property
     def free(self) -> int:
@@ -116,9 +116,9 @@ class Spool:
     @property
     def boots(self) -> dict[int, int]:
         """First sequence number of every boot that is still held or expected."""
-        found = {one.boot: max(one.first, self._acknowledged.get(one.boot, -1) + 1) for one in reversed(self._files)}
+        held = {file.boot: max(file.first, self._acknowledged.get(file.boot, -1) + 1) for file in reversed(self._files)}
         before = {} if self._previous is None else {self._previous[0]: self._previous[1]}
-        return {**before, self._boot: self._seq, **found}
+        return {**before, self._boot: self._seq, **held}
 
     def last_frame(self) -> bytes | None:
         """Return the payload of the newest frame, of this boot or an earlier one; None if the spool is empty."""
@@ -160,17 +160,17 @@ class Spool:
         """Forget the frames of a boot up to a sequence number."""
         self._acknowledged[boot] = max(seq, self._acknowledged.get(boot, -1))
         # The newest file stays: after a restart it shows where the boot before ended.
-        for one in [file for file in self._files[:-1] if file.boot == boot and file.last <= seq]:
-            self._remove(one)
+        for done in [file for file in self._files[:-1] if file.boot == boot and file.last <= seq]:
+            self._remove(done)
 
     def frames(self, *, boot: int = 0, after: int = -1) -> Iterator[tuple[int, int, bytes]]:
         """Yield boot, sequence number and payload of unacknowledged frames, in order, after a given one."""
-        for one in list(self._files):
-            if (one.boot, one.last) <= (boot, after):
+        for file in list(self._files):
+            if (file.boot, file.last) <= (boot, after):
                 continue
-            for found_boot, seq, payload in _records(one.path):
-                if (found_boot, seq) > (boot, after) and seq > self._acknowledged.get(found_boot, -1):
-                    yield found_boot, seq, payload
+            for frame_boot, seq, payload in _records(file.path):
+                if (frame_boot, seq) > (boot, after) and seq > self._acknowledged.get(frame_boot, -1):
+                    yield frame_boot, seq, payload
 
     def close(self) -> None:
         """Close the file that is written, and release the spool."""
@@ -225,13 +225,13 @@ class Spool:
 
     def _boots_before(self) -> tuple[int, tuple[int, int] | None]:
         """Return the number of the last boot, -1 for none, and the last one with frames together with their number."""
-        known = [(one.boot, one.last + 1) for one in self._files[-1:]]
-        last = max((boot for boot, _ in known), default=-1)
+        ends = [(file.boot, file.last + 1) for file in self._files[-1:]]
+        last = max((boot for boot, _ in ends), default=-1)
         with suppress(FileNotFoundError, ValueError):
             numbers = [int(word) for word in (self._folder / "boot").read_text(encoding="ascii").split()]
             last = max(last, numbers[0])
-            known += [(numbers[1], numbers[2])] if len(numbers) == 3 else []
-        return last, max(known, default=None)
+            ends += [(numbers[1], numbers[2])] if len(numbers) == 3 else []
+        return last, max(ends, default=None)
 
     def _write_boot(self) -> None:
         """Write the number of this boot, and of the one before."""
@@ -280,10 +280,10 @@ def _records(path: Path) -> Iterator[tuple[int, int, bytes]]:
 
 def _scanned(path: Path) -> _File | None:
     """Return the contents of a file; one without an intact record is removed."""
-    found = [(boot, seq, len(payload)) for boot, seq, payload in _records(path)]
-    if not found:
+    records = [(boot, seq, len(payload)) for boot, seq, payload in _records(path)]
+    if not records:
         path.unlink(missing_ok=True)
         return None
-    size = sum(_HEADER.size + 4 + length for _, _, length in found)
+    size = sum(_HEADER.size + 4 + length for _, _, length in records)
     os.truncate(path, size)
-    return _File(path, found[0][0], found[0][1], found[-1][1], size)
+    return _File(path, records[0][0], records[0][1], records[-1][1], size)

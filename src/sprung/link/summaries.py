@@ -38,8 +38,8 @@ def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
     """
     plan, lifter = summary.plan, summary.settings.lifter
     settings = asdict(summary.settings) | {"harmonics": None, "lifter": None if lifter is None else _named(lifter)}
-    averages = [summary.average, *(one for _, one in summary.subsets if summary.method == "coss")]
-    room = int(_ROOM / sum(4 * one.values.size for one in averages)) - 1
+    averages = [summary.average, *(correlations for _, correlations in summary.subsets if summary.method == "coss")]
+    room = int(_ROOM / sum(4 * average.values.size for average in averages)) - 1
     return {
         "method": summary.method,
         "channels": [[c.name, c.quantity, c.position, c.direction] for c in summary.channels],
@@ -51,7 +51,7 @@ def summary_document(summary: CorrelationSummary) -> dict[str, Any]:
             "mode_band": list(plan.mode_band),
         },
         "levels": [None if level is None else list(level) for level, _ in summary.subsets],
-        "averages": [_packed(one, max(2, room)) for one in averages],
+        "averages": [_packed(average, max(2, room)) for average in averages],
         "harmonics": [asdict(line) for line in summary.harmonics],
     }
 
@@ -89,7 +89,7 @@ def summary_from_document(document: Mapping[str, Any]) -> CorrelationSummary:
             ladder=_LADDERS[stated["ladder"][0]](**stated["ladder"][1]),
             mode_band=_pair(stated["mode_band"]),
         )
-        averages = [_unpacked(one) for one in document["averages"]]
+        averages = [_unpacked(stored) for stored in document["averages"]]
         levels = [_tuple(level) for level in document["levels"]]
         correlations = averages[1:] if document["method"] == "coss" else averages
         return CorrelationSummary(

@@ -68,7 +68,7 @@ class EmbeddedBroker:
         try:
             self._broker = self._module.Broker(settings, loop=self._loop)
             self._loop.run_until_complete(self._broker.start())
-        except Exception as error:  # whatever the library raises is reported
+        except Exception as error:  # any error of the library is reported
             self._problem = str(error.__cause__ or error)
             self._started.set()
             return

@@ -189,7 +189,7 @@ class VehicleMonitor:
         needed = self._settings.learning_windows
         if self._detector is not None:
             return needed, needed
-        sound = sum(one.is_conclusive and not one.sensor_faults for one in self._learning)
+        sound = sum(observation.is_conclusive and not observation.sensor_faults for observation in self._learning)
         return min(sound, needed), needed
 
     @property

@@ -20,7 +20,7 @@ from sprung.plotting.style import (
     mode_name,
     new_figure,
     origin,
-    say,
+    write_sentence,
 )
 
 #: Side of a cell [in], and up to how many modes the values are printed in them.
@@ -40,7 +40,7 @@ def mac_figure(identification: Identification, *, source: str = "") -> Figure:
     modes = identification.modes
     what = f"MAC of the mode shapes: {source}" if source else "MAC of the mode shapes"
     if not len(modes):
-        return say(new_figure(what, origin(identification), width=8, height=3), NO_MODE)
+        return write_sentence(new_figure(what, origin(identification), width=8, height=3), NO_MODE)
     parts = [subset.modes for subset in identification.subsets]
     n_parts = sum(len(part) for part in parts)
     has_subsets = len(parts) > 1
@@ -83,8 +83,8 @@ def _draw_subsets(axes: Axes, parts: Sequence[Modes], members: Indices) -> None:
     for k, part in enumerate(parts):
         for index, frequency in enumerate(part.natural_frequency):
             names.append(f"S{k + 1}  {in_hertz(frequency)}")
-            found = np.flatnonzero(members[:, k] == index)
-            merged.append(int(found[0]) if found.size else None)
+            matches = np.flatnonzero(members[:, k] == index)
+            merged.append(int(matches[0]) if matches.size else None)
     draw_mac(axes, mac(together.mode_shapes, together.mode_shapes), names)
     for edge in np.cumsum([len(part) for part in parts])[:-1] - 0.5:
         axes.axhline(edge, color=INK, linewidth=1.5)
@@ -120,7 +120,7 @@ def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *
     for axes, (name, modes) in zip(panels, parts, strict=True):
         axes.set_title(name, fontsize=NORMAL)
         if not len(modes):
-            say_nothing(axes)
+            write_no_mode(axes)
             continue
         values = mac(reference.mode_shapes, modes.mode_shapes)
         axes.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto")
@@ -135,7 +135,7 @@ def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *
     return figure
 
 
-def say_nothing(axes: Axes) -> None:
+def write_no_mode(axes: Axes) -> None:
     """Write into an empty panel that no mode was identified."""
     axes.set_axis_off()
     axes.text(0.5, 0.5, NO_MODE, ha="center", va="center", fontsize=SMALL, color=INK, transform=axes.transAxes)

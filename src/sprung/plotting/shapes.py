@@ -25,7 +25,7 @@ from sprung.plotting.style import (
     new_figure,
     panel_grid,
     plain,
-    say,
+    write_sentence,
 )
 from sprung.recording import Channel
 
@@ -55,7 +55,7 @@ def shapes_figure(modes: Modes, channels: Sequence[Channel], *, source: str = ""
     """
     what = f"Mode shapes: {source}" if source else "Mode shapes"
     if not len(modes):
-        return say(new_figure(what, "", width=8, height=3), NO_MODE)
+        return write_sentence(new_figure(what, "", width=8, height=3), NO_MODE)
     shapes = body_shapes(modes, channels)
     return _bars(modes, what) if shapes is None else _bodies(modes, channels, shapes, what)
 
@@ -131,7 +131,7 @@ def complexity_figure(modes: Modes, *, source: str = "") -> Figure:
     """
     what = f"Complexity of the mode shapes: {source}" if source else "Complexity of the mode shapes"
     if not len(modes):
-        return say(new_figure(what, "", width=8, height=3), NO_MODE)
+        return write_sentence(new_figure(what, "", width=8, height=3), NO_MODE)
     n_rows, n_columns = panel_grid(len(modes), most_columns=4)
     where = "Radius: amplitude relative to the largest channel. Angle: phase relative to it."
     figure = new_figure(what, where, width=max(2.9 * n_columns, 7.5), height=1.4 + 2.9 * n_rows)

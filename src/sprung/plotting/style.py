@@ -88,7 +88,7 @@ def new_figure(what: str, where: str, *, width: float, height: float) -> Figure:
     return figure
 
 
-def say(figure: AnyFigure, sentence: str) -> AnyFigure:
+def write_sentence(figure: AnyFigure, sentence: str) -> AnyFigure:
     """Write a sentence in place of the panels of a figure."""
     axes = figure.add_subplot()
     axes.set_axis_off()

@@ -24,7 +24,7 @@ from sprung.plotting.style import (
     origin,
     panel_grid,
     plain,
-    say,
+    write_sentence,
 )
 
 #: Width of a mode's panels and height of both [in].
@@ -52,7 +52,9 @@ def subsets_figure(identification: Identification, *, source: str = "") -> Figur
     what = f"{what}: {source}" if source else what
     modes = identification.modes
     if any(subset.level is None for subset in identification.subsets):
-        return say(new_figure(what, origin(identification), width=8, height=3), "Segments were not sorted by level.")
+        return write_sentence(
+            new_figure(what, origin(identification), width=8, height=3), "Segments were not sorted by level."
+        )
     n_bands, n_columns = panel_grid(max(len(modes), 1), most_columns=_MOST_COLUMNS)
     width = max(_COLUMN * n_columns + 0.8, 8.5)
     figure = new_figure(what, origin(identification), width=width, height=2.9 + _BAND * n_bands)
@@ -61,7 +63,7 @@ def subsets_figure(identification: Identification, *, source: str = "") -> Figur
         _draw_modes(above, identification, n_bands, n_columns)
         figure.legend(handles=_legend(), loc="outside lower center", ncols=2, fontsize=SMALL, frameon=False)
     else:
-        say(above, NO_MODE)
+        write_sentence(above, NO_MODE)
     _draw_counts(below.subplots(), identification)
     return figure
 
@@ -135,19 +137,19 @@ def _draw_values(
 ) -> None:
     """Draw values at the middle of their levels, and a cross on the axis for a missing one."""
     centres, half = levels.mean(axis=1), np.diff(levels, axis=1)[:, 0] / 2
-    found = np.isfinite(values)
+    is_present = np.isfinite(values)
     axes.errorbar(
-        centres[found],
-        values[found],
-        xerr=half[found],
-        yerr=np.nan_to_num(intervals[found]),
+        centres[is_present],
+        values[is_present],
+        xerr=half[is_present],
+        yerr=np.nan_to_num(intervals[is_present]),
         fmt="o",
         color=colour,
         markersize=5.5,
         capsize=3,
         linewidth=1.2,
     )
-    for centre in centres[~found]:
+    for centre in centres[~is_present]:
         style: dict[str, Any] = {"marker": "X", "markersize": 6, "color": FAINT, "clip_on": False}
         axes.plot([centre], [0], transform=axes.get_xaxis_transform(), gid="not found", **style)
     low, high = levels.min(), levels.max()

@@ -1,4 +1,4 @@
-"""Skeleton of a chapter: one example, the same experiment with many seeds, and what the page says about both."""
+"""Skeleton of a chapter: one example, the same experiment with many seeds, and the contents of the page."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -28,7 +28,7 @@ from sprung.vehicles import Structure, read_description, structure
 
 RATE, DURATION, N_RECORDS = 500.0, 60.0, 20
 RATIOS = (10.0, 0.5)
-#: Bands of the noise [Hz]; the thesis says only "band-pass white noise".
+#: Bands of the noise [Hz]; the thesis states only "band-pass white noise".
 BANDS: dict[str, tuple[float, float] | None] = {"white": None, "0.5 to 50 Hz": (0.5, 50.0)}
 NAMES = {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"}
 #: Frequencies [Hz] and damping [%] of tables 4-2 and 4-3 by method and SNR, NaN where the thesis found none.

@@ -98,8 +98,8 @@ def experiment(seed: int) -> Real:
         runs = records(case, seed=seed)
         for j, how in enumerate(HOW):
             for k, (name, method) in enumerate(METHODS.items()):
-                given = settings(how) if name != "cov" or how == "thesis" else IdentificationSettings()
-                identification = method(runs, settings=given)
+                chosen = settings(how) if name != "cov" or how == "thesis" else IdentificationSettings()
+                identification = method(runs, settings=chosen)
                 match = matched(identification.modes, truth)
                 results[i, j, k, :3] = match.natural_frequency, match.damping_ratio, match.mac
                 results[i, j, k, 3] = match.n_others
@@ -223,9 +223,9 @@ def _verdict(runs: Real, truth: Modes) -> str:
     }
     change = 100 * (runs[:, 3, 1, 2, 5, 0] / runs[:, 3, 1, 2, 4, 0] - 1)
     default = 100 * np.mean(np.isfinite(runs[:, :, 1, :, 0]))
-    found = "; ".join(f"{case}: {text}" for case, text in shares.items())
+    cases = "; ".join(f"{case}: {text}" for case, text in shares.items())
     return (
-        f"Found with the thesis' settings, mean of the three modes: {found}. With sprung's defaults all three methods together find {default:.0f} %. "
+        f"Found with the thesis' settings, mean of the three modes: {cases}. With sprung's defaults all three methods together find {default:.0f} %. "
         f"Where both find a mode, CoSS-SSI is nearer to the truth than ACS-Cov-SSI by more than three standard errors in {len(wins)} of {len(wins) + len(losses) + neither} comparisons"
         + (f" ({'; '.join(wins)})" if wins else "")
         + f", and further from it in {len(losses)}"

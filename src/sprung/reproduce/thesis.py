@@ -43,10 +43,10 @@ def thesis_settings(
     band
         Lowest and highest natural frequency of interest [Hz].
     """
-    wishes = IdentificationSettings(
+    chosen = IdentificationSettings(
         decimate_to=sampling_rate, segment=segment, n_subsets=n_subsets, lifter=lifter, band=band
     )
-    return as_in_thesis(wishes, rows=rows, stable_rate=stable_rate)
+    return as_in_thesis(chosen, rows=rows, stable_rate=stable_rate)
 
 
 def number(value: float, *, digits: int = 2) -> str:

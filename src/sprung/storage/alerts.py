@@ -81,13 +81,13 @@ class Alerts:
 
     def notification_sent(self, notification_id: int, now: int) -> None:
         """Store that a notification was delivered."""
-        self._tried(notification_id, sent=now, last_error=None)
+        self._record_attempt(notification_id, sent=now, last_error=None)
 
     def notification_failed(self, notification_id: int, error: str) -> None:
         """Store that an attempt to send a notification failed, and the error."""
-        self._tried(notification_id, last_error=error)
+        self._record_attempt(notification_id, last_error=error)
 
-    def _tried(self, notification_id: int, **outcome: int | str | None) -> None:
+    def _record_attempt(self, notification_id: int, **outcome: int | str | None) -> None:
         """Store the outcome of one attempt."""
         is_open = NOTIFICATIONS.c.sent.is_(None)
         notification = update(NOTIFICATIONS).where(NOTIFICATIONS.c.id == notification_id, is_open)

@@ -55,6 +55,6 @@ class Requests:
 
     def command_done(self, command_id: int, now: int, *, detail: Any = None) -> None:
         """Store that a request was completed; `detail` replaces that of the request, if given."""
-        one = update(COMMANDS).where(COMMANDS.c.id == command_id, COMMANDS.c.done.is_(None))
+        statement = update(COMMANDS).where(COMMANDS.c.id == command_id, COMMANDS.c.done.is_(None))
         with self._database.writing() as connection:
-            connection.execute(one.values(done=now, **({} if detail is None else {"detail": detail})))
+            connection.execute(statement.values(done=now, **({} if detail is None else {"detail": detail})))

@@ -35,11 +35,14 @@ class Results:
         of_boot = {"vehicle": progress.vehicle, "boot": progress.boot}
         with self._database.writing() as connection:
             _mark_done(connection, progress)
-            self._add(connection, OBSERVATIONS, [of_boot | _numbered(one) for one in progress.observations])
-            self._add(connection, MODES, [of_boot | _numbered(one) for one in progress.modes])
-            self._add(connection, FINDINGS, [of_boot | one for one in _placed(progress.findings)])
+            self._add(connection, OBSERVATIONS, [of_boot | _numbered(entry) for entry in progress.observations])
+            self._add(connection, MODES, [of_boot | _numbered(entry) for entry in progress.modes])
+            self._add(connection, FINDINGS, [of_boot | row for row in _placed(progress.findings)])
             names = ("version", "created", "reason", "document")
-            rows = [{"vehicle": progress.vehicle, **dict(zip(names, one, strict=True))} for one in progress.baselines]
+            rows = [
+                {"vehicle": progress.vehicle, **dict(zip(names, baseline, strict=True))}
+                for baseline in progress.baselines
+            ]
             self._add(connection, BASELINES, rows)
             if progress.snapshot is not None:
                 self._put_snapshot(connection, progress, progress.snapshot)
@@ -107,12 +110,12 @@ def _mark_done(connection: Connection, progress: Progress) -> None:
     connection.execute(delete(FRAMES).where(of_frames, FRAMES.c.seq <= progress.delete_through_seq))
 
 
-def _numbered(one: Numbered) -> dict[str, Any]:
+def _numbered(entry: Numbered) -> dict[str, Any]:
     """Return the columns of a document about a numbered window."""
-    return dict(zip(("number", "t0", "document"), one, strict=True))
+    return dict(zip(("number", "t0", "document"), entry, strict=True))
 
 
 def _placed(findings: tuple[Numbered, ...]) -> list[dict[str, Any]]:
     """Return the columns of findings, counted within each window."""
     numbers = [number for number, _, _ in findings]
-    return [_numbered(one) | {"place": numbers[:k].count(one[0])} for k, one in enumerate(findings)]
+    return [_numbered(finding) | {"place": numbers[:k].count(finding[0])} for k, finding in enumerate(findings)]

@@ -251,7 +251,9 @@ class Structure:
             check_number(f"factor of {component}", factor, at_least=0)
         elements = []
         for element in self.elements:
-            of_stiffness, of_damping = (1.0 if one is None else factors.get(one, 1.0) for one in element.components)
+            of_stiffness, of_damping = (
+                1.0 if component is None else factors.get(component, 1.0) for component in element.components
+            )
             elements.append(
                 replace(element, stiffness=of_stiffness * element.stiffness, damping=of_damping * element.damping)
             )

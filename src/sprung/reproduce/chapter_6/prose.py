@@ -1,4 +1,4 @@
-"""Tables of the plate and the car, and what the page says about them."""
+"""Tables of the plate and the car, and the text of the page."""
 
 import numpy as np
 
