@@ -75,3 +75,11 @@ def same() -> Callable[[Any, Any], bool]:
 def plain(check_document) -> Callable[[Any], Any]:
     """Return a function from a document to its fields as a reader of its JSON text has them, checked by its schema."""
     return lambda document: check_document(json.loads(document_text(document)))
+
+
+@pytest.fixture(scope="session")
+def identification() -> sprung.Identification:
+    """Two subsets of a minute of the chain of three masses."""
+    chain = sprung.structure(sprung.read_description("chain3"))
+    run = sprung.simulate(chain, sprung.usual_excitation(chain), duration=60.0, sampling_rate=200.0, snr=10, seed=1)
+    return sprung.coss_ssi(run, settings=sprung.IdentificationSettings(n_subsets=2, lifter=sprung.ShortPass(2.0)))

@@ -1,20 +1,11 @@
 """Documents of identifications and modes: what is written is read again."""
 
-import numpy as np
 import pytest
 
 import sprung
 from sprung.documents import (
     identification_document,
-    mode_documents,
 )
-
-
-@pytest.fixture(scope="module")
-def identification():
-    chain = sprung.structure(sprung.read_description("chain3"))
-    run = sprung.simulate(chain, sprung.usual_excitation(chain), duration=60.0, sampling_rate=200.0, snr=10, seed=1)
-    return sprung.coss_ssi(run, settings=sprung.IdentificationSettings(n_subsets=2, lifter=sprung.ShortPass(2.0)))
 
 
 def test_an_identification_is_read_as_it_was_written(identification, plain, tmp_path) -> None:
@@ -29,15 +20,6 @@ def test_an_identification_is_read_as_it_was_written(identification, plain, tmp_
     )
 
 
-def test_modes_of_a_document_are_those_of_the_identification(identification, tmp_path) -> None:
-    sprung.write_identification(identification, tmp_path / "modes.json")
-    modes = sprung.read_identification(tmp_path / "modes.json").as_modes()
-    np.testing.assert_allclose(modes.poles, identification.modes.poles, rtol=1e-12)
-    np.testing.assert_array_equal(modes.mode_shapes, identification.modes.mode_shapes)
-    np.testing.assert_array_equal(modes.damping_ratio_std, identification.modes.damping_ratio_std)
-    assert (modes.labels, modes.channels) == (identification.modes.labels, identification.modes.channels)
-
-
 def test_harmonics_have_the_unit_of_their_kind(identification, plain) -> None:
     from dataclasses import replace
 
@@ -50,9 +32,3 @@ def test_harmonics_have_the_unit_of_their_kind(identification, plain) -> None:
     assert [line["unit"] for line in written] == ["Hz", "1/m"]
     assert list(written[0])[-1] == "unit"
     assert identification_document(replace(identification, harmonics=document.harmonics)).harmonics == lines
-
-
-def test_modes_alone_are_those_of_a_subset(identification, plain) -> None:
-    subset = identification.subsets[0]
-    written = plain(identification_document(identification))
-    assert mode_documents(subset.modes) == written["subsets"][0]["modes"]

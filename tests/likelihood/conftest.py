@@ -1,10 +1,12 @@
 """Models of a car with every block of parameters, and spectra that they give themselves."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from sprung._arrays import Real
 from sprung.likelihood import (
     AddedMass,
     ClassRoughness,
@@ -25,19 +27,21 @@ from sprung.likelihood import (
     vehicle_model,
 )
 from sprung.likelihood.spectra import onto_grid, through_window
-from sprung.likelihood.transfer import term_gradients, transfer
+from sprung.likelihood.terms import Terms
+from sprung.likelihood.transfer import TermGradients, term_gradients, transfer
 from sprung.likelihood.whittle import minus_log_likelihood
-from sprung.vehicles import Sensor, read_vehicle, structure
+from sprung.vehicles import Sensor, Structure, Vehicle, read_vehicle, structure
 
 SEGMENT = 5.12
 
 
 @pytest.fixture(scope="session")
-def car():
+def car() -> Vehicle:
+    """A car with an accelerometer above every wheel."""
     return read_vehicle("zafira")
 
 
-def _classes(n_coordinates, *, counts=9.0, n_classes=6):
+def _classes(n_coordinates: int, *, counts: float = 9.0, n_classes: int = 6) -> ClassSpectra:
     """Speed classes without data."""
     f = np.arange(4, 100) / SEGMENT
     unit = np.broadcast_to(np.eye(n_coordinates, dtype=complex), (n_classes, f.size, n_coordinates, n_coordinates))
@@ -45,13 +49,20 @@ def _classes(n_coordinates, *, counts=9.0, n_classes=6):
     return ClassSpectra(f, np.full(n_classes, counts), speeds, spreads, unit, SEGMENT, np.full(unit.shape[:2], counts))
 
 
-def _road_blocks(vehicle, nominal, spectra):
+def _road_blocks(vehicle: Vehicle, nominal: Structure, spectra: ClassSpectra) -> tuple[RoadInputs, ClassRoughness]:
     """A road and its classes."""
     positions = np.repeat([axle.x for axle in vehicle.axle], 2)
     return RoadInputs(spectra, positions, np.array([1.0, -1.0, 1.0, -1.0])), ClassRoughness(spectra.counts.size)
 
 
-def _road_model(vehicle, *, spectra=None, parts=(), inputs=_road_blocks, sensors=False):
+def _road_model(
+    vehicle: Vehicle,
+    *,
+    spectra: ClassSpectra | None = None,
+    parts: tuple[MassParameter, ...] = (),
+    inputs: Callable[[Vehicle, Structure, ClassSpectra], Sequence[ParameterBlock]] = _road_blocks,
+    sensors: bool = False,
+) -> Model:
     """The model of a vehicle on a road with all its corners free."""
     nominal = structure(vehicle)
     layout = rigid_layout(nominal)
@@ -70,7 +81,13 @@ def _road_model(vehicle, *, spectra=None, parts=(), inputs=_road_blocks, sensors
     return Model(nominal, layout, spectra, (*blocks, *inputs(vehicle, nominal, spectra), SensorNoise(layout)))
 
 
-def _with_data(model, parameters, *, counts=None, generator=None):
+def _with_data(
+    model: Model,
+    parameters: Real,
+    *,
+    counts: float | None = None,
+    generator: np.random.Generator | None = None,
+) -> Model:
     """The model with the spectra that its own parameters give, exactly or drawn as Wishart matrices."""
     matrices = model.matrix(parameters)
     if generator is not None:
@@ -86,12 +103,12 @@ def _with_data(model, parameters, *, counts=None, generator=None):
     return replace(model, spectra=spectra)
 
 
-def _somewhere(model, seed=0, size=0.1):
+def _somewhere(model: Model, seed: int = 0, size: float = 0.1) -> Real:
     """Random parameters near the start."""
     return model.start + size * np.random.default_rng(seed).standard_normal(model.start.size)
 
 
-def _imu():
+def _imu() -> tuple[Sensor, ...]:
     """Sensors of a six-axis inertial measurement unit ahead of the centre of gravity."""
     place, up, ahead, left = (0.3, 0.1, 0.2), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
     rates = (("wx", ahead), ("wy", left), ("wz", up))
@@ -103,7 +120,7 @@ def _imu():
 
 
 @pytest.fixture(params=["plain", "bushed", "loaded", "imu", "sensors", "rail", "rig"])
-def model(request, car):
+def model(request: pytest.FixtureRequest, car: Vehicle) -> Model:
     """Models with every block of parameters."""
     if request.param == "bushed":
         axles = tuple(axle.model_copy(update={"damper_bushing_stiffness": 60e3}) for axle in car.axle)
@@ -121,34 +138,38 @@ def model(request, car):
     return _road_model(car.model_copy(update={"sensor": _imu()}) if request.param == "imu" else car)
 
 
-def _rail_blocks(vehicle, nominal, spectra):
+def _rail_blocks(vehicle: Vehicle, nominal: Structure, spectra: ClassSpectra) -> tuple[RailInputs, ClassRoughness]:
     """A track and its classes."""
     road, by_class = _road_blocks(vehicle, nominal, spectra)
     return RailInputs(spectra, road.positions, road.sides, contact_length=0.01), by_class
 
 
 @pytest.fixture(scope="session")
-def somewhere():
+def somewhere() -> Callable[..., Real]:
+    """Return a function from a model to random parameters near its start."""
     return _somewhere
 
 
 @pytest.fixture(scope="session")
-def classes():
+def classes() -> Callable[..., ClassSpectra]:
+    """Return a function from a number of coordinates to speed classes without data."""
     return _classes
 
 
 @pytest.fixture(scope="session")
-def road_model():
+def road_model() -> Callable[..., Model]:
+    """Return a function from a vehicle to its model on a road."""
     return _road_model
 
 
 @pytest.fixture(scope="session")
-def with_data():
+def with_data() -> Callable[..., Model]:
+    """Return a function from a model and parameters to the model with the spectra that these give."""
     return _with_data
 
 
 @pytest.fixture(scope="session")
-def whole_model():
+def whole_model() -> Callable[..., Model]:
     """Return a function from a shipped vehicle and what drives it to a model with every block that it can have."""
 
     def model(name, kind):
@@ -163,13 +184,13 @@ def whole_model():
 
 
 @pytest.fixture(scope="session")
-def misfit():
+def misfit() -> Callable[[Model, Terms], float]:
     """Return a function from a model and terms to their likelihood, without a prior."""
     return lambda model, terms: minus_log_likelihood(through_window(transfer(terms).spectral_matrix), model.spectra)[0]
 
 
 @pytest.fixture(scope="session")
-def gradients_of():
+def gradients_of() -> Callable[[Model, Terms], TermGradients]:
     """Return a function from a model and terms to the gradients of the likelihood with respect to the terms."""
 
     def gradients(model, terms):

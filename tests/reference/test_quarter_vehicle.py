@@ -29,7 +29,7 @@ def records(case):
 
 
 def is_true_mode(modes):
-    """Tell which modes lie within 5 % of a true one."""
+    """Whether each mode lies within 5 % of a true one."""
     return np.abs(modes.natural_frequency[:, None] / FREQUENCIES - 1).min(axis=1) < 0.05
 
 
