@@ -205,7 +205,7 @@ class Broker:
 
 
 @pytest.fixture(scope="session")
-def mosquitto(tmp_path_factory):
+def mosquitto(tmp_path_factory: pytest.TempPathFactory):
     """Return a function from a configuration (None: plain, open to anybody) to a running broker of that kind."""
     if PROGRAM is None:
         pytest.skip("no mosquitto: install Debian's package (scripts/system-packages)")

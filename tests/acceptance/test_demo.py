@@ -9,7 +9,7 @@ import pytest
 
 
 @pytest.mark.slow
-def test_demo_finds_the_spring_and_the_sensor():
+def test_demo_finds_the_spring_and_the_sensor() -> None:
     program = Path(sys.executable).with_name("sprung")
     words = [program, "demo", "--pace", "90", "--minutes", "8"]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}

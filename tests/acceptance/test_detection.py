@@ -13,7 +13,7 @@ pytest.importorskip("numba")
 
 
 @pytest.mark.slow
-def test_a_tenth_is_found_whatever_the_file_knows(tmp_path):
+def test_a_tenth_is_found_whatever_the_file_knows(tmp_path: Path) -> None:
     # A car whose file is complete, with the thesis' way beside ours, and one whose geometry is 3 % wrong.
     lives = tmp_path / "lives.jsonl"
     command = [sys.executable, BENCHMARK, "--seeds", "4", "5", "--healthy", "3", "--jobs", "2", "--lives", lives]

@@ -50,7 +50,7 @@ ORDINARY = {"half_track": 0.75, "spring_stiffness": 21.0, "damping": 1.35, "tyre
 
 @pytest.mark.slow
 @pytest.mark.parametrize("log", ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"])
-def test_canedge_car(real_file, log):
+def test_canedge_car(real_file, log) -> None:
     run = read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet"))
     found = cov_ssi(run, vehicle=parse_vehicle(CANEDGE), settings=IdentificationSettings(band=(0.5, 40.0)))
     # Bounce and pitch lie together at 1.3 to 1.7 Hz, 15 to 45 % damped.
@@ -65,7 +65,7 @@ def test_canedge_car(real_file, log):
 
 
 @pytest.mark.slow
-def test_modes_of_the_same_car_at_6_and_at_19_metres_per_second(real_file):
+def test_modes_of_the_same_car_at_6_and_at_19_metres_per_second(real_file) -> None:
     logs = ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"]
     runs = [read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet")) for log in logs]
     settings = IdentificationSettings(band=(0.5, 40.0))
@@ -77,7 +77,7 @@ def test_modes_of_the_same_car_at_6_and_at_19_metres_per_second(real_file):
 
 
 @pytest.mark.slow
-def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_file):
+def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_file) -> None:
     """Make, masses and the sensor's place are unknown: an ordinary car per kilogram, held within 20 %.
 
     Free places move the sensor from wherever it is put to 1.3 to 1.7 m behind the centre of gravity, in both logs.
@@ -106,7 +106,7 @@ def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_
 
 
 @pytest.mark.slow
-def test_corners_from_one_minute_of_a_real_car_are_not_told(real_file):
+def test_corners_from_one_minute_of_a_real_car_are_not_told(real_file) -> None:
     described = {**CANEDGE, "speed_channel": "speed", "axle": [ORDINARY | {"x": 1.15}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [
         {"channel": "az", "quantity": "acceleration", "position": [0.5, 0.0, 0.5], "direction": [0.0, 0.0, 1.0]},
@@ -139,7 +139,7 @@ def comma_run(real_file):
 
 
 @pytest.mark.slow
-def test_comma_car(real_file):
+def test_comma_car(real_file) -> None:
     found = cov_ssi(comma_run(real_file))
     body = found.modes.take(np.flatnonzero(found.modes.natural_frequency < 5))
     assert len(body) == 1
@@ -149,14 +149,14 @@ def test_comma_car(real_file):
     assert body.labels[0] in {"bounce", "pitch"}
 
 
-def test_sensor_of_the_car_turns_into_the_bodys_axes():
+def test_sensor_of_the_car_turns_into_the_bodys_axes() -> None:
     sensor = Sensor.model_validate(CANEDGE["sensor"][2])
     assert sensor.as_channel().direction == (-1.0, 0.0, 0.0)
     assert sensor.factor == pytest.approx(np.pi / 180)
 
 
 @pytest.mark.slow
-def test_no_finding_between_two_logs_of_the_same_car(real_file):
+def test_no_finding_between_two_logs_of_the_same_car(real_file) -> None:
     """Learnt on the drive of ten minutes in windows of two, tried on the slow one."""
     described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]

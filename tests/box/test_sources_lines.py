@@ -16,7 +16,7 @@ def taken(text, *, rate=10.0, start=lambda: START):
     return list(from_lines(io.StringIO(text), sampling_rate=rate, start=start))
 
 
-def test_lines_become_blocks_of_a_second_in_si_units():
+def test_lines_become_blocks_of_a_second_in_si_units() -> None:
     lines = ["acc_fl [g], speed [km/h] ,raw", *[f"{k},{3.6 * k}, {k * k} " for k in range(25)]]
     blocks = taken("\n".join(lines))
     assert [block.n_samples for block in blocks] == [10, 10, 5]
@@ -27,7 +27,7 @@ def test_lines_become_blocks_of_a_second_in_si_units():
     assert np.allclose(found, [STANDARD_GRAVITY * k, k, k * k])
 
 
-def test_missing_values_blank_lines_marks_and_quotes():
+def test_missing_values_blank_lines_marks_and_quotes() -> None:
     (block,) = taken('\ufeff"a","b"\r\n1,\r\n\r\nNaN,"2"\r\n  \r\n,null')
     assert block.names == ("a", "b")
     assert np.array_equal(block.samples, [[1, np.nan, np.nan], [np.nan, 2, np.nan]], equal_nan=True)
@@ -46,7 +46,7 @@ def test_missing_values_blank_lines_marks_and_quotes():
         ("a" * 70_000, "line 1 of standard input is longer than 65536 characters"),
     ],
 )
-def test_first_lines_that_name_no_channels(text, said):
+def test_first_lines_that_name_no_channels(text, said) -> None:
     with pytest.raises(FormatError, match=said):
         taken(text)
 
@@ -65,7 +65,7 @@ def test_first_lines_that_name_no_channels(text, said):
         ("1," * 40_000, "line 13 of standard input is longer"),
     ],
 )
-def test_bad_lines_are_named_after_the_samples_before_them(line, said):
+def test_bad_lines_are_named_after_the_samples_before_them(line, said) -> None:
     blocks = []
     with pytest.raises(FormatError, match=said):
         blocks.extend(from_lines_into(blocks, "a,b\n" + "1,2\n" * 11 + line + "\n1,2\n"))
@@ -79,13 +79,13 @@ def from_lines_into(blocks, text):
     return []
 
 
-def test_bytes_that_are_no_text():
+def test_bytes_that_are_no_text() -> None:
     stream = io.TextIOWrapper(io.BytesIO(b"a\n1\n" + b"\xff\xfe\n" * 3), encoding="utf-8")
     with pytest.raises(FormatError, match="of standard input is not text in UTF-8"):
         list(from_lines(stream, sampling_rate=10.0, start=lambda: START))
 
 
-def test_sampling_rate_is_refused_at_once():
+def test_sampling_rate_is_refused_at_once() -> None:
     with pytest.raises(ParameterError, match="sampling_rate=0 must be above 0"):
         from_lines(io.StringIO("a\n"), sampling_rate=0.0, start=lambda: START)
 
@@ -126,7 +126,7 @@ def spans(times, rate=10.0):
     return [(round(begin, 6), n_samples) for begin, n_samples in found]
 
 
-def test_times_are_those_at_which_lines_come():
+def test_times_are_those_at_which_lines_come() -> None:
     steady = np.arange(40) / 10
     assert spans(steady) == [(0, 40)]
     assert spans(0.5 + steady * 1.001) == [(0.5, 40)]
@@ -140,7 +140,7 @@ def test_times_are_those_at_which_lines_come():
     assert spans([*steady[:25], *(steady[25:] - 3600)]) == [(0, 25), (-3597.5, 15)]
 
 
-def test_a_slow_consumer_is_no_pause():
+def test_a_slow_consumer_is_no_pause() -> None:
     sender = Sender(np.arange(40) / 10)
     begins = []
     for block in from_lines(sender, sampling_rate=10.0, start=sender.clock):

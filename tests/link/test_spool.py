@@ -1,6 +1,7 @@
 """The spool: nothing that was kept is lost before it is acknowledged, and never too many bytes."""
 
 import shutil
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -20,7 +21,7 @@ def held(spool):
     return [(boot, seq) for boot, seq, _ in spool.frames()]
 
 
-def test_frames_come_back_in_order_after_a_restart(tmp_path):
+def test_frames_come_back_in_order_after_a_restart(tmp_path: Path) -> None:
     first = filled(tmp_path, 30)
     first.acknowledge(first.boot, 9)
     first.close()
@@ -32,7 +33,7 @@ def test_frames_come_back_in_order_after_a_restart(tmp_path):
     assert [payload[:5] for _, _, payload in second.frames(boot=1, after=2)] == [b"1/3/.", b"1/4/."]
 
 
-def test_a_spool_belongs_to_one_box(tmp_path):
+def test_a_spool_belongs_to_one_box(tmp_path: Path) -> None:
     first = filled(tmp_path, 3)
     with pytest.raises(SpoolError, match="in use by another box"):
         Spool(tmp_path)
@@ -40,7 +41,7 @@ def test_a_spool_belongs_to_one_box(tmp_path):
     assert Spool(tmp_path).boot == 1
 
 
-def test_oldest_go_first_and_are_counted(tmp_path):
+def test_oldest_go_first_and_are_counted(tmp_path: Path) -> None:
     spool = filled(tmp_path, 400, most_bytes=16_384)
     assert spool.n_bytes <= 16_384
     kept = [seq for _, seq in held(spool)]
@@ -50,7 +51,7 @@ def test_oldest_go_first_and_are_counted(tmp_path):
 
 
 @pytest.mark.parametrize("cut", range(0, 126 * 3, 7))
-def test_a_torn_end_loses_the_torn_frame_only(tmp_path, cut):
+def test_a_torn_end_loses_the_torn_frame_only(tmp_path: Path, cut) -> None:
     filled(tmp_path, 3).close()
     (path,) = tmp_path.glob("*.spool")
     data = path.read_bytes()
@@ -60,7 +61,7 @@ def test_a_torn_end_loses_the_torn_frame_only(tmp_path, cut):
     assert held(again) == [(0, seq) for seq in range(cut // record)] + [(1, 0)]
 
 
-def test_a_flipped_bit_hides_no_other_file(tmp_path):
+def test_a_flipped_bit_hides_no_other_file(tmp_path: Path) -> None:
     filled(tmp_path, 200, most_bytes=65_536).close()
     first = sorted(tmp_path.glob("*.spool"))[0]
     data = bytearray(first.read_bytes())
@@ -72,14 +73,14 @@ def test_a_flipped_bit_hides_no_other_file(tmp_path):
     assert len(found) > 160
 
 
-def test_a_new_disk_counts_on_from_the_time(tmp_path):
+def test_a_new_disk_counts_on_from_the_time(tmp_path: Path) -> None:
     first = Spool(tmp_path / "a", boot_from=1_700_000_000)
     assert first.boot == 1_700_000_000
     first.close()
     assert Spool(tmp_path / "a", boot_from=5).boot == 1_700_000_001
 
 
-def test_a_disk_that_refuses_drops_and_goes_on(tmp_path, monkeypatch):
+def test_a_disk_that_refuses_drops_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     spool = filled(tmp_path, 3)
     shutil.rmtree(tmp_path)
     spool.close()
@@ -96,7 +97,7 @@ def test_a_disk_that_refuses_drops_and_goes_on(tmp_path, monkeypatch):
 @given(
     st.lists(st.one_of(st.integers(1, 20), st.just("again"), st.just("ack"), st.just("loss")), max_size=25), st.data()
 )
-def test_sending_delivers_all_whatever_is_lost(tmp_path_factory, steps, data):
+def test_sending_delivers_all_whatever_is_lost(tmp_path_factory: pytest.TempPathFactory, steps, data) -> None:
     """A receiver that acknowledges the highest contiguous number, on a link that loses and is cut."""
     folder = tmp_path_factory.mktemp("spool")
     spool, now, received = Spool(folder, is_synced=False), 0.0, set()
@@ -127,7 +128,7 @@ def test_sending_delivers_all_whatever_is_lost(tmp_path_factory, steps, data):
     assert held(spool) == []
 
 
-def test_where_the_boot_before_ended_is_known(tmp_path):
+def test_where_the_boot_before_ended_is_known(tmp_path: Path) -> None:
     first = filled(tmp_path, 7)
     assert first.previous is None
     first.acknowledge(0, 6)

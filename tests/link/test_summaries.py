@@ -18,7 +18,7 @@ def run():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_modes_of_a_summary_are_those_of_the_recording(run, method):
+def test_modes_of_a_summary_are_those_of_the_recording(run, method) -> None:
     whole = METHODS[method](run).modes
     modes = modes_of_summary(summarise(method, run))
     assert np.array_equal(modes.poles, whole.poles)
@@ -26,7 +26,7 @@ def test_modes_of_a_summary_are_those_of_the_recording(run, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method):
+def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method) -> None:
     """To 1e-6 Hz: a hundredth of a standard deviation is 1e-4 Hz here."""
     summary = summarise(method, run)
     wire = cbor2.dumps(summary_document(summary))
@@ -38,7 +38,7 @@ def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method):
     assert len(wire) < 850_000
 
 
-def test_what_is_no_summary_is_refused(run):
+def test_what_is_no_summary_is_refused(run) -> None:
     document = summary_document(summarise("cov", run))
     for change in ({"plan": 5}, {"averages": []}, {"method": "coss"}, {"levels": [[1]] * 9}):
         with pytest.raises(FormatError, match="incomplete or invalid"):

@@ -1,6 +1,7 @@
 """Drives, frames, and a station without processes and network."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -193,7 +194,7 @@ def new_bench():
 
 
 @pytest.fixture
-def bench(tmp_path, car, drive):
+def bench(tmp_path: Path, car, drive):
     made = []
 
     def begun(folder=tmp_path, **site):

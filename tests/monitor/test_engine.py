@@ -32,7 +32,7 @@ def fed(monitor, recording, cuts):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_online_is_batch(car, drive, alike, seed):
+def test_online_is_batch(car, drive, alike, seed) -> None:
     run = drive(0)
     cuts = np.random.default_rng(seed).integers(1, run.n_samples, [3, 60, 700][seed])
     events = fed(VehicleMonitor(car, settings=SETTINGS), run, cuts)
@@ -42,7 +42,7 @@ def test_online_is_batch(car, drive, alike, seed):
     assert np.array_equal(events[-1].recording.samples, run.samples)
 
 
-def test_window_ends_within_a_block(car, drive, alike):
+def test_window_ends_within_a_block(car, drive, alike) -> None:
     whole = joined([drive(0), drive(1)])
     monitor = VehicleMonitor(car, settings=MonitorSettings(identify_every=0))
     events = list(monitor.update(whole))
@@ -54,7 +54,7 @@ def test_window_ends_within_a_block(car, drive, alike):
     assert monitor.buffered == 0
 
 
-def test_it_learns_and_finds(car, drive):
+def test_it_learns_and_finds(car, drive) -> None:
     monitor = VehicleMonitor(car, settings=SETTINGS)
     for number in range(4):
         assert monitor.learning == (number, 4)
@@ -79,7 +79,7 @@ def test_it_learns_and_finds(car, drive):
         monitor.learn_again(" ")
 
 
-def test_it_goes_on_from_its_state(car, drive, alike):
+def test_it_goes_on_from_its_state(car, drive, alike) -> None:
     """A restart after every window, and in the middle of one, changes nothing."""
     faulty = [drive(5, "rear_right.damper=-0.3"), drive(6, "rear_right.damper=-0.3")]
     drives = [*(drive(number) for number in range(5)), *faulty]
@@ -109,7 +109,7 @@ def test_it_goes_on_from_its_state(car, drive, alike):
         VehicleMonitor.from_state(car, {"schema": "sprung.vehicle-monitor/1"})
 
 
-def test_evidence_is_that_of_the_batch(car, drive, alike):
+def test_evidence_is_that_of_the_batch(car, drive, alike) -> None:
     """Through restarts, and a window with a dead sensor."""
     settings = MonitorSettings(window=120.0, identify_every=0, learning_windows=2)
     runs = [drive(0), drive(1, "front_left.spring=-0.4")]
@@ -132,7 +132,7 @@ def test_evidence_is_that_of_the_batch(car, drive, alike):
     assert batch.detection.first_alert is not None
 
 
-def test_evidence_of_windows_that_are_forgotten_goes(car, drive):
+def test_evidence_of_windows_that_are_forgotten_goes(car, drive) -> None:
     settings = MonitorSettings(window=120.0, identify_every=0, learning_windows=2, most_windows=3)
     monitor = VehicleMonitor(car, settings=settings)
     monitor.update(drive(0))
@@ -144,7 +144,7 @@ def test_evidence_of_windows_that_are_forgotten_goes(car, drive):
     assert after.evidence[:2].tolist() == before.evidence[1:].tolist()
 
 
-def test_frames_give_what_their_samples_give(car, drive, frames_of, alike):
+def test_frames_give_what_their_samples_give(car, drive, frames_of, alike) -> None:
     run = drive(0)
     blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]
     monitor = VehicleMonitor(car, settings=SETTINGS)
@@ -155,7 +155,7 @@ def test_frames_give_what_their_samples_give(car, drive, frames_of, alike):
     )
 
 
-def test_other_channels_begin_a_new_window(car, drive):
+def test_other_channels_begin_a_new_window(car, drive) -> None:
     run = drive(0)
     monitor = VehicleMonitor(car, settings=SETTINGS)
     monitor.update(run.part(0, 60_000))
@@ -163,7 +163,7 @@ def test_other_channels_begin_a_new_window(car, drive):
     assert monitor.buffered == pytest.approx(600 / run.n_samples)
 
 
-def test_gaps_and_steps_of_the_clock():
+def test_gaps_and_steps_of_the_clock() -> None:
     channel = (Channel("a", "acceleration"),)
 
     def block(start):
@@ -176,7 +176,7 @@ def test_gaps_and_steps_of_the_clock():
     assert (back.index, back.duration) == (100, 0.01)
 
 
-def test_memory_of_a_vehicle_is_bounded(car, drive, frames_of):
+def test_memory_of_a_vehicle_is_bounded(car, drive, frames_of) -> None:
     """Ten minutes of 4 accelerations and speed at 200 Hz: frames of 16 bits, below 1.3 MB."""
     run = drive(0)
     blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]

@@ -10,7 +10,7 @@ from sprung.errors import ParameterError
 from sprung.monitor import FIGURES, Serving
 
 
-def test_metrics_and_health():
+def test_metrics_and_health() -> None:
     troubles = []
     one = Serving(("127.0.0.1", 0), figures=lambda: dict.fromkeys(FIGURES, 2.5), troubles=lambda: troubles)
     one.open()
@@ -33,7 +33,7 @@ def test_metrics_and_health():
     one.close()
 
 
-def test_an_address_in_use_is_refused():
+def test_an_address_in_use_is_refused() -> None:
     first = Serving(("127.0.0.1", 0), figures=dict, troubles=list)
     assert first.port is None
     first.open()

@@ -7,7 +7,7 @@ from sprung.monitor import Stream
 from sprung.storage import Cursor, StoredFrame
 
 
-def test_order_of_boots():
+def test_order_of_boots() -> None:
     stream = Stream()
     frames = {1: list(range(3)), 2: list(range(4))}
     stream.arrived(2, 3)
@@ -31,7 +31,7 @@ def test_order_of_boots():
 
 
 @pytest.mark.parametrize("kind", ["raw", "modes"])
-def test_a_boot_waits_for_the_one_before(kind):
+def test_a_boot_waits_for_the_one_before(kind) -> None:
     """Also where it begins with a report, which is not a frame."""
     document = {Key.BOOT: 2, Key.SEQ: 0, Key.START: 5, Key.KIND: kind, Key.PREVIOUS: [1, 3]}
     first = StoredFrame("car-1", 2, 0, 5, message(document), kind)
@@ -47,7 +47,7 @@ def test_a_boot_waits_for_the_one_before(kind):
     assert stream.next_frames(pending, 10) == [first]
 
 
-def test_backlog_and_position():
+def test_backlog_and_position() -> None:
     stream = Stream()
     assert (stream.position, stream.backlog, stream.has_waiting) == ((0, -1), 0, False)
     stream.arrived(1, 4)

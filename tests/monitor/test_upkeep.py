@@ -1,6 +1,7 @@
 """Samples that people ask for: until they have come; and a broker that is away, in the log."""
 
 import logging
+from pathlib import Path
 
 import pytest
 
@@ -39,7 +40,7 @@ def is_open(one, number):
 
 
 @pytest.fixture
-def asking(bench, tmp_path):
+def asking(bench, tmp_path: Path):
     """A monitor that knows car-1, and a request for its samples."""
     one = bench(tmp_path)
     one.describe()
@@ -47,7 +48,7 @@ def asking(bench, tmp_path):
     return one, one.store.requests.add_command("anna", "car-1", "raw", TIMES, now=BEGUN)
 
 
-def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking):
+def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking) -> None:
     one, number = asking
     look(one)
     assert wishes(one) == [{0: 1, "do": "raw", "number": number, **TIMES}]
@@ -63,7 +64,7 @@ def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking):
     assert wishes(one) == []  # nothing was heard since
 
 
-def test_a_request_is_not_repeated_more_often_than_every_ten_seconds(asking):
+def test_a_request_is_not_repeated_more_often_than_every_ten_seconds(asking) -> None:
     one, _ = asking
     look(one)
     for _ in range(9):
@@ -74,7 +75,7 @@ def test_a_request_is_not_repeated_more_often_than_every_ten_seconds(asking):
     assert len(wishes(one)) == 1
 
 
-def test_a_request_is_not_lost_while_the_broker_is_away(asking, monkeypatch):
+def test_a_request_is_not_lost_while_the_broker_is_away(asking, monkeypatch: pytest.MonkeyPatch) -> None:
     one, number = asking
     with monkeypatch.context() as away:
         away.setattr(one.link, "publish", lambda *_: False)
@@ -83,7 +84,7 @@ def test_a_request_is_not_lost_while_the_broker_is_away(asking, monkeypatch):
     assert [wish["number"] for wish in wishes(one)] == [number]
 
 
-def test_a_request_outlasts_the_monitor(asking, bench, tmp_path):
+def test_a_request_outlasts_the_monitor(asking, bench, tmp_path: Path) -> None:
     one, number = asking
     look(one)
     one.close()
@@ -92,7 +93,7 @@ def test_a_request_outlasts_the_monitor(asking, bench, tmp_path):
     assert [wish["number"] for wish in wishes(again)] == [number]
 
 
-def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, drive, frames_of):
+def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, drive, frames_of) -> None:
     one, number = asking
     frames = frames_of(drive(0))[:5]
     answer(one, number)
@@ -110,7 +111,7 @@ def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, d
     assert one.store.requests.command(number).detail == {"asked": TIMES, **ANSWER}
 
 
-def test_an_answer_without_samples_ends_a_request(asking):
+def test_an_answer_without_samples_ends_a_request(asking) -> None:
     one, number = asking
     answer(one, number, last=-1, frames=0, reason="the box holds no samples of that time")
     look(one)
@@ -119,7 +120,7 @@ def test_an_answer_without_samples_ends_a_request(asking):
     assert row.detail["reason"] == "the box holds no samples of that time"
 
 
-def test_another_vehicle_cannot_answer(asking):
+def test_another_vehicle_cannot_answer(asking) -> None:
     one, number = asking
     answer(one, number, vehicle="car-2", last=-1)
     look(one)
@@ -127,7 +128,7 @@ def test_another_vehicle_cannot_answer(asking):
 
 
 @pytest.mark.parametrize("changes", [{"last": None}, {"boot": "1"}, {"frames": -2}, {"number": [1]}, {"to": 2**63}])
-def test_an_answer_that_is_none_is_refused(asking, changes):
+def test_an_answer_that_is_none_is_refused(asking, changes) -> None:
     one, number = asking
     answer(one, **({"number": number} | changes))
     look(one)
@@ -135,7 +136,7 @@ def test_an_answer_that_is_none_is_refused(asking, changes):
     assert one.station.figures()["sprung_messages_refused_total"] == 1
 
 
-def test_answers_are_bounded(asking):
+def test_answers_are_bounded(asking) -> None:
     one, number = asking
     for k in range(1100):
         one.link.on_message(topic("car-2", "event"), message({"did": "raw", "number": k, **ANSWER}))
@@ -146,7 +147,7 @@ def test_answers_are_bounded(asking):
 
 
 @pytest.fixture
-def log(caplog, monkeypatch):
+def log(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch):
     """What the monitor logs; not by way of the root, which hears nothing once a test has run the command line."""
     logger = logging.getLogger("sprung.monitor")
     monkeypatch.setattr(logger, "propagate", False)
@@ -156,7 +157,7 @@ def log(caplog, monkeypatch):
     logger.removeHandler(caplog.handler)
 
 
-def test_a_broker_that_is_away_is_in_the_log_at_once_and_every_ten_minutes(bench, log):
+def test_a_broker_that_is_away_is_in_the_log_at_once_and_every_ten_minutes(bench, log) -> None:
     one = bench()
     sentence = "the broker mqtt://broker:1883 cannot be reached: connection refused: check that it runs"
 

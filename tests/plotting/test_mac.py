@@ -22,7 +22,7 @@ def printed(axes):
     return values
 
 
-def test_values_of_the_modes(chain):
+def test_values_of_the_modes(chain) -> None:
     axes = mac_figure(chain).axes[0]
     shapes = chain.modes.mode_shapes
     products = np.abs(shapes.conj() @ shapes.T) ** 2
@@ -32,7 +32,7 @@ def test_values_of_the_modes(chain):
     assert axes.get_yticklabels()[0].get_text() == f"1\n{chain.modes.natural_frequency[0]:.2f} Hz"
 
 
-def test_values_between_the_subsets(subsets):
+def test_values_between_the_subsets(subsets) -> None:
     axes = mac_figure(subsets).axes[1]
     parts = [subset.modes for subset in subsets.subsets]
     shapes = join_modes(parts).mode_shapes
@@ -42,7 +42,7 @@ def test_values_between_the_subsets(subsets):
     np.testing.assert_allclose(edges, np.cumsum([len(part) for part in parts])[:-1] - 0.5)
 
 
-def test_names_have_the_colours_of_the_modes(subsets):
+def test_names_have_the_colours_of_the_modes(subsets) -> None:
     axes = mac_figure(subsets).axes
     colours = {label.get_text().split("\n")[-1]: label.get_color() for label in axes[0].get_yticklabels()}
     assert len(set(colours.values())) == len(subsets.modes)
@@ -50,7 +50,7 @@ def test_names_have_the_colours_of_the_modes(subsets):
     assert set(merged) >= set(colours.values())
 
 
-def test_very_many_modes_have_no_printed_values(chain):
+def test_very_many_modes_have_no_printed_values(chain) -> None:
     many = chain.modes.take(np.arange(30) % 3)
     figure = mac_figure(replace(chain, modes=many, members=np.full((30, 1), -1)))
     assert matrix(figure.axes[0]).shape == (30, 30)
@@ -59,7 +59,7 @@ def test_very_many_modes_have_no_printed_values(chain):
 
 
 @pytest.mark.parametrize("result", ["chain", "subsets"])
-def test_no_mode_is_said(result, request):
+def test_no_mode_is_said(result, request: pytest.FixtureRequest) -> None:
     identification = request.getfixturevalue(result)
     none = replace(identification, modes=identification.modes.take([]), members=identification.members[:0])
     assert mac_figure(none).axes[0].texts[0].get_text() == "No mode was identified."

@@ -34,14 +34,14 @@ def displacements(axes):
     return moved[:, 1] - rest[:, 1]
 
 
-def test_corners_of_an_exact_bounce_move_alike():
+def test_corners_of_an_exact_bounce_move_alike() -> None:
     axes = shapes_figure(as_modes([[1, 1, 1, 1]], CORNERS), CORNERS).axes[0]
     moved = displacements(axes)
     assert moved[0] > 0
     np.testing.assert_allclose(moved, moved[0])
 
 
-def test_pitch_and_roll_move_the_right_corners():
+def test_pitch_and_roll_move_the_right_corners() -> None:
     # Positive pitch is nose down, positive roll left side up; corners: front left and right, rear right and left.
     pitch = [-1.2 / 1.6, -1.2 / 1.6, 1, 1]
     roll = [1, -1, 1, -1]
@@ -52,7 +52,7 @@ def test_pitch_and_roll_move_the_right_corners():
     assert not shapes.is_nominal
 
 
-def test_twist_is_no_rigid_motion_but_its_arrows_are_drawn():
+def test_twist_is_no_rigid_motion_but_its_arrows_are_drawn() -> None:
     modes = as_modes([[1, -1, -1, 1]], CORNERS)
     shapes = body_shapes(modes, CORNERS)
     assert shapes.explained[0] == pytest.approx(0, abs=1e-12)
@@ -64,7 +64,7 @@ def test_twist_is_no_rigid_motion_but_its_arrows_are_drawn():
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "displacement"])
-def test_other_quantities_show_the_same_motion(quantity):
+def test_other_quantities_show_the_same_motion(quantity) -> None:
     channels = tuple(replace(channel, quantity=quantity) for channel in CORNERS)
     shapes = body_shapes(as_modes([[1, 0.5, 0.25, -0.25]], channels), channels)
     motion = shapes.corner_motions[0]
@@ -72,7 +72,7 @@ def test_other_quantities_show_the_same_motion(quantity):
     np.testing.assert_allclose(shapes.sensor_motions[0] / motion[0], [1, 0.5, 0.25, -0.25], atol=1e-12)
 
 
-def test_an_inertial_unit_shows_the_motion_that_corner_sensors_show():
+def test_an_inertial_unit_shows_the_motion_that_corner_sensors_show() -> None:
     car = read_vehicle("zafira")
     axes = {"az": ("acceleration", "m/s^2", UP), "wx": ("angular_velocity", "rad/s", (1.0, 0.0, 0.0))}
     axes["wy"] = ("angular_velocity", "rad/s", (0.0, 1.0, 0.0))
@@ -96,13 +96,13 @@ def test_an_inertial_unit_shows_the_motion_that_corner_sensors_show():
         np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
 
 
-def test_picture_shows_amplitude_and_phase_at_the_sensors():
+def test_picture_shows_amplitude_and_phase_at_the_sensors() -> None:
     axes = shapes_figure(as_modes([[1, 1j, -0.5, 0.25]], CORNERS), CORNERS).axes[0]
     texts = [text.get_text() for text in axes.texts]
     assert {"acc_0\n1.00, 0°", "acc_1\n1.00, 90°", "acc_2\n0.50, 180°", "acc_3\n0.25, 0°"} <= set(texts)
 
 
-def test_up_is_up_and_the_front_is_right_in_the_picture():
+def test_up_is_up_and_the_front_is_right_in_the_picture() -> None:
     origin, up, front = projected(np.array([[0, 0, 0], [0, 0, 1.0], [1.0, 0, 0]]))
     assert up[0] == origin[0]
     assert up[1] > origin[1]
@@ -117,7 +117,7 @@ def test_up_is_up_and_the_front_is_right_in_the_picture():
         tuple(Channel(f"a{k}", "unknown", place, UP) for k, place in enumerate(PLACES)),
     ],
 )
-def test_without_places_or_with_too_few_there_is_no_body(channels):
+def test_without_places_or_with_too_few_there_is_no_body(channels) -> None:
     shape = np.array([1, 0.5 + 0.2j, -0.5, 0.25])[: len(channels)]
     modes = as_modes([shape], channels)
     assert body_shapes(modes, channels) is None
@@ -128,7 +128,7 @@ def test_without_places_or_with_too_few_there_is_no_body(channels):
     assert [text.get_text() for text in axes.get_xticklabels()] == [channel.name for channel in channels]
 
 
-def test_compass_has_an_arrow_for_each_channel():
+def test_compass_has_an_arrow_for_each_channel() -> None:
     shape = np.array([1, 0.5 + 0.2j, -0.5])
     axes = complexity_figure(as_modes([shape], CORNERS[:3])).axes[0]
     arrows = [line for line in axes.get_lines() if line.get_gid() == "channel"]
@@ -137,7 +137,7 @@ def test_compass_has_an_arrow_for_each_channel():
 
 
 @pytest.mark.parametrize("n_channels", [1, 60])
-def test_few_and_many_channels_are_drawn(n_channels):
+def test_few_and_many_channels_are_drawn(n_channels) -> None:
     channels = tuple(Channel(f"accelerometer_{k}") for k in range(n_channels))
     shapes = unit_shapes(np.random.default_rng(1).standard_normal((2, n_channels)) + 0j)
     modes = as_modes(shapes, channels)
@@ -145,7 +145,7 @@ def test_few_and_many_channels_are_drawn(n_channels):
     complexity_figure(modes).draw_without_rendering()
 
 
-def test_no_mode_is_said():
+def test_no_mode_is_said() -> None:
     none = as_modes(np.zeros((0, 4)), CORNERS)
     for figure in (shapes_figure(none, CORNERS), complexity_figure(none)):
         assert figure.axes[0].texts[0].get_text() == "No mode was identified."

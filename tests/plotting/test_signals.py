@@ -24,7 +24,7 @@ def run():
     return Recording(samples, 100.0, (Channel("a", "acceleration"), Channel("b", "acceleration")))
 
 
-def test_histories_keep_the_extremes_of_long_records(run):
+def test_histories_keep_the_extremes_of_long_records(run) -> None:
     figure = histories_figure([("run", run)], title="t")
     values = figure.axes[0].lines[0].get_ydata()
     assert len(values) <= 4000
@@ -33,18 +33,18 @@ def test_histories_keep_the_extremes_of_long_records(run):
     assert figure.axes[-1].get_xlabel() == "Time [s]"
 
 
-def test_window_shows_the_beginning(run):
+def test_window_shows_the_beginning(run) -> None:
     figure = histories_figure([("run", run)], title="t", window=2.0)
     assert figure.axes[0].lines[0].get_xdata().max() == pytest.approx(1.99)
 
 
-def test_levels_are_the_rms_of_each_interval(run):
+def test_levels_are_the_rms_of_each_interval(run) -> None:
     figure = levels_figure([("run", run)], title="t", interval=2.0)
     assert figure.axes[0].lines[0].get_ydata() == pytest.approx(3.0, rel=1e-9)
     assert len(figure.axes[0].lines[0].get_xdata()) == 100
 
 
-def test_density_integrates_to_the_power(run):
+def test_density_integrates_to_the_power(run) -> None:
     figure = densities_figure([("raw", run), ("again", run)], title="t", highest=50.0, marked=[("line", 7.0)])
     line = figure.axes[0].lines[0]
     step = line.get_xdata()[1] - line.get_xdata()[0]
@@ -53,7 +53,7 @@ def test_density_integrates_to_the_power(run):
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["raw", "again"]
 
 
-def test_rates_are_those_of_the_modes(chain):
+def test_rates_are_those_of_the_modes(chain) -> None:
     frequency, rate = alignment_rates(chain.subsets[0])
     for mode in range(len(chain.modes)):
         near = np.argmin(np.abs(frequency - chain.modes.natural_frequency[mode]))
@@ -62,7 +62,7 @@ def test_rates_are_those_of_the_modes(chain):
     assert figure.axes[0].get_ylim()[0] == 0
 
 
-def test_runs_say_how_many_found_a_value():
+def test_runs_say_how_many_found_a_value() -> None:
     values = np.array([[1.0, 2.0, np.nan], [np.nan, np.nan, np.nan]])
     figure = runs_figure([Spread("f [Hz]", ("one", "two"), values, 1.5, (1.4, np.nan))], title="t")
     axes = figure.axes[0]
@@ -71,7 +71,7 @@ def test_runs_say_how_many_found_a_value():
     assert axes.get_xlabel() == "f [Hz]"
 
 
-def test_response_has_magnitude_and_phase():
+def test_response_has_magnitude_and_phase() -> None:
     f = np.linspace(1, 10, 50)
     response = 1 / (1 + 1j * f)
     figure = response_figure(f, [("r", response)], title="t", unit="-", marked=[("corner", 2.0)], has_phase=True)
@@ -79,7 +79,7 @@ def test_response_has_magnitude_and_phase():
     assert figure.axes[1].lines[0].get_ydata() == pytest.approx(np.degrees(np.angle(response)))
 
 
-def test_cepstrum_is_edited_by_the_lifter():
+def test_cepstrum_is_edited_by_the_lifter() -> None:
     q = np.arange(100) / 100
     lifter = (q < 0.25).astype(float)
     figure = cepstrum_figure(q, np.ones(100), lifter, title="t", pulse_period=0.3)
@@ -87,7 +87,7 @@ def test_cepstrum_is_edited_by_the_lifter():
     assert len(figure.axes[0].lines) == 2 + 3
 
 
-def test_mac_against_a_reference(chain):
+def test_mac_against_a_reference(chain) -> None:
     nothing = chain.modes.take(np.array([], dtype=int))
     figure = reference_mac_figure([("all", chain.modes), ("none", nothing)], chain.modes, title="t")
     values = [float(text.get_text()) for text in figure.axes[0].texts]

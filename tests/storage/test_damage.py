@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 from sqlalchemy import event
@@ -50,7 +51,7 @@ def garbled(content):
     ],
     ids=["garbled", "cut", "zeros", "text", "other format"],
 )
-def test_damaged_file_is_set_aside(sqlite_file, damage):
+def test_damaged_file_is_set_aside(sqlite_file, damage) -> None:
     url = f"sqlite:///{sqlite_file}"
     with open_store(url) as store:
         fill(store, n_batches=50)
@@ -71,7 +72,7 @@ def test_damaged_file_is_set_aside(sqlite_file, damage):
         assert store.inbox.cursor("zafira", 7).contiguous == 2
 
 
-def test_log_of_a_damaged_file_goes_with_it(sqlite_file, tmp_path):
+def test_log_of_a_damaged_file_goes_with_it(sqlite_file, tmp_path: Path) -> None:
     with open_store(f"sqlite:///{sqlite_file}") as store:
         fill(store, n_batches=50)
         shutil.copytree(sqlite_file.parent, tmp_path / "copy")
@@ -90,7 +91,7 @@ def test_log_of_a_damaged_file_goes_with_it(sqlite_file, tmp_path):
 @pytest.mark.parametrize(
     "every", [pytest.param(512, marks=pytest.mark.slow, id="every 512"), pytest.param(4096 * 3 + 512, id="some")]
 )
-def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path, every):
+def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path: Path, every) -> None:
     """Whatever the disk kept of the write-ahead log, the store opens with the first transactions, each whole."""
     open_store(f"sqlite:///{sqlite_file}").close()
     with open_store(f"sqlite:///{sqlite_file}") as store:
@@ -126,7 +127,7 @@ def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path, eve
 
 
 @pytest.mark.parametrize("setting", ["max_page_count=60", "query_only=1"], ids=["full", "read-only"])
-def test_store_goes_on_when_it_can_write_again(sqlite_file, setting):
+def test_store_goes_on_when_it_can_write_again(sqlite_file, setting) -> None:
     with open_store(f"sqlite:///{sqlite_file}") as store:
         fill(store, n_batches=1)
 
@@ -147,7 +148,7 @@ def test_store_goes_on_when_it_can_write_again(sqlite_file, setting):
         assert len(store.inbox.pending("zafira", 7, after=-1, limit=2000)) == acknowledged + 2
 
 
-def test_full_disk(small_disk):
+def test_full_disk(small_disk) -> None:
     folder, _ = small_disk
     ballast = folder / "ballast"
     ballast.write_bytes(b"x" * 1_000_000)
@@ -167,7 +168,7 @@ def test_full_disk(small_disk):
         assert store.inbox.cursor("zafira", 7).contiguous == acknowledged + 1
 
 
-def test_read_only_disk(small_disk):
+def test_read_only_disk(small_disk) -> None:
     folder, remount = small_disk
     url = f"sqlite:///{folder}/store.sqlite"
     with open_store(url) as store:
@@ -194,7 +195,7 @@ def write_while_the_connection_is_cut(store, other):
         connection.exec_driver_sql("SELECT 1")
 
 
-def test_server_that_goes_away_and_comes_back(postgresql_url):
+def test_server_that_goes_away_and_comes_back(postgresql_url) -> None:
     with open_store(postgresql_url) as store, open_store(postgresql_url) as other:
         fill(store, n_batches=1)
         with pytest.raises(StoreError, match="the store does not answer"):
@@ -203,7 +204,7 @@ def test_server_that_goes_away_and_comes_back(postgresql_url):
         store.check()
 
 
-def test_read_only_server(postgresql_url):
+def test_read_only_server(postgresql_url) -> None:
     with open_store(postgresql_url) as store:
         with store._database.writing() as connection:
             connection.exec_driver_sql("SET SESSION default_transaction_read_only = on")
