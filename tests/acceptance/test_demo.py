@@ -11,7 +11,7 @@ import pytest
 @pytest.mark.slow
 def test_demo_finds_the_spring_and_the_sensor() -> None:
     program = Path(sys.executable).with_name("sprung")
-    words = [program, "demo", "--pace", "90", "--minutes", "8"]
+    words = [str(program), "demo", "--pace", "90", "--minutes", "8"]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}
     found = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False, env=environment)
     assert found.returncode == 0, found.stderr

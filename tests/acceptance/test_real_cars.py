@@ -1,5 +1,7 @@
 """Real cars with one six-axis sensor on the body: body modes, and wheel lines that are no modes."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,10 +10,10 @@ from sprung.formats import read
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerSettings, fit_corners
 from sprung.recording import Channel, Recording
-from sprung.vehicles import Sensor, parse_vehicle
+from sprung.vehicles import Sensor, Vehicle, parse_vehicle
 
 #: The sensor of the CANedge logs: X up, Y rearward, and so Z to the right: pitch rate about -Z, roll rate about -Y.
-CANEDGE = {
+CANEDGE: dict[str, Any] = {
     "schema": "sprung.vehicle/1",
     "name": "canedge",
     "kind": "road",
@@ -46,6 +48,12 @@ CANEDGE = {
 
 #: An axle of an ordinary car, per kilogram of body.
 ORDINARY = {"half_track": 0.75, "spring_stiffness": 21.0, "damping": 1.35, "tyre_stiffness": 140.0}
+
+
+def on_axles(fields: dict[str, Any]) -> Vehicle:
+    vehicle = parse_vehicle(fields)
+    assert isinstance(vehicle, Vehicle)
+    return vehicle
 
 
 @pytest.mark.slow
@@ -84,7 +92,7 @@ def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_
     """
     described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
-    car, settings = parse_vehicle(described), CornerSettings(prior_std=0.2)
+    car, settings = on_axles(described), CornerSettings(prior_std=0.2)
     logs = ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"]
     slow, fast = (
         fit_corners(read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet")), car, settings=settings)
@@ -115,7 +123,7 @@ def test_corners_from_one_minute_of_a_real_car_are_not_told(real_file) -> None:
     ]
     for sensor, unit in zip(described["sensor"], ("m/s^2", "rad/s", "rad/s"), strict=True):
         sensor["unit"] = unit
-    fit = fit_corners(comma_run(real_file), parse_vehicle(described), settings=CornerSettings(prior_std=0.2))
+    fit = fit_corners(comma_run(real_file), on_axles(described), settings=CornerSettings(prior_std=0.2))
     assert fit.n_segments < 25
     assert np.abs(fit.log_ratios).max() < 0.5
     assert any("not identifiable" in note for note in fit.notes)
@@ -160,7 +168,7 @@ def test_no_finding_between_two_logs_of_the_same_car(real_file) -> None:
     """Learnt on the drive of ten minutes in windows of two, tried on the slow one."""
     described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
-    car, settings = parse_vehicle(described), CornerSettings(prior_std=0.2)
+    car, settings = on_axles(described), CornerSettings(prior_std=0.2)
     slow, fast = (
         [
             observe_window(part, car, time=time, settings=settings)

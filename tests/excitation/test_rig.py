@@ -28,7 +28,7 @@ def test_joints_pulse_at_their_rate() -> None:
 
 
 def test_harmonics_follow_the_rotation_and_grow_with_it() -> None:
-    rotation = SpeedProfile([0.0, 20.0], [1.0, 3.0])
+    rotation = SpeedProfile(np.array([0.0, 20.0]), np.array([1.0, 3.0]))
     rig = RollerRig((True,), rotation, random=0.0, harmonics=(0.0, 1e-4), asymmetry=0.0)
     motion = drawn(rig)[0]
     crossings = np.flatnonzero(np.diff(np.signbit(motion)))

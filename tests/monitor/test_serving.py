@@ -11,7 +11,7 @@ from sprung.monitor import FIGURES, Serving
 
 
 def test_metrics_and_health() -> None:
-    troubles = []
+    troubles: list[str] = []
     one = Serving(("127.0.0.1", 0), figures=lambda: dict.fromkeys(FIGURES, 2.5), troubles=lambda: troubles)
     one.open()
 
@@ -37,6 +37,7 @@ def test_an_address_in_use_is_refused() -> None:
     first = Serving(("127.0.0.1", 0), figures=dict, troubles=list)
     assert first.port is None
     first.open()
+    assert first.port is not None
     second = Serving(("127.0.0.1", first.port), figures=dict, troubles=list)
     with pytest.raises(ParameterError, match=rf"cannot listen at 127.0.0.1:{first.port} .*: give another --http"):
         second.open()

@@ -32,7 +32,8 @@ def test_site_file_of_the_manual(tmp_path: Path) -> None:
     assert (site.broker, site.http_address) == ("embedded", ("127.0.0.1", 8737))
     assert site.archive == Path("sprung-data/raw")
     assert site.alerts.settings.renotify_after == 24 * 3600 * 10**9
-    assert [one.as_sender("a").name for one in (*site.send.webhook, *site.send.mail)] == ["a", "a"]
+    assert [hook.as_sender("a").name for hook in site.send.webhook] == ["a"]
+    assert [mail.as_sender("a").name for mail in site.send.mail] == ["a"]
     assert Site() == checked(Site, {})
 
 

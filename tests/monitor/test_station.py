@@ -255,8 +255,8 @@ def test_a_monitor_that_stopped_unexpectedly_says_so(bench, tmp_path: Path) -> N
 
 def test_vehicles_take_turns(bench, run_frames, monkeypatch: pytest.MonkeyPatch) -> None:
     one = bench(**WATCH)
-    workers, served = one.workers, []
-    monkeypatch.setattr(type(workers), "is_busy", property(lambda self: bool(self.outcomes_)))
+    workers, served = one.workers, list[str]()
+    monkeypatch.setattr(type(workers), "is_busy", property(lambda self: bool(self.done)))
     monkeypatch.setattr(workers, "submit", partial(noted, workers.submit, served))
     vehicles = ["car-1", "car-2", "car-3"]
     for vehicle in vehicles:
@@ -312,6 +312,7 @@ def frames_after(recording, *, seq):
 
     found = []
     for number, block in enumerate(blocks_of(recording, length=5.0), start=seq):
+        assert block.start is not None, "a frame has a time"
         counts, scale, flags = quantised(block.samples)
         interval = round(1e9 / block.sampling_rate)
         found.append(encode(Frame("car-1", 1, number, block.start, interval, block.names, scale, counts, 2, flags)))

@@ -10,15 +10,16 @@ from sprung.storage import Cursor, StoredFrame
 def test_order_of_boots() -> None:
     stream = Stream()
     frames = {1: list(range(3)), 2: list(range(4))}
+    previous = {1: None, 2: [1, 3]}
     stream.arrived(2, 3)
-    stream._previous[2] = (1, 3)
 
     def pending(boot, *, after, limit):
-        return [StoredFrame("car-1", boot, seq, 0, b"") for seq in frames[boot] if seq > after][:limit]
+        whole = {Key.BOOT: boot, Key.START: 0, Key.PREVIOUS: previous[boot]}
+        payloads = [(seq, message({**whole, Key.SEQ: seq})) for seq in frames[boot] if seq > after]
+        return [StoredFrame("car-1", boot, seq, 0, payload) for seq, payload in payloads][:limit]
 
     assert stream.next_frames(pending, 10) == []
     stream.arrived(1, 1)
-    stream._previous[1] = None
     assert [(frame.boot, frame.seq) for frame in stream.next_frames(pending, 2)] == [(1, 0), (1, 1)]
     stream.dispatched[1] = 1
     assert stream.next_frames(pending, 10) == []

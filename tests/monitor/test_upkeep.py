@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from sprung.link import checked_map, message, topic
+from sprung.monitor.upkeep import Outage
 
 BEGUN = 1_795_219_200_000_000_000
 SECOND = 10**9
@@ -130,20 +131,10 @@ def test_another_vehicle_cannot_answer(asking) -> None:
 @pytest.mark.parametrize("changes", [{"last": None}, {"boot": "1"}, {"frames": -2}, {"number": [1]}, {"to": 2**63}])
 def test_an_answer_that_is_none_is_refused(asking, changes) -> None:
     one, number = asking
-    answer(one, **({"number": number} | changes))
+    say(one, "event", did="raw", **({"number": number} | ANSWER | changes))
     look(one)
     assert is_open(one, number)
     assert one.station.figures()["sprung_messages_refused_total"] == 1
-
-
-def test_answers_are_bounded(asking) -> None:
-    one, number = asking
-    for k in range(1100):
-        one.link.on_message(topic("car-2", "event"), message({"did": "raw", "number": k, **ANSWER}))
-    one.link.on_message(topic("car-2", "event"), message({"did": "something new"}))
-    one.work()
-    assert len(one.station._intake._answers) == 1000
-    assert is_open(one, number)
 
 
 @pytest.fixture
@@ -157,26 +148,38 @@ def log(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch):
     logger.removeHandler(caplog.handler)
 
 
-def test_a_broker_that_is_away_is_in_the_log_at_once_and_every_ten_minutes(bench, log) -> None:
-    one = bench()
-    sentence = "the broker mqtt://broker:1883 cannot be reached: connection refused: check that it runs"
+AWAY = "the broker mqtt://broker:1883 cannot be reached: connection refused: check that it runs"
 
-    def said(minutes):
+
+def test_a_broker_that_is_away_is_logged_at_once_every_ten_minutes_and_when_it_is_back(bench, log) -> None:
+    one = bench()
+    outage = Outage(one.link, lambda: one.now)
+
+    def logged(minutes):
         before = len(log())
         for _ in range(60 * minutes):
             one.now += SECOND
-            one.station._upkeep._outage.step()
+            outage.step()
         return log()[before:]
 
     one.link.is_connected, one.link.problem = False, ""
-    assert said(1) == []  # the first attempt has not failed yet
-    one.link.problem = sentence
+    assert logged(1) == []  # the first attempt has not failed yet
+    one.link.problem = AWAY
+    assert logged(1) == [("WARNING", AWAY)]
+    assert logged(9) == []
+    assert logged(11) == [("WARNING", AWAY)] * 2
+    one.link.is_connected, one.link.problem = True, ""
+    assert logged(30) == [("INFO", "connected to broker")]
+
+
+def test_a_broker_that_is_away_is_a_trouble_of_the_monitor(bench, log) -> None:
+    one = bench()
+    one.link.is_connected, one.link.problem = False, AWAY
     before = len(log())
     look(one)
-    assert log()[before:] == [("WARNING", sentence)]
-    assert one.station.troubles() == [sentence]
-    assert said(9) == []
-    assert said(11) == [("WARNING", sentence)] * 2
+    assert log()[before:] == [("WARNING", AWAY)]
+    assert one.station.troubles() == [AWAY]
     one.link.is_connected, one.link.problem = True, ""
-    assert said(30) == [("INFO", "connected to broker")]
+    look(one)
+    assert log()[before + 1 :] == [("INFO", "connected to broker")]
     assert one.station.troubles() == []

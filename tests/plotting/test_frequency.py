@@ -15,11 +15,11 @@ from sprung.signals.harmonics import Harmonic
 
 
 def made_modes(frequencies, channels):
-    omega = 2 * np.pi * np.array(frequencies)
-    n = len(omega)
+    poles = np.array([2 * np.pi * frequency * (-0.05 + 1j) for frequency in frequencies], dtype=complex)
+    n = len(poles)
     known = np.full(n, 0.01)
     shapes = np.ones((n, len(channels)), dtype=complex)
-    return Modes(omega * (-0.05 + 1j), shapes, channels, known, known, known, (None,) * n)
+    return Modes(poles, shapes, channels, known, known, known, (None,) * n)
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=30), st.floats(0, 0.2))

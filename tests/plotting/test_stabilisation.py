@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.colors import same_color
+from matplotlib.patches import Rectangle
 
 from sprung.modal import PoleStatus
 from sprung.plotting import stabilisation_figure
@@ -76,7 +77,7 @@ def test_rungs_of_the_thesis_are_block_rows(row_ladder) -> None:
 def test_harmonics_stand_at_their_frequency_with_their_name(chain_with_lines) -> None:
     axes = stabilisation_figure(chain_with_lines).axes[0]
     assert [line.get_xdata()[0] for line in drawn(axes, "harmonic")] == [12.5, 25.0]
-    (band,) = [patch for patch in axes.patches if patch.get_gid() == "harmonic band"]
+    (band,) = [patch for patch in axes.patches if isinstance(patch, Rectangle) and patch.get_gid() == "harmonic band"]
     assert (band.get_x(), band.get_x() + band.get_width()) == pytest.approx((31.0, 36.0))
     labels = {text.get_text() for text in axes.texts if text.get_gid() == "harmonic label"}
     assert labels == {"12.50 Hz", "25.00 Hz", "0.516 per m"}
@@ -102,7 +103,7 @@ def test_first_singular_value_does_not_depend_on_units(chain) -> None:
 
 
 def test_first_singular_value_of_one_channel_is_its_density_over_its_variance() -> None:
-    frequencies = np.arange(101) * 0.5
+    frequencies = np.linspace(0, 50, 101)
     flat = SpectralMatrix(frequencies, np.full((1, 1, 101), 7.0), ("a",), 2.0, 10)
     np.testing.assert_allclose(first_singular_value(flat, like=flat), 10 * np.log10(1 / 50))
 
@@ -111,6 +112,6 @@ def test_before_and_after_editing_are_both_drawn(edited) -> None:
     behind = stabilisation_figure(edited).axes[-1]
     names = [line.get_gid() for line in behind.get_lines()]
     assert names == ["first singular value", "first singular value before editing"]
-    after, before = (line.get_ydata() for line in behind.get_lines())
+    after, before = (np.asarray(line.get_ydata()) for line in behind.get_lines())
     np.testing.assert_allclose(after, first_singular_value(edited.edited_spectra, like=edited.spectra)[1:])
     np.testing.assert_allclose(before, first_singular_value(edited.spectra, like=edited.spectra)[1:])

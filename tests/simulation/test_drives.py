@@ -139,12 +139,19 @@ def test_noise_is_on_the_sensors_but_not_on_the_speed(car) -> None:
     assert np.array_equal(noisy[4], clean[4])
 
 
-def test_what_does_not_fit_is_refused(car) -> None:
-    with pytest.raises(ParameterError, match="road class 'K' is not one of A, B"):
-        RoadConditions("K")
-    with pytest.raises(ParameterError, match="driven 'rear' is not one of all, front"):
-        RigRun(driven="rear")
-    with pytest.raises(ParameterError, match="mass of the payload=-1 must be at least 0"):
-        Payload(-1.0)
+@pytest.mark.parametrize(
+    ("settings", "value", "message"),
+    [
+        (RoadConditions, {"road_class": "K"}, "road class 'K' is not one of A, B"),
+        (RigRun, {"driven": "rear"}, "driven 'rear' is not one of all, front"),
+        (Payload, {"mass": -1.0}, "mass of the payload=-1 must be at least 0"),
+    ],
+)
+def test_impossible_settings_are_refused(settings, value, message) -> None:
+    with pytest.raises(ParameterError, match=message):
+        settings(**value)
+
+
+def test_a_fault_of_an_unknown_component_is_refused(car) -> None:
     with pytest.raises(ParameterError, match=r"component 'front_left.wing' is not one of"):
         drive(car, faults=(parse_fault("front_left.wing=-0.2"),))

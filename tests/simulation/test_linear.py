@@ -9,6 +9,7 @@ from sprung.excitation import QUARTER_CASES, BaseMotion, Lines, RandomInputs, co
 from sprung.recording import Channel
 from sprung.simulation import response, settling_time, simulate, usual_excitation, with_linear_inputs, with_rises
 from sprung.vehicles import (
+    Quarter,
     StateSpace,
     chain,
     exact_correlations,
@@ -58,7 +59,8 @@ def test_free_decay_is_the_closed_form(damping) -> None:
 
 
 def test_response_of_a_free_mass_is_its_force_over_mass() -> None:
-    free = StateSpace(np.array([[1.0, 0.1], [0.0, 1.0]]), [[0.005], [0.1]], np.eye(2), np.zeros((2, 1)), 10.0)
+    state, inputs = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.005], [0.1]])
+    free = StateSpace(state, inputs, np.eye(2), np.zeros((2, 1)), 10.0)
     found = response(free, np.ones((1, 50)))
     time = np.arange(50) / 10.0
     assert found == pytest.approx(np.array([time**2 / 2, time]))
@@ -66,8 +68,9 @@ def test_response_of_a_free_mass_is_its_force_over_mass() -> None:
 
 def test_harmonic_base_motion_gives_the_transmissibility() -> None:
     """abs(X_body / Y) of a quarter car from its textbook transfer function, at 3 Hz."""
-    quarter = read_description("quarter").corner
-    vehicle = structure(read_description("quarter"))
+    description = read_description("quarter")
+    assert isinstance(description, Quarter)
+    quarter, vehicle = description.corner, structure(description)
     rate, frequency = 4000.0, 3.0
     inputs = np.sin(2 * np.pi * frequency * np.arange(40_000) / rate)[None]
     found = response(vehicle.discretised(rate), inputs)[0, -4000:]
@@ -129,9 +132,12 @@ def test_recording_carries_meaning_and_history() -> None:
 
 
 def test_seed_decides_everything() -> None:
-    settings = {"duration": 5.0, "sampling_rate": 500.0, "snr": 2.0, "noise_band": (0.5, 50.0)}
+    seeds: tuple[int | np.random.Generator, ...] = (1, np.random.default_rng(1), 2)
     first, again, other = (
-        simulate(chain(), RandomInputs(3), seed=seed, **settings).samples for seed in (1, np.random.default_rng(1), 2)
+        simulate(
+            chain(), RandomInputs(3), duration=5.0, sampling_rate=500.0, snr=2.0, noise_band=(0.5, 50.0), seed=seed
+        ).samples
+        for seed in seeds
     )
     np.testing.assert_array_equal(first, again)
     assert not np.allclose(first, other)
@@ -174,10 +180,9 @@ def test_settling_time_is_the_decay_of_the_slowest_pole() -> None:
     ],
 )
 def test_impossible_simulations_are_refused(changes, message) -> None:
-    settings = {"vehicle": chain(), "excitation": RandomInputs(3), "duration": 1.0, "sampling_rate": 500.0}
-    settings |= changes
+    settings = {"vehicle": chain(), "excitation": RandomInputs(3), "duration": 1.0, "sampling_rate": 500.0} | changes
     with pytest.raises(ParameterError, match=message):
-        simulate(settings.pop("vehicle"), settings.pop("excitation"), **settings)
+        simulate(**settings)
 
 
 def test_vehicle_without_sensors_is_refused() -> None:
@@ -197,7 +202,7 @@ def test_a_ramp_is_exact_at_any_rate() -> None:
     quarter = structure(read_description("quarter"))
     found = []
     for rate in (100.0, 400.0):
-        inputs = 0.3 * np.arange(round(rate)) / rate
+        inputs = 0.3 * np.linspace(0, 1, round(rate), endpoint=False)
         discrete = with_linear_inputs(quarter.state_space(), sampling_rate=rate)
         found.append(response(discrete, with_rises(inputs[None]))[0, :: round(rate / 100)])
     assert found[0] == pytest.approx(found[1], rel=1e-9, abs=1e-10)
