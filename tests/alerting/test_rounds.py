@@ -118,7 +118,8 @@ class History(RuleBasedStateMachine):
     def start(self, raise_after, clear_after, renotify):
         self.settings = AlertSettings(raise_after, clear_after, renotify)
         self.alerts, self.now = {}, 0
-        self.windows = {cause: [] for cause in CAUSES}  # was it reported, in every window that could tell
+        # Whether it was reported, in every conclusive window.
+        self.windows: dict[str, list[bool]] = {cause: [] for cause in CAUSES}
         self.rises = dict.fromkeys(CAUSES, 0)
         self.worst = dict.fromkeys(CAUSES, 0)  # since the last rise
 

@@ -22,7 +22,7 @@ class Monitor:
     """Takes what a vehicle sends, and acknowledges when told to."""
 
     def __init__(self, address):
-        self.heard = []
+        self.heard: list[tuple[str, bytes]] = []
         self.link = Link(
             address,
             "monitor",
@@ -61,11 +61,11 @@ def run(seconds=20.0, n_channels=2, rate=100.0, start=10**18):
     return Recording(samples, rate, tuple(Channel(f"acc_{k}", "acceleration") for k in range(n_channels)), start)
 
 
-def box_of(broker, folder, *, most_bytes=1 << 28, **fields):
+def box_of(broker, folder, *, spool=None, **fields):
     car = read_vehicle("zafira")
     return Box(
         BoxSettings("car-1", vehicle_text(car), patience=1.0),
-        Spool(folder / "spool", is_synced=False, most_bytes=most_bytes),
+        spool or Spool(folder / "spool", is_synced=False),
         broker,
         quantities=lambda block: {channel.name: channel.quantity for channel in block.channels},
         **fields,
@@ -114,13 +114,14 @@ def test_a_box_goes_on_where_it_stopped(broker, tmp_path: Path) -> None:
 
 def test_a_boot_that_was_dropped_whole_is_declared(broker, monitor, tmp_path: Path) -> None:
     """The frames of the boot after it wait for it, and no file tells of it any more."""
-    for seconds in (20.0, 40.0):
-        box = box_of(broker, tmp_path, most_bytes=16_000)
-        for block in blocks_of(run(seconds=seconds)):
-            box.take(block)
-        box.close()
-    box = box_of(broker, tmp_path, most_bytes=16_000)
-    oldest = decode(next(payload for _, _, payload in box._spool.frames()))
+    for seconds in (20.0, 40.0, 0.0):
+        spool = Spool(tmp_path / "spool", is_synced=False, most_bytes=16_000)
+        box = box_of(broker, tmp_path, spool=spool)
+        if seconds:
+            for block in blocks_of(run(seconds=seconds)):
+                box.take(block)
+            box.close()
+    oldest = decode(next(payload for _, _, payload in spool.frames()))
     assert (oldest.boot, oldest.previous) == (1, (0, 20))
     box.open(timeout=10.0)
     until(lambda: monitor.of("state"), box)
@@ -130,10 +131,11 @@ def test_a_boot_that_was_dropped_whole_is_declared(broker, monitor, tmp_path: Pa
 
 
 def test_a_block_that_no_frame_can_hold_is_cut(broker, tmp_path: Path) -> None:
-    box = box_of(broker, tmp_path)
+    spool = Spool(tmp_path / "spool", is_synced=False)
+    box = box_of(broker, tmp_path, spool=spool)
     whole = run(seconds=10.0, n_channels=8, rate=20_000.0)
     box.take(whole)
-    frames = [decode(payload) for _, _, payload in box._spool.frames()]
+    frames = [decode(payload) for _, _, payload in spool.frames()]
     assert len(frames) == 4
     assert sum(frame.n_samples for frame in frames) == whole.n_samples
     assert np.allclose(np.concatenate([frame.samples for frame in frames], axis=1), whole.samples, atol=1e-3)

@@ -51,7 +51,7 @@ def test_a_folder_reads_each_file_once(settings, recording, tmp_path: Path) -> N
     folder.mkdir()
     recording.rename(folder / "run.csv")
     (folder / "bad.csv").write_text("a,b\n", encoding="utf-8")
-    problems, names = [], []
+    problems, names = list[str](), list[str]()
 
     def opened():
         stopping = threading.Event()

@@ -4,6 +4,7 @@ import gzip
 import itertools
 import os
 import time
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -85,8 +86,14 @@ def test_several_files_have_their_own_times(tmp_path: Path) -> None:
         write(part, path)
     blocks = list(from_files(paths, start=5, channels=["speed"]))
     for part in parts:
-        mine = [block for block in blocks if part.start <= block.start < part.start + 10 * 10**9]
+        begin = (part.start - START) / 1e9
+        mine = [block for block, start in zip(blocks, starts(blocks), strict=True) if begin <= start < begin + 10]
         assert_same(mine, part.select(["speed"]))
+
+
+def starts(blocks: Iterable[Recording]) -> list[float]:
+    """Return the times of blocks after START [s]."""
+    return [(block.start - START) / 1e9 for block in blocks if block.start is not None]
 
 
 def text(n_samples, *, first=0.0, rate=100.0, pause=0.0):
@@ -101,10 +108,10 @@ def test_files_without_time_follow_each_other(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text(text(100))
     (tmp_path / "c.csv").write_text("a\n" + "1\n" * 150)
     blocks = list(from_files([tmp_path / "a.csv", tmp_path / "b.csv"], start=START))
-    assert [(block.start - START) / 1e9 for block in blocks] == pytest.approx([0, 8, 9])
+    assert starts(blocks) == pytest.approx([0, 8, 9])
     assert [block.n_samples for block in blocks] == [100, 100, 100]
     blocks = list(from_files([tmp_path / "c.csv", tmp_path / "b.csv"], start=START, sampling_rate=100.0))
-    assert [(block.start - START) / 1e9 for block in blocks] == pytest.approx([0, 1, 1.5])
+    assert starts(blocks) == pytest.approx([0, 1, 1.5])
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
@@ -130,7 +137,7 @@ def test_everything_comes_after_no_time_and_after_the_clock_went_back() -> None:
     assert list(after(blocks, None)) == blocks
     unknown = [replace(block, start=None) for block in blocks]
     assert list(after(unknown, START + 10**9)) == unknown
-    back = [*blocks, *[replace(block, start=block.start - 3600 * 10**9) for block in blocks]]
+    back = [*blocks, *[replace(block, start=START + (k - 3600) * 10**9) for k, block in enumerate(blocks)]]
     assert len(list(after(back, START + 2 * 10**9))) == 3 + 5
     assert list(after(blocks, START + 10**12)) == []
 
@@ -183,19 +190,28 @@ def test_pace_of_none_and_of_nonsense() -> None:
 class Folder:
     """A watched folder, in which something happens at each look."""
 
-    def __init__(self, path, *events, known=(), **options):
-        self.path, self.events, self.said = path, list(events), {}
+    def __init__(
+        self,
+        path: Path,
+        *events: Callable[[], object],
+        known: Sequence[str] = (),
+        sampling_rate: float | None = None,
+    ) -> None:
+        self.path, self.events, self.problems = path, list(events), dict[str, str]()
         self.blocks = from_folder(
             path,
             start=lambda: START,
             is_done=lambda: not self.events,
-            sleep=lambda _seconds: self.events.pop(0)(),
-            done=self.said.__setitem__,
+            sleep=self._sleep,
+            done=self.problems.__setitem__,
             known=known,
-            **options,
+            sampling_rate=sampling_rate,
         )
 
-    def put(self, name, content, *, age=0.0):
+    def _sleep(self, _seconds: float) -> None:
+        self.events.pop(0)()
+
+    def put(self, name: str, content: str | bytes, *, age: float = 0.0) -> None:
         path = self.path / name
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
         os.utime(path, (time.time() - age,) * 2)
@@ -211,24 +227,24 @@ def test_folder_gives_old_files_by_name_and_leaves_out_those_done(tmp_path: Path
     folder.put(".d.csv", text(100), age=60)
     (tmp_path / "e.csv").mkdir()
     blocks = list(folder.blocks)
-    assert folder.said == {"b.csv.gz": "", "c.parquet": ""}
+    assert folder.problems == {"b.csv.gz": "", "c.parquet": ""}
     assert [block.names for block in blocks] == [("a",), ("acc_fl", "speed"), ("acc_fl", "speed")]
 
 
 def test_files_that_still_grow_are_waited_for(tmp_path: Path) -> None:
     """A file is read when two looks see the same; one from the future (a clock that is wrong) too."""
     whole = text(300, first=1_700_000_000).encode()
-    folder = Folder(
-        tmp_path,
+    folder = Folder(tmp_path)
+    folder.events += [
         lambda: folder.put("a.csv", whole[:2000]),
         lambda: folder.put("a.csv", whole[:3000], age=-7200),
         lambda: folder.put("a.csv", whole, age=-7200),
         lambda: None,
         lambda: None,
-    )
+    ]
     blocks = list(folder.blocks)
     assert np.array_equal(np.concatenate([block.samples[0] for block in blocks]), np.arange(300.0))
-    assert folder.said == {"a.csv": ""}
+    assert folder.problems == {"a.csv": ""}
 
 
 def test_broken_files_are_named_and_skipped(tmp_path: Path) -> None:
@@ -239,25 +255,26 @@ def test_broken_files_are_named_and_skipped(tmp_path: Path) -> None:
     folder.put("d.csv", "a\n" + "1\n" * 100, age=60)
     folder.put("e.csv", text(100), age=60)
     assert len(list(folder.blocks)) == 1
-    assert list(folder.said) == ["a.csv", "b.parquet", "c.csv", "d.csv", "e.csv"]
-    assert "a.csv is empty" in folder.said["a.csv"]
-    assert "b.parquet cannot be read" in folder.said["b.parquet"]
-    assert "c.csv, line 3, column 'a': 'x' is not a number" in folder.said["c.csv"]
-    assert "d.csv has no time column" in folder.said["d.csv"]
-    assert folder.said["e.csv"] == ""
+    assert list(folder.problems) == ["a.csv", "b.parquet", "c.csv", "d.csv", "e.csv"]
+    assert "a.csv is empty" in folder.problems["a.csv"]
+    assert "b.parquet cannot be read" in folder.problems["b.parquet"]
+    assert "c.csv, line 3, column 'a': 'x' is not a number" in folder.problems["c.csv"]
+    assert "d.csv has no time column" in folder.problems["d.csv"]
+    assert folder.problems["e.csv"] == ""
 
 
 def test_files_of_a_folder_without_time_follow_each_other(tmp_path: Path) -> None:
     folder = Folder(tmp_path, sampling_rate=100.0)
     folder.put("a.csv", "a\n" + "1\n" * 100, age=60)
     folder.put("b.csv", "a\n" + "2\n" * 100, age=60)
-    assert [block.start - START for block in folder.blocks] == [0, 10**9]
+    assert starts(folder.blocks) == [0, 1]
 
 
 def test_file_or_folder_that_is_taken_away(tmp_path: Path) -> None:
     watched = tmp_path / "in"
     watched.mkdir()
-    folder = Folder(watched, lambda: folder.put("a.csv", text(100)), (watched / "a.csv").unlink, watched.rmdir)
+    folder = Folder(watched)
+    folder.events += [lambda: folder.put("a.csv", text(100)), (watched / "a.csv").unlink, watched.rmdir]
     assert list(folder.blocks) == []
     with pytest.raises(ParameterError, match="in is not a folder: give the one in which files appear"):
         Folder(watched)
@@ -273,7 +290,7 @@ def test_simulator_is_the_same_every_time_and_goes_on() -> None:
         )
 
     blocks = taken(7)
-    assert [block.start - START for block in blocks] == [k * 10**9 for k in range(7)]
+    assert starts(blocks) == [0, 1, 2, 3, 4, 5, 6]
     assert all(np.array_equal(one.samples, other.samples) for one, other in zip(blocks, taken(7), strict=True))
     assert not np.array_equal(blocks[0].samples, blocks[3].samples)
     assert not np.array_equal(blocks[0].samples, taken(1, seed=4)[0].samples)

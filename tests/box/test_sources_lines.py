@@ -1,12 +1,14 @@
 """Lines from standard input."""
 
 import io
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
 
 from sprung.box import from_lines
 from sprung.errors import FormatError, ParameterError
+from sprung.recording import Recording
 from sprung.units import STANDARD_GRAVITY
 
 START = 1_700_000_000_000_000_000
@@ -66,17 +68,17 @@ def test_first_lines_that_name_no_channels(text, said) -> None:
     ],
 )
 def test_bad_lines_are_named_after_the_samples_before_them(line, said) -> None:
-    blocks = []
+    blocks: list[Recording] = []
+    stream = io.StringIO("a,b\n" + "1,2\n" * 11 + line + "\n1,2\n")
     with pytest.raises(FormatError, match=said):
-        blocks.extend(from_lines_into(blocks, "a,b\n" + "1,2\n" * 11 + line + "\n1,2\n"))
+        collect(from_lines(stream, sampling_rate=10.0, start=lambda: START), blocks)
     assert [block.n_samples for block in blocks] == [10, 1]
 
 
-def from_lines_into(blocks, text):
-    """Append blocks as they come, so that those before an error are seen."""
-    for block in from_lines(io.StringIO(text), sampling_rate=10.0, start=lambda: START):
+def collect(source: Iterable[Recording], blocks: list[Recording]) -> None:
+    """Append blocks as they come, so that those before an error are kept."""
+    for block in source:
         blocks.append(block)
-    return []
 
 
 def test_bytes_that_are_no_text() -> None:
@@ -93,13 +95,13 @@ def test_sampling_rate_is_refused_at_once() -> None:
 class Sender:
     """A stream whose lines come at times [s after the start]; reading waits until then."""
 
-    def __init__(self, times):
+    def __init__(self, times: Iterable[float]) -> None:
         self.times = list(times)
         self.lines = iter(["a\n", *[f"{k}\n" for k in range(len(self.times))]])
         self.now = 0.0
         self.n_read = 0
 
-    def readline(self, _limit):
+    def readline(self, limit: int, /) -> str:
         if 0 < self.n_read <= len(self.times):
             came = self.times[self.n_read - 1]
             # The clock may be set while a line is waited for.
@@ -107,23 +109,29 @@ class Sender:
         self.n_read += 1
         return next(self.lines, "")
 
-    def clock(self):
+    def clock(self) -> int:
         return START + round(self.now * 1e9)
 
 
-def spans(times, rate=10.0):
+def seconds(block: Recording) -> float:
+    """Return the time of a block after START [s]."""
+    assert block.start is not None
+    return (block.start - START) / 1e9
+
+
+def spans(times: Iterable[float], rate: float = 10.0) -> list[tuple[float, int]]:
     """Return beginning [s] and samples of the stretches that follow each other."""
     sender = Sender(times)
     blocks = list(from_lines(sender, sampling_rate=rate, start=sender.clock))
-    found = []
+    stretches: list[tuple[float, int]] = []
     for block in blocks:
-        begin = (block.start - START) / 1e9
-        if found and begin == pytest.approx(found[-1][0] + found[-1][1] / rate):
-            found[-1][1] += block.n_samples
+        begin, n_samples = stretches[-1] if stretches else (0.0, 0)
+        if n_samples and seconds(block) == pytest.approx(begin + n_samples / rate):
+            stretches[-1] = (begin, n_samples + block.n_samples)
         else:
-            found.append([begin, block.n_samples])
-    assert np.array_equal(np.concatenate([block.samples[0] for block in blocks]), np.arange(len(times)))
-    return [(round(begin, 6), n_samples) for begin, n_samples in found]
+            stretches.append((seconds(block), block.n_samples))
+    assert np.array_equal(np.concatenate([block.samples[0] for block in blocks]), np.arange(len(sender.times)))
+    return [(round(begin, 6), n_samples) for begin, n_samples in stretches]
 
 
 def test_times_are_those_at_which_lines_come() -> None:
@@ -144,6 +152,6 @@ def test_a_slow_consumer_is_no_pause() -> None:
     sender = Sender(np.arange(40) / 10)
     begins = []
     for block in from_lines(sender, sampling_rate=10.0, start=sender.clock):
-        begins.append((block.start - START) / 1e9)
+        begins.append(seconds(block))
         sender.now += 30.0
     assert begins == [0, 1, 2, 3]

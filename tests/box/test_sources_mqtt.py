@@ -13,6 +13,7 @@ import pytest
 from sprung.box import from_mqtt
 from sprung.errors import ParameterError
 from sprung.link import Address, Link, LinkError
+from sprung.recording import Recording
 
 TODAY = 1_700_000_000
 PROGRAM = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
@@ -53,7 +54,7 @@ def broker(tmp_path_factory: pytest.TempPathFactory):
 
 def received(broker, messages, *, names, rate=100.0, **options):
     """Return blocks and problems from messages that are published once the source listens."""
-    is_over, said, blocks = threading.Event(), [], []
+    is_over, said, blocks = threading.Event(), list[str](), list[Recording]()
     sender = Link(broker, "sender", topics=[], on_message=lambda *_: None)
     sender.open(timeout=5)
     source = from_mqtt(
@@ -68,7 +69,7 @@ def received(broker, messages, *, names, rate=100.0, **options):
     reader = threading.Thread(target=lambda: blocks.extend(source))
     reader.start()
     # The subscription is in place when a message that nobody can use has been told of.
-    until(lambda: said or (sender.publish("sensors/hello", b"hello") and time.sleep(0.05)))
+    until(lambda: said or not sender.publish("sensors/hello", b"hello"))
     for topic, payload in messages:
         sender.publish(topic, payload if isinstance(payload, bytes) else json.dumps(payload).encode())
     sender.publish("sensors/end", b"end")

@@ -37,7 +37,7 @@ def spectra(tracks):
 
 @pytest.fixture(scope="module")
 def class_c():
-    return spectra(heights(road_class("C")))
+    return spectra(heights(road_class("C"), length=100e3))
 
 
 def bands(n, values):

@@ -56,13 +56,13 @@ class Client:
     def __init__(self, broker, name, *, address=None, known_as=None, topics=(), will=None):
         self._broker, self._n_topics = broker, len(topics)
         self._name = known_as or name
-        self._heard = queue.SimpleQueue()
+        self._heard: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self.n_connected = 0
         self.link = Link(
             Address.parse(address or broker.address),
             name,
             topics=topics,
-            on_message=lambda *heard: self._heard.put(heard),
+            on_message=lambda topic, payload: self._heard.put((topic, payload)),
             on_connected=self._count,
             will=will,
         )
@@ -92,7 +92,7 @@ class Client:
 
     def heard_until(self, last, *, timeout=10.0):
         """Return what came before a message."""
-        found = []
+        found: list[tuple[str, bytes]] = []
         end = time.monotonic() + timeout
         while True:
             try:
@@ -124,6 +124,7 @@ def mortal(address, name):
     """Run a process with a link whose will is published under a name; it can be killed."""
     process = subprocess.Popen([sys.executable, "-c", WITH_WILL, address, name], stdout=subprocess.PIPE, text=True)
     try:
+        assert process.stdout is not None
         assert process.stdout.readline() == "connected\n"
         yield process
     finally:

@@ -40,9 +40,10 @@ def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method) -> None:
 
 def test_what_is_no_summary_is_refused(run) -> None:
     document = summary_document(summarise("cov", run))
-    for change in ({"plan": 5}, {"averages": []}, {"method": "coss"}, {"levels": [[1]] * 9}):
+    average: dict[str, object] = document["averages"][0]
+    changes: list[dict[str, object]] = [{"plan": 5}, {"averages": []}, {"method": "coss"}, {"levels": [[1]] * 9}]
+    wrong: list[dict[str, object]] = [{"blocks": b"123"}, {"n_segments": float("inf")}, {"shape": [2**40, 2**40]}]
+    changes += [{"averages": [{**average, **fields}]} for fields in wrong]
+    for change in changes:
         with pytest.raises(FormatError, match="incomplete or invalid"):
-            summary_from_document(document | change)
-    for change in ({"blocks": b"123"}, {"n_segments": float("inf")}, {"shape": [2**40, 2**40]}):
-        with pytest.raises(FormatError, match="incomplete or invalid"):
-            summary_from_document(document | {"averages": [document["averages"][0] | change]})
+            summary_from_document({**document, **change})

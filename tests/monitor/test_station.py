@@ -188,7 +188,7 @@ def poisoned(submit):
         if next(strikes, None) is None:
             return submit(vehicle, frames, learn=learn)
         inline = submit.__self__
-        inline.outcomes_.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
+        inline.done.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
         return None
 
     return tried
@@ -206,7 +206,7 @@ def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run
     def tried(vehicle, frames, *, learn=""):
         if run_frames[599] not in frames:
             return submit(vehicle, frames, learn=learn)
-        return inline.outcomes_.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
+        return inline.done.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
 
     inline.submit = tried
     one.send(run_frames[:1500])

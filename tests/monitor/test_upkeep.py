@@ -10,8 +10,15 @@ from sprung.monitor.upkeep import Outage
 
 BEGUN = 1_795_219_200_000_000_000
 SECOND = 10**9
-TIMES = {"from": BEGUN - 600 * SECOND, "to": BEGUN}
-ANSWER = {"boot": 1, "last": 4, "frames": 5, "from": BEGUN - 600 * SECOND, "to": BEGUN - 595 * SECOND, "reason": ""}
+TIMES: dict[object, object] = {"from": BEGUN - 600 * SECOND, "to": BEGUN}
+ANSWER: dict[str, object] = {
+    "boot": 1,
+    "last": 4,
+    "frames": 5,
+    "from": BEGUN - 600 * SECOND,
+    "to": BEGUN - 595 * SECOND,
+    "reason": "",
+}
 
 
 def look(one):
@@ -33,7 +40,8 @@ def say(one, what, vehicle="car-1", **document):
 
 
 def answer(one, number, vehicle="car-1", **changes):
-    say(one, "event", vehicle, did="raw", number=number, **(ANSWER | changes))
+    document = {"did": "raw", "number": number, **ANSWER, **changes}
+    say(one, "event", vehicle, **document)
 
 
 def is_open(one, number):
@@ -52,7 +60,8 @@ def asking(bench, tmp_path: Path):
 def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking) -> None:
     one, number = asking
     look(one)
-    assert wishes(one) == [{0: 1, "do": "raw", "number": number, **TIMES}]
+    request: dict[object, object] = {0: 1, "do": "raw", "number": number, **TIMES}
+    assert wishes(one) == [request]
     for _ in range(3):
         one.now += 3600 * SECOND
         look(one)

@@ -150,8 +150,13 @@ def test_only_what_changed_or_must_go_is_looked_at(tmp_path: Path, monkeypatch: 
         for k in range(3):
             put(tmp_path, vehicle=f"car-{vehicle}", t0=T0 + k * DAY + vehicle, size=10)
     settle(tmp_path, at=T0)
-    opened, scandir = [], os.scandir
-    monkeypatch.setattr(os, "scandir", lambda path: opened.append(Path(path)) or scandir(path))
+    opened, scandir = list[Path](), os.scandir
+
+    def noted(path):
+        opened.append(Path(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", noted)
 
     def looks(archive, **rules):
         """Folders of days that were opened, and files that went."""
