@@ -10,7 +10,6 @@ from sprung.alerting import (
     Report,
     acknowledged,
     assess,
-    health_index,
     is_of_suspension,
     severity_step,
     shelved,
@@ -86,29 +85,6 @@ def test_shelves_end_before_the_round(all_active) -> None:
 def test_a_round_is_of_one_vehicle(all_active) -> None:
     with pytest.raises(ParameterError, match="but this one of car, van: assess each by itself"):
         play(all_active, [report("silent", vehicle="van")])
-
-
-@pytest.mark.parametrize(
-    ("reports", "health"),
-    [
-        ([], 100.0),
-        ([report("front_left.spring", 900)], 10.0),
-        ([report("front_left.spring", 300), report("rear_left.tyre", 500)], 50.0),
-        ([report("sensor:acc_fl", 600)], 80.0),
-        ([report("sensor:acc_fl", 900), report("front_left.spring", 200)], 70.0),
-        ([report("silent", 900), report("monitor", 1000)], 100.0),
-        ([report("rear_left.tyre", 1000)], 0.0),
-    ],
-)
-def test_health(reports, health) -> None:
-    alerts, _ = play({}, reports)
-    assert health_index(alerts.values()) == pytest.approx(health)
-
-
-def test_health_forgets_what_cleared_and_not_what_is_shelved(all_active) -> None:
-    hidden = [shelved(one, "ann", 10, 1).alert for one in all_active.values()]
-    assert health_index(hidden) == 50.0
-    assert health_index(play(all_active, [], now=1)[0].values()) == 100.0
 
 
 class History(RuleBasedStateMachine):

@@ -12,7 +12,6 @@ from email import message_from_bytes
 from email.policy import default
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
-import numpy as np
 import pytest
 
 from sprung.alerting import (
@@ -24,8 +23,6 @@ from sprung.alerting import (
     Report,
     SendError,
     WebhookSender,
-    acknowledged,
-    deliver,
     message_of,
     reported,
 )
@@ -134,56 +131,6 @@ def closed_port():
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return one.getsockname()[1]
-
-
-def test_message() -> None:
-    message = a_message(change=-0.2)
-    assert message.subject == "car: front_left.spring raised (high)"
-    assert message.text.splitlines() == [
-        "front-left spring 20 % softer – inspect",
-        "",
-        "Vehicle: car",
-        "Cause: front_left.spring",
-        "State: unacknowledged",
-        "Severity: 700 of 1000 (high)",
-        "Raised: 2023-11-14T22:13:20Z (time 1)",
-    ]
-    assert (message.vehicle, message.what, message.severity, message.time) == ("car", "raised", 700, TIME)
-    assert message.document["schema"] == "sprung.alert/1"
-    assert message.document["raised"] == TIME
-    assert message.document["time"] == "2023-11-14T22:13:20Z"
-    assert message.document["evidence"] == {"change": -0.2}
-
-
-def test_message_says_who_did_it() -> None:
-    alert = reported(None, Report("car", "silent", 500, "nothing heard"), AlertSettings(), TIME).alert
-    alert = replace(alert, is_active=False, cleared=TIME, assignee="bob")
-    transition = acknowledged(alert, "ann", TIME, "in the garage")
-    message = message_of(transition.alert, transition)
-    assert message.text.splitlines()[-3:] == [
-        "Cleared: 2023-11-14T22:13:20Z",
-        "Assigned to: bob",
-        "By: ann: in the garage",
-    ]
-    assert message.document["state"] == "normal"
-
-
-def test_any_evidence_becomes_json() -> None:
-    document = a_message(
-        hours=(1.0, float("inf")), values=np.array([1.0, np.nan]), count=np.int64(3), odd=1j, deep={1: {"a": None}}
-    ).document
-    assert json.loads(json.dumps(document, allow_nan=False))["evidence"] == {
-        "hours": [1.0, None],
-        "values": [1.0, None],
-        "count": 3,
-        "odd": "1j",
-        "deep": {"1": {"a": None}},
-    }
-
-
-def test_subject_is_one_line() -> None:
-    transition = reported(None, Report("car", "a\r\nBcc: x@y", 1, "t"), AlertSettings(), TIME)
-    assert message_of(transition.alert, transition).subject == "car: a Bcc: x@y raised (note)"
 
 
 @pytest.mark.parametrize(
@@ -305,40 +252,6 @@ def test_publish_fails() -> None:
     for vehicle in ("#", "a/b", "+", ""):
         with pytest.raises(SendError, match="cannot be part of a topic"):
             PublishSender(print).send(replace(a_message(), vehicle=vehicle))
-
-
-def test_one_failing_sender_does_not_keep_the_others() -> None:
-    published = []
-
-    class Faulty:
-        name = "faulty"
-
-        def send(self, message):
-            raise KeyError("bug")
-
-    senders = [
-        Faulty(),
-        webhook(f"http://127.0.0.1:{closed_port()}/", name="hook"),
-        PublishSender(lambda *one: published.append(one)),
-    ]
-    failed = deliver(a_message(), senders)
-    assert list(failed) == ["faulty", "hook"]
-    assert failed["faulty"] == "faulty failed with KeyError: 'bug'"
-    assert failed["hook"].startswith("webhook at 127.0.0.1:")
-    assert len(published) == 1
-    assert deliver(a_message(), senders[2:]) == {}
-
-
-def test_backoff_doubles_up_to_the_longest() -> None:
-    backoff = Backoff(first=3, most=20)
-    assert [backoff.next_attempt(attempts, 100) for attempts in (1, 2, 3, 4, 5, 10**9)] == [
-        103,
-        106,
-        112,
-        120,
-        120,
-        120,
-    ]
 
 
 @pytest.mark.parametrize(

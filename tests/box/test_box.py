@@ -217,26 +217,6 @@ def test_a_box_that_sends_all_samples_says_so_when_it_is_asked_for_them(broker, 
     box.close()
 
 
-@pytest.mark.parametrize("text", ["", "[[1]]", "7", '{"a": 1}', "[[[1, 2, 3], {}"])
-def test_answers_whose_file_is_damaged_begin_anew(tmp_path: Path, text) -> None:
-    path = tmp_path / "answers.json"
-    path.write_text(text, encoding="ascii")
-    answers = Answers(path)
-    assert answers.get((1, 2, 3)) is None
-    answers.keep((1, 2, 3), {"frames": 5})
-    assert Answers(path).get((1, 2, 3)) == {"frames": 5}
-
-
-def test_answers_are_bounded(tmp_path: Path) -> None:
-    path = tmp_path / "answers.json"
-    answers = Answers(path)
-    for number in range(150):
-        answers.keep((number, 0, 1), {"frames": number})
-    again = Answers(path)
-    assert again.get((49, 0, 1)) is None
-    assert again.get((50, 0, 1)) == {"frames": 50}
-
-
 def test_a_monitor_of_another_version_is_a_problem_that_is_said(broker, monitor, tmp_path: Path) -> None:
     box = box_of(broker, tmp_path)
     box.open(timeout=10.0)
@@ -247,4 +227,5 @@ def test_a_monitor_of_another_version_is_a_problem_that_is_said(broker, monitor,
         return "version [2, 3]" in box.problem
 
     until(is_said, box)
+    assert "version [2, 3]" in box.problem
     box.close()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sprung.errors import DataError, FormatError, ParameterError
+from sprung.errors import DataError, FormatError
 from sprung.formats import read
 
 G = 9.80665
@@ -103,24 +103,6 @@ def test_structures_one_level_down(tmp_path: Path, write) -> None:
     assert recording.sampling_rate == 200
 
 
-def test_date_times_in_npz(tmp_path: Path) -> None:
-    stamps = np.datetime64("2024-05-31T12:00:00", "ns") + np.arange(50) * np.timedelta64(5, "ms")
-    recording = read(npz(tmp_path, timestamp=stamps, left=SIGNAL))
-    assert recording.start == 1_717_156_800_000_000_000
-    assert recording.sampling_rate == 200
-
-
-def test_npy_of_one_and_two_dimensions(tmp_path: Path) -> None:
-    np.save(tmp_path / "run.npy", np.stack([SIGNAL, 2 * SIGNAL, SIGNAL], axis=1).astype(np.float32))
-    with pytest.raises(ParameterError, match="has no time column"):
-        read(tmp_path / "run.npy")
-    recording = read(tmp_path / "run.npy", sampling_rate=12)
-    assert recording.names == ("channel_1", "channel_2", "channel_3")
-    assert recording.samples[1].tolist() == (2 * SIGNAL).tolist()
-    np.save(tmp_path / "one.npy", SIGNAL)
-    assert read(tmp_path / "one.npy", sampling_rate=12, channels=["channel_1"]).n_samples == 50
-
-
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
@@ -145,10 +127,3 @@ def test_bad_arrays_are_refused_with_a_sentence(tmp_path: Path, arrays, message)
 def test_one_sample(tmp_path: Path) -> None:
     with pytest.raises((DataError, FormatError), match=r"run\.npz"):
         read(npz(tmp_path, data=np.ones((1, 1)), fs=10.0))
-
-
-def test_old_mat_files_are_named(tmp_path: Path) -> None:
-    path = tmp_path / "old.mat"
-    savemat(path, {"a": SIGNAL}, format="4")
-    with pytest.raises(FormatError, match="not a MAT file of version 5 or later"):
-        read(path)

@@ -4,10 +4,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from sprung.link import Sending, Spool, SpoolError
+from sprung.link import Spool, SpoolError
 
 
 def filled(folder, count, *, most_bytes=1 << 20, size=100):
@@ -91,41 +89,6 @@ def test_a_disk_that_refuses_drops_and_goes_on(tmp_path: Path, monkeypatch: pyte
     assert held(spool) == [(0, 4)]
     with pytest.raises(SpoolError, match="give another folder"):
         Spool(tmp_path / next(tmp_path.iterdir()).name)
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    st.lists(st.one_of(st.integers(1, 20), st.just("again"), st.just("ack"), st.just("loss")), max_size=25), st.data()
-)
-def test_sending_delivers_all_whatever_is_lost(tmp_path_factory: pytest.TempPathFactory, steps, data) -> None:
-    """A receiver that acknowledges the highest contiguous number, on a link that loses and is cut."""
-    folder = tmp_path_factory.mktemp("spool")
-    spool, now, received = Spool(folder, is_synced=False), 0.0, set()
-    sending = Sending(spool, ahead=8, patience=10.0)
-
-    def contiguous():
-        return next(k for k in range(10**6) if k not in received) - 1
-
-    for step in steps:
-        now += 1.0
-        if step == "again":
-            sending.start_again(now)
-        elif step == "ack":
-            sending.acknowledged(spool.boot, contiguous(), now)
-        elif step == "loss":
-            list(sending.due(now))
-        else:
-            for _ in range(step):
-                spool.append(lambda boot, seq: b"%d" % seq)
-            arriving = list(sending.due(now))
-            received |= {seq for _, seq, _ in arriving if data.draw(st.booleans())}
-        assert sending.n_under_way <= 8
-    for _ in range(200):
-        now += 11.0
-        received |= {seq for _, seq, _ in sending.due(now)}
-        sending.acknowledged(spool.boot, contiguous(), now)
-    assert contiguous() + 1 == spool.next_seq
-    assert held(spool) == []
 
 
 def test_where_the_boot_before_ended_is_known(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from sprung.documents import diagnosis_document, finding_document, observation_d
 from sprung.errors import ParameterError
 from sprung.link import decode, frame_block, joined
 from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor
-from sprung.recording import Channel, Recording
+from sprung.recording import Recording
 from sprung.vehicles.sensor_layout import quantities_of
 
 #: 2026-11-21, UTC ns.
@@ -186,19 +186,6 @@ def test_other_channels_begin_a_new_window(car, drive) -> None:
     monitor.update(run.part(0, 60_000))
     monitor.update(run.select(run.names[1:]).part(0, 600))
     assert monitor.buffered == pytest.approx(600 / run.n_samples)
-
-
-def test_gaps_and_steps_of_the_clock() -> None:
-    channel = (Channel("a", "acceleration"),)
-
-    def block(start):
-        return Recording(np.zeros((1, 100)), 100.0, channel, BEGUN + round(start * 1e9))
-
-    assert joined([block(0), block(1), block(2.01)]).gaps == ()
-    (gap,) = joined([block(0), block(1), block(5)]).gaps
-    assert (gap.index, gap.duration) == (200, pytest.approx(3.0))
-    (back,) = joined([block(0), block(-3600)]).gaps
-    assert (back.index, back.duration) == (100, 0.01)
 
 
 def test_memory_of_a_vehicle_is_bounded(car, drive, frames_of) -> None:

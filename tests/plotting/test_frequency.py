@@ -3,14 +3,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from matplotlib.text import Text
 
 from sprung.modal import Modes
 from sprung.plotting import spectra_figure, stabilisation_figure
 from sprung.plotting.frequency import curve_limits, frequency_range
-from sprung.plotting.style import in_hertz, in_percent, spread
 from sprung.signals.harmonics import Harmonic
 
 
@@ -20,19 +17,6 @@ def made_modes(frequencies, channels):
     known = np.full(n, 0.01)
     shapes = np.ones((n, len(channels)), dtype=complex)
     return Modes(poles, shapes, channels, known, known, known, (None,) * n)
-
-
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=30), st.floats(0, 0.2))
-def test_spread_labels_keep_order_and_distance(wanted, distance) -> None:
-    places = spread(np.sort(wanted), distance)
-    distance = min(distance, 1 / len(wanted))
-    assert np.all(np.diff(places) >= distance - 1e-9)
-    assert places[0] >= distance / 2 - 1e-9
-    assert places[-1] <= 1 - distance / 2 + 1e-9
-
-
-def test_labels_with_room_stay_where_they_belong() -> None:
-    np.testing.assert_allclose(spread([0.2, 0.5, 0.9], 0.1), [0.2, 0.5, 0.9])
 
 
 def test_range_is_linear_to_half_the_sampling_rate(chain) -> None:
@@ -102,8 +86,3 @@ def test_flat_spectra_look_flat() -> None:
     assert low < -10.5 < -10 < high
     low, high = curve_limits(np.array([0.0, -300.0]), dynamic_range=80, room=0.5)
     assert (low, high) == pytest.approx((-84.0, 4.0 + 88.0))
-
-
-def test_numbers_are_short() -> None:
-    assert [in_hertz(f) for f in (0.2345, 7.013, 182.29, 1234.5)] == ["0.234 Hz", "7.01 Hz", "182.3 Hz", "1234 Hz"]
-    assert [in_percent(x) for x in (0.0112, 0.2294)] == ["1.12 %", "22.9 %"]

@@ -5,8 +5,11 @@ import pytest
 from matplotlib.axes import Axes
 
 from sprung._arrays import Real
-from sprung.modal import join_modes, mac
-from sprung.plotting import mac_figure
+from sprung.modal import Modes, join_modes, mac
+from sprung.plotting import (
+    mac_figure,
+    reference_mac_figure,
+)
 
 
 def matrix(axes: Axes) -> Real:
@@ -66,3 +69,12 @@ def test_no_mode_is_said(result, request: pytest.FixtureRequest) -> None:
     identification = request.getfixturevalue(result)
     none = replace(identification, modes=identification.modes.take([]), members=identification.members[:0])
     assert mac_figure(none).axes[0].texts[0].get_text() == "No mode was identified."
+
+
+def test_mac_against_a_reference(chain) -> None:
+    nothing = chain.modes.take(np.array([], dtype=int))
+    figure = reference_mac_figure([("all", chain.modes), ("none", nothing)], chain.modes, title="t")
+    values = [float(text.get_text()) for text in figure.axes[0].texts]
+    assert np.reshape(values, (3, 3)).diagonal() == pytest.approx(1)
+    assert figure.axes[1].texts[0].get_text() == "No mode was identified."
+    assert isinstance(chain.modes, Modes)

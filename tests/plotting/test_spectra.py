@@ -63,4 +63,7 @@ def test_very_many_channels_are_cut_off_and_that_is_said(chain) -> None:
 
 def test_silence_is_drawn(chain) -> None:
     silent = replace(chain, spectra=replace(chain.spectra, matrix=np.zeros_like(chain.spectra.matrix)))
-    spectra_figure(silent).draw_without_rendering()
+    figure = spectra_figure(silent)
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        assert np.isfinite(axes.get_ylim()).all()

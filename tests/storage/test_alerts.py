@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from sprung.storage import AlertRow, AuditRow, CommandRow, HistoryRow, NotificationRow
+from sprung.storage import AlertRow, HistoryRow, NotificationRow
 
 ALERT = AlertRow("zafira", "front_left.damper", severity=2, text="Damper is weak", raised=100, document={"p": 0.01})
 RAISED = ("raised", "monitor", "")
@@ -47,19 +47,3 @@ def test_notifications_stay_until_sent(store) -> None:
     assert store.alerts.due_notifications(10) == []
     assert store.delete_older(6) == 1
     assert store.delete_older(7) == 1
-
-
-def test_commands_are_on_the_record(store) -> None:
-    store.requests.audit("eve", "log in", "service", now=1)
-    number = store.requests.add_command("eve", "zafira", "learn again", {"reason": "new dampers"}, now=2)
-    assert store.requests.open_commands() == [
-        CommandRow(number, 2, "eve", "zafira", "learn again", {"reason": "new dampers"}, None)
-    ]
-    store.requests.command_done(number, 3)
-    assert store.requests.open_commands() == []
-    rows = store.requests.audited()
-    assert rows == [
-        AuditRow(rows[0].id, 1, "eve", "log in", "service", None),
-        AuditRow(rows[1].id, 2, "eve", "learn again", "zafira", {"reason": "new dampers"}),
-    ]
-    assert store.requests.audited(limit=1) == rows[1:]

@@ -2,11 +2,9 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from threading import Barrier
 
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sprung.errors import ParameterError
 from sprung.storage import Cursor, Progress, StoredFrame, VehicleRow, open_store
 
 NEW_NAMES = (f"v{number}" for number in count())
@@ -66,15 +64,6 @@ def test_boots_and_vehicles_are_kept_apart(store) -> None:
 def test_nothing_asks_nothing_of_the_store(store) -> None:
     assert store.inbox.add_frames([], now=0) == {}
     assert store.inbox.cursor("nobody", 0) == Cursor(-1, -1, 0)
-
-
-@pytest.mark.parametrize("wrong", [-1, 2**63, 1.0, "1"])
-def test_numbers_that_no_frame_has_are_refused(store, wrong) -> None:
-    with pytest.raises(ParameterError, match=r"boot=.* must be a whole number from 0 to 2\^63 - 1"):
-        store.inbox.add_frames([StoredFrame("zafira", wrong, 0, 0, b"")], now=0)
-    with pytest.raises(ParameterError, match="seq="):
-        store.inbox.add_frames([*frames(0), StoredFrame("zafira", 7, wrong, 0, b"")], now=0)
-    assert store.inbox.cursors() == {}
 
 
 def test_lost_frames_are_counted_and_passed_over(store) -> None:

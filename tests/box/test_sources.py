@@ -1,17 +1,14 @@
 """Files, a watched folder, a simulator; going on after a stop; the pace."""
 
-import gzip
 import itertools
-import os
-import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sprung.box import after, blocks_of, from_files, from_folder, from_simulator, paced
+from sprung.box import after, blocks_of, from_files, from_simulator, paced
 from sprung.errors import FormatError, ParameterError
 from sprung.formats import read, write
 from sprung.recording import Channel, Gap, Recording
@@ -185,99 +182,6 @@ def test_pace_of_none_and_of_nonsense() -> None:
     assert clock.slept == []
     with pytest.raises(ParameterError, match="pace=0 must be above 0"):
         paced([], 0.0, clock=clock, sleep=clock.sleep)
-
-
-class Folder:
-    """A watched folder, in which something happens at each look."""
-
-    def __init__(
-        self,
-        path: Path,
-        *events: Callable[[], object],
-        known: Sequence[str] = (),
-        sampling_rate: float | None = None,
-    ) -> None:
-        self.path, self.events, self.problems = path, list(events), dict[str, str]()
-        self.blocks = from_folder(
-            path,
-            start=lambda: START,
-            is_done=lambda: not self.events,
-            sleep=self._sleep,
-            done=self.problems.__setitem__,
-            known=known,
-            sampling_rate=sampling_rate,
-        )
-
-    def _sleep(self, _seconds: float) -> None:
-        self.events.pop(0)()
-
-    def put(self, name: str, content: str | bytes, *, age: float = 0.0) -> None:
-        path = self.path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        os.utime(path, (time.time() - age,) * 2)
-
-
-def test_folder_gives_old_files_by_name_and_leaves_out_those_done(tmp_path: Path) -> None:
-    folder = Folder(tmp_path, known=["a.csv"])
-    write(recording(400, seed=2), tmp_path / "c.parquet")
-    os.utime(tmp_path / "c.parquet", (1e9, 1e9))
-    folder.put("a.csv", text(100), age=60)
-    folder.put("b.csv.gz", gzip.compress(text(100, first=1_700_000_000).encode()), age=60)
-    folder.put("notes.md", "none", age=60)
-    folder.put(".d.csv", text(100), age=60)
-    (tmp_path / "e.csv").mkdir()
-    blocks = list(folder.blocks)
-    assert folder.problems == {"b.csv.gz": "", "c.parquet": ""}
-    assert [block.names for block in blocks] == [("a",), ("acc_fl", "speed"), ("acc_fl", "speed")]
-
-
-def test_files_that_still_grow_are_waited_for(tmp_path: Path) -> None:
-    """A file is read when two looks see the same; one from the future (a clock that is wrong) too."""
-    whole = text(300, first=1_700_000_000).encode()
-    folder = Folder(tmp_path)
-    folder.events += [
-        lambda: folder.put("a.csv", whole[:2000]),
-        lambda: folder.put("a.csv", whole[:3000], age=-7200),
-        lambda: folder.put("a.csv", whole, age=-7200),
-        lambda: None,
-        lambda: None,
-    ]
-    blocks = list(folder.blocks)
-    assert np.array_equal(np.concatenate([block.samples[0] for block in blocks]), np.arange(300.0))
-    assert folder.problems == {"a.csv": ""}
-
-
-def test_broken_files_are_named_and_skipped(tmp_path: Path) -> None:
-    folder = Folder(tmp_path)
-    folder.put("a.csv", "", age=60)
-    folder.put("b.parquet", b"PAR1 and nothing more", age=60)
-    folder.put("c.csv", "t_s,a\n0,1\n0.01,x\n0.02,3\n", age=60)
-    folder.put("d.csv", "a\n" + "1\n" * 100, age=60)
-    folder.put("e.csv", text(100), age=60)
-    assert len(list(folder.blocks)) == 1
-    assert list(folder.problems) == ["a.csv", "b.parquet", "c.csv", "d.csv", "e.csv"]
-    assert "a.csv is empty" in folder.problems["a.csv"]
-    assert "b.parquet cannot be read" in folder.problems["b.parquet"]
-    assert "c.csv, line 3, column 'a': 'x' is not a number" in folder.problems["c.csv"]
-    assert "d.csv has no time column" in folder.problems["d.csv"]
-    assert folder.problems["e.csv"] == ""
-
-
-def test_files_of_a_folder_without_time_follow_each_other(tmp_path: Path) -> None:
-    folder = Folder(tmp_path, sampling_rate=100.0)
-    folder.put("a.csv", "a\n" + "1\n" * 100, age=60)
-    folder.put("b.csv", "a\n" + "2\n" * 100, age=60)
-    assert starts(folder.blocks) == [0, 1]
-
-
-def test_file_or_folder_that_is_taken_away(tmp_path: Path) -> None:
-    watched = tmp_path / "in"
-    watched.mkdir()
-    folder = Folder(watched)
-    folder.events += [lambda: folder.put("a.csv", text(100)), (watched / "a.csv").unlink, watched.rmdir]
-    assert list(folder.blocks) == []
-    with pytest.raises(ParameterError, match="in is not a folder: give the one in which files appear"):
-        Folder(watched)
 
 
 def test_simulator_is_the_same_every_time_and_goes_on() -> None:

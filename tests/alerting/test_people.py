@@ -13,7 +13,6 @@ from sprung.alerting import (
     assigned,
     commented,
     reported,
-    severity_step,
     shelf_ended,
     shelved,
     state_name,
@@ -115,21 +114,6 @@ def test_table(event, state, cell) -> None:
         assert after.notified is None
 
 
-@pytest.mark.parametrize(
-    ("state", "name"),
-    [
-        ("U", "unacknowledged"),
-        ("A", "acknowledged"),
-        ("R", "returned to normal, unacknowledged"),
-        ("N", "normal"),
-        ("SU", "shelved"),
-        ("SN", "shelved"),
-    ],
-)
-def test_names_of_isa_18_2(state, name) -> None:
-    assert state_name(STATES[state]) == name
-
-
 def test_life_of_an_alert() -> None:
     settings = AlertSettings(raise_after=2, clear_after=2)
     first = reported(None, report(300), settings, 10)
@@ -181,13 +165,6 @@ def test_unknown_worst_is_the_present_severity() -> None:
     alert = replace(STATES["A"], worst=0)
     assert not reported(alert, report(), SETTINGS, NOW).is_notified
     assert reported(alert, report(700), SETTINGS, NOW).is_notified
-
-
-@pytest.mark.parametrize(
-    ("severity", "step"), [(1, 0), (200, 0), (201, 1), (300, 1), (500, 2), (700, 3), (900, 4), (1000, 4)]
-)
-def test_steps_of_severity(severity, step) -> None:
-    assert severity_step(severity) == step
 
 
 def test_reminders_until_it_is_acknowledged() -> None:
@@ -243,8 +220,3 @@ def test_assignee_stays_through_a_recurrence_and_can_be_taken_back() -> None:
 def test_refusals(act, sentence) -> None:
     with pytest.raises(ParameterError, match=sentence):
         act()
-
-
-def test_values_can_be_keys() -> None:
-    assert len({report(evidence={"a": [1]}), report(evidence={"a": [2]})}) == 2
-    assert len({STATES["U"], STATES["U"]}) == 1
