@@ -9,8 +9,10 @@ import socket
 import subprocess
 import time
 import tracemalloc
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: matrices are small, more threads only wait
 
@@ -20,14 +22,16 @@ from hypothesis import settings
 settings.register_profile("same every time", derandomize=True)
 settings.load_profile("same every time")
 
+Value = TypeVar("Value")
+
 DATA = Path(os.environ.get("SPRUNG_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
 @pytest.fixture
-def real_file():
+def real_file() -> Callable[[str], Path]:
     """Return a function from a path below the real recordings to the file; it skips the test where that is absent."""
 
-    def find(name):
+    def find(name: str) -> Path:
         path = DATA / name
         if not path.exists():
             pytest.skip(f"no {name} among the real recordings: set SPRUNG_DATA to their folder")
@@ -36,12 +40,19 @@ def real_file():
     return find
 
 
+class MemoryBelow(Protocol):
+    """Context that fails where more than `most` bytes are taken at once in it, or `kept` after it."""
+
+    def __call__(self, most: float, *, kept: float | None = None) -> AbstractContextManager[None]:
+        """Return the context."""
+
+
 @pytest.fixture
-def memory_below():
-    """Return a context that fails where more bytes than given are taken at once meanwhile, or `kept` after it."""
+def memory_below() -> MemoryBelow:
+    """Return a context that fails where more bytes than given are taken at once in it, or `kept` after it."""
 
     @contextmanager
-    def bounded(most, *, kept=None):
+    def bounded(most: float, *, kept: float | None = None) -> Iterator[None]:
         tracemalloc.start()
         try:
             yield
@@ -54,7 +65,9 @@ def memory_below():
     return bounded
 
 
-def violations(value, schema, definitions, place="document"):
+def violations(
+    value: object, schema: Mapping[str, Any], definitions: Mapping[str, Any], place: str = "document"
+) -> Iterator[str]:
     """Yield where a value breaks a JSON Schema, as far as those of the package go; a key that it does not list, too."""
     if "$ref" in schema:
         schema = definitions[schema["$ref"].removeprefix("#/$defs/")]
@@ -80,7 +93,9 @@ def violations(value, schema, definitions, place="document"):
             yield from violations(item, rule, definitions, f"{place}[{k}]")
 
 
-def _object_violations(value, schema, definitions, place):
+def _object_violations(
+    value: Mapping[str, object], schema: Mapping[str, Any], definitions: Mapping[str, Any], place: str
+) -> Iterator[str]:
     known, rest = schema.get("properties", {}), schema.get("additionalProperties", "properties" not in schema)
     yield from (f"{place} lacks {name}" for name in schema.get("required", []) if name not in value)
     for name, member in value.items():
@@ -91,19 +106,26 @@ def _object_violations(value, schema, definitions, place):
             yield from violations(member, rule, definitions, f"{place}.{name}")
 
 
-def _has_type(value, name):
+def _has_type(value: object, name: str) -> bool:
     if isinstance(value, bool):
         return name == "boolean"
-    kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": (int, float), "null": type(None)}
+    kinds: dict[str, type | tuple[type, ...]] = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "integer": int,
+        "number": (int, float),
+        "null": type(None),
+    }
     return name in kinds and isinstance(value, kinds[name])
 
 
 @pytest.fixture(scope="session")
-def check_document():
+def check_document() -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Return a function that checks a JSON document against the JSON Schema that its key `schema` names."""
     from sprung.documents import json_schema
 
-    def check(document):
+    def check(document: dict[str, Any]) -> dict[str, Any]:
         schema = json_schema(document["schema"])
         assert list(violations(document, schema, schema.get("$defs", {}))) == []
         return document
@@ -124,7 +146,7 @@ log_type all
 PORTS = range(20000, 30000)
 
 
-def until(condition, *, timeout=10.0, what="the condition"):
+def until(condition: Callable[[], Value], *, timeout: float = 10.0, what: str = "the condition") -> Value:
     """Return the first true value of a condition."""
     end = time.monotonic() + timeout
     while not (value := condition()):
@@ -136,10 +158,10 @@ def until(condition, *, timeout=10.0, what="the condition"):
 class Broker:
     """A running mosquitto; `{port}` and `{folder}` in its configuration are its own."""
 
-    def __init__(self, config_text, folder):
+    def __init__(self, program: str, config_text: str, folder: Path) -> None:
         self.folder = folder
-        self._text = config_text
-        self._process = None
+        self._program = program
+        self._process: subprocess.Popen[bytes] | None = None
         for _ in range(20):
             self.port = random.randrange(PORTS.start, PORTS.stop)
             self._settings.write_text(config_text.replace("{port}", str(self.port)).replace("{folder}", str(folder)))
@@ -150,71 +172,75 @@ class Broker:
         raise RuntimeError(f"mosquitto does not start:\n{self.log}")
 
     @property
-    def log(self):
-        """What it said."""
+    def log(self) -> str:
+        """What it logged."""
         return "".join(path.read_text(errors="replace") for path in sorted(self.folder.glob("*.log")))
 
     @property
-    def address(self):
+    def address(self) -> str:
         return f"mqtt://127.0.0.1:{self.port}"
 
-    def kill9(self):
+    def kill9(self) -> None:
         """End it without a chance to say goodbye."""
         self._end(signal.SIGKILL)
 
-    def stop(self):
+    def stop(self) -> None:
         """End it in good order."""
         self._end(signal.SIGTERM)
 
-    def restart(self):
+    def restart(self) -> None:
         """Start it again on the same port; stop it where it runs."""
         self.stop()
         if not self._start():
             raise RuntimeError(f"mosquitto does not start again:\n{self.log}")
 
     @property
-    def _settings(self):
+    def _settings(self) -> Path:
         return self.folder / "broker.conf"
 
-    def _start(self):
+    def _start(self) -> bool:
         with (self.folder / "output.log").open("ab") as output:
-            self._process = subprocess.Popen(
-                [PROGRAM, "-c", self._settings], stdin=subprocess.DEVNULL, stdout=output, stderr=output
+            process = subprocess.Popen(
+                [self._program, "-c", self._settings], stdin=subprocess.DEVNULL, stdout=output, stderr=output
             )
-        return until(self._is_up, what="the broker") == "listens"
+        self._process = process
+        return until(lambda: self._state(process), what="the broker") == "listens"
 
-    def _is_up(self):
-        if self._process.poll() is not None:
+    def _state(self, process: subprocess.Popen[bytes]) -> str:
+        if process.poll() is not None:
             return "ended"
         with socket.socket() as trial:
             listens = trial.connect_ex(("127.0.0.1", self.port)) == 0
         # Whoever listens there may be another program, and ours about to say so and end.
         return "listens" if listens and f"listen socket on port {self.port}" in self.log else ""
 
-    def _end(self, number):
-        def is_over():
-            # A mosquitto that has only just started may miss the first signal.
-            if self._process.poll() is None:
-                self._process.send_signal(number)
-                with suppress(subprocess.TimeoutExpired):
-                    self._process.wait(0.5)
-            return self._process.poll() is not None
+    def _end(self, number: int) -> None:
+        process = self._process
+        if process is None:
+            return
 
-        if self._process is not None:
-            until(is_over, what="the end of the broker")
+        def is_over() -> bool:
+            # A mosquitto that has only just started may miss the first signal.
+            if process.poll() is None:
+                process.send_signal(number)
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(0.5)
+            return process.poll() is not None
+
+        until(is_over, what="the end of the broker")
 
 
 @pytest.fixture(scope="session")
-def mosquitto(tmp_path_factory):
+def mosquitto(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Broker]]:
     """Return a function from a configuration (None: plain, open to anybody) to a running broker of that kind."""
     if PROGRAM is None:
         pytest.skip("no mosquitto: install Debian's package (scripts/system-packages)")
-    brokers = []
+    program, brokers = PROGRAM, list[Broker]()
 
-    def start(config_text=None):
+    def start(config_text: str | None = None) -> Broker:
         # As root, mosquitto would become a user that may not read the folder.
         user = f"\nuser {pwd.getpwuid(os.geteuid()).pw_name}\n"
-        broker = Broker((config_text or PLAIN) + user, Path(tmp_path_factory.mktemp("mosquitto")))
+        broker = Broker(program, (config_text or PLAIN) + user, Path(tmp_path_factory.mktemp("mosquitto")))
         brokers.append(broker)
         return broker
 

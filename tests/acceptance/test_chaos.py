@@ -16,8 +16,9 @@ pytest.importorskip("paho.mqtt.client")
 
 @pytest.mark.slow
 @pytest.mark.skipif(MOSQUITTO is None, reason="no mosquitto: install Debian's package (scripts/system-packages)")
-def test_a_dozen_kills_change_nothing(tmp_path):
-    command = [sys.executable, HARNESS, "--kills", "12", "--seed", "1", "--json", "--keep", tmp_path / "run"]
+def test_a_dozen_kills_change_nothing(tmp_path: Path) -> None:
+    command = [sys.executable, str(HARNESS), "--kills", "12", "--seed", "1", "--json"]
+    command += ["--keep", str(tmp_path / "run")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
     assert done.stdout, done.stderr
     found = json.loads(done.stdout)

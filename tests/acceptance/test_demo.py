@@ -9,9 +9,9 @@ import pytest
 
 
 @pytest.mark.slow
-def test_demo_finds_the_spring_and_the_sensor():
+def test_demo_finds_the_spring_and_the_sensor() -> None:
     program = Path(sys.executable).with_name("sprung")
-    words = [program, "demo", "--pace", "90", "--minutes", "8"]
+    words = [str(program), "demo", "--pace", "90", "--minutes", "8"]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}
     outcome = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False, env=environment)
     assert outcome.returncode == 0, outcome.stderr

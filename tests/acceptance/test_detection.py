@@ -16,10 +16,11 @@ pytest.importorskip("numba")
 
 
 @pytest.mark.slow
-def test_a_tenth_is_found_whatever_the_file_knows(tmp_path):
+def test_a_tenth_is_found_whatever_the_file_knows(tmp_path: Path) -> None:
     # A car whose file is complete, with the method of the thesis next to ours, and one whose geometry is 3 % wrong.
     lives = tmp_path / "lives.jsonl"
-    command = [sys.executable, BENCHMARK, "--seeds", "4", "5", "--healthy", "3", "--jobs", "2", "--lives", lives]
+    command = [sys.executable, str(BENCHMARK), "--seeds", "4", "5", "--healthy", "3", "--jobs", "2"]
+    command += ["--lives", str(lives)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=HANGS, check=False)
     assert done.returncode == 0, done.stderr
     found = {life["seed"]: life for life in map(json.loads, lives.read_text().splitlines())}

@@ -1,5 +1,7 @@
 """Real cars with one six-axis sensor on the body: body modes, and wheel lines that are no modes."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,10 +10,10 @@ from sprung.formats import read
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerSettings, fit_corners
 from sprung.recording import Channel, Recording
-from sprung.vehicles import Sensor, parse_vehicle
+from sprung.vehicles import Sensor, Vehicle, parse_vehicle
 
 #: The sensor of the CANedge logs: X up, Y rearward, and so Z to the right: pitch rate about -Z, roll rate about -Y.
-CANEDGE = {
+CANEDGE: dict[str, Any] = {
     "schema": "sprung.vehicle/1",
     "name": "canedge",
     "kind": "road",
@@ -48,9 +50,15 @@ CANEDGE = {
 ORDINARY = {"half_track": 0.75, "spring_stiffness": 21.0, "damping": 1.35, "tyre_stiffness": 140.0}
 
 
+def on_axles(fields: dict[str, Any]) -> Vehicle:
+    vehicle = parse_vehicle(fields)
+    assert isinstance(vehicle, Vehicle)
+    return vehicle
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("log", ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"])
-def test_canedge_car(real_file, log):
+def test_canedge_car(real_file, log) -> None:
     run = read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet"))
     found = cov_ssi(run, vehicle=parse_vehicle(CANEDGE), settings=IdentificationSettings(band=(0.5, 40.0)))
     # Bounce and pitch lie together at 1.3 to 1.7 Hz, 15 to 45 % damped.
@@ -65,7 +73,7 @@ def test_canedge_car(real_file, log):
 
 
 @pytest.mark.slow
-def test_modes_of_the_same_car_at_6_and_at_19_metres_per_second(real_file):
+def test_modes_of_the_same_car_at_6_and_at_19_metres_per_second(real_file) -> None:
     logs = ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"]
     runs = [read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet")) for log in logs]
     settings = IdentificationSettings(band=(0.5, 40.0))
@@ -77,14 +85,14 @@ def test_modes_of_the_same_car_at_6_and_at_19_metres_per_second(real_file):
 
 
 @pytest.mark.slow
-def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_file):
+def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_file) -> None:
     """Make, masses and the sensor's place are unknown: an ordinary car per kilogram, held within 20 %.
 
     Free places move the sensor from wherever it is put to 1.3 to 1.7 m behind the centre of gravity, in both logs.
     """
     described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
-    car, settings = parse_vehicle(described), CornerSettings(prior_std=0.2)
+    car, settings = on_axles(described), CornerSettings(prior_std=0.2)
     logs = ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"]
     slow, fast = (
         fit_corners(read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet")), car, settings=settings)
@@ -106,7 +114,7 @@ def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_
 
 
 @pytest.mark.slow
-def test_corners_from_one_minute_of_a_real_car_are_not_told(real_file):
+def test_corners_from_one_minute_of_a_real_car_are_not_told(real_file) -> None:
     described = {**CANEDGE, "speed_channel": "speed", "axle": [ORDINARY | {"x": 1.15}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [
         {"channel": "az", "quantity": "acceleration", "position": [0.5, 0.0, 0.5], "direction": [0.0, 0.0, 1.0]},
@@ -115,7 +123,7 @@ def test_corners_from_one_minute_of_a_real_car_are_not_told(real_file):
     ]
     for sensor, unit in zip(described["sensor"], ("m/s^2", "rad/s", "rad/s"), strict=True):
         sensor["unit"] = unit
-    fit = fit_corners(comma_run(real_file), parse_vehicle(described), settings=CornerSettings(prior_std=0.2))
+    fit = fit_corners(comma_run(real_file), on_axles(described), settings=CornerSettings(prior_std=0.2))
     assert fit.n_segments < 25
     assert np.abs(fit.log_ratios).max() < 0.5
     assert any("not identifiable" in note for note in fit.notes)
@@ -139,7 +147,7 @@ def comma_run(real_file):
 
 
 @pytest.mark.slow
-def test_comma_car(real_file):
+def test_comma_car(real_file) -> None:
     found = cov_ssi(comma_run(real_file))
     body = found.modes.take(np.flatnonzero(found.modes.natural_frequency < 5))
     assert len(body) == 1
@@ -149,18 +157,18 @@ def test_comma_car(real_file):
     assert body.labels[0] in {"bounce", "pitch"}
 
 
-def test_sensor_of_the_car_turns_into_the_bodys_axes():
+def test_sensor_of_the_car_turns_into_the_bodys_axes() -> None:
     sensor = Sensor.model_validate(CANEDGE["sensor"][2])
     assert sensor.as_channel().direction == (-1.0, 0.0, 0.0)
     assert sensor.factor == pytest.approx(np.pi / 180)
 
 
 @pytest.mark.slow
-def test_no_finding_between_two_logs_of_the_same_car(real_file):
+def test_no_finding_between_two_logs_of_the_same_car(real_file) -> None:
     """Learnt on the drive of ten minutes in windows of two, tried on the slow one."""
     described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
-    car, settings = parse_vehicle(described), CornerSettings(prior_std=0.2)
+    car, settings = on_axles(described), CornerSettings(prior_std=0.2)
     slow, fast = (
         [
             observe_window(part, car, time=time, settings=settings)

@@ -25,7 +25,7 @@ def nearest(modes, frequency):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
-def test_palisaden_building(real_file, method):
+def test_palisaden_building(real_file, method) -> None:
     # Published (SSI-cov of the package the file comes from): 1.882, 2.422, 2.687 Hz.
     run = read(real_file("palisaden_clt_building/palisaden_0_30min_100Hz.npy"), sampling_rate=100.0)
     modes = METHODS[method](run).modes
@@ -34,7 +34,7 @@ def test_palisaden_building(real_file, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_koma_shear_frame(real_file, method):
+def test_koma_shear_frame(real_file, method) -> None:
     # Simulated by time steps that lengthen the short periods: the reference's modes 4 and 5 (1.071, 1.222 Hz) are
     # 2.5 and 3 % above what the samples hold, mode 3 (0.834 Hz) 1.7 %. Modes 1 and 2 and all shapes are true.
     samples = np.load(real_file("koma_shear_frame/data_shearframe.npy")).T
@@ -46,7 +46,7 @@ def test_koma_shear_frame(real_file, method):
 
 
 @pytest.mark.slow
-def test_three_storey_building_of_three_set_ups(real_file):
+def test_three_storey_building_of_three_set_ups(real_file) -> None:
     # Exact natural frequencies of the finite-element model behind the samples.
     exact = [2.63186, 2.69173, 3.43042, 8.29742, 8.42882, 10.6272, 14.0053, 14.093, 17.5741]
     for number in (1, 2, 3):
@@ -57,7 +57,7 @@ def test_three_storey_building_of_three_set_ups(real_file):
 
 
 @pytest.mark.slow
-def test_munich_bridge_with_one_accelerometer(real_file):
+def test_munich_bridge_with_one_accelerometer(real_file) -> None:
     # Published: 12.559 Hz vertical. 9.336 and 31.368 Hz are not among the sensor's lines; 10.8, 13.6 and 25.0 Hz are
     # machines or other modes. One sensor cannot tell its own noise from motion, so significance is left out here.
     run = read(
@@ -74,7 +74,7 @@ def test_munich_bridge_with_one_accelerometer(real_file):
     ("state", "expected"),
     [("Flexible", [3.69, 11.08, 16.69]), ("Stiff", [7.76, 24.9])],
 )
-def test_model_building_on_a_shake_table(real_file, state, expected):
+def test_model_building_on_a_shake_table(real_file, state, expected) -> None:
     # No published truth; found by others with Cov-SSI on floor minus ground. The stiff model's 23.2 Hz is not told
     # from its 24.9 Hz here.
     archive = np.load(real_file(f"mini_shake_table/{state}_3_story_Northridge.npz"))
@@ -86,7 +86,7 @@ def test_model_building_on_a_shake_table(real_file, state, expected):
 
 
 @pytest.mark.slow
-def test_suspension_bridge_of_five_sensors(real_file):
+def test_suspension_bridge_of_five_sensors(real_file) -> None:
     # Simulated, the upper modes shifted by its time integration: 0.205, 0.319, 0.438, 0.582, 0.855, 1.171 Hz.
     from scipy.io import loadmat
 

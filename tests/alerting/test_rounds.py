@@ -10,7 +10,6 @@ from sprung.alerting import (
     Report,
     acknowledged,
     assess,
-    health_index,
     is_of_suspension,
     severity_step,
     shelved,
@@ -40,18 +39,18 @@ def all_active():
     return play({}, [report(cause) for cause in CAUSES])[0]
 
 
-def test_reported_rise_and_absent_clear(all_active):
+def test_reported_rise_and_absent_clear(all_active) -> None:
     alerts, transitions = play(all_active, [report("silent")], now=1)
     assert said(transitions) == [("silent", "updated", False), *((cause, "cleared", True) for cause in CAUSES[:3])]
     assert play(alerts, [report("silent")], now=2)[1][1:] == []
 
 
-def test_what_nobody_looked_for_is_not_absent(all_active):
+def test_what_nobody_looked_for_is_not_absent(all_active) -> None:
     _, transitions = play(all_active, [], looked_for=lambda cause: cause.startswith("sensor:"), now=1)
     assert said(transitions) == [("sensor:acc_fl", "cleared", True)]
 
 
-def test_inhibited_suspension_neither_rises_nor_clears(all_active):
+def test_inhibited_suspension_neither_rises_nor_clears(all_active) -> None:
     _, transitions = play(all_active, [], is_inhibited=True, now=1)
     assert said(transitions) == [("sensor:acc_fl", "cleared", True), ("silent", "cleared", True)]
     alerts, transitions = play({}, [report(cause) for cause in CAUSES], is_inhibited=True)
@@ -59,7 +58,7 @@ def test_inhibited_suspension_neither_rises_nor_clears(all_active):
     assert all(one.what == "raised" for one in transitions)
 
 
-def test_inhibition_keeps_the_counts():
+def test_inhibition_keeps_the_counts() -> None:
     settings = AlertSettings(raise_after=2)
     alerts, _ = play({}, [report(CAUSES[0])], settings=settings)
     alerts, none = play(alerts, [], is_inhibited=True, settings=settings)
@@ -67,14 +66,14 @@ def test_inhibition_keeps_the_counts():
     assert said(play(alerts, [report(CAUSES[0])], settings=settings)[1]) == [(CAUSES[0], "raised", True)]
 
 
-def test_several_reports_of_a_cause_are_one_of_the_worst():
+def test_several_reports_of_a_cause_are_one_of_the_worst() -> None:
     settings = AlertSettings(raise_after=2)
     alerts, transitions = play({}, [report("monitor", s) for s in (300, 700, 500)], settings=settings)
     assert [one.what for one in transitions] == ["pending"]
     assert (alerts["monitor"].severity, alerts["monitor"].streak) == (700, 1)
 
 
-def test_shelves_end_before_the_round(all_active):
+def test_shelves_end_before_the_round(all_active) -> None:
     alerts = {"silent": shelved(all_active["silent"], "ann", 10, 1).alert}
     assert said(play(alerts, [report("silent", 900)], now=9)[1]) == [("silent", "updated", False)]
     after, transitions = play(alerts, [], now=10)
@@ -83,32 +82,9 @@ def test_shelves_end_before_the_round(all_active):
     assert not after["silent"].is_shelved
 
 
-def test_a_round_is_of_one_vehicle(all_active):
+def test_a_round_is_of_one_vehicle(all_active) -> None:
     with pytest.raises(ParameterError, match="but this one of car, van: assess each alone"):
         play(all_active, [report("silent", vehicle="van")])
-
-
-@pytest.mark.parametrize(
-    ("reports", "health"),
-    [
-        ([], 100.0),
-        ([report("front_left.spring", 900)], 10.0),
-        ([report("front_left.spring", 300), report("rear_left.tyre", 500)], 50.0),
-        ([report("sensor:acc_fl", 600)], 80.0),
-        ([report("sensor:acc_fl", 900), report("front_left.spring", 200)], 70.0),
-        ([report("silent", 900), report("monitor", 1000)], 100.0),
-        ([report("rear_left.tyre", 1000)], 0.0),
-    ],
-)
-def test_health(reports, health):
-    alerts, _ = play({}, reports)
-    assert health_index(alerts.values()) == pytest.approx(health)
-
-
-def test_health_forgets_what_cleared_and_not_what_is_shelved(all_active):
-    hidden = [shelved(one, "ann", 10, 1).alert for one in all_active.values()]
-    assert health_index(hidden) == 50.0
-    assert health_index(play(all_active, [], now=1)[0].values()) == 100.0
 
 
 class History(RuleBasedStateMachine):
@@ -118,7 +94,8 @@ class History(RuleBasedStateMachine):
     def start(self, raise_after, clear_after, renotify):
         self.settings = AlertSettings(raise_after, clear_after, renotify)
         self.alerts, self.now = {}, 0
-        self.windows = {cause: [] for cause in CAUSES}  # was it reported, in every window that could tell
+        # Whether it was reported, in every conclusive window.
+        self.windows: dict[str, list[bool]] = {cause: [] for cause in CAUSES}
         self.rises = dict.fromkeys(CAUSES, 0)
         self.worst = dict.fromkeys(CAUSES, 0)  # since the last rise
 

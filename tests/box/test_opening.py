@@ -2,6 +2,7 @@
 
 import io
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -18,7 +19,7 @@ def listener():
 
 
 @pytest.fixture
-def settings(tmp_path):
+def settings(tmp_path: Path):
     def made(**fields):
         return SourceSettings(vehicle=read_vehicle("zafira"), folder=tmp_path, **fields)
 
@@ -26,13 +27,13 @@ def settings(tmp_path):
 
 
 @pytest.fixture
-def recording(tmp_path):
+def recording(tmp_path: Path):
     path = tmp_path / "run.csv"
     path.write_text("t,a\n" + "".join(f"{k / 100},{k}\n" for k in range(300)), encoding="utf-8")
     return path
 
 
-def test_files_continue_where_they_were(settings, listener, recording, tmp_path):
+def test_files_continue_where_they_were(settings, listener, recording, tmp_path: Path) -> None:
     (tmp_path / "begun").write_text(str(START), encoding="ascii")
     blocks = list(open_source("files", settings(files=[recording]), listener))
     assert [block.start for block in blocks] == [START + k * 10**9 for k in range(3)]
@@ -40,17 +41,17 @@ def test_files_continue_where_they_were(settings, listener, recording, tmp_path)
     assert (rest.start, rest.n_samples) == (START + 2_500_000_000, 50)
 
 
-def test_files_remember_when_they_began(settings, listener, recording):
+def test_files_remember_when_they_began(settings, listener, recording) -> None:
     first, again = (next(open_source("files", settings(files=[recording]), listener)).start for _ in range(2))
     assert first == again
 
 
-def test_a_folder_reads_each_file_once(settings, recording, tmp_path):
+def test_a_folder_reads_each_file_once(settings, recording, tmp_path: Path) -> None:
     folder = tmp_path / "in"
     folder.mkdir()
     recording.rename(folder / "run.csv")
     (folder / "bad.csv").write_text("a,b\n", encoding="utf-8")
-    problems, names = [], []
+    problems, names = list[str](), list[str]()
 
     def opened():
         stopping = threading.Event()
@@ -67,7 +68,7 @@ def test_a_folder_reads_each_file_once(settings, recording, tmp_path):
     assert list(open_source(f"folder:{folder}", settings(), Listener(stopped))) == []
 
 
-def test_standard_input(settings, listener, monkeypatch):
+def test_standard_input(settings, listener, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("a\n1\n2\n"))
     (block,) = open_source("stdin", settings(sampling_rate=10.0), listener)
     assert block.samples.tolist() == [[1.0, 2.0]]
@@ -89,6 +90,6 @@ def test_standard_input(settings, listener, monkeypatch):
         ("stdin:x", {}, "--source 'stdin:x' must be files"),
     ],
 )
-def test_what_is_missing_is_named(settings, listener, text, fields, words):
+def test_what_is_missing_is_named(settings, listener, text, fields, words) -> None:
     with pytest.raises(ParameterError, match=words):
         open_source(text, settings(**fields), listener)

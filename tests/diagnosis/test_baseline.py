@@ -14,7 +14,7 @@ def test_a_file_that_explains_its_windows_badly_is_noted(healthy, baseline) -> N
     bad = [replace(one, conditions={**one.conditions, "model_error": 0.51}) for one in healthy(12)]
     learnt = learn(bad)
     (note,) = learnt.notes
-    assert "off by 51 %" in note
+    assert "deviates by 51 %" in note
     assert note in diagnose(bad, learnt).notes
     assert baseline.notes == ()
 

@@ -10,7 +10,7 @@ def generator(seed=0):
     return np.random.default_rng(seed)
 
 
-def test_white_noise_is_white():
+def test_white_noise_is_white() -> None:
     samples = noise((2, 200_000), band=None, sampling_rate=100.0, generator=generator())
     assert samples.std(axis=1) == pytest.approx([1.0, 1.0], rel=0.01)
     lagged = [np.mean(samples[0, lag:] * samples[0, : 200_000 - lag]) for lag in range(1, 6)]
@@ -19,7 +19,7 @@ def test_white_noise_is_white():
 
 
 @pytest.mark.parametrize("band", [(0.5, 50.0), (0.0, 20.0), (100.0, 250.0), (40.0, 60.0)])
-def test_band_limited_noise_has_the_butterworth_spectrum(band):
+def test_band_limited_noise_has_the_butterworth_spectrum(band) -> None:
     """Welch spectrum against 1 / (1 + (w/wc)^(2 n)) at each edge, warped by the bilinear transform."""
     rate = 500.0
     samples = noise((40, 20_000), band=band, sampling_rate=rate, generator=generator())
@@ -37,12 +37,12 @@ def test_band_limited_noise_has_the_butterworth_spectrum(band):
     assert np.mean(density.mean(axis=0)[1:-1][strong] / expected[strong]) == pytest.approx(1.0, abs=0.02)
 
 
-def test_band_limited_noise_is_stationary_from_the_first_sample():
+def test_band_limited_noise_is_stationary_from_the_first_sample() -> None:
     samples = noise((4000, 3), band=(1.0, 10.0), sampling_rate=100.0, generator=generator())
     assert samples.std(axis=0) == pytest.approx(np.ones(3), rel=0.05)
 
 
-def test_band_of_everything_is_white():
+def test_band_of_everything_is_white() -> None:
     everything = noise((5,), band=(0.0, 50.0), sampling_rate=100.0, generator=generator())
     np.testing.assert_array_equal(everything, noise((5,), band=None, sampling_rate=100.0, generator=generator()))
 
@@ -57,12 +57,12 @@ def test_band_of_everything_is_white():
         ((0.0, np.nan), "upper edge of the band=nan must be finite and above"),
     ],
 )
-def test_impossible_bands_are_refused(band, message):
+def test_impossible_bands_are_refused(band, message) -> None:
     with pytest.raises(ParameterError, match=message):
         noise((5,), band=band, sampling_rate=100.0, generator=generator())
 
 
-def test_random_inputs_scale_and_repeat():
+def test_random_inputs_scale_and_repeat() -> None:
     inputs = RandomInputs(3, standard_deviation=2.5)
     first, again = (inputs.samples(50_000, sampling_rate=100.0, generator=generator(7)) for _ in range(2))
     assert first.shape == (3, 50_000)

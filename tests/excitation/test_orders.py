@@ -11,7 +11,7 @@ def drawn(excitation, n_samples=20_000, seed=1, start=0.0):
     return excitation.samples(n_samples, sampling_rate=RATE, generator=np.random.default_rng(seed), start=start)
 
 
-def test_lines_run_at_order_times_speed():
+def test_lines_run_at_order_times_speed() -> None:
     lines = Lines(constant_speed(12.0), (0.5,), (3.0,), (1.0, -2.0), reference_speed=6.0, speed_exponent=2.0)
     first, second = drawn(lines)
     spectrum = np.abs(np.fft.rfft(first)) / 10_000
@@ -21,7 +21,7 @@ def test_lines_run_at_order_times_speed():
     assert second == pytest.approx(-2 * first)
 
 
-def test_sum_is_the_sum():
+def test_sum_is_the_sum() -> None:
     parts = (RandomInputs(2), Lines(constant_speed(10.0), (1.0,), (5.0,), (1.0, 1.0)))
     generator = np.random.default_rng(1)
     expected = sum(part.samples(100, sampling_rate=RATE, generator=generator) for part in parts)
@@ -29,7 +29,7 @@ def test_sum_is_the_sum():
     assert not Sum(parts).is_smooth
 
 
-def test_contradicting_orders_and_sums_are_refused():
+def test_contradicting_orders_and_sums_are_refused() -> None:
     with pytest.raises(ParameterError, match="2 orders have 1 amplitudes"):
         Lines(constant_speed(1.0), (1.0, 2.0), (1.0,), (1.0,))
     with pytest.raises(ParameterError, match="parts have 1, 2 inputs"):

@@ -1,5 +1,6 @@
 import gzip
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from sprung.formats import read, read_blocks
 G = 9.80665
 
 
-def test_units_in_brackets_are_converted(text_file):
+def test_units_in_brackets_are_converted(text_file) -> None:
     path = text_file("time,acc_fl [g],pitch rate (deg/s),speed [km/h],note (raw)\n0,1,180,36,5\n0.01,-2,90,72,6\n")
     recording = read(path)
     assert recording.names == ("acc_fl", "pitch rate", "speed", "note (raw)")
@@ -26,14 +27,14 @@ def test_units_in_brackets_are_converted(text_file):
     assert recording.start is None
 
 
-def test_unknown_unit_in_square_brackets_is_refused(text_file):
+def test_unknown_unit_in_square_brackets_is_refused(text_file) -> None:
     path = text_file("time,acc [furlong]\n0,1\n1,2\n")
     with pytest.raises(FormatError, match=r"run.csv: column 'acc \[furlong\]': unit 'furlong' is unknown"):
         read(path)
 
 
 @pytest.mark.parametrize("unit", ["[]", "[-]"])
-def test_no_unit_in_brackets(text_file, unit):
+def test_no_unit_in_brackets(text_file, unit) -> None:
     assert read(text_file(f"t,a {unit}\n0,1\n1,2\n")).channels[0].quantity == "unknown"
 
 
@@ -52,27 +53,27 @@ def test_no_unit_in_brackets(text_file, unit):
         "time,a,b\ns,,\n0,1.5,2\n0.5,-3,4e1\n",
     ],
 )
-def test_dialects(text_file, text):
+def test_dialects(text_file, text) -> None:
     recording = read(text_file(text))
     assert recording.names == ("a", "b")
     assert recording.samples.tolist() == [[1.5, -3], [2, 40]]
     assert recording.sampling_rate == 2
 
 
-def test_line_of_units_under_the_names(text_file):
+def test_line_of_units_under_the_names(text_file) -> None:
     recording = read(text_file("time;acc;speed\ns;g;km/h\n0;1;36\n1;2;72\n"))
     assert recording.names == ("acc", "speed")
     assert recording.samples == pytest.approx(np.array([[G, 2 * G], [10, 20]]))
 
 
-def test_latin_1_and_utf_8(text_file):
+def test_latin_1_and_utf_8(text_file) -> None:
     for encoding in ("latin-1", "utf-8"):
         recording = read(text_file("time,größe,rate [°/s]\n0,1,180\n1,2,0\n".encode(encoding)))
         assert recording.names == ("größe", "rate")
         assert recording.samples[1, 0] == pytest.approx(np.pi)
 
 
-def test_packed_files(text_file, tmp_path):
+def test_packed_files(text_file, tmp_path: Path) -> None:
     text = b"time,a\n0,1\n1,2\n"
     (tmp_path / "run.csv.gz").write_bytes(gzip.compress(text))
     with zipfile.ZipFile(tmp_path / "run.csv.zip", "w") as archive:
@@ -102,20 +103,20 @@ def test_packed_files(text_file, tmp_path):
         ("T", ["1e1", "1.2e1"], None, 0.5),
     ],
 )
-def test_time_columns(text_file, name, stamps, start, rate):
+def test_time_columns(text_file, name, stamps, start, rate) -> None:
     recording = read(text_file(f"{name},a\n{stamps[0]},1\n{stamps[1]},2\n"))
     assert recording.start == start
     assert recording.sampling_rate == pytest.approx(rate)
 
 
-def test_sampling_rate_is_needed_without_time(text_file):
+def test_sampling_rate_is_needed_without_time(text_file) -> None:
     path = text_file("a,b\n1,2\n3,4\n")
     with pytest.raises(ParameterError, match=r"run.csv has no time column .* --sampling-rate"):
         read(path)
     assert read(path, sampling_rate=50).sampling_rate == 50
 
 
-def test_sampling_rate_must_agree_with_time(text_file):
+def test_sampling_rate_must_agree_with_time(text_file) -> None:
     path = text_file("time,a\n0,1\n0.01,2\n0.02,3\n")
     assert read(path, sampling_rate=100.5).sampling_rate == 100
     with pytest.raises(ParameterError, match=r"sampling_rate=104.36 contradicts the time column 'time'.* 100 Hz"):
@@ -124,7 +125,7 @@ def test_sampling_rate_must_agree_with_time(text_file):
         read(path, sampling_rate=-1)
 
 
-def test_channels_are_chosen_by_name_in_any_order(text_file):
+def test_channels_are_chosen_by_name_in_any_order(text_file) -> None:
     path = text_file("time,label,a [g],b,c [furlong]\n0,left,1,2,3\n1,right,4,5,6\n")
     recording = read(path, channels=["b", "a"])
     assert recording.names == ("b", "a")
@@ -133,13 +134,13 @@ def test_channels_are_chosen_by_name_in_any_order(text_file):
         read(path, channels=["d"])
 
 
-def test_text_in_numbers_names_line_and_column(text_file):
+def test_text_in_numbers_names_line_and_column(text_file) -> None:
     path = text_file("time,a,b\n0,1,2\n1,1,2\n2,x7,2\n")
     with pytest.raises(FormatError, match=r"run.csv, line 4, column 'a': 'x7' is not a number"):
         read(path)
 
 
-def test_text_far_down_names_its_line(text_file):
+def test_text_far_down_names_its_line(text_file) -> None:
     rows = [f"{index},{index / 7:.9f}" for index in range(300_000)]
     rows[250_001] += "?"
     path = text_file("time,a\n" + "\n".join(rows))
@@ -147,25 +148,25 @@ def test_text_far_down_names_its_line(text_file):
         next(read_blocks(path))
 
 
-def test_text_in_the_first_row_of_numbers(text_file):
+def test_text_in_the_first_row_of_numbers(text_file) -> None:
     with pytest.raises(FormatError, match="line 2, column 'a': 'abc' is not a number"):
         read(text_file("time,a\n0,abc\n1,2\n2,3\n"))
 
 
 @pytest.mark.parametrize(("row", "n_fields"), [("2,1", 2), ("2,1,2,3", 4)])
-def test_ragged_rows_name_the_line(text_file, row, n_fields):
+def test_ragged_rows_name_the_line(text_file, row, n_fields) -> None:
     path = text_file(f"time,a,b\n0,1,2\n1,1,2\n{row}\n3,1,2\n")
     with pytest.raises(FormatError, match=f"line 4 has {n_fields} fields, but the header has 3"):
         read(path)
 
 
 @pytest.mark.parametrize("value", ["inf", "-inf", "1e400", "1e101"])
-def test_numbers_beyond_measure_name_line_and_column(text_file, value):
+def test_numbers_beyond_measure_name_line_and_column(text_file, value) -> None:
     with pytest.raises(FormatError, match=r"line 3, column 'b': .* is not a measured value"):
         read(text_file(f"time,a,b\n0,1,2\n1,1,{value}\n2,1,2\n"))
 
 
-def test_missing_values_in_all_spellings(text_file):
+def test_missing_values_in_all_spellings(text_file) -> None:
     rows = [f"{index},{index},{index}" for index in range(40)]
     for index, text in ((5, ""), (10, "nan"), (15, "NaN"), (20, "NA"), (25, "null")):
         rows[index] = f"{index},{index},{text}"
@@ -199,12 +200,12 @@ def test_missing_values_in_all_spellings(text_file):
         (b"x" * 400_000, FormatError, "line 1 is longer"),
     ],
 )
-def test_bad_text_is_refused_with_a_sentence(text_file, text, error, message):
+def test_bad_text_is_refused_with_a_sentence(text_file, text, error, message) -> None:
     with pytest.raises(error, match=message):
         read(text_file(text), sampling_rate=None)
 
 
-def test_slow_channel_is_refused_by_name(text_file):
+def test_slow_channel_is_refused_by_name(text_file) -> None:
     rows = [f"{index / 100:.2f},{index},{index if index % 10 == 0 else ''}" for index in range(500)]
     path = text_file("time,acc,speed\n" + "\n".join(rows))
     with pytest.raises(DataError, match="channel 'speed' has a value in every 10th row only"):
@@ -212,7 +213,7 @@ def test_slow_channel_is_refused_by_name(text_file):
     assert read(path, channels=["acc"]).n_samples == 500
 
 
-def test_line_numbers_in_history_free_messages_stay_on_one_line(text_file):
+def test_line_numbers_in_history_free_messages_stay_on_one_line(text_file) -> None:
     with pytest.raises(FormatError) as caught:
         read(text_file("time,a\n0,1\n1,'" + "y" * 300_000 + "\n"))
     assert "\n" not in str(caught.value)

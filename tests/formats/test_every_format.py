@@ -47,7 +47,7 @@ def any_recording(draw):
 @given(recording=any_recording())
 @example(recording=Recording(np.eye(1, 12), 1.0, (Channel("0[]", "acceleration"),)))
 @example(recording=Recording(np.eye(2, 20), 50.0, (Channel("größe 1"), Channel('a "b"; c,d', "acceleration"))))
-def test_write_then_read_gives_the_same(tmp_path, ending, recording):
+def test_write_then_read_gives_the_same(tmp_path: Path, ending, recording) -> None:
     path = tmp_path / f"run{ending}"
     path.unlink(missing_ok=True)
     with suppress(ParameterError):  # a name that would not be read back
@@ -65,7 +65,7 @@ def test_write_then_read_gives_the_same(tmp_path, ending, recording):
 
 
 @pytest.mark.parametrize("ending", WRITERS)
-def test_ordinary_names_are_written(tmp_path, ending):
+def test_ordinary_names_are_written(tmp_path: Path, ending) -> None:
     channels = tuple(Channel(name, "acceleration") for name in ("acc_fl", "Beschleunigung vorn", "a-1", "INC.2 (raw)"))
     recording = Recording(np.random.default_rng(6).standard_normal((4, 30)), 104.36, channels)
     write(recording, tmp_path / f"run{ending}")
@@ -75,7 +75,7 @@ def test_ordinary_names_are_written(tmp_path, ending):
 
 
 @pytest.mark.parametrize("ending", WRITERS)
-def test_dead_channel_survives(tmp_path, ending):
+def test_dead_channel_survives(tmp_path: Path, ending) -> None:
     samples = np.stack([np.arange(20.0), np.full(20, np.nan)])
     write(Recording(samples, 10.0, (Channel("a"), Channel("b"))), tmp_path / f"run{ending}")
     again = read(tmp_path / f"run{ending}")
@@ -84,7 +84,7 @@ def test_dead_channel_survives(tmp_path, ending):
 
 
 @pytest.mark.parametrize("name", ["t", "Time [s]", "a [g]", "1.5", "nan", " a", "a\nb", "", "a\x00"])
-def test_names_that_would_not_be_read_back_are_refused(tmp_path, name):
+def test_names_that_would_not_be_read_back_are_refused(tmp_path: Path, name) -> None:
     with pytest.raises(ParameterError, match="name"):
         write(Recording(np.zeros((1, 20)), 10.0, (Channel(name),)), tmp_path / "run.csv")
 
@@ -101,7 +101,7 @@ def test_names_that_would_not_be_read_back_are_refused(tmp_path, name):
 @example(content=b"t;a\n1e308;1\n1.1e308;2\n1.2e308;2\n")
 @example(content=b"timestamp,a\n1678-01-01,1\n2261-01-01,2\n2261-01-02,3\n")
 @example(content=b'time,"a\n0,1\n1,2\n')
-def test_random_bytes_give_a_sentence(tmp_path, ending, content):
+def test_random_bytes_give_a_sentence(tmp_path: Path, ending, content) -> None:
     path = tmp_path / f"junk{ending}"
     path.write_bytes(content)
     with warnings.catch_warnings():
@@ -131,7 +131,7 @@ def refuse_or_read(path):
     ),
     delimiter=st.sampled_from(",;\t"),
 )
-def test_scrambled_tables_give_a_sentence(tmp_path, text, delimiter):
+def test_scrambled_tables_give_a_sentence(tmp_path: Path, text, delimiter) -> None:
     path = tmp_path / "junk.csv"
     path.write_text("\n".join(delimiter.join(row) for row in text))
     refuse_or_read(path)
@@ -139,7 +139,7 @@ def test_scrambled_tables_give_a_sentence(tmp_path, text, delimiter):
 
 @pytest.mark.parametrize("ending", WRITERS)
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])
-def test_truncated_files_give_a_sentence(tmp_path, ending, share):
+def test_truncated_files_give_a_sentence(tmp_path: Path, ending, share) -> None:
     path = tmp_path / f"run{ending}"
     write(Recording(np.random.default_rng(7).standard_normal((3, 2000)), 100.0, tuple(map(Channel, "abc"))), path)
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
@@ -151,7 +151,7 @@ def test_truncated_files_give_a_sentence(tmp_path, ending, share):
 
 
 @pytest.mark.parametrize("ending", FORMATS)
-def test_empty_missing_and_folder(tmp_path, ending):
+def test_empty_missing_and_folder(tmp_path: Path, ending) -> None:
     (tmp_path / f"empty{ending}").touch()
     (tmp_path / f"folder{ending}").mkdir()
     for name, message in (("empty", "is empty"), ("missing", "there is no such file"), ("folder", "is not a file")):
@@ -159,7 +159,7 @@ def test_empty_missing_and_folder(tmp_path, ending):
             read(tmp_path / f"{name}{ending}")
 
 
-def test_unknown_ending_lists_the_known_ones(tmp_path):
+def test_unknown_ending_lists_the_known_ones(tmp_path: Path) -> None:
     (tmp_path / "run.xyz").write_text("1")
     with pytest.raises(FormatError, match=r"unknown ending: files in .csv, .* .parquet, .* .mat"):
         read(tmp_path / "run.xyz")
@@ -168,7 +168,7 @@ def test_unknown_ending_lists_the_known_ones(tmp_path):
 
 
 @pytest.mark.parametrize("ending", FORMATS)
-def test_two_gigabytes_of_nothing_are_refused_at_once(tmp_path, ending):
+def test_two_gigabytes_of_nothing_are_refused_at_once(tmp_path: Path, ending) -> None:
     path = tmp_path / f"nul{ending}"
     with path.open("wb") as file:
         file.truncate(2 << 30)
@@ -176,7 +176,7 @@ def test_two_gigabytes_of_nothing_are_refused_at_once(tmp_path, ending):
         read(path)
 
 
-def test_numbers_then_two_gigabytes_of_nothing(tmp_path):
+def test_numbers_then_two_gigabytes_of_nothing(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time,a\n" + "".join(f"{index},1\n" for index in range(100_000)))
     with path.open("r+b") as file:
@@ -186,7 +186,7 @@ def test_numbers_then_two_gigabytes_of_nothing(tmp_path):
 
 
 @pytest.mark.slow
-def test_large_table_is_read_in_bounded_memory(tmp_path):
+def test_large_table_is_read_in_bounded_memory(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     values = "".join(f",{index % 97}.5,{index % 89}.25,-{index % 83}.125\n" for index in range(100_000)).splitlines(
         True
@@ -207,13 +207,13 @@ def test_large_table_is_read_in_bounded_memory(tmp_path):
     assert int(output[1]) < 400_000
 
 
-def test_importing_formats_is_light():
+def test_importing_formats_is_light() -> None:
     script = "import sys, sprung.formats; print(any(name in sys.modules for name in ('pyarrow', 'h5py', 'scipy')))"
     output = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert output.strip() == "False"
 
 
-def test_every_ending_has_one_reader():
+def test_every_ending_has_one_reader() -> None:
     modules = {module.__name__ for module in FORMATS.values()}
     assert modules == {f"sprung.formats.{name}" for name in ("csv", "parquet", "npz", "mat")}
     assert all(Path("x" + ending).suffix for ending in FORMATS)

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -15,7 +17,7 @@ def parquet(folder, fields, arrays):
     return path
 
 
-def test_unit_from_metadata_and_from_the_name(tmp_path):
+def test_unit_from_metadata_and_from_the_name(tmp_path: Path) -> None:
     fields = [
         pa.field("timestamp", pa.timestamp("us", "UTC")),
         pa.field("a", pa.float32(), metadata={"unit": "g"}),
@@ -30,13 +32,13 @@ def test_unit_from_metadata_and_from_the_name(tmp_path):
     assert recording.samples == pytest.approx(np.array([[G, 2 * G, 3 * G], [np.pi, np.pi / 2, 0], [1.5, 2.5, 3.5]]))
 
 
-def test_index_of_date_times_without_a_name_is_time(tmp_path):
+def test_index_of_date_times_without_a_name_is_time(tmp_path: Path) -> None:
     fields = [pa.field("a", pa.float64()), pa.field("__index_level_0__", pa.timestamp("ns"))]
     recording = read(parquet(tmp_path, fields, [[1.0, 2.0], [10**18, 10**18 + 10**8]]))
     assert (recording.names, recording.start, recording.sampling_rate) == (("a",), 10**18, 10)
 
 
-def test_nulls_are_missing_values(tmp_path):
+def test_nulls_are_missing_values(tmp_path: Path) -> None:
     values = [None if index == 7 else index for index in range(30)]
     fields = [pa.field("t", pa.float64()), pa.field("a", pa.int32())]
     recording = read(parquet(tmp_path, fields, [np.arange(30) / 10, values]))
@@ -44,7 +46,7 @@ def test_nulls_are_missing_values(tmp_path):
     assert [gap.index for gap in recording.gaps] == [7]
 
 
-def test_text_column_is_refused_by_name_and_can_be_left_out(tmp_path):
+def test_text_column_is_refused_by_name_and_can_be_left_out(tmp_path: Path) -> None:
     fields = [pa.field("t", pa.float64()), pa.field("a", pa.float64()), pa.field("label", pa.string())]
     path = parquet(tmp_path, fields, [[0.0, 1.0], [1.0, 2.0], ["x", "y"]])
     with pytest.raises(FormatError, match="column 'label' holds string, not numbers"):
@@ -52,7 +54,7 @@ def test_text_column_is_refused_by_name_and_can_be_left_out(tmp_path):
     assert read(path, channels=["a"]).names == ("a",)
 
 
-def test_infinite_value_names_row_and_column(tmp_path):
+def test_infinite_value_names_row_and_column(tmp_path: Path) -> None:
     fields = [pa.field("t", pa.float64()), pa.field("a", pa.float64())]
     with pytest.raises(FormatError, match="row 2, column 'a': inf is not a measured value"):
         read(parquet(tmp_path, fields, [[0.0, 1.0], [1.0, np.inf]]))

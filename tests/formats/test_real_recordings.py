@@ -1,5 +1,7 @@
 """Real recordings: one measurement in five formats, and the clocks of real loggers."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ CAR = "formats/converted/car_imu_30s"
 
 
 @pytest.mark.parametrize("ending", ["_semicolon_decimalcomma.csv", ".parquet", "_v5.mat", "_v73.mat"])
-def test_one_measurement_in_every_format(real_file, ending):
+def test_one_measurement_in_every_format(real_file, ending) -> None:
     reference = read(real_file(f"{CAR}.csv"))
     recording = read(real_file(f"{CAR}{ending}"))
     assert reference.samples.shape == (6, 3130)
@@ -20,7 +22,7 @@ def test_one_measurement_in_every_format(real_file, ending):
         assert recording.names[0] in {"acc_x", "channel_1"}
 
 
-def test_jittering_logger_is_resampled(real_file):
+def test_jittering_logger_is_resampled(real_file) -> None:
     """The stamps of this car's logger lie up to 22 ms apart at a mean rate of 101.3 Hz; no sample is lost."""
     recording = read(real_file("canedge_car_body_imu/00000165_00000002-60FEB8E3_decoded.parquet"))
     assert recording.sampling_rate == pytest.approx(101.3, abs=0.05)
@@ -30,14 +32,14 @@ def test_jittering_logger_is_resampled(real_file):
     assert recording.samples[0].mean() == pytest.approx(9.65, abs=0.2)
 
 
-def test_jittering_logger_in_blocks(real_file):
+def test_jittering_logger_in_blocks(real_file) -> None:
     path = real_file("canedge_car_body_imu/00000165_00000002-60FEB8E3_decoded.parquet")
     parts = [block.samples for block in read_blocks(path, block_samples=5000)]
     assert len(parts) > 10
     np.testing.assert_allclose(np.concatenate(parts, axis=1), read(path).samples, rtol=0, atol=1e-7)
 
 
-def test_bursts_of_a_bus_logger(real_file, tmp_path):
+def test_bursts_of_a_bus_logger(real_file, tmp_path: Path) -> None:
     """Up to 8 rows share a stamp, and once the logger stalled for 4.7 s without losing a sample."""
     source = real_file("landcruiser_axle_4acc/20211027T145815_sensors.csv").read_text()
     path = tmp_path / "run.csv"
@@ -49,7 +51,7 @@ def test_bursts_of_a_bus_logger(real_file, tmp_path):
     assert "bursts" in recording.history[1]
 
 
-def test_zipped_table_of_a_bridge(real_file):
+def test_zipped_table_of_a_bridge(real_file) -> None:
     recording = read(real_file("munich_test_bridge/UniBw_2022-04-11_ref_support_load_01AllM100Hz.csv.zip"))
     assert recording.names == ("ACC01_z", "DMS_AS", "FRC-01", "INC01")
     assert [channel.quantity for channel in recording.channels] == ["acceleration", "strain", "force", "angle"]
@@ -60,20 +62,20 @@ def test_zipped_table_of_a_bridge(real_file):
     assert np.datetime64(recording.start, "ns") == np.datetime64("2022-11-04T08:36:24.897")
 
 
-def test_preamble_of_an_exported_table(real_file):
+def test_preamble_of_an_exported_table(real_file) -> None:
     path = real_file("mini_shake_table/original_Flexible_3rd_floor_Northridge_XsensDOT.csv")
     recording = read(path, sampling_rate=120, channels=["Acc_X", "Acc_Z"])
     assert recording.samples.shape == (2, 12117)
     assert recording.samples[:, 1].tolist() == [-0.10001820325851, 9.86060142517090]
 
 
-def test_arrays_of_a_simulated_bridge(real_file):
+def test_arrays_of_a_simulated_bridge(real_file) -> None:
     recording = read(real_file("lysefjord_bridge_sim/BridgeData.mat"))
     assert recording.names == ("rz_1", "rz_2", "rz_3", "rz_4", "rz_5")
     assert recording.n_samples == 54_000
     assert recording.sampling_rate == 15
 
 
-def test_array_of_a_building(real_file):
+def test_array_of_a_building(real_file) -> None:
     recording = read(real_file("palisaden_clt_building/palisaden_0_30min_100Hz.npy"), sampling_rate=100)
     assert recording.samples.shape == (6, 180_000)

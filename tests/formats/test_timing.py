@@ -15,7 +15,7 @@ def fitted(seconds, *, pieces=1):
 
 @pytest.mark.parametrize("rate", [100.0, 104.36, 1000.0, 3.2, 25600.0])
 @pytest.mark.parametrize("pieces", [1, 3])
-def test_uniform_stamps_give_their_rate_exactly(rate, pieces):
+def test_uniform_stamps_give_their_rate_exactly(rate, pieces) -> None:
     clock = fitted(np.round(np.arange(2000) / rate, 9), pieces=pieces)
     assert clock.sampling_rate == pytest.approx(rate, rel=1e-12)
     assert clock.jitter_max < 1e-4
@@ -25,7 +25,7 @@ def test_uniform_stamps_give_their_rate_exactly(rate, pieces):
 @pytest.mark.parametrize(
     ("rate", "digits"), [(104.36, 3), (95.0, 3), (1500.0, 3), (1050.0, 3), (333.3, 4), (2048.0, 3)]
 )
-def test_printed_digits_do_not_count_as_jitter(rate, digits):
+def test_printed_digits_do_not_count_as_jitter(rate, digits) -> None:
     stamps = np.round(np.arange(20_000) / rate, digits)
     clock = fitted(stamps)
     assert not clock.is_resampled
@@ -34,7 +34,7 @@ def test_printed_digits_do_not_count_as_jitter(rate, digits):
     assert find_gaps(stamps, clock).size == 0
 
 
-def test_true_jitter_asks_for_resampling_and_is_measured():
+def test_true_jitter_asks_for_resampling_and_is_measured() -> None:
     rng = np.random.default_rng(1)
     jitter = rng.uniform(-0.1, 0.1, 50_000)
     clock = fitted((np.arange(jitter.size) + jitter) / 200)
@@ -44,7 +44,7 @@ def test_true_jitter_asks_for_resampling_and_is_measured():
     assert clock.jitter_max == pytest.approx(0.1, rel=0.1)
 
 
-def test_slow_drift_of_the_clock_is_no_jitter():
+def test_slow_drift_of_the_clock_is_no_jitter() -> None:
     # A crystal that warms up: 5 ppm faster at the end of 3 h, 27 samples off its mean line.
     index = np.arange(1_080_000)
     clock = fitted((index + 2.5e-6 * index**2 / index.size) / 100)
@@ -52,7 +52,7 @@ def test_slow_drift_of_the_clock_is_no_jitter():
     assert clock.jitter_max < 0.01
 
 
-def test_gaps_are_found_one_lost_sample_too():
+def test_gaps_are_found_one_lost_sample_too() -> None:
     index = np.delete(np.arange(10_000), [500, 3000, 3001, 7000])
     seconds = index / 250
     clock = fitted(seconds)
@@ -60,18 +60,18 @@ def test_gaps_are_found_one_lost_sample_too():
     assert list(find_gaps(seconds, clock)) == [500, 2999, 6997]
 
 
-def test_late_stamp_is_no_gap():
+def test_late_stamp_is_no_gap() -> None:
     seconds = np.arange(1000) / 100
     seconds[300] += 0.008
     assert find_gaps(seconds, Clock(100.0, 0.01)).size == 0
 
 
-def test_gap_of_half_an_interval_needs_no_alarm():
+def test_gap_of_half_an_interval_needs_no_alarm() -> None:
     seconds = np.arange(1000) / 100 + np.where(np.arange(1000) >= 400, 0.004, 0.0)
     assert find_gaps(seconds, Clock(100.0, 0.01)).size == 0
 
 
-def test_bursts_are_read_as_a_straight_line():
+def test_bursts_are_read_as_a_straight_line() -> None:
     sampled = np.arange(4000) / 117
     arrived = np.ceil(sampled / 0.065) * 0.065
     clock = fitted(np.round(arrived, 4))
@@ -81,7 +81,7 @@ def test_bursts_are_read_as_a_straight_line():
     assert find_gaps(arrived, clock).size == 0
 
 
-def test_gap_between_bursts():
+def test_gap_between_bursts() -> None:
     sampled = np.arange(8000) / 117
     arrived = np.round(np.ceil(sampled / 0.065) * 0.065, 4)
     arrived[4000:] += 2.0
@@ -92,7 +92,7 @@ def test_gap_between_bursts():
     assert clock.sampling_rate == pytest.approx(117, rel=1e-3)
 
 
-def test_stalled_logger_that_catches_up_lost_nothing():
+def test_stalled_logger_that_catches_up_lost_nothing() -> None:
     sampled = np.arange(8000) / 117
     arrived = np.ceil(sampled / 0.065) * 0.065
     stalled = (sampled > 10) & (sampled < 13)
@@ -102,7 +102,7 @@ def test_stalled_logger_that_catches_up_lost_nothing():
     assert clock.sampling_rate == pytest.approx(117, rel=1e-3)
 
 
-def test_time_running_backwards_names_the_row():
+def test_time_running_backwards_names_the_row() -> None:
     seconds = np.arange(100) / 10
     seconds[40] = 3.8
     with pytest.raises(FormatError, match=r"run.csv, line 42: time runs backwards"):
@@ -111,37 +111,37 @@ def test_time_running_backwards_names_the_row():
         fitted(seconds, pieces=40)
 
 
-def test_single_repeated_stamp_names_the_row():
+def test_single_repeated_stamp_names_the_row() -> None:
     seconds = np.arange(100) / 10
     seconds[40] = seconds[39]
     with pytest.raises(FormatError, match="line 42 repeats the time"):
         fitted(seconds + 1e-4 * np.sin(np.arange(100)) * (np.arange(100) > 50))
 
 
-def test_change_of_rate_is_refused():
+def test_change_of_rate_is_refused() -> None:
     seconds = np.concatenate([np.arange(5000) / 100, 60 + np.arange(5000) / 200])
     with pytest.raises(DataError, match="changes from 200 to 100 Hz"):
         fitted(seconds)
 
 
-def test_mixed_rates_are_refused():
+def test_mixed_rates_are_refused() -> None:
     steps = np.tile([0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.5], 200)
     with pytest.raises(DataError, match="rates are mixed"):
         fitted(np.cumsum(steps))
 
 
-def test_one_stamp_is_too_few():
+def test_one_stamp_is_too_few() -> None:
     with pytest.raises(DataError, match="two samples"):
         fitted(np.zeros(1))
 
 
-def test_all_rows_at_one_time():
+def test_all_rows_at_one_time() -> None:
     with pytest.raises(DataError, match="share one time stamp"):
         fitted(np.zeros(100))
 
 
 @pytest.mark.parametrize(("step", "expected"), [(0.01, 0.01), (0.25, 0.01), (1e-6, 1e-6), (20.0, 10.0), (1 / 3, 0.0)])
-def test_resolution_is_the_coarsest_power_of_ten(step, expected):
+def test_resolution_is_the_coarsest_power_of_ten(step, expected) -> None:
     assert resolution(step * np.arange(1000)) == pytest.approx(expected)
 
 
@@ -157,7 +157,7 @@ def test_resolution_is_the_coarsest_power_of_ten(step, expected):
         (np.array([5, 7], dtype="m8[ms]"), 1e-9, None),
     ],
 )
-def test_epoch_is_named_by_its_magnitude(stamps, factor, start):
+def test_epoch_is_named_by_its_magnitude(stamps, factor, start) -> None:
     scale = time_scale(stamps)
     assert scale.factor == pytest.approx(factor)
     assert scale.start == start
@@ -167,18 +167,18 @@ def test_epoch_is_named_by_its_magnitude(stamps, factor, start):
     assert second == pytest.approx(step / np.timedelta64(1, "s") if stamps.dtype.kind in "mM" else step * factor)
 
 
-def test_stated_unit_of_time_is_no_epoch():
+def test_stated_unit_of_time_is_no_epoch() -> None:
     scale = time_scale(np.array([2e9, 2e9 + 5]), 1e-6)
     assert scale.start is None
     assert scale.seconds(np.array([2e9 + 5]))[0] == pytest.approx(5e-6)
 
 
-def test_crowded_stamps_are_spread_backwards():
+def test_crowded_stamps_are_spread_backwards() -> None:
     seconds = np.array([0.0, 1.0, 2.9, 3.0, 4.0])
     assert uncrowded(seconds, 1.0) == pytest.approx([0, 1, 2.5, 3, 4])
 
 
-def test_splines_reproduce_a_cubic_and_leave_a_dead_channel():
+def test_splines_reproduce_a_cubic_and_leave_a_dead_channel() -> None:
     rng = np.random.default_rng(2)
     times = np.sort(rng.uniform(0, 10, 40))
     wanted = np.linspace(times[0], times[-1], 57)

@@ -18,7 +18,7 @@ def run():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_modes_of_a_summary_are_those_of_the_recording(run, method):
+def test_modes_of_a_summary_are_those_of_the_recording(run, method) -> None:
     whole = METHODS[method](run).modes
     modes = modes_of_summary(summarise(method, run))
     assert np.array_equal(modes.poles, whole.poles)
@@ -26,7 +26,7 @@ def test_modes_of_a_summary_are_those_of_the_recording(run, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method):
+def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method) -> None:
     """To 1e-6 Hz: a hundredth of a standard deviation is 1e-4 Hz here."""
     summary = summarise(method, run)
     wire = cbor2.dumps(summary_document(summary))
@@ -38,11 +38,12 @@ def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method):
     assert len(wire) < 850_000
 
 
-def test_what_is_no_summary_is_refused(run):
+def test_what_is_no_summary_is_refused(run) -> None:
     document = summary_document(summarise("cov", run))
-    for change in ({"plan": 5}, {"averages": []}, {"method": "coss"}, {"levels": [[1]] * 9}):
+    average: dict[str, object] = document["averages"][0]
+    changes: list[dict[str, object]] = [{"plan": 5}, {"averages": []}, {"method": "coss"}, {"levels": [[1]] * 9}]
+    wrong: list[dict[str, object]] = [{"blocks": b"123"}, {"n_segments": float("inf")}, {"shape": [2**40, 2**40]}]
+    changes += [{"averages": [{**average, **fields}]} for fields in wrong]
+    for change in changes:
         with pytest.raises(FormatError, match="incomplete or invalid"):
-            summary_from_document(document | change)
-    for change in ({"blocks": b"123"}, {"n_segments": float("inf")}, {"shape": [2**40, 2**40]}):
-        with pytest.raises(FormatError, match="incomplete or invalid"):
-            summary_from_document(document | {"averages": [document["averages"][0] | change]})
+            summary_from_document({**document, **change})

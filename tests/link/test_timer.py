@@ -3,7 +3,7 @@
 from sprung.link import Every
 
 
-def test_due_at_once_and_again_after_the_time():
+def test_due_at_once_and_again_after_the_time() -> None:
     now = [100.0]
     timer = Every(10.0, lambda: now[0])
     assert timer.is_due

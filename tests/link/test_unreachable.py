@@ -58,7 +58,7 @@ ERRORS = [
 
 
 @pytest.mark.parametrize(("error", "sentence"), ERRORS, ids=lambda value: type(value).__name__)
-def test_each_cause_is_named_apart(made, monkeypatch, error, sentence):
+def test_each_cause_is_named_apart(made, monkeypatch: pytest.MonkeyPatch, error, sentence) -> None:
     def fail(*_, **__):
         raise error
 
@@ -68,7 +68,7 @@ def test_each_cause_is_named_apart(made, monkeypatch, error, sentence):
 
 
 @pytest.mark.parametrize("error", [REFUSED, NO_HOST])
-def test_what_a_second_attempt_would_not_change_is_not_waited_for(made, monkeypatch, error):
+def test_what_a_second_attempt_would_not_change_is_not_waited_for(made, monkeypatch: pytest.MonkeyPatch, error) -> None:
     def fail(*_, **__):
         raise error
 
@@ -79,12 +79,12 @@ def test_what_a_second_attempt_would_not_change_is_not_waited_for(made, monkeypa
     assert time.monotonic() - begun < 5.0
 
 
-def test_refusal_of_a_real_port(made, free_port):
+def test_refusal_of_a_real_port(made, free_port) -> None:
     with pytest.raises(LinkError, match=f"127.0.0.1:{free_port} cannot be reached: connection refused"):
         made(f"mqtt://127.0.0.1:{free_port}").open(timeout=30.0)
 
 
-def test_patience_waits_for_a_broker_that_is_not_there_yet(made, mosquitto):
+def test_patience_waits_for_a_broker_that_is_not_there_yet(made, mosquitto) -> None:
     """The first attempt is refused, and the next one, a second later, is let in."""
     broker = mosquitto()
     broker.stop()
@@ -97,20 +97,20 @@ def test_patience_waits_for_a_broker_that_is_not_there_yet(made, mosquitto):
     assert not link.problem
 
 
-def test_patience_has_an_end(made, free_port):
+def test_patience_has_an_end(made, free_port) -> None:
     begun = time.monotonic()
     with pytest.raises(LinkError, match="connection refused"):
         made(f"mqtt://127.0.0.1:{free_port}").open(timeout=0.5, is_patient=True)
     assert time.monotonic() - begun >= 0.5
 
 
-def test_one_who_listens_and_says_nothing(made):
+def test_one_who_listens_and_says_nothing(made) -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         link = made(f"mqtt://127.0.0.1:{mute.getsockname()[1]}")
         with pytest.raises(LinkError, match="cannot be reached: no answer: check that it runs there"):
             link.open(timeout=0.5)
 
 
-def test_a_host_that_can_be_none_is_no_address():
+def test_a_host_that_can_be_none_is_no_address() -> None:
     with pytest.raises(ParameterError, match=r"'mqtt://a\.\.b' is not the address of a broker"):
         Address.parse("mqtt://a..b")

@@ -1,13 +1,15 @@
 """Drives, frames, and a station without processes and network."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from sprung.box import blocks_of
 from sprung.link import Frame, encode, quantised
-from sprung.monitor import Site, Station
-from sprung.monitor.workers import Opening, analyse, open_monitor
+from sprung.monitor import Site, Station, VehicleMonitor
+from sprung.monitor.workers import Opening, Outcome, Workers, analyse, open_monitor
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.storage import open_store
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
@@ -42,6 +44,7 @@ def frames(recording, vehicle="car-1", *, boot=1, first=0, length=1.0, previous=
     """Frames of a recording, one block each."""
     payloads = []
     for seq, block in enumerate(blocks_of(recording, length=length), start=first):
+        assert block.start is not None, "a frame has a time"
         counts, scale, flags = quantised(block.samples)
         payloads.append(
             encode(
@@ -86,35 +89,36 @@ class NoLink:
         return True
 
 
-class Inline:
-    """The worker's code in this process."""
+class Inline(Workers):
+    """The workers' code in this process; it has no processes of its own."""
 
-    def __init__(self):
-        self.watched, self.outcomes_ = {}, []
+    def __init__(self) -> None:
+        super().__init__(0, limit=1.0, clock=lambda: 0.0)
+        self.watched: dict[str, tuple[VehicleMonitor, dict[str, str]]] = {}
+        self.done: list[Outcome] = []
 
-    is_busy = False
+    @property
+    def is_busy(self) -> bool:
+        return False
 
-    def is_open(self, vehicle):
+    def is_open(self, vehicle: str) -> bool:
         return vehicle in self.watched
 
-    def open(self, opening: Opening):
+    def open(self, opening: Opening) -> None:
         self.watched[opening.vehicle] = open_monitor(opening)
 
-    def close_vehicle(self, vehicle):
+    def close_vehicle(self, vehicle: str) -> None:
         self.watched.pop(vehicle, None)
 
-    def is_free(self, vehicle):
+    def is_free(self, vehicle: str) -> bool:
         return True
 
-    def submit(self, vehicle, frames, *, learn=""):
-        self.outcomes_.append(analyse(vehicle, self.watched[vehicle], frames, learn=learn))
+    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
+        self.done.append(analyse(vehicle, self.watched[vehicle], frames, learn=learn))
 
-    def outcomes(self, *, timeout=0.0):
-        found, self.outcomes_ = self.outcomes_, []
-        return found
-
-    def close(self):
-        """Nothing to stop."""
+    def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
+        outcomes, self.done = self.done, []
+        return outcomes
 
 
 class Bench:
@@ -159,7 +163,7 @@ class Bench:
             self.station.step()
             if self.station.is_idle:
                 return
-        raise AssertionError("it never comes to rest")
+        raise AssertionError("the station is never idle")
 
     def look(self, seconds=1.0):
         """Let time pass on the station's timer, and work: after 1 s it looks around, after 60 s it sweeps the disk."""
@@ -171,14 +175,14 @@ class Bench:
         self.store.close()
 
 
-def alike(one, other):
+def alike(one: object, other: object) -> bool:
     """Tell whether two documents are the same but for the last figures, which depend on where arrays lie in memory."""
-    if isinstance(one, dict):
+    if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(alike(one[key], other[key]) for key in one)
-    if isinstance(one, list | tuple):
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
         return len(one) == len(other) and all(map(alike, one, other))
     if isinstance(one, float):
-        return one == pytest.approx(other, rel=1e-8, abs=1e-12)
+        return bool(one == pytest.approx(other, rel=1e-8, abs=1e-12))
     return one == other
 
 
@@ -193,7 +197,7 @@ def new_bench():
 
 
 @pytest.fixture
-def bench(tmp_path, car, drive):
+def bench(tmp_path: Path, car, drive):
     made = []
 
     def begun(folder=tmp_path, **site):

@@ -1,5 +1,7 @@
 """Trouble with monitoring itself is one alert, however often it is reported."""
 
+from pathlib import Path
+
 import pytest
 
 from sprung.alerting import AlertSettings
@@ -10,12 +12,12 @@ NOW = 1_795_219_200_000_000_000
 
 
 @pytest.fixture
-def store(tmp_path):
+def store(tmp_path: Path):
     with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
         yield opened
 
 
-def test_trouble_that_stays_the_same_is_named_once(store):
+def test_trouble_that_stays_the_same_is_named_once(store) -> None:
     book = AlertBook(store, AlertSettings())
     for second in range(5):
         book.report("car-1", "silent", "car-1 has sent nothing", now=NOW + second)

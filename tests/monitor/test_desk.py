@@ -1,5 +1,7 @@
 """What operators do to alerts and ask of the monitor, by way of the store."""
 
+from pathlib import Path
+
 import pytest
 
 from sprung.alerting import AlertSettings
@@ -12,7 +14,7 @@ HOUR = 3600 * 10**9
 
 
 @pytest.fixture
-def store(tmp_path):
+def store(tmp_path: Path):
     with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
         opened.inbox.put_vehicle("car-1", configuration="c", description="", channels=[], now=NOW)
         AlertBook(opened, AlertSettings()).report("car-1", "silent", "car-1 has sent nothing", now=NOW)
@@ -24,7 +26,7 @@ def alert(store):
     return entry
 
 
-def test_acts_on_an_alert(store):
+def test_acts_on_an_alert(store) -> None:
     desk.acknowledge(store, 1, who="anna", comment="seen", now=NOW + 1)
     assert alert(store)["state"] == "acknowledged"
     desk.assign(store, 1, assignee="bert", who="anna", now=NOW + 2)
@@ -47,7 +49,7 @@ def test_acts_on_an_alert(store):
     assert [row[1] for row in audit] == ["ack", "assign", "shelve", "unshelve", "comment"]
 
 
-def test_alerts_that_are_normal_again_are_listed_if_wanted(store):
+def test_alerts_that_are_normal_again_are_listed_if_wanted(store) -> None:
     AlertBook(store, AlertSettings()).clear("car-1", "silent", now=NOW + 1)
     desk.acknowledge(store, 1, who="anna", now=NOW + 2)
     assert desk.alerts_document(store)["alerts"] == []
@@ -55,7 +57,7 @@ def test_alerts_that_are_normal_again_are_listed_if_wanted(store):
     assert desk.alerts_document(store, vehicle="car-2", is_complete=True)["alerts"] == []
 
 
-def test_requests(store):
+def test_requests(store) -> None:
     desk.relearn(store, "car-1", reason=" new dampers ", who="anna", now=NOW)
     desk.request_samples(store, "car-1", minutes=5.0, who="bert", now=NOW)
     learn, raw = store.requests.open_commands()
@@ -77,7 +79,7 @@ def test_requests(store):
         (lambda store: desk.request_samples(store, "car-1", minutes=0, who="a", now=NOW), "minutes=0"),
     ],
 )
-def test_acts_that_are_impossible(store, act, words):
+def test_acts_that_are_impossible(store, act, words) -> None:
     with pytest.raises(ParameterError, match=words):
         act(store)
     assert store.requests.open_commands() == []

@@ -16,7 +16,7 @@ def gate(seconds):
     return Gate(lambda: seconds[0])
 
 
-def test_closed_for_two_seconds_after_an_error(gate, seconds):
+def test_closed_for_two_seconds_after_an_error(gate, seconds) -> None:
     assert (gate.is_open, gate.trouble) == (True, "")
     gate.refuse(StoreError("the store cannot write"))
     assert (gate.is_open, gate.trouble) == (False, "the store cannot write")
@@ -26,7 +26,7 @@ def test_closed_for_two_seconds_after_an_error(gate, seconds):
     assert gate.trouble == ""
 
 
-def test_closed_while_space_is_short(gate, seconds):
+def test_closed_while_space_is_short(gate, seconds) -> None:
     gate.set_shortage("only 5 MB are free")
     seconds[0] = 1e6
     assert (gate.is_open, gate.trouble) == (False, "only 5 MB are free")
@@ -34,7 +34,7 @@ def test_closed_while_space_is_short(gate, seconds):
     assert (gate.is_open, gate.trouble) == (True, "")
 
 
-def test_guarded_acts_close_it(gate):
+def test_guarded_acts_close_it(gate) -> None:
     def fail():
         raise StoreError("the store is busy")
 

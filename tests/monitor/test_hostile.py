@@ -3,6 +3,7 @@
 import os
 import subprocess
 import zlib
+from pathlib import Path
 
 import cbor2
 import numpy as np
@@ -26,7 +27,7 @@ def stepped(payloads, shifts):
 
 
 @pytest.mark.parametrize("shift", [3600 * 10**9, -3600 * 10**9, -BEGUN, 2_145_916_800_000_000_000 - BEGUN])
-def test_a_clock_that_steps_is_one_gap(bench, drive, frames_of, car, shift):
+def test_a_clock_that_steps_is_one_gap(bench, drive, frames_of, car, shift) -> None:
     """An hour, 1970, 2038: windows hold the same samples, and only the stretch ends there."""
     frames = frames_of(drive(0))
     one = bench(**WATCH)
@@ -39,14 +40,16 @@ def test_a_clock_that_steps_is_one_gap(bench, drive, frames_of, car, shift):
     assert [gap.index for gap in joined(blocks).gaps] == [6000]
 
 
-def test_a_drifting_clock_makes_no_gap(drive, frames_of):
+def test_a_drifting_clock_makes_no_gap(drive, frames_of) -> None:
     """100 ppm: a sample in 50 s."""
     frames = [checked_map(payload) for payload in frames_of(drive(0))]
     drifting = [message(one | {4: one[4] + (one[4] - BEGUN) // 10_000}) for one in frames]
     assert joined([frame_block(decode(payload), {}) for payload in drifting]).gaps == ()
 
 
-def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(bench, drive, frames_of, monkeypatch):
+def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(
+    bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from sprung.storage import StoreError
 
     frames = frames_of(drive(0))
@@ -69,7 +72,9 @@ def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(bench, driv
     assert len(one.store.results.observations("car-1")) == 5
 
 
-def test_a_result_that_cannot_be_stored_is_worked_out_again(bench, drive, frames_of, monkeypatch):
+def test_a_result_that_cannot_be_stored_is_worked_out_again(
+    bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from sprung.storage import StoreError
 
     one = bench(**WATCH)
@@ -91,7 +96,7 @@ def test_a_result_that_cannot_be_stored_is_worked_out_again(bench, drive, frames
 
 
 @pytest.mark.slow
-def test_a_small_disk_fills_and_is_freed(bench, drive, frames_of, tmp_path):
+def test_a_small_disk_fills_and_is_freed(bench, drive, frames_of, tmp_path: Path) -> None:
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=12m", "tmpfs", str(disk)]
@@ -120,7 +125,7 @@ def test_a_small_disk_fills_and_is_freed(bench, drive, frames_of, tmp_path):
         subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
-def test_little_room_is_an_alert_and_stops_taking_in(bench, drive, frames_of, monkeypatch):
+def test_little_room_is_an_alert_and_stops_taking_in(bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch) -> None:
     one = bench(**WATCH)
     one.describe()
     one.work()
@@ -138,7 +143,7 @@ def test_little_room_is_an_alert_and_stops_taking_in(bench, drive, frames_of, mo
     assert one.station.figures()["sprung_frames_total"] == 1
 
 
-def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypatch):
+def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypatch: pytest.MonkeyPatch) -> None:
     from sprung.storage import StoreError, write_archive
 
     one = bench(watch=WATCH["watch"], keep={"raw_days": 1})
@@ -160,7 +165,7 @@ def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypa
         assert (old.exists(), new.exists()) == (False, True)
 
 
-def test_any_bytes_on_any_topic_do_no_harm(bench, drive, frames_of, memory_below):
+def test_any_bytes_on_any_topic_do_no_harm(bench, drive, frames_of, memory_below) -> None:
     """Mutated frames, reports, descriptions and states, sealed again."""
     one = bench(**WATCH)
     one.describe()
@@ -196,7 +201,7 @@ def claiming(generator, original):
     return message(original | each | {7: n_samples, 11: zlib.compress(bytes(size))})
 
 
-def test_claims_of_frames_bound_memory_and_work(bench, drive, frames_of, memory_below):
+def test_claims_of_frames_bound_memory_and_work(bench, drive, frames_of, memory_below) -> None:
     """Whatever they claim: no more samples than the largest frame holds unpacked, and 20 times its bytes to read it."""
     one = bench(**WATCH)
     original = checked_map(frames_of(drive(0))[0])
@@ -211,7 +216,7 @@ def test_claims_of_frames_bound_memory_and_work(bench, drive, frames_of, memory_
 
 
 @pytest.mark.parametrize("modes", [b"y", [{"damping_ratio": float("nan")}], {b"x": 1}])
-def test_modes_that_the_store_cannot_hold_keep_nobody_waiting(bench, drive, frames_of, modes):
+def test_modes_that_the_store_cannot_hold_keep_nobody_waiting(bench, drive, frames_of, modes) -> None:
     one = bench(**WATCH)
     for vehicle in ("car-1", "car-2"):
         one.describe(vehicle)
@@ -236,7 +241,7 @@ def test_modes_that_the_store_cannot_hold_keep_nobody_waiting(bench, drive, fram
     ],
     ids=["dotted", "long", "long name", "null", "null in a channel", "channels"],
 )
-def test_descriptions_that_are_too_much_work_are_refused(bench, change):
+def test_descriptions_that_are_too_much_work_are_refused(bench, change) -> None:
     one = bench(**WATCH)
     document = {0: 1, 14: "c", "description": vehicle_text(one.car), "quantities": one.quantities}
     one.link.on_message(topic("car-1", "meta"), message(document | change))

@@ -1,5 +1,7 @@
 """Notifications are sent until every sender has passed them on."""
 
+from pathlib import Path
+
 import pytest
 
 from sprung.alerting import AlertSettings, SendError
@@ -22,12 +24,12 @@ class Sender:
 
 
 @pytest.fixture
-def store(tmp_path):
+def store(tmp_path: Path):
     with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
         yield opened
 
 
-def test_each_sender_gets_each_message_once_however_often_another_fails(store):
+def test_each_sender_gets_each_message_once_however_often_another_fails(store) -> None:
     AlertBook(store, AlertSettings()).report("car-1", "silent", "car-1 has sent nothing", now=NOW)
     good, bad = Sender("good"), Sender("bad", failures=3)
     postman = Postman(store, [good, bad])
@@ -37,7 +39,7 @@ def test_each_sender_gets_each_message_once_however_often_another_fails(store):
     assert store.alerts.due_notifications(10) == []
 
 
-def test_a_message_that_never_gets_through_is_given_up(store):
+def test_a_message_that_never_gets_through_is_given_up(store) -> None:
     AlertBook(store, AlertSettings()).report("car-1", "silent", "car-1 has sent nothing", now=NOW)
     postman = Postman(store, [Sender("bad", failures=10**6)])
     for hour in range(100):

@@ -10,8 +10,8 @@ from sprung.errors import ParameterError
 from sprung.monitor import FIGURES, Serving
 
 
-def test_metrics_and_health():
-    troubles = []
+def test_metrics_and_health() -> None:
+    troubles: list[str] = []
     one = Serving(("127.0.0.1", 0), figures=lambda: dict.fromkeys(FIGURES, 2.5), troubles=lambda: troubles)
     one.open()
 
@@ -33,10 +33,11 @@ def test_metrics_and_health():
     one.close()
 
 
-def test_an_address_in_use_is_refused():
+def test_an_address_in_use_is_refused() -> None:
     first = Serving(("127.0.0.1", 0), figures=dict, troubles=list)
     assert first.port is None
     first.open()
+    assert first.port is not None
     second = Serving(("127.0.0.1", first.port), figures=dict, troubles=list)
     with pytest.raises(ParameterError, match=rf"cannot listen at 127.0.0.1:{first.port} .*: give another --http"):
         second.open()

@@ -25,14 +25,15 @@ def example():
     return block
 
 
-def test_site_file_of_the_manual(tmp_path):
+def test_site_file_of_the_manual(tmp_path: Path) -> None:
     path = tmp_path / "site.toml"
     path.write_text(example(), encoding="utf-8")
     site = read_site(path)
     assert (site.broker, site.http_address) == ("embedded", ("127.0.0.1", 8737))
     assert site.archive == Path("sprung-data/raw")
     assert site.alerts.settings.renotify_after == 24 * 3600 * 10**9
-    assert [one.as_sender("a").name for one in (*site.send.webhook, *site.send.mail)] == ["a", "a"]
+    assert [hook.as_sender("a").name for hook in site.send.webhook] == ["a"]
+    assert [mail.as_sender("a").name for mail in site.send.mail] == ["a"]
     assert Site() == checked(Site, {})
 
 
@@ -63,13 +64,13 @@ def fields(model, table=""):
             yield f"{table}{field.alias or name}", field
 
 
-def test_every_setting_is_in_the_manual_with_its_default():
+def test_every_setting_is_in_the_manual_with_its_default() -> None:
     expected = {key: (shown_default(field), field.description) for key, field in fields(Site)}
     assert len(expected) == 29
     assert {key: row for key, row in documented().items() if key in expected} == expected
 
 
-def test_defaults_are_those_of_the_parts():
+def test_defaults_are_those_of_the_parts() -> None:
     assert Site().watch.settings == MonitorSettings()
     assert Site().alerts.settings == AlertSettings()
 
@@ -132,7 +133,7 @@ def changed(path, value):
         (("send", "mail", 0, "password"), "1234", "[[send.mail]] 1: username and password of the mail server go tog"),
     ],
 )
-def test_refusals_name_the_field_the_rule_and_the_remedy(path, value, message):
+def test_refusals_name_the_field_the_rule_and_the_remedy(path, value, message) -> None:
     with pytest.raises(ParameterError) as refusal:
         checked(Site, changed(path, value))
     assert str(refusal.value).startswith(message)
@@ -150,14 +151,14 @@ def test_refusals_name_the_field_the_rule_and_the_remedy(path, value, message):
         (b"[keep]\nraw_days = -1\nmore = 2", r"site\.toml: keep, raw_days=-1 must be .* \(and 1 more\) \(see docs/mon"),
     ],
 )
-def test_bad_files_are_refused_with_their_name(tmp_path, content, message):
+def test_bad_files_are_refused_with_their_name(tmp_path: Path, content, message) -> None:
     path = tmp_path / "site.toml"
     path.write_bytes(content)
     with pytest.raises(FormatError, match=message):
         read_site(path)
 
 
-def test_a_file_that_is_not_there(tmp_path):
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     for path in (tmp_path / "site.toml", tmp_path):
         with pytest.raises(ParameterError, match=r": (No such file|Is a dir).*: give the site file of the monitor"):
             read_site(path)
@@ -188,7 +189,7 @@ values = st.recursive(
 
 
 @given(place=st.sampled_from(PLACES), value=values)
-def test_any_value_anywhere_is_read_or_refused_in_one_sentence(place, value):
+def test_any_value_anywhere_is_read_or_refused_in_one_sentence(place, value) -> None:
     message = ""
     try:
         site = checked(Site, changed(place, value))

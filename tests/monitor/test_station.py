@@ -3,6 +3,7 @@
 import json
 import zlib
 from functools import partial
+from pathlib import Path
 
 import cbor2
 import numpy as np
@@ -36,7 +37,7 @@ def run_frames(drive, frames_of):
 
 
 @pytest.fixture(scope="module")
-def expected(run_frames, car, drive, tmp_path_factory, new_bench):
+def expected(run_frames, car, drive, tmp_path_factory: pytest.TempPathFactory, new_bench):
     bench = new_bench(tmp_path_factory.mktemp("in-order"), car, drive(0), **WATCH)
     bench.describe()
     bench.send(run_frames)
@@ -47,7 +48,7 @@ def expected(run_frames, car, drive, tmp_path_factory, new_bench):
     return found
 
 
-def test_a_run_is_stored(expected):
+def test_a_run_is_stored(expected) -> None:
     assert len(expected["observations"]) == 3
     assert len(expected["modes"]) == 6
     assert len(expected["baselines"]) == 1
@@ -57,7 +58,7 @@ def test_a_run_is_stored(expected):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_any_order_with_duplicates_gives_the_same_store(bench, alike, run_frames, expected, seed):
+def test_any_order_with_duplicates_gives_the_same_store(bench, alike, run_frames, expected, seed) -> None:
     generator = np.random.default_rng(seed)
     one = bench(**WATCH)
     order = generator.permutation(np.concatenate([np.arange(len(run_frames)), generator.integers(0, 1800, 600)]))
@@ -71,7 +72,7 @@ def test_any_order_with_duplicates_gives_the_same_store(bench, alike, run_frames
     assert one.store.inbox.boots("car-1") == []
 
 
-def test_a_restart_anywhere_gives_the_same_store(bench, alike, run_frames, expected, tmp_path):
+def test_a_restart_anywhere_gives_the_same_store(bench, alike, run_frames, expected, tmp_path: Path) -> None:
     first = bench(tmp_path, **WATCH)
     first.describe()
     first.send(run_frames[:700])
@@ -84,7 +85,7 @@ def test_a_restart_anywhere_gives_the_same_store(bench, alike, run_frames, expec
     assert alike(contents(third.store), expected)
 
 
-def test_a_restarted_box_goes_on_in_the_same_window(bench, alike, drive, frames_of, expected):
+def test_a_restarted_box_goes_on_in_the_same_window(bench, alike, drive, frames_of, expected) -> None:
     runs = [drive(0), drive(1), drive(2, "front_left.spring=-0.3")]
     whole = [payload for run in runs for payload in frames_of(run)]
     first = [payload for run in runs[:1] for payload in frames_of(run)] + frames_of(runs[1], first=600)[:250]
@@ -105,7 +106,7 @@ def decoded_again(payload, **changes):
     return body + zlib.crc32(body).to_bytes(4, "little")
 
 
-def test_a_crash_after_a_window_leaves_no_frames_of_boots_before(bench, run_frames, tmp_path):
+def test_a_crash_after_a_window_leaves_no_frames_of_boots_before(bench, run_frames, tmp_path: Path) -> None:
     """What is worked up of older boots goes after the window's transaction, or when the vehicle is opened again."""
     first = [decoded_again(payload, boot=1, seq=k) for k, payload in enumerate(run_frames[:400])]
     rest = [decoded_again(payload, boot=2, seq=k, previous=(1, 400)) for k, payload in enumerate(run_frames[400:700])]
@@ -130,7 +131,7 @@ def test_a_crash_after_a_window_leaves_no_frames_of_boots_before(bench, run_fram
     assert [entry.boot for entry in again.store.results.observations("car-1")] == [2]
 
 
-def test_acknowledged_is_what_is_stored(bench, run_frames):
+def test_acknowledged_is_what_is_stored(bench, run_frames) -> None:
     one = bench(**WATCH)
 
     def acknowledged():
@@ -150,7 +151,7 @@ def test_acknowledged_is_what_is_stored(bench, run_frames):
     assert one.station.figures()["sprung_frames_lost_total"] == 7
 
 
-def test_messages_that_are_none_are_counted_and_passed_over(bench, run_frames):
+def test_messages_that_are_none_are_counted_and_passed_over(bench, run_frames) -> None:
     one = bench(**WATCH)
     bad = [("sprung/v1/car-1/raw", b"x" * 50), ("sprung/v1/car-1/raw", run_frames[0][:-1] + b"?"), ("else/where", b"")]
     bad += [("sprung/v1/other/raw", run_frames[0]), ("sprung/v1/car-1/meta", message({"description": 5}))]
@@ -164,7 +165,7 @@ def test_messages_that_are_none_are_counted_and_passed_over(bench, run_frames):
     assert figures["sprung_frames_total"] == 5
 
 
-def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames):
+def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames) -> None:
     """Frames whose rate is impossible for the analysis: two strikes, an alert, and the other vehicle goes on."""
     one = bench(**WATCH)
     one.describe()
@@ -187,13 +188,13 @@ def poisoned(submit):
         if next(strikes, None) is None:
             return submit(vehicle, frames, learn=learn)
         inline = submit.__self__
-        inline.outcomes_.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
+        inline.done.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
         return None
 
     return tried
 
 
-def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run_frames):
+def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run_frames) -> None:
     """The jobs before the one that fails do not forgive it, or it would be tried for ever."""
     from sprung.monitor import Outcome, VehicleStatus
 
@@ -205,7 +206,7 @@ def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run
     def tried(vehicle, frames, *, learn=""):
         if run_frames[599] not in frames:
             return submit(vehicle, frames, learn=learn)
-        return inline.outcomes_.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
+        return inline.done.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
 
     inline.submit = tried
     one.send(run_frames[:1500])
@@ -215,7 +216,7 @@ def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run
     assert one.station.figures()["sprung_failures_total"] == 2
 
 
-def test_learning_again_is_asked_for_in_the_store(bench, run_frames):
+def test_learning_again_is_asked_for_in_the_store(bench, run_frames) -> None:
     one = bench(**WATCH)
     one.describe()
     one.send(run_frames[:1200])
@@ -226,7 +227,7 @@ def test_learning_again_is_asked_for_in_the_store(bench, run_frames):
     assert one.station.statuses["car-1"][1:3] == (0, 2)
 
 
-def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames):
+def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames) -> None:
     one = bench(**WATCH)
     one.describe()
     one.send(run_frames[:3])
@@ -244,7 +245,7 @@ def test_silence_is_an_alert_unless_the_vehicle_is_parked(bench, run_frames):
     assert not one.store.alerts.find(vehicle="car-1")[0].is_active
 
 
-def test_a_monitor_that_stopped_unexpectedly_says_so(bench, tmp_path):
+def test_a_monitor_that_stopped_unexpectedly_says_so(bench, tmp_path: Path) -> None:
     first = bench(tmp_path)
     first.store.requests.audit("monitor", "started", "monitor", now=BEGUN)
     second = bench(tmp_path)
@@ -252,10 +253,10 @@ def test_a_monitor_that_stopped_unexpectedly_says_so(bench, tmp_path):
     assert "stopped unexpectedly" in row.text
 
 
-def test_vehicles_take_turns(bench, run_frames, monkeypatch):
+def test_vehicles_take_turns(bench, run_frames, monkeypatch: pytest.MonkeyPatch) -> None:
     one = bench(**WATCH)
-    workers, served = one.workers, []
-    monkeypatch.setattr(type(workers), "is_busy", property(lambda self: bool(self.outcomes_)))
+    workers, served = one.workers, list[str]()
+    monkeypatch.setattr(type(workers), "is_busy", property(lambda self: bool(self.done)))
     monkeypatch.setattr(workers, "submit", partial(noted, workers.submit, served))
     vehicles = ["car-1", "car-2", "car-3"]
     for vehicle in vehicles:
@@ -273,11 +274,11 @@ def noted(submit, served, vehicle, frames, *, learn=""):
     submit(vehicle, frames, learn=learn)
 
 
-def test_contents_are_json(expected):
+def test_contents_are_json(expected) -> None:
     assert json.loads(json.dumps(expected["observations"][0][1])) == expected["observations"][0][1]
 
 
-def test_a_box_that_identifies_itself(bench, car, drive, tmp_path):
+def test_a_box_that_identifies_itself(bench, car, drive, tmp_path: Path) -> None:
     """Modes and correlations arrive in line with samples that were asked for, which are worked up as ever."""
     from sprung.box import blocks_of
     from sprung.box.onboard import OnBoard
@@ -311,13 +312,14 @@ def frames_after(recording, *, seq):
 
     found = []
     for number, block in enumerate(blocks_of(recording, length=5.0), start=seq):
+        assert block.start is not None, "a frame has a time"
         counts, scale, flags = quantised(block.samples)
         interval = round(1e9 / block.sampling_rate)
         found.append(encode(Frame("car-1", 1, number, block.start, interval, block.names, scale, counts, 2, flags)))
     return found
 
 
-def test_room_on_the_boxes_disks_is_a_figure(bench):
+def test_room_on_the_boxes_disks_is_a_figure(bench) -> None:
     one = bench(**WATCH)
     for vehicle, free in (("car-1", 5e9), ("car-2", 3e9), ("car-3", "much")):
         one.link.on_message(topic(vehicle, "health"), message({"free": free}))
@@ -326,7 +328,7 @@ def test_room_on_the_boxes_disks_is_a_figure(bench):
     assert one.station.figures()["sprung_messages_refused_total"] == 1
 
 
-def test_a_box_of_another_version_is_named_which_to_speak(bench, run_frames):
+def test_a_box_of_another_version_is_named_which_to_speak(bench, run_frames) -> None:
     one = bench(**WATCH)
     document = checked_map(run_frames[0]) | {0: 2}
     for _ in range(3):
@@ -337,7 +339,7 @@ def test_a_box_of_another_version_is_named_which_to_speak(bench, run_frames):
     assert one.station.figures()["sprung_messages_refused_total"] == 3
 
 
-def test_modes_from_a_box_amid_samples_lose_none_of_them(bench, run_frames, expected, tmp_path, alike):
+def test_modes_from_a_box_amid_samples_lose_none_of_them(bench, run_frames, expected, tmp_path: Path, alike) -> None:
     """A report in the middle of a window, and a restart of the monitor after it."""
     report = {0: 1, 1: "car-1", 2: 1, 3: 250, 4: BEGUN, 16: "modes", "number": 900, "modes": [], "reason": "none"}
     rest = [decoded_again(payload, boot=1, seq=251 + k) for k, payload in enumerate(run_frames[250:])]

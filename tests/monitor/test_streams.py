@@ -7,18 +7,19 @@ from sprung.monitor import Stream
 from sprung.storage import Cursor, StoredFrame
 
 
-def test_order_of_boots():
+def test_order_of_boots() -> None:
     stream = Stream()
     frames = {1: list(range(3)), 2: list(range(4))}
+    previous = {1: None, 2: [1, 3]}
     stream.arrived(2, 3)
-    stream._previous[2] = (1, 3)
 
     def pending(boot, *, after, limit):
-        return [StoredFrame("car-1", boot, seq, 0, b"") for seq in frames[boot] if seq > after][:limit]
+        whole = {Key.BOOT: boot, Key.START: 0, Key.PREVIOUS: previous[boot]}
+        payloads = [(seq, message({**whole, Key.SEQ: seq})) for seq in frames[boot] if seq > after]
+        return [StoredFrame("car-1", boot, seq, 0, payload) for seq, payload in payloads][:limit]
 
     assert stream.next_frames(pending, 10) == []
     stream.arrived(1, 1)
-    stream._previous[1] = None
     assert [(frame.boot, frame.seq) for frame in stream.next_frames(pending, 2)] == [(1, 0), (1, 1)]
     stream.dispatched[1] = 1
     assert stream.next_frames(pending, 10) == []
@@ -31,7 +32,7 @@ def test_order_of_boots():
 
 
 @pytest.mark.parametrize("kind", ["raw", "modes"])
-def test_a_boot_waits_for_the_one_before(kind):
+def test_a_boot_waits_for_the_one_before(kind) -> None:
     """Also where it begins with a report, which is not a frame."""
     document = {Key.BOOT: 2, Key.SEQ: 0, Key.START: 5, Key.KIND: kind, Key.PREVIOUS: [1, 3]}
     first = StoredFrame("car-1", 2, 0, 5, message(document), kind)
@@ -47,7 +48,7 @@ def test_a_boot_waits_for_the_one_before(kind):
     assert stream.next_frames(pending, 10) == [first]
 
 
-def test_backlog_and_position():
+def test_backlog_and_position() -> None:
     stream = Stream()
     assert (stream.position, stream.backlog, stream.has_waiting) == ((0, -1), 0, False)
     stream.arrived(1, 4)

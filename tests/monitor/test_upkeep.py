@@ -1,15 +1,24 @@
 """Samples that people ask for: until they have come; and a broker that is away, in the log."""
 
 import logging
+from pathlib import Path
 
 import pytest
 
 from sprung.link import checked_map, message, topic
+from sprung.monitor.upkeep import Outage
 
 BEGUN = 1_795_219_200_000_000_000
 SECOND = 10**9
-TIMES = {"from": BEGUN - 600 * SECOND, "to": BEGUN}
-ANSWER = {"boot": 1, "last": 4, "frames": 5, "from": BEGUN - 600 * SECOND, "to": BEGUN - 595 * SECOND, "reason": ""}
+TIMES: dict[object, object] = {"from": BEGUN - 600 * SECOND, "to": BEGUN}
+ANSWER: dict[str, object] = {
+    "boot": 1,
+    "last": 4,
+    "frames": 5,
+    "from": BEGUN - 600 * SECOND,
+    "to": BEGUN - 595 * SECOND,
+    "reason": "",
+}
 
 
 def look(one):
@@ -31,7 +40,8 @@ def say(one, what, vehicle="car-1", **document):
 
 
 def answer(one, number, vehicle="car-1", **changes):
-    say(one, "event", vehicle, did="raw", number=number, **(ANSWER | changes))
+    document = {"did": "raw", "number": number, **ANSWER, **changes}
+    say(one, "event", vehicle, **document)
 
 
 def is_open(one, number):
@@ -39,7 +49,7 @@ def is_open(one, number):
 
 
 @pytest.fixture
-def asking(bench, tmp_path):
+def asking(bench, tmp_path: Path):
     """A monitor that knows car-1, and a request for its samples."""
     one = bench(tmp_path)
     one.describe()
@@ -47,10 +57,11 @@ def asking(bench, tmp_path):
     return one, one.store.requests.add_command("anna", "car-1", "raw", TIMES, now=BEGUN)
 
 
-def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking):
+def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking) -> None:
     one, number = asking
     look(one)
-    assert wishes(one) == [{0: 1, "do": "raw", "number": number, **TIMES}]
+    request: dict[object, object] = {0: 1, "do": "raw", "number": number, **TIMES}
+    assert wishes(one) == [request]
     for _ in range(3):
         one.now += 3600 * SECOND
         look(one)
@@ -63,7 +74,7 @@ def test_a_vehicle_that_is_switched_off_is_asked_again_when_it_is_heard(asking):
     assert wishes(one) == []  # nothing was heard since
 
 
-def test_a_request_is_not_repeated_more_often_than_every_ten_seconds(asking):
+def test_a_request_is_not_repeated_more_often_than_every_ten_seconds(asking) -> None:
     one, _ = asking
     look(one)
     for _ in range(9):
@@ -74,7 +85,7 @@ def test_a_request_is_not_repeated_more_often_than_every_ten_seconds(asking):
     assert len(wishes(one)) == 1
 
 
-def test_a_request_is_not_lost_while_the_broker_is_away(asking, monkeypatch):
+def test_a_request_is_not_lost_while_the_broker_is_away(asking, monkeypatch: pytest.MonkeyPatch) -> None:
     one, number = asking
     with monkeypatch.context() as away:
         away.setattr(one.link, "publish", lambda *_: False)
@@ -83,7 +94,7 @@ def test_a_request_is_not_lost_while_the_broker_is_away(asking, monkeypatch):
     assert [wish["number"] for wish in wishes(one)] == [number]
 
 
-def test_a_request_outlasts_the_monitor(asking, bench, tmp_path):
+def test_a_request_outlasts_the_monitor(asking, bench, tmp_path: Path) -> None:
     one, number = asking
     look(one)
     one.close()
@@ -92,7 +103,7 @@ def test_a_request_outlasts_the_monitor(asking, bench, tmp_path):
     assert [wish["number"] for wish in wishes(again)] == [number]
 
 
-def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, drive, frames_of):
+def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, drive, frames_of) -> None:
     one, number = asking
     frames = frames_of(drive(0))[:5]
     answer(one, number)
@@ -110,7 +121,7 @@ def test_a_request_is_done_when_all_that_the_box_says_it_sent_has_come(asking, d
     assert one.store.requests.command(number).detail == {"asked": TIMES, **ANSWER}
 
 
-def test_an_answer_without_samples_ends_a_request(asking):
+def test_an_answer_without_samples_ends_a_request(asking) -> None:
     one, number = asking
     answer(one, number, last=-1, frames=0, reason="the box holds no samples of that time")
     look(one)
@@ -119,7 +130,7 @@ def test_an_answer_without_samples_ends_a_request(asking):
     assert row.detail["reason"] == "the box holds no samples of that time"
 
 
-def test_another_vehicle_cannot_answer(asking):
+def test_another_vehicle_cannot_answer(asking) -> None:
     one, number = asking
     answer(one, number, vehicle="car-2", last=-1)
     look(one)
@@ -127,26 +138,16 @@ def test_another_vehicle_cannot_answer(asking):
 
 
 @pytest.mark.parametrize("changes", [{"last": None}, {"boot": "1"}, {"frames": -2}, {"number": [1]}, {"to": 2**63}])
-def test_an_answer_that_is_none_is_refused(asking, changes):
+def test_an_answer_that_is_none_is_refused(asking, changes) -> None:
     one, number = asking
-    answer(one, **({"number": number} | changes))
+    say(one, "event", did="raw", **({"number": number} | ANSWER | changes))
     look(one)
     assert is_open(one, number)
     assert one.station.figures()["sprung_messages_refused_total"] == 1
 
 
-def test_answers_are_bounded(asking):
-    one, number = asking
-    for k in range(1100):
-        one.link.on_message(topic("car-2", "event"), message({"did": "raw", "number": k, **ANSWER}))
-    one.link.on_message(topic("car-2", "event"), message({"did": "something new"}))
-    one.work()
-    assert len(one.station._intake._answers) == 1000
-    assert is_open(one, number)
-
-
 @pytest.fixture
-def log(caplog, monkeypatch):
+def log(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch):
     """What the monitor logs; not by way of the root, which hears nothing once a test has run the command line."""
     logger = logging.getLogger("sprung.monitor")
     monkeypatch.setattr(logger, "propagate", False)
@@ -156,26 +157,38 @@ def log(caplog, monkeypatch):
     logger.removeHandler(caplog.handler)
 
 
-def test_a_broker_that_is_away_is_in_the_log_at_once_and_every_ten_minutes(bench, log):
-    one = bench()
-    sentence = "the broker mqtt://broker:1883 cannot be reached: connection refused: check that it runs"
+AWAY = "the broker mqtt://broker:1883 cannot be reached: connection refused: check that it runs"
 
-    def said(minutes):
+
+def test_a_broker_that_is_away_is_logged_at_once_every_ten_minutes_and_when_it_is_back(bench, log) -> None:
+    one = bench()
+    outage = Outage(one.link, lambda: one.now)
+
+    def logged(minutes):
         before = len(log())
         for _ in range(60 * minutes):
             one.now += SECOND
-            one.station._upkeep._outage.step()
+            outage.step()
         return log()[before:]
 
     one.link.is_connected, one.link.problem = False, ""
-    assert said(1) == []  # the first attempt has not failed yet
-    one.link.problem = sentence
+    assert logged(1) == []  # the first attempt has not failed yet
+    one.link.problem = AWAY
+    assert logged(1) == [("WARNING", AWAY)]
+    assert logged(9) == []
+    assert logged(11) == [("WARNING", AWAY)] * 2
+    one.link.is_connected, one.link.problem = True, ""
+    assert logged(30) == [("INFO", "connected to broker")]
+
+
+def test_a_broker_that_is_away_is_a_trouble_of_the_monitor(bench, log) -> None:
+    one = bench()
+    one.link.is_connected, one.link.problem = False, AWAY
     before = len(log())
     look(one)
-    assert log()[before:] == [("WARNING", sentence)]
-    assert one.station.troubles() == [sentence]
-    assert said(9) == []
-    assert said(11) == [("WARNING", sentence)] * 2
+    assert log()[before:] == [("WARNING", AWAY)]
+    assert one.station.troubles() == [AWAY]
     one.link.is_connected, one.link.problem = True, ""
-    assert said(30) == [("INFO", "connected to broker")]
+    look(one)
+    assert log()[before + 1 :] == [("INFO", "connected to broker")]
     assert one.station.troubles() == []

@@ -43,7 +43,7 @@ def opening(car, drive):
     return of
 
 
-def test_a_window_comes_back_with_the_state_after_it(workers, opening, drive, frames_of):
+def test_a_window_comes_back_with_the_state_after_it(workers, opening, drive, frames_of) -> None:
     some = workers()
     some.open(opening("car-1"))
     frames = frames_of(drive(0))
@@ -58,7 +58,7 @@ def test_a_window_comes_back_with_the_state_after_it(workers, opening, drive, fr
     assert again.events[0].baseline is not None
 
 
-def test_a_killed_worker_is_replaced_and_its_vehicle_named(workers, opening, drive, frames_of):
+def test_a_killed_worker_is_replaced_and_its_vehicle_named(workers, opening, drive, frames_of) -> None:
     some = workers()
     for vehicle in ("car-1", "car-2"):
         some.open(opening(vehicle))
@@ -76,7 +76,7 @@ def test_a_killed_worker_is_replaced_and_its_vehicle_named(workers, opening, dri
     assert outcome(some).error == ""
 
 
-def test_a_slow_vehicle_is_stopped_and_delays_no_other(workers, opening, drive, frames_of):
+def test_a_slow_vehicle_is_stopped_and_delays_no_other(workers, opening, drive, frames_of) -> None:
     some = workers(limit=0.05)
     some.open(opening("car-1"))
     some.submit("car-1", frames_of(drive(0)))
@@ -94,7 +94,7 @@ def test_a_slow_vehicle_is_stopped_and_delays_no_other(workers, opening, drive, 
         ({}, [b"no frame at all"], "checksum"),
     ],
 )
-def test_nonsense_is_an_outcome_with_a_reason(workers, opening, fields, frames, words):
+def test_nonsense_is_an_outcome_with_a_reason(workers, opening, fields, frames, words) -> None:
     some = workers(1)
     some.open(opening("car-1", **fields))
     some.submit("car-1", frames)
@@ -105,7 +105,7 @@ def test_nonsense_is_an_outcome_with_a_reason(workers, opening, fields, frames, 
     assert outcome(some).error == ""
 
 
-def test_processes_end_with_the_workers(workers):
+def test_processes_end_with_the_workers(workers) -> None:
     some = workers(2)
     pids = some.pids
     some.close()

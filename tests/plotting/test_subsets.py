@@ -14,7 +14,7 @@ def panels(figure):
     return list(zip(upper, lower, strict=True)), figure.subfigs[1].axes[0]
 
 
-def test_values_and_intervals_stand_at_the_levels(subsets):
+def test_values_and_intervals_stand_at_the_levels(subsets) -> None:
     modes, _ = panels(subsets_figure(subsets))
     assert len(modes) == len(subsets.modes)
     levels = np.array([subset.level for subset in subsets.subsets])
@@ -35,13 +35,13 @@ def test_values_and_intervals_stand_at_the_levels(subsets):
             assert merged == pytest.approx(factor * getattr(subsets.modes, name)[k])
 
 
-def test_small_changes_look_small(subsets):
+def test_small_changes_look_small(subsets) -> None:
     for upper, lower in panels(subsets_figure(subsets))[0]:
         assert np.ptp(upper.get_ylim()) >= 0.04 * np.mean(upper.get_ylim()) * 0.95
         assert np.ptp(lower.get_ylim()) >= 0.4 * np.mean(lower.get_ylim()) * 0.7
 
 
-def test_a_mode_that_a_subset_lacks_is_a_cross_on_the_axis(subsets):
+def test_a_mode_that_a_subset_lacks_is_a_cross_on_the_axis(subsets) -> None:
     members = subsets.members.copy()
     members[1, 0] = -1
     modes, _ = panels(subsets_figure(replace(subsets, members=members)))
@@ -50,14 +50,14 @@ def test_a_mode_that_a_subset_lacks_is_a_cross_on_the_axis(subsets):
     assert crosses[1][0].get_xdata()[0] == pytest.approx(np.mean(subsets.subsets[0].level))
 
 
-def test_segments_of_each_subset(subsets):
+def test_segments_of_each_subset(subsets) -> None:
     _, axes = panels(subsets_figure(subsets))
     counts = [subset.n_segments for subset in subsets.subsets]
     assert [bar.get_height() for bar in axes.containers[0]] == counts
     assert [text.get_text() for text in axes.texts] == [f"subset {k + 1}: {n}" for k, n in enumerate(counts)]
 
 
-def test_without_levels_or_modes_that_is_said(chain, subsets):
+def test_without_levels_or_modes_that_is_said(chain, subsets) -> None:
     assert subsets_figure(chain).axes[0].texts[0].get_text() == "Segments were not sorted by level."
     none = replace(subsets, modes=subsets.modes.take([]), members=subsets.members[:0])
     figure = subsets_figure(none)
@@ -65,7 +65,7 @@ def test_without_levels_or_modes_that_is_said(chain, subsets):
     figure.draw_without_rendering()
 
 
-def test_many_modes_go_into_several_bands(subsets):
+def test_many_modes_go_into_several_bands(subsets) -> None:
     chosen = np.arange(7) % len(subsets.modes)
     many = replace(subsets, modes=subsets.modes.take(chosen), members=subsets.members[chosen])
     figure = subsets_figure(many)

@@ -31,7 +31,7 @@ def drive(vehicle, seed=1, kind=RoadDrive, **settings):
 
 
 @pytest.mark.slow
-def test_spectra_are_response_times_road(car):
+def test_spectra_are_response_times_road(car) -> None:
     """At one speed the accelerations have the spectral matrix H S H^H with the delay of the rear wheels."""
     speed = 12.0
     found = drive(car, duration=1200.0, speed=(speed, speed)).recording
@@ -52,7 +52,7 @@ def test_spectra_are_response_times_road(car):
     assert np.abs(error).max() < 0.08
 
 
-def test_a_fault_is_in_the_truth_and_in_the_signal(car):
+def test_a_fault_is_in_the_truth_and_in_the_signal(car) -> None:
     healthy, faulty = drive(car), drive(car, faults=(parse_fault("front_left.spring=-0.5"),))
     value = healthy.truth["components"]["front_left"]["spring"]["value"]
     assert faulty.truth["components"]["front_left"]["spring"]["value"] == pytest.approx(value / 2)
@@ -62,7 +62,7 @@ def test_a_fault_is_in_the_truth_and_in_the_signal(car):
     assert np.argmax(difference) == 0
 
 
-def test_a_growing_fault_changes_nothing_before_its_onset(car):
+def test_a_growing_fault_changes_nothing_before_its_onset(car) -> None:
     healthy, faulty = drive(car), drive(car, faults=(parse_fault("rear_left.tyre=-0.5@10+5"),))
     before = slice(0, 1900)
     size = healthy.recording.samples[:4].std()
@@ -75,7 +75,7 @@ def test_a_growing_fault_changes_nothing_before_its_onset(car):
     assert faulty.truth["fault_courses"] == {"rear_left.tyre": {"onset": 10.0, "growth": 5.0}}
 
 
-def test_payload_and_temperature_are_in_the_truth(car):
+def test_payload_and_temperature_are_in_the_truth(car) -> None:
     plain, loaded = (
         drive(car),
         drive(car, payload=Payload(300.0, x=-1.0), suspension=SuspensionConditions(temperature=60.0)),
@@ -87,7 +87,7 @@ def test_payload_and_temperature_are_in_the_truth(car):
         assert owned["spring"] == healthy["spring"]
 
 
-def test_speed_is_recorded_and_in_the_truth(car):
+def test_speed_is_recorded_and_in_the_truth(car) -> None:
     found = drive(car, duration=120.0, speed=(5.0, 12.0), n_stops=1)
     speed = found.recording.samples[found.recording.index("speed")]
     assert speed == pytest.approx(found.speed.speed(np.arange(speed.size) / 200))
@@ -97,13 +97,13 @@ def test_speed_is_recorded_and_in_the_truth(car):
 
 
 @pytest.mark.parametrize(("settings", "rate"), [(RailDrive(duration=5.0), 500.0), (RigRun(duration=5.0), 1000.0)])
-def test_bogies_run_on_rails_and_rigs(settings, rate):
+def test_bogies_run_on_rails_and_rigs(settings, rate) -> None:
     found = simulate_drive(read_vehicle("y25"), settings, seed=1)
     assert found.recording.sampling_rate == rate
     assert np.all(found.recording.samples.std(axis=1)[:4] > 1e-4)
 
 
-def test_same_seed_same_drive(car):
+def test_same_seed_same_drive(car) -> None:
     options = {"road": RoadConditions(potholes=FEW_POTHOLES), "suspension": REALISTIC_SUSPENSION}
     first, again, other = (drive(car, seed=seed, **options).recording.samples for seed in (3, 3, 4))
     assert np.array_equal(first, again)
@@ -122,29 +122,36 @@ def test_same_seed_same_drive(car):
     ],
     ids=str,
 )
-def test_each_condition_alone_changes_the_drive(car, condition):
+def test_each_condition_alone_changes_the_drive(car, condition) -> None:
     plain, changed = drive(car).recording.samples, drive(car, **condition).recording.samples
     assert np.abs(changed - plain)[:4].max() > 0.02 * plain[:4].std()
     assert np.array_equal(changed[4], plain[4])
 
 
-def test_settings_can_be_sent_to_another_process():
+def test_settings_can_be_sent_to_another_process() -> None:
     settings = RoadDrive(suspension=REALISTIC_SUSPENSION, road=RoadConditions("B", potholes=FEW_POTHOLES))
     assert pickle.loads(pickle.dumps(settings)) == settings
 
 
-def test_noise_is_on_the_sensors_but_not_on_the_speed(car):
+def test_noise_is_on_the_sensors_but_not_on_the_speed(car) -> None:
     clean, noisy = drive(car).recording.samples, drive(car, snr=10.0).recording.samples
     assert (noisy - clean)[:4].std(axis=1) == pytest.approx(clean[:4].std(axis=1) / 10, rel=0.05)
     assert np.array_equal(noisy[4], clean[4])
 
 
-def test_what_does_not_fit_is_refused(car):
-    with pytest.raises(ParameterError, match="road class 'K' is not one of A, B"):
-        RoadConditions("K")
-    with pytest.raises(ParameterError, match="driven 'rear' is not one of all, front"):
-        RigRun(driven="rear")
-    with pytest.raises(ParameterError, match="mass of the payload=-1 must be at least 0"):
-        Payload(-1.0)
+@pytest.mark.parametrize(
+    ("settings", "value", "message"),
+    [
+        (RoadConditions, {"road_class": "K"}, "road class 'K' is not one of A, B"),
+        (RigRun, {"driven": "rear"}, "driven 'rear' is not one of all, front"),
+        (Payload, {"mass": -1.0}, "mass of the payload=-1 must be at least 0"),
+    ],
+)
+def test_impossible_settings_are_refused(settings, value, message) -> None:
+    with pytest.raises(ParameterError, match=message):
+        settings(**value)
+
+
+def test_a_fault_of_an_unknown_component_is_refused(car) -> None:
     with pytest.raises(ParameterError, match=r"component 'front_left.wing' is not one of"):
         drive(car, faults=(parse_fault("front_left.wing=-0.2"),))

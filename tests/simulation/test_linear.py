@@ -9,6 +9,7 @@ from sprung.excitation import QUARTER_CASES, BaseMotion, Lines, RandomInputs, co
 from sprung.recording import Channel
 from sprung.simulation import response, settling_time, simulate, usual_excitation, with_linear_inputs, with_rises
 from sprung.vehicles import (
+    Quarter,
     StateSpace,
     chain,
     exact_correlations,
@@ -32,7 +33,7 @@ def looped(discrete, inputs):
 
 
 @pytest.mark.parametrize("name", RATES)
-def test_response_agrees_with_the_plain_recursion(name):
+def test_response_agrees_with_the_plain_recursion(name) -> None:
     discrete = structure(read_description(name)).discretised(RATES[name])
     inputs = np.random.default_rng(3).standard_normal((discrete.input_matrix.shape[1], 800))
     expected = looped(discrete, inputs)
@@ -40,7 +41,7 @@ def test_response_agrees_with_the_plain_recursion(name):
 
 
 @pytest.mark.parametrize("damping", [0.0, 12.0, 80.0, 500.0])
-def test_free_decay_is_the_closed_form(damping):
+def test_free_decay_is_the_closed_form(damping) -> None:
     """An impulse of one sample F/fs: y'' of x = exp(-d t) sin(w t) F / m w; 80 N s/m is critical, A defective."""
     mass, stiffness, rate = 2.0, 800.0, 20_000.0
     vehicle = chain(1, mass=mass, stiffness=stiffness, damping=damping)
@@ -57,17 +58,19 @@ def test_free_decay_is_the_closed_form(damping):
     assert found == pytest.approx(expected, abs=2e-5 * np.abs(expected).max())
 
 
-def test_response_of_a_free_mass_is_its_force_over_mass():
-    free = StateSpace(np.array([[1.0, 0.1], [0.0, 1.0]]), [[0.005], [0.1]], np.eye(2), np.zeros((2, 1)), 10.0)
+def test_response_of_a_free_mass_is_its_force_over_mass() -> None:
+    state, inputs = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.005], [0.1]])
+    free = StateSpace(state, inputs, np.eye(2), np.zeros((2, 1)), 10.0)
     found = response(free, np.ones((1, 50)))
     time = np.arange(50) / 10.0
     assert found == pytest.approx(np.array([time**2 / 2, time]))
 
 
-def test_harmonic_base_motion_gives_the_transmissibility():
+def test_harmonic_base_motion_gives_the_transmissibility() -> None:
     """abs(X_body / Y) of a quarter car from its textbook transfer function, at 3 Hz."""
-    quarter = read_description("quarter").corner
-    vehicle = structure(read_description("quarter"))
+    description = read_description("quarter")
+    assert isinstance(description, Quarter)
+    quarter, vehicle = description.corner, structure(description)
     rate, frequency = 4000.0, 3.0
     inputs = np.sin(2 * np.pi * frequency * np.arange(40_000) / rate)[None]
     found = response(vehicle.discretised(rate), inputs)[0, -4000:]
@@ -79,7 +82,7 @@ def test_harmonic_base_motion_gives_the_transmissibility():
 
 
 @pytest.mark.parametrize("name", RATES)
-def test_spread_is_the_exact_covariance(name):
+def test_spread_is_the_exact_covariance(name) -> None:
     vehicle = structure(read_description(name))
     rate = RATES[name]
     recording = simulate(vehicle, RandomInputs(len(vehicle.inputs)), duration=120.0, sampling_rate=rate, seed=4)
@@ -91,7 +94,7 @@ def test_spread_is_the_exact_covariance(name):
         assert found / np.outer(spread, spread) == pytest.approx(exact[:, :, lag] / np.outer(spread, spread), abs=0.1)
 
 
-def test_record_starts_in_the_steady_state():
+def test_record_starts_in_the_steady_state() -> None:
     vehicle = chain()
     starts = [
         simulate(vehicle, RandomInputs(3), duration=0.004, sampling_rate=500.0, seed=seed).samples
@@ -101,7 +104,7 @@ def test_record_starts_in_the_steady_state():
     assert np.mean(np.array(starts) ** 2, axis=(0, 2)) == pytest.approx(exact, rel=0.2)
 
 
-def test_correlations_of_many_records_approach_the_exact_ones():
+def test_correlations_of_many_records_approach_the_exact_ones() -> None:
     """Bias of the mean over 40 records below its standard error times 4, at lags to 0.1 s."""
     vehicle, rate, n_lags = chain(), 500.0, 50
     exact = exact_correlations(vehicle.discretised(rate), n_lags=n_lags)
@@ -118,7 +121,7 @@ def test_correlations_of_many_records_approach_the_exact_ones():
     assert np.abs(deviation).max() < 5.0
 
 
-def test_recording_carries_meaning_and_history():
+def test_recording_carries_meaning_and_history() -> None:
     vehicle = structure(read_vehicle("zafira"))
     recording = simulate(vehicle, usual_excitation(vehicle), duration=2.0, sampling_rate=200.0, snr=10.0)
     assert recording.names == ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
@@ -128,16 +131,19 @@ def test_recording_carries_meaning_and_history():
     assert [line.split(",")[0] for line in recording.history] == ["simulated 2 s at 200 Hz", "added sensor noise"]
 
 
-def test_seed_decides_everything():
-    settings = {"duration": 5.0, "sampling_rate": 500.0, "snr": 2.0, "noise_band": (0.5, 50.0)}
+def test_seed_decides_everything() -> None:
+    seeds: tuple[int | np.random.Generator, ...] = (1, np.random.default_rng(1), 2)
     first, again, other = (
-        simulate(chain(), RandomInputs(3), seed=seed, **settings).samples for seed in (1, np.random.default_rng(1), 2)
+        simulate(
+            chain(), RandomInputs(3), duration=5.0, sampling_rate=500.0, snr=2.0, noise_band=(0.5, 50.0), seed=seed
+        ).samples
+        for seed in seeds
     )
     np.testing.assert_array_equal(first, again)
     assert not np.allclose(first, other)
 
 
-def test_pulses_and_harmonics_reach_the_body():
+def test_pulses_and_harmonics_reach_the_body() -> None:
     """Case 4 has lines at 17 Hz and the multiples of 3.65 Hz; case 1 has none."""
     vehicle, rate = structure(read_description("quarter")), 1000.0
     peaks = []
@@ -148,7 +154,7 @@ def test_pulses_and_harmonics_reach_the_body():
     assert np.all(np.array(peaks[1]) > 5 * np.array(peaks[0]))
 
 
-def test_time_of_the_excitation_is_that_of_the_recording():
+def test_time_of_the_excitation_is_that_of_the_recording() -> None:
     """Pulses at n / 3.65 s: the wheel reads the first five at samples 0, 274, 548, 822 and 1096."""
     vehicle, pulses = structure(read_description("quarter")), BaseMotion(random=0.0, pulse=5e-3)
     wheel = simulate(vehicle, pulses, duration=1.2, sampling_rate=1000.0).samples[1]
@@ -156,7 +162,7 @@ def test_time_of_the_excitation_is_that_of_the_recording():
     assert np.flatnonzero(wheel > 0.8 * step).tolist() == [0, 274, 548, 822, 1096]
 
 
-def test_settling_time_is_the_decay_of_the_slowest_pole():
+def test_settling_time_is_the_decay_of_the_slowest_pole() -> None:
     """exp(-xi w t) = 1e-4."""
     modes = chain().modes()
     rate = np.min(modes.damping_ratio * np.abs(modes.poles))
@@ -173,37 +179,36 @@ def test_settling_time_is_the_decay_of_the_slowest_pole():
         ({"vehicle": chain(damping=0.0)}, "a free motion of the vehicle does not decay: give every coordinate"),
     ],
 )
-def test_impossible_simulations_are_refused(changes, message):
-    settings = {"vehicle": chain(), "excitation": RandomInputs(3), "duration": 1.0, "sampling_rate": 500.0}
-    settings |= changes
+def test_impossible_simulations_are_refused(changes, message) -> None:
+    settings = {"vehicle": chain(), "excitation": RandomInputs(3), "duration": 1.0, "sampling_rate": 500.0} | changes
     with pytest.raises(ParameterError, match=message):
-        simulate(settings.pop("vehicle"), settings.pop("excitation"), **settings)
+        simulate(**settings)
 
 
-def test_vehicle_without_sensors_is_refused():
+def test_vehicle_without_sensors_is_refused() -> None:
     fields = read_description("quarter").model_dump(exclude_defaults=True)
     del fields["sensor"]
     with pytest.raises(ParameterError, match=r"the vehicle has no motion sensors: add \[\[sensor\]\] tables"):
         simulate(structure(parse_vehicle(fields)), QUARTER_CASES[0], duration=1.0, sampling_rate=500.0)
 
 
-def test_inputs_of_another_shape_are_refused():
+def test_inputs_of_another_shape_are_refused() -> None:
     with pytest.raises(ParameterError, match=r"inputs has shape \(2, 5\), but must be \(3, samples\)"):
         response(chain().discretised(500.0), np.ones((2, 5)))
 
 
-def test_a_ramp_is_exact_at_any_rate():
+def test_a_ramp_is_exact_at_any_rate() -> None:
     """Response to y = v t: the same at the common instants for two rates, to rounding."""
     quarter = structure(read_description("quarter"))
     found = []
     for rate in (100.0, 400.0):
-        inputs = 0.3 * np.arange(round(rate)) / rate
+        inputs = 0.3 * np.linspace(0, 1, round(rate), endpoint=False)
         discrete = with_linear_inputs(quarter.state_space(), sampling_rate=rate)
         found.append(response(discrete, with_rises(inputs[None]))[0, :: round(rate / 100)])
     assert found[0] == pytest.approx(found[1], rel=1e-9, abs=1e-10)
 
 
-def test_a_sine_comes_out_with_gain_and_phase_of_the_frequency_response():
+def test_a_sine_comes_out_with_gain_and_phase_of_the_frequency_response() -> None:
     """No delay of half a sample: phase within 1e-4 rad at 3 Hz and 200 Hz sampling."""
     car = structure(read_vehicle("zafira"))
     motion = Lines(constant_speed(10.0), (0.3,), (0.01,), (1.0, 1.0, 1.0, 1.0))

@@ -47,7 +47,7 @@ def bushed():
 
 
 @pytest.mark.parametrize("vehicle", [structure(read_vehicle("zafira")), bushed()], ids=["rigid", "bushed"])
-def test_without_force_laws_it_is_the_exact_linear_response(vehicle, drive):
+def test_without_force_laws_it_is_the_exact_linear_response(vehicle, drive) -> None:
     inputs = drive.samples(16_000, sampling_rate=8000.0, generator=np.random.default_rng(1))
     inputs = inputs - inputs[:, :1]
     discrete = with_linear_inputs(vehicle.state_space(), sampling_rate=8000.0)
@@ -56,13 +56,13 @@ def test_without_force_laws_it_is_the_exact_linear_response(vehicle, drive):
     assert found == pytest.approx(expected, abs=1e-6 * expected.std())
 
 
-def test_a_simulated_drive_without_force_laws_is_the_linear_one(car, drive):
+def test_a_simulated_drive_without_force_laws_is_the_linear_one(car, drive) -> None:
     linear = simulate(car, drive, duration=20.0, sampling_rate=200.0, seed=3)
     found = simulate_nonlinear(car, drive, duration=20.0, sampling_rate=200.0, seed=3)
     assert found.samples == pytest.approx(linear.samples, abs=1e-5 * linear.samples.std())
 
 
-def test_forces_on_a_loaded_body_are_the_exact_linear_response():
+def test_forces_on_a_loaded_body_are_the_exact_linear_response() -> None:
     plate = structure(read_vehicle("plate")).with_payload(0.3, x=0.1, y=-0.05)
     inputs = np.cumsum(np.random.default_rng(1).standard_normal((4, 4000)), axis=1)
     discrete = with_linear_inputs(plate.state_space(), sampling_rate=RATE)
@@ -71,7 +71,7 @@ def test_forces_on_a_loaded_body_are_the_exact_linear_response():
     assert found[:, :-1] == pytest.approx(expected[:, :-1], abs=1e-8 * np.abs(expected).max())
 
 
-def test_error_falls_with_the_fourth_power_of_the_step():
+def test_error_falls_with_the_fourth_power_of_the_step() -> None:
     force_law = {"suspension": ForceLaw(cubic=3e4)}
     ends = [
         free(oscillator(), force_law, seconds=1.0, place=0.01, rate=rate)[1][-1] for rate in (1000, 2000, 4000, 64_000)
@@ -80,7 +80,7 @@ def test_error_falls_with_the_fourth_power_of_the_step():
     assert errors[:-1] / errors[1:] == pytest.approx([16, 16], rel=0.15)
 
 
-def test_dry_friction_takes_the_same_amplitude_each_half_cycle():
+def test_dry_friction_takes_the_same_amplitude_each_half_cycle() -> None:
     """Amplitude falls by 2 F / k in half a cycle (Coulomb)."""
     k, force = 400.0, 0.05
     force_law = {"suspension": ForceLaw(friction=force, friction_velocity=1e-5)}
@@ -89,7 +89,7 @@ def test_dry_friction_takes_the_same_amplitude_each_half_cycle():
     assert -np.diff(peaks[:5]) == pytest.approx(2 * force / k, rel=0.01)
 
 
-def test_hardening_spring_has_the_period_of_the_elliptic_integral():
+def test_hardening_spring_has_the_period_of_the_elliptic_integral() -> None:
     """x'' + w^2 (x + b x^3) = 0: T = 4 K(m) / (w sqrt(1 + b A^2)), m = b A^2 / (2 (1 + b A^2))."""
     amplitude, b, w = 0.05, 300.0, 20.0
     time, place, _ = free(oscillator(), {"suspension": ForceLaw(cubic=b)}, seconds=5.0, place=amplitude)
@@ -100,7 +100,7 @@ def test_hardening_spring_has_the_period_of_the_elliptic_integral():
     assert (at[-1] - at[0]) / (len(at) - 1) * 2 == pytest.approx(expected, rel=1e-6)
 
 
-def test_bump_stop_turns_a_mass_where_its_energy_is_used_up():
+def test_bump_stop_turns_a_mass_where_its_energy_is_used_up() -> None:
     """m v^2 = k x^2 + s (x - gap)^2 at the turning point."""
     m, k, s, gap, v = 1.0, 400.0, 5000.0, 0.02, 1.0
     force_law = {"suspension": ForceLaw(gap=gap, stop_stiffness=s)}
@@ -110,7 +110,7 @@ def test_bump_stop_turns_a_mass_where_its_energy_is_used_up():
     assert -place.min() == pytest.approx(turn, rel=1e-3)
 
 
-def test_damper_is_stiffer_in_rebound_than_in_bump():
+def test_damper_is_stiffer_in_rebound_than_in_bump() -> None:
     """Without a spring v falls as exp(-c (1 +- a) t / m)."""
     soft = oscillator(stiffness=1e-9, damping=2.0)
     force_law = {"suspension": ForceLaw(asymmetry=0.35, asymmetry_velocity=1e-6)}
@@ -119,7 +119,7 @@ def test_damper_is_stiffer_in_rebound_than_in_bump():
         assert speed[-1] == pytest.approx(sign * math.exp(-2.0 * (1 + sign * 0.35) * time[-1]), rel=1e-5)
 
 
-def test_digressive_damper_has_less_force_beyond_its_knee():
+def test_digressive_damper_has_less_force_beyond_its_knee() -> None:
     """Beyond the knee m v' = -c (knee + (v - knee) slope)."""
     force_law = {"suspension": ForceLaw(knee=0.1, knee_slope=0.25)}
     time, _, speed = free(oscillator(stiffness=1e-9, damping=2.0), force_law, seconds=0.2, speed=2.0)
@@ -127,7 +127,7 @@ def test_digressive_damper_has_less_force_beyond_its_knee():
     assert speed[-1] == pytest.approx(rest + (2.0 - rest) * math.exp(-2.0 * 0.25 * time[-1]), rel=1e-6)
 
 
-def test_rubber_is_stiff_at_small_and_soft_at_large_amplitudes():
+def test_rubber_is_stiff_at_small_and_soft_at_large_amplitudes() -> None:
     """Frequencies sqrt((k + s) / m) and sqrt(k / m) at the two ends."""
     force_law = {"suspension": ForceLaw(rubber_stiffness=1200.0, rubber_force=1.0)}
     for start, stiffness in ((1e-6, 1600.0), (2.0, 400.0)):
@@ -136,7 +136,7 @@ def test_rubber_is_stiff_at_small_and_soft_at_large_amplitudes():
         assert quarter == pytest.approx(math.pi / 2 / math.sqrt(stiffness), rel=0.03)
 
 
-def test_work_of_the_road_is_stored_and_dissipated(car, drive):
+def test_work_of_the_road_is_stored_and_dissipated(car, drive) -> None:
     """Balance of power: foot forces times foot velocities = change of energy + dissipation, to 1e-6 of the work."""
     inputs = drive.samples(20_000, sampling_rate=4000.0, generator=np.random.default_rng(1))
     inputs = inputs - inputs[:, :1]
@@ -164,12 +164,12 @@ def test_work_of_the_road_is_stored_and_dissipated(car, drive):
     assert total > 10 * stored[-1]
 
 
-def test_nothing_moves_a_vehicle_at_rest(car):
+def test_nothing_moves_a_vehicle_at_rest(car) -> None:
     motion = integrate(car, np.zeros((4, 1000)), rate=1000.0, force_laws=REALISTIC_FORCE_LAWS)
     assert not motion.outputs.any()
 
 
-def test_a_course_changes_a_component_in_time():
+def test_a_time_history_changes_a_component() -> None:
     """After the step the mass swings with the new frequency."""
     steps = 8001
     motion = integrate(
@@ -185,15 +185,19 @@ def test_a_course_changes_a_component_in_time():
     assert np.diff(after) == pytest.approx(math.pi / 10, abs=1.01 / RATE)
 
 
-def test_same_seed_same_drive(car):
+def test_same_seed_same_drive(car) -> None:
     motion = SurfaceMotion(road_class("C"), (1.22, -1.58), constant_speed(10.0))
-    options = {"duration": 2.0, "sampling_rate": 200.0, "force_laws": REALISTIC_FORCE_LAWS}
-    first, again, other = (simulate_nonlinear(car, motion, **options, seed=seed).samples for seed in (1, 1, 2))
+    first, again, other = (
+        simulate_nonlinear(
+            car, motion, duration=2.0, sampling_rate=200.0, force_laws=REALISTIC_FORCE_LAWS, seed=seed
+        ).samples
+        for seed in (1, 1, 2)
+    )
     assert np.array_equal(first, again)
     assert not np.allclose(first, other)
 
 
-def test_what_does_not_fit_is_refused(car):
+def test_what_does_not_fit_is_refused(car) -> None:
     with pytest.raises(ParameterError, match=r"inputs has shape \(3, 10\), but must be \(4, steps\)"):
         integrate(car, np.zeros((3, 10)), rate=100.0)
     with pytest.raises(ParameterError, match="force law of 'springs' is not one of"):

@@ -43,7 +43,7 @@ def random():
     return np.random.default_rng(1)
 
 
-def test_quantisation_error_has_the_variance_of_a_step(run):
+def test_quantisation_error_has_the_variance_of_a_step(run) -> None:
     found = quantised(run, full_scale=2.0, bits=10)
     error = found.samples[:2] - run.samples[:2]
     step = 4.0 / 1024
@@ -52,12 +52,12 @@ def test_quantisation_error_has_the_variance_of_a_step(run):
     assert np.array_equal(found.samples[2], run.samples[2])  # no acceleration
 
 
-def test_quantisation_clips_at_full_scale(run):
+def test_quantisation_clips_at_full_scale(run) -> None:
     found = quantised(run, full_scale=0.5, bits=8)
     assert [found.samples[0].min(), found.samples[0].max()] == pytest.approx([-0.5, 0.5 - 1 / 256])
 
 
-def test_noise_has_its_size_on_its_channels(run):
+def test_noise_has_its_size_on_its_channels(run) -> None:
     found = noisy(run, standard_deviation=0.1, generator=random()).samples - run.samples
     assert found.std(axis=1) == pytest.approx([0.1, 0.1, 0], rel=0.03)
     assert abs(np.corrcoef(found[:2])[0, 1]) < 0.03
@@ -65,14 +65,14 @@ def test_noise_has_its_size_on_its_channels(run):
     assert one.std(axis=1) == pytest.approx([0, 0.1, 0], rel=0.1)
 
 
-def test_delay_moves_one_channel_by_a_fraction_of_a_sample(run):
+def test_delay_moves_one_channel_by_a_fraction_of_a_sample(run) -> None:
     found = delayed(run, channel="a", delay=0.0123).samples
     inside = slice(400, -400)
     assert found[0][inside] == pytest.approx(np.sin(2 * np.pi * 1.3 * (TIME - 0.0123))[inside], abs=2e-4)
     assert np.array_equal(found[1], run.samples[1])
 
 
-def test_drift_after_an_hour(run):
+def test_drift_after_an_hour(run) -> None:
     ends = [
         drifting(run, channel="a", per_hour=2.0, generator=np.random.default_rng(seed)).samples[0, -1]
         - run.samples[0, -1]
@@ -81,19 +81,19 @@ def test_drift_after_an_hour(run):
     assert np.std(ends) == pytest.approx(2.0 * np.sqrt(N / RATE / 3600), rel=0.15)
 
 
-def test_jitter_is_the_slope_times_the_error_in_time(run):
+def test_jitter_is_the_slope_times_the_error_in_time(run) -> None:
     error = jittered(run, standard_deviation=1e-4, generator=random()).samples[0] - run.samples[0]
     assert error.std() == pytest.approx(1e-4 * 2 * np.pi * 1.3 / np.sqrt(2), rel=0.05)
 
 
-def test_hum_has_its_frequency_and_amplitude(run):
+def test_hum_has_its_frequency_and_amplitude(run) -> None:
     error = with_hum(run, channel="a", amplitude=0.2, generator=random()).samples[0] - run.samples[0]
     spectrum = np.abs(np.fft.rfft(error)) * 2 / N
     assert np.argmax(spectrum) * RATE / N == pytest.approx(50.0)
     assert spectrum.max() == pytest.approx(0.2)
 
 
-def test_channels_fail_from_their_onset_on(run):
+def test_channels_fail_from_their_onset_on(run) -> None:
     for fail, value in ((dead, 0.0), (stuck, run.samples[0, 1999])):
         found = fail(run, channel="a", onset=10.0).samples
         assert np.array_equal(found[0, :2000], run.samples[0, :2000])
@@ -101,33 +101,33 @@ def test_channels_fail_from_their_onset_on(run):
         assert np.array_equal(found[1:], run.samples[1:])
 
 
-def test_signs_gains_and_cables(run):
+def test_signs_gains_and_cables(run) -> None:
     found = swapped(scaled(inverted(run, channel="a"), channel="b", factor=0.5), first="a", second="b").samples
     assert np.array_equal(found[0], 0.5 * run.samples[1])
     assert np.array_equal(found[1], -run.samples[0])
 
 
-def test_clipping_and_spikes(run):
+def test_clipping_and_spikes(run) -> None:
     assert np.abs(clipped(run, channel="a", limit=0.7).samples[0]).max() == 0.7
     error = spiking(run, channel="b", rate=2.0, height=30.0, generator=random()).samples[1] - run.samples[1]
     assert np.count_nonzero(error) == pytest.approx(200, abs=50)
     assert np.unique(np.abs(error[error != 0]).round(9)).tolist() == [30.0]
 
 
-def test_gap_takes_the_samples_out_and_is_marked(run):
+def test_gap_takes_the_samples_out_and_is_marked(run) -> None:
     found = with_gap(run, onset=20.0, duration=3.0)
     assert found.n_samples == N - 600
     assert (found.gaps[0].index, found.gaps[0].duration) == (4000, pytest.approx(3.0))
     assert np.array_equal(found.samples[:, 4000:], run.samples[:, 4600:])
 
 
-def test_every_step_is_in_the_history(run):
+def test_every_step_is_in_the_history(run) -> None:
     steps = [partial(inverted, channel="a"), partial(dead, channel="b", onset=3.0), partial(quantised, full_scale=2.0)]
     found = with_imperfections(run, steps)
     assert found.history == ("a: inverted", "b: dead from 3 s on", "quantised to 16 bits of +-2")
 
 
-def test_what_does_not_fit_is_refused(run):
+def test_what_does_not_fit_is_refused(run) -> None:
     with pytest.raises(ParameterError, match="there is no channel 'c'"):
         inverted(run, channel="c")
     with pytest.raises(ParameterError, match="must lie inside the recording"):
@@ -136,7 +136,7 @@ def test_what_does_not_fit_is_refused(run):
         quantised(run, full_scale=1.0, bits=40)
 
 
-def test_random_imperfections_draw_from_one_generator_in_their_order(run):
+def test_random_imperfections_draw_from_one_generator_in_their_order(run) -> None:
     steps = [
         partial(noisy, standard_deviation=0.1),
         partial(inverted, channel="a"),
@@ -150,7 +150,7 @@ def test_random_imperfections_draw_from_one_generator_in_their_order(run):
 
 @pytest.mark.parametrize("snr", [10.0, 0.5])
 @pytest.mark.parametrize("band", [None, (0.5, 50.0)])
-def test_noise_has_the_amplitude_ratio(snr, band):
+def test_noise_has_the_amplitude_ratio(snr, band) -> None:
     clean = simulate(chain(), RandomInputs(3), duration=20.0, sampling_rate=500.0)
     noisy = with_noise(clean, snr=snr, generator=np.random.default_rng(1), band=band)
     added = noisy.samples - clean.samples
@@ -163,7 +163,7 @@ def test_noise_has_the_amplitude_ratio(snr, band):
     assert noisy.history[-1].endswith(f"at SNR {snr:g}")
 
 
-def test_noise_keeps_gaps_missing_values_and_silence():
+def test_noise_keeps_gaps_missing_values_and_silence() -> None:
     samples = np.vstack([np.sin(np.arange(100.0)), np.zeros(100)])
     samples[0, 7] = np.nan
     clean = Recording(samples, 10.0, (Channel("a"), Channel("b")))

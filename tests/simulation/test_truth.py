@@ -8,7 +8,7 @@ from sprung.simulation import truth
 from sprung.vehicles import chain, read_description, structure
 
 
-def test_truth_of_the_chain():
+def test_truth_of_the_chain() -> None:
     found = json.loads(json.dumps(truth(chain(), seed=5)))
     assert found["schema"] == "sprung.truth/1"
     assert found["seed"] == 5
@@ -19,7 +19,7 @@ def test_truth_of_the_chain():
     assert found["faults"] == {}
 
 
-def test_truth_of_the_quarter_vehicle():
+def test_truth_of_the_quarter_vehicle() -> None:
     found = truth(structure(read_description("quarter")))
     assert [mode["label"] for mode in found["modes"]] == ["bounce", "wheel_hop"]
     expected = {"spring": {"value": 7557.1}, "damper": {"value": 26.557}, "tyre": {"value": 75846.0}}

@@ -81,13 +81,13 @@ def postgresql_url(postgresql_server):
 
 
 @pytest.fixture
-def sqlite_file(tmp_path):
+def sqlite_file(tmp_path: Path):
     """A file that is not there yet, in a folder that is not there either."""
     return tmp_path / "new" / "store.sqlite"
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
-def url(request):
+def url(request: pytest.FixtureRequest):
     """The address of an empty store."""
     if request.param == "sqlite":
         return f"sqlite:///{request.getfixturevalue('sqlite_file')}"
@@ -102,7 +102,7 @@ def store(url):
 
 
 @pytest.fixture
-def small_disk(tmp_path):
+def small_disk(tmp_path: Path):
     """A disk of 2 MB of its own, and a function that makes it read-only or writable."""
     folder = tmp_path / "disk"
     folder.mkdir()

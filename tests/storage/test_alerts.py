@@ -1,12 +1,12 @@
 from dataclasses import replace
 
-from sprung.storage import AlertRow, AuditRow, CommandRow, HistoryRow, NotificationRow
+from sprung.storage import AlertRow, HistoryRow, NotificationRow
 
 ALERT = AlertRow("zafira", "front_left.damper", severity=2, text="Damper is weak", raised=100, document={"p": 0.01})
 RAISED = ("raised", "monitor", "")
 
 
-def test_alert_is_stored_and_replaced_by_its_cause(store):
+def test_alert_is_stored_and_replaced_by_its_cause(store) -> None:
     first = store.alerts.put(ALERT, history=RAISED, now=101)
     assert store.alerts.find() == [first] == [replace(ALERT, id=first.id, updated=101)]
     changed = replace(
@@ -22,7 +22,7 @@ def test_alert_is_stored_and_replaced_by_its_cause(store):
     ]
 
 
-def test_alerts_are_chosen_by_vehicle_and_state(store):
+def test_alerts_are_chosen_by_vehicle_and_state(store) -> None:
     store.alerts.put(ALERT, history=RAISED, now=0)
     store.alerts.put(replace(ALERT, cause="tyre", severity=5), history=RAISED, now=0)
     store.alerts.put(replace(ALERT, vehicle="other", is_active=False, cleared=300), history=RAISED, now=0)
@@ -32,7 +32,7 @@ def test_alerts_are_chosen_by_vehicle_and_state(store):
     assert store.alerts.find(vehicle="other", is_active=True) == []
 
 
-def test_notifications_stay_until_sent(store):
+def test_notifications_stay_until_sent(store) -> None:
     alert = store.alerts.put(ALERT, history=RAISED, notify={"to": "workshop"}, now=1)
     store.alerts.put(ALERT, history=("told", "monitor", ""), now=2)
     store.alerts.put(ALERT, history=("again", "monitor", ""), notify={"to": "driver"}, now=3)
@@ -47,19 +47,3 @@ def test_notifications_stay_until_sent(store):
     assert store.alerts.due_notifications(10) == []
     assert store.delete_older(6) == 1
     assert store.delete_older(7) == 1
-
-
-def test_commands_are_on_the_record(store):
-    store.requests.audit("eve", "log in", "service", now=1)
-    number = store.requests.add_command("eve", "zafira", "learn again", {"reason": "new dampers"}, now=2)
-    assert store.requests.open_commands() == [
-        CommandRow(number, 2, "eve", "zafira", "learn again", {"reason": "new dampers"}, None)
-    ]
-    store.requests.command_done(number, 3)
-    assert store.requests.open_commands() == []
-    rows = store.requests.audited()
-    assert rows == [
-        AuditRow(rows[0].id, 1, "eve", "log in", "service", None),
-        AuditRow(rows[1].id, 2, "eve", "learn again", "zafira", {"reason": "new dampers"}),
-    ]
-    assert store.requests.audited(limit=1) == rows[1:]

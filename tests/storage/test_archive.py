@@ -19,7 +19,7 @@ def write(folder, *, vehicle="zafira", boot=7, first_seq=3, t0=T0, samples=SAMPL
     return write_archive(folder, vehicle, boot, first_seq, t0, samples=samples, channels=channels, sampling_rate=rate)
 
 
-def test_file_holds_the_samples(tmp_path):
+def test_file_holds_the_samples(tmp_path: Path) -> None:
     path = write(tmp_path)
     assert path == tmp_path / "zafira" / "2024-02-29" / "7-3.parquet"
     assert path.stat().st_mtime_ns == T0
@@ -35,27 +35,27 @@ def test_file_holds_the_samples(tmp_path):
     assert pq.ParquetFile(path).metadata.row_group(0).column(1).compression == "ZSTD"
 
 
-def test_file_is_a_recording(tmp_path):
+def test_file_is_a_recording(tmp_path: Path) -> None:
     rows = np.random.default_rng(1).standard_normal((2, 1000))
     recording = read(write(tmp_path, samples=rows, rate=128.0))
     assert recording.sampling_rate == pytest.approx(128.0)
     np.testing.assert_array_equal(recording.samples, rows.astype(np.float32))
 
 
-def test_same_stretch_again_replaces_the_file(tmp_path):
+def test_same_stretch_again_replaces_the_file(tmp_path: Path) -> None:
     first = write(tmp_path)
     assert write(tmp_path, samples=SAMPLES[:, :1]) == first
     assert pq.read_table(first).num_rows == 1
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "a/b", "../a", "a b", "ä", "a\n", "x" * 65])
-def test_names_that_are_no_folder_are_refused(tmp_path, name):
+def test_names_that_are_no_folder_are_refused(tmp_path: Path, name) -> None:
     with pytest.raises(ParameterError, match="must be 1 to 64 letters, digits, dots, dashes or underscores"):
         write(tmp_path, vehicle=name)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_arguments_that_do_not_fit_are_refused(tmp_path):
+def test_arguments_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     for channels in (("fl",), ("fl", "fl"), ("fl", "time")):
         with pytest.raises(ParameterError, match="must be 2 different names"):
             write(tmp_path, channels=channels)
@@ -67,7 +67,7 @@ def test_arguments_that_do_not_fit_are_refused(tmp_path):
         write(tmp_path, first_seq=-1)
 
 
-def test_full_disk_leaves_no_part_of_a_file(small_disk):
+def test_full_disk_leaves_no_part_of_a_file(small_disk) -> None:
     folder, _ = small_disk
     noise = np.random.default_rng(1).standard_normal((2, 400_000))
     with pytest.raises(StoreError, match=r"the archive cannot write .*: No space left on device: free space"):
@@ -76,7 +76,7 @@ def test_full_disk_leaves_no_part_of_a_file(small_disk):
     assert write(folder).exists()
 
 
-def test_old_files_are_pruned(tmp_path):
+def test_old_files_are_pruned(tmp_path: Path) -> None:
     paths = [write(tmp_path, first_seq=k, t0=T0 + k * DAY) for k in range(4)]
     write(tmp_path, vehicle="other", t0=T0)
     archive = Retention(tmp_path)
@@ -90,7 +90,7 @@ def test_old_files_are_pruned(tmp_path):
     assert Retention(tmp_path / "absent").prune(before=T0) == 0
 
 
-def test_pruning_leaves_other_files(tmp_path):
+def test_pruning_leaves_other_files(tmp_path: Path) -> None:
     path = write(tmp_path)
     (path.parent / "notes.txt").touch()
     (tmp_path / "notes.parquet").touch()
@@ -125,7 +125,7 @@ def kept(files, *, before, most_bytes):
 
 
 @pytest.mark.parametrize("is_restarted", [False, True])
-def test_what_remains_is_what_a_look_at_every_file_leaves(tmp_path, is_restarted):
+def test_what_remains_is_what_a_look_at_every_file_leaves(tmp_path: Path, is_restarted) -> None:
     generator = np.random.default_rng(5)
     archive, files = Retention(tmp_path), {}
     for step in range(60):
@@ -145,13 +145,18 @@ def test_what_remains_is_what_a_look_at_every_file_leaves(tmp_path, is_restarted
         files = left
 
 
-def test_only_what_changed_or_must_go_is_looked_at(tmp_path, monkeypatch):
+def test_only_what_changed_or_must_go_is_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for vehicle in range(20):
         for k in range(3):
             put(tmp_path, vehicle=f"car-{vehicle}", t0=T0 + k * DAY + vehicle, size=10)
     settle(tmp_path, at=T0)
-    opened, scandir = [], os.scandir
-    monkeypatch.setattr(os, "scandir", lambda path: opened.append(Path(path)) or scandir(path))
+    opened, scandir = list[Path](), os.scandir
+
+    def noted(path):
+        opened.append(Path(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", noted)
 
     def looks(archive, **rules):
         """Folders of days that were opened, and files that went."""
@@ -171,7 +176,7 @@ def test_only_what_changed_or_must_go_is_looked_at(tmp_path, monkeypatch):
     assert looks(Retention(tmp_path), most_bytes=600) == (59, 0)
 
 
-def test_a_full_disk_gets_room(small_disk):
+def test_a_full_disk_gets_room(small_disk) -> None:
     folder, _ = small_disk
     noise = np.random.default_rng(1).standard_normal((2, 20_000))
     days = (write(folder, samples=noise, t0=T0 + k * DAY) for k in range(100))

@@ -2,13 +2,27 @@
 
 import re
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from sqlalchemy import event
 
-from sprung.storage import Cursor, Progress, StoredFrame, StoreError, open_store
+from sprung.storage import Cursor, Progress, Store, StoredFrame, StoreError, open_store
+from sprung.storage.database import Database
+from sprung.storage.store import check_address
 
 CANNOT_WRITE = "the store cannot write: .*: free space on its disk or make it writable, then it continues"
+
+
+@contextmanager
+def store_on_database(url: str) -> Iterator[tuple[Store, Database]]:
+    """Open a store together with the database below it."""
+    open_store(url).close()
+    database = Database(check_address(url))
+    with Store(database) as store:
+        yield store, database
 
 
 def fill(store, *, n_batches, payload=b"x" * 200):
@@ -50,7 +64,7 @@ def garbled(content):
     ],
     ids=["garbled", "cut", "zeros", "text", "other format"],
 )
-def test_damaged_file_is_set_aside(sqlite_file, damage):
+def test_damaged_file_is_set_aside(sqlite_file, damage) -> None:
     url = f"sqlite:///{sqlite_file}"
     with open_store(url) as store:
         fill(store, n_batches=50)
@@ -65,13 +79,14 @@ def test_damaged_file_is_set_aside(sqlite_file, damage):
         r"and a new one was created",
         notice,
     )
+    assert kept is not None, notice
     assert sqlite_file.with_name(kept[1]).read_bytes() == content
     with open_store(url) as store:
         assert store.notices == ()
         assert store.inbox.cursor("zafira", 7).contiguous == 2
 
 
-def test_log_of_a_damaged_file_goes_with_it(sqlite_file, tmp_path):
+def test_log_of_a_damaged_file_goes_with_it(sqlite_file, tmp_path: Path) -> None:
     with open_store(f"sqlite:///{sqlite_file}") as store:
         fill(store, n_batches=50)
         shutil.copytree(sqlite_file.parent, tmp_path / "copy")
@@ -90,7 +105,7 @@ def test_log_of_a_damaged_file_goes_with_it(sqlite_file, tmp_path):
 @pytest.mark.parametrize(
     "every", [pytest.param(512, marks=pytest.mark.slow, id="every 512"), pytest.param(4096 * 3 + 512, id="some")]
 )
-def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path, every):
+def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path: Path, every) -> None:
     """Whatever the disk kept of the write-ahead log, the store opens with the first transactions, each whole."""
     open_store(f"sqlite:///{sqlite_file}").close()
     with open_store(f"sqlite:///{sqlite_file}") as store:
@@ -126,19 +141,19 @@ def test_torn_log_leaves_a_beginning_of_what_happened(sqlite_file, tmp_path, eve
 
 
 @pytest.mark.parametrize("setting", ["max_page_count=60", "query_only=1"], ids=["full", "read-only"])
-def test_store_goes_on_when_it_can_write_again(sqlite_file, setting):
-    with open_store(f"sqlite:///{sqlite_file}") as store:
+def test_store_goes_on_when_it_can_write_again(sqlite_file, setting) -> None:
+    with store_on_database(f"sqlite:///{sqlite_file}") as (store, database):
         fill(store, n_batches=1)
 
         def limit(connection, _):
             connection.execute(f"PRAGMA {setting}")
 
-        store._database.engine.dispose()
-        event.listen(store._database.engine, "connect", limit)
+        database.engine.dispose()
+        event.listen(database.engine, "connect", limit)
         acknowledged = fill_up(store)
         with pytest.raises(StoreError, match=CANNOT_WRITE):
             store.check()
-        event.remove(store._database.engine, "connect", limit)
+        event.remove(database.engine, "connect", limit)
         store.check()
         assert store.inbox.cursor("zafira", 7) == Cursor(acknowledged, -1, 0)
         assert store.inbox.add_frames([StoredFrame("zafira", 7, acknowledged + 1, 0, b"")], now=0) == {
@@ -147,7 +162,7 @@ def test_store_goes_on_when_it_can_write_again(sqlite_file, setting):
         assert len(store.inbox.pending("zafira", 7, after=-1, limit=2000)) == acknowledged + 2
 
 
-def test_full_disk(small_disk):
+def test_full_disk(small_disk) -> None:
     folder, _ = small_disk
     ballast = folder / "ballast"
     ballast.write_bytes(b"x" * 1_000_000)
@@ -167,7 +182,7 @@ def test_full_disk(small_disk):
         assert store.inbox.cursor("zafira", 7).contiguous == acknowledged + 1
 
 
-def test_read_only_disk(small_disk):
+def test_read_only_disk(small_disk) -> None:
     folder, remount = small_disk
     url = f"sqlite:///{folder}/store.sqlite"
     with open_store(url) as store:
@@ -186,26 +201,26 @@ def test_read_only_disk(small_disk):
         assert store.inbox.cursor("zafira", 7).contiguous == 3
 
 
-def write_while_the_connection_is_cut(store, other):
-    with store._database.writing() as connection:
+def write_while_the_connection_is_cut(database: Database, other: Database) -> None:
+    with database.writing() as connection:
         own = connection.exec_driver_sql("SELECT pg_backend_pid()").scalar()
-        with other._database.writing() as killer:
+        with other.writing() as killer:
             killer.exec_driver_sql(f"SELECT pg_terminate_backend({own}, 5000)")
         connection.exec_driver_sql("SELECT 1")
 
 
-def test_server_that_goes_away_and_comes_back(postgresql_url):
-    with open_store(postgresql_url) as store, open_store(postgresql_url) as other:
+def test_server_that_goes_away_and_comes_back(postgresql_url) -> None:
+    with store_on_database(postgresql_url) as (store, database), store_on_database(postgresql_url) as (_, other):
         fill(store, n_batches=1)
         with pytest.raises(StoreError, match="the store does not answer"):
-            write_while_the_connection_is_cut(store, other)
+            write_while_the_connection_is_cut(database, other)
         assert store.inbox.cursor("zafira", 7).contiguous == 2
         store.check()
 
 
-def test_read_only_server(postgresql_url):
-    with open_store(postgresql_url) as store:
-        with store._database.writing() as connection:
+def test_read_only_server(postgresql_url) -> None:
+    with store_on_database(postgresql_url) as (store, database):
+        with database.writing() as connection:
             connection.exec_driver_sql("SET SESSION default_transaction_read_only = on")
         with pytest.raises(StoreError, match=CANNOT_WRITE):
             store.check()

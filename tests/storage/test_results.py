@@ -37,7 +37,7 @@ def everything(store):
     )
 
 
-def test_progress_is_stored(filled):
+def test_progress_is_stored(filled) -> None:
     filled.results.commit(PROGRESS)
     assert everything(filled) == (
         [Entry("zafira", 7, 0, 100, {"level": 0.5}), Entry("zafira", 7, 1, 200, {"level": 0.25})],
@@ -50,7 +50,7 @@ def test_progress_is_stored(filled):
     )
 
 
-def test_same_progress_again_changes_nothing(filled):
+def test_same_progress_again_changes_nothing(filled) -> None:
     filled.results.commit(PROGRESS)
     once = everything(filled)
     filled.results.commit(PROGRESS)
@@ -62,20 +62,20 @@ def test_same_progress_again_changes_nothing(filled):
     assert filled.results.snapshot("zafira") == Snapshot("zafira", 7, 4, b"later")
 
 
-def test_progress_is_stored_as_a_whole_or_not_at_all(filled):
+def test_progress_is_stored_as_a_whole_or_not_at_all(filled) -> None:
     before = everything(filled)
     with pytest.raises(StoreError, match=r"the store cannot hold this: Out of range float values"):
         filled.results.commit(replace(PROGRESS, baselines=((1, 200, "", {"mean": float("nan")}),)))
     assert everything(filled) == before
 
 
-def test_frames_worked_up_and_deleted_do_not_come_back(filled):
+def test_frames_worked_up_and_deleted_do_not_come_back(filled) -> None:
     filled.results.commit(PROGRESS)
     assert filled.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"x")], now=9) == {("zafira", 7): 4}
     assert [frame.seq for frame in filled.inbox.pending("zafira", 7, after=-1, limit=10)] == [2, 3, 4]
 
 
-def test_progress_beyond_the_frames_is_refused(filled):
+def test_progress_beyond_the_frames_is_refused(filled) -> None:
     with pytest.raises(ParameterError, match=r"done_seq=5 .* must be at most 4, up to where its frames are complete"):
         filled.results.commit(Progress("zafira", 7, done_seq=5))
     with pytest.raises(ParameterError, match="must be at most -1"):
@@ -84,7 +84,7 @@ def test_progress_beyond_the_frames_is_refused(filled):
         Progress("zafira", 7, done_seq=2, delete_through_seq=3)
 
 
-def test_snapshot_of_a_new_boot_replaces_the_old(filled):
+def test_snapshot_of_a_new_boot_replaces_the_old(filled) -> None:
     filled.results.commit(PROGRESS)
     filled.inbox.add_frames([StoredFrame("zafira", 2, 0, 0, b"")], now=0)
     filled.results.commit(Progress("zafira", 2, done_seq=0, snapshot=b"new"))
@@ -92,7 +92,7 @@ def test_snapshot_of_a_new_boot_replaces_the_old(filled):
     assert filled.results.snapshot("other") is None
 
 
-def test_entries_are_read_since_a_time_and_the_last_of_them(filled):
+def test_entries_are_read_since_a_time_and_the_last_of_them(filled) -> None:
     windows = tuple((number, 100 * number, {"n": number}) for number in range(10))
     filled.results.commit(Progress("zafira", 7, done_seq=0, observations=windows, modes=windows[::-1]))
     assert [entry.number for entry in filled.results.observations("zafira", limit=3)] == [7, 8, 9]
@@ -101,7 +101,7 @@ def test_entries_are_read_since_a_time_and_the_last_of_them(filled):
     assert filled.results.observations("other") == []
 
 
-def test_old_results_are_deleted(filled):
+def test_old_results_are_deleted(filled) -> None:
     filled.results.commit(PROGRESS)
     done, still_open = (filled.requests.add_command("eve", "zafira", "learn", now=k) for k in range(2))
     filled.requests.command_done(done, 150)

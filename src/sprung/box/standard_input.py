@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO
+from typing import Protocol
 
 import numpy as np
 
@@ -23,7 +23,14 @@ _LARGEST = 1e100
 _PAUSE = 2.0
 
 
-def from_lines(lines: IO[str], *, sampling_rate: float, start: Callable[[], int]) -> Iterator[Recording]:
+class LineStream(Protocol):
+    """Stream of text that is read line by line, such as `sys.stdin`."""
+
+    def readline(self, limit: int, /) -> str:
+        """Return the next line, at most `limit` characters of it; empty at the end."""
+
+
+def from_lines(lines: LineStream, *, sampling_rate: float, start: Callable[[], int]) -> Iterator[Recording]:
     """Return the blocks of comma-separated values as they arrive, such as from standard input.
 
     Parameters
@@ -52,7 +59,7 @@ def from_lines(lines: IO[str], *, sampling_rate: float, start: Callable[[], int]
     return _blocks(lines, sampling_rate, start)
 
 
-def _blocks(lines: IO[str], sampling_rate: float, start: Callable[[], int]) -> Iterator[Recording]:
+def _blocks(lines: LineStream, sampling_rate: float, start: Callable[[], int]) -> Iterator[Recording]:
     """Yield blocks of lines."""
     texts = _texts(lines)
     columns = _columns(texts)
@@ -122,7 +129,7 @@ class _Collected:
         self._next = None
 
 
-def _texts(lines: IO[str]) -> Iterator[tuple[int, str]]:
+def _texts(lines: LineStream) -> Iterator[tuple[int, str]]:
     """Yield the lines that are not blank, with their numbers."""
     number = 0
     while True:

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 from sprung._checks import required
@@ -59,21 +59,25 @@ class EmbeddedBroker:
 
     def _run(self) -> None:
         """Serve until stopped."""
-        self._loop = asyncio.new_event_loop()
-        asyncio.set_event_loop(self._loop)
+        with closing(asyncio.new_event_loop()) as self._loop:
+            asyncio.set_event_loop(self._loop)
+            self._serve(self._loop)
+
+    def _serve(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Start the broker in a loop, and run the loop until it is stopped."""
         settings = {
             "listeners": {"default": {"type": "tcp", "bind": self._listens_at}},
             "plugins": {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}},
         }
         try:
-            self._broker = self._module.Broker(settings, loop=self._loop)
-            self._loop.run_until_complete(self._broker.start())
+            self._broker = self._module.Broker(settings, loop=loop)
+            loop.run_until_complete(self._broker.start())
         except Exception as error:  # any error of the library is reported
             self._problem = str(error.__cause__ or error)
             self._started.set()
             return
         self._started.set()
-        self._loop.run_forever()
+        loop.run_forever()
 
 
 @contextmanager

@@ -1,18 +1,15 @@
 import sqlite3
+from pathlib import Path
 
 import pytest
-from alembic.autogenerate import compare_metadata
-from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, make_url, text
 
 from sprung.errors import ParameterError
-from sprung.storage import Cursor, StoredFrame, StoreError, open_store
-from sprung.storage.migrations import steps, upgrade
-from sprung.storage.schema import METADATA
+from sprung.storage import StoredFrame, StoreError, open_store
 
 
 @pytest.fixture
-def engine(url, tmp_path):
+def engine(url, tmp_path: Path):
     """An engine on an empty database, without what the store adds."""
     address = make_url(url)
     if address.get_backend_name() == "sqlite":
@@ -24,38 +21,7 @@ def engine(url, tmp_path):
     made.dispose()
 
 
-def test_steps_lead_to_the_tables(engine):
-    with engine.begin() as connection:
-        upgrade(connection)
-    with engine.connect() as connection:
-        assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
-
-
-@pytest.mark.parametrize("revision", [step.revision for step in steps().walk_revisions()])
-def test_every_released_schema_is_brought_up_to_date(engine, url, revision):
-    with engine.begin() as connection:
-        upgrade(connection, target=revision)
-        connection.execute(text("INSERT INTO cursors VALUES ('zafira', 7, 12, 10, 3, 99)"))
-    with open_store(url) as store:
-        assert store.inbox.cursors() == {("zafira", 7): Cursor(12, 10, 3)}
-        assert store.inbox.add_frames([StoredFrame("zafira", 7, 13, 0, b"")], now=0) == {("zafira", 7): 13}
-    with engine.connect() as connection:
-        assert MigrationContext.configure(connection).get_current_revision() == steps().get_current_head()
-        assert compare_metadata(MigrationContext.configure(connection), METADATA) == []
-
-
-def test_steps_can_be_taken_back(engine):
-    from alembic.operations import Operations
-
-    with engine.begin() as connection:
-        upgrade(connection)
-        with Operations.context(MigrationContext.configure(connection)):
-            for step in steps().walk_revisions():
-                step.module.downgrade()
-        assert set(engine.dialect.get_table_names(connection)) == {"alembic_version"}
-
-
-def test_newer_schema_is_refused_and_left_alone(url, engine):
+def test_newer_schema_is_refused_and_left_alone(url, engine) -> None:
     open_store(url).close()
     with engine.begin() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
@@ -65,7 +31,7 @@ def test_newer_schema_is_refused_and_left_alone(url, engine):
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "9999"
 
 
-def test_store_keeps_what_it_holds(url):
+def test_store_keeps_what_it_holds(url) -> None:
     with open_store(url) as store:
         store.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"x")], now=0)
         assert store.notices == ()
@@ -74,19 +40,10 @@ def test_store_keeps_what_it_holds(url):
         assert store.inbox.pending("zafira", 7, after=-1, limit=1) == [StoredFrame("zafira", 7, 0, 0, b"x")]
 
 
-def test_check_leaves_no_trace(store):
+def test_check_leaves_no_trace(store) -> None:
     store.check()
     assert store.results.snapshot("") is None
-    assert (store.free() is None) == (store._database.engine.dialect.name == "postgresql")
-
-
-def test_settings_of_sqlite(sqlite_file):
-    with open_store(f"sqlite:///{sqlite_file}") as store, store._database.reading() as connection:
-        found = [
-            connection.exec_driver_sql(f"PRAGMA {name}").scalar()
-            for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout")
-        ]
-    assert found == ["wal", 2, 1, 10_000]
+    assert (store.free() is None) == (store.folder is None)
 
 
 @pytest.mark.parametrize(
@@ -98,17 +55,17 @@ def test_settings_of_sqlite(sqlite_file):
         ("sqlite:///:memory:", "names no file"),
     ],
 )
-def test_other_addresses_are_refused(address, message):
+def test_other_addresses_are_refused(address, message) -> None:
     with pytest.raises(ParameterError, match=f"{message}.*: write sqlite:///folder/file.sqlite or postgresql://"):
         open_store(address)
 
 
-def test_server_that_is_not_there(tmp_path):
+def test_server_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"the store does not answer: .*: check that its database runs"):
         open_store(f"postgresql://sprung@/db?host={tmp_path}")
 
 
-def test_folder_that_cannot_be_made(tmp_path):
+def test_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(StoreError, match=r"cannot be opened: .*: check that its folder and disk can be written"):
         open_store(f"sqlite:///{tmp_path}/file/store.sqlite")
@@ -117,7 +74,7 @@ def test_folder_that_cannot_be_made(tmp_path):
         open_store(f"sqlite:///{tmp_path}/folder")
 
 
-def test_store_that_another_program_holds(sqlite_file, monkeypatch):
+def test_store_that_another_program_holds(sqlite_file, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sprung.storage.database.PATIENCE", 0.1)
     with open_store(f"sqlite:///{sqlite_file}") as store:
         other = sqlite3.connect(sqlite_file, isolation_level=None)

@@ -43,7 +43,7 @@ def joined(parts):
     return samples, gaps
 
 
-def test_jitter_is_resampled_onto_the_true_signal():
+def test_jitter_is_resampled_onto_the_true_signal() -> None:
     rng = np.random.default_rng(3)
     times = (np.arange(4000) + rng.uniform(-0.2, 0.2, 4000)) / 100
     (recording,) = recordings(table(times, sine(times)))
@@ -55,7 +55,7 @@ def test_jitter_is_resampled_onto_the_true_signal():
 
 
 @pytest.mark.parametrize("n_rows", [300, 1000, 1777])
-def test_blocks_of_a_jittering_clock_equal_the_whole(n_rows):
+def test_blocks_of_a_jittering_clock_equal_the_whole(n_rows) -> None:
     rng = np.random.default_rng(4)
     times = (np.arange(10_000) + rng.uniform(-0.3, 0.3, 10_000)) / 100
     times[2000:] += 0.5
@@ -69,7 +69,7 @@ def test_blocks_of_a_jittering_clock_equal_the_whole(n_rows):
 
 
 @pytest.mark.parametrize("cut", [999, 1000, 1001, 1064, 3000])
-def test_gap_at_the_edge_of_a_block_is_kept(cut):
+def test_gap_at_the_edge_of_a_block_is_kept(cut) -> None:
     index = np.arange(5000) + 50 * (np.arange(5000) >= cut)
     source = table(index / 100, sine(index / 100))
     parts = recordings(source, n_rows=1000)
@@ -78,7 +78,7 @@ def test_gap_at_the_edge_of_a_block_is_kept(cut):
     assert gaps == [(cut, pytest.approx(0.5))]
 
 
-def test_every_block_has_its_start():
+def test_every_block_has_its_start() -> None:
     start = 1_700_000_000_000_000_000
     index = np.arange(10_000) + 100 * (np.arange(10_000) >= 4321)
     stamps = (start + index * 10_000_000).astype("M8[ns]")
@@ -88,7 +88,7 @@ def test_every_block_has_its_start():
     assert [part.start for part in parts] == [start + int(index[n]) * 10_000_000 for n in n_samples]
 
 
-def test_rows_with_a_missing_value_leave_a_gap():
+def test_rows_with_a_missing_value_leave_a_gap() -> None:
     values = sine(np.arange(1000) / 100)
     values[1, 300:320] = np.nan
     (recording,) = recordings(table(np.arange(1000) / 100, values))
@@ -97,14 +97,14 @@ def test_rows_with_a_missing_value_leave_a_gap():
     assert "20 rows cut" in recording.history[-1]
 
 
-def test_missing_values_without_time_stamps_leave_a_gap_too():
+def test_missing_values_without_time_stamps_leave_a_gap_too() -> None:
     values = sine(np.arange(1000) / 100)
     values[0, 300:320] = np.nan
     (recording,) = recordings(table(None, values, stamps=False), sampling_rate=100)
     assert [(gap.index, gap.duration) for gap in recording.gaps] == [(300, pytest.approx(0.2))]
 
 
-def test_dead_channel_stays_and_costs_no_rows():
+def test_dead_channel_stays_and_costs_no_rows() -> None:
     values = sine(np.arange(1000) / 100)
     values[1, 400:] = np.nan
     parts = recordings(table(np.arange(1000) / 100, values), n_rows=200)
@@ -115,7 +115,7 @@ def test_dead_channel_stays_and_costs_no_rows():
     assert any("c1: dead, values in 400 of 1000 rows" in line for line in parts[0].history)
 
 
-def test_rows_of_other_channels_only_are_left_out_without_a_gap():
+def test_rows_of_other_channels_only_are_left_out_without_a_gap() -> None:
     """Two loggers in one file, merged by time: choosing one of them must give its uniform samples."""
     fast = np.arange(1000) / 100
     slow = 0.003 + np.arange(100) / 10
@@ -128,7 +128,7 @@ def test_rows_of_other_channels_only_are_left_out_without_a_gap():
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
-def test_files_in_blocks_equal_files_at_once(tmp_path, ending):
+def test_files_in_blocks_equal_files_at_once(tmp_path: Path, ending) -> None:
     from sprung.formats import write
     from sprung.recording import Channel, Gap, Recording
 

@@ -1,5 +1,7 @@
 """Signals on a CAN bus, with a database made here."""
 
+from pathlib import Path
+
 import can
 import cantools
 import numpy as np
@@ -58,13 +60,13 @@ def joined(blocks):
     return np.concatenate([block.samples for block in blocks], axis=1)
 
 
-def test_signals_are_those_of_the_database_in_si_units(database):
+def test_signals_are_those_of_the_database_in_si_units(database) -> None:
     names = ["speed", "acc_fr", "acc_fl", "ACC.counter"]
     blocks = list(from_can(drive(database), database, names=names, sampling_rate=100.0))
     assert blocks[0].names == tuple(names)
     assert [channel.quantity for channel in blocks[0].channels] == ["speed", "acceleration", "acceleration", "unknown"]
     assert [block.n_samples for block in blocks] == [100, 100, 100]
-    assert abs(blocks[0].start - TODAY) < 1000
+    assert blocks[0].start == pytest.approx(TODAY, abs=1000, rel=0)
     found = joined(blocks)
     k = np.arange(300)
     assert np.allclose(found[1:3], STANDARD_GRAVITY * np.array([-k, k]) / 1000, atol=1e-5)
@@ -72,9 +74,9 @@ def test_signals_are_those_of_the_database_in_si_units(database):
     assert np.isnan(found[0, 291:]).all()
 
 
-def test_what_is_no_signal_is_passed_over(database):
+def test_what_is_no_signal_is_passed_over(database) -> None:
     """An id that is not in the database, the id of another kind, error and remote frames, short messages, None."""
-    said = []
+    said: list[str] = []
 
     def disturbed():
         for k, one in enumerate(drive(database)):
@@ -88,26 +90,26 @@ def test_what_is_no_signal_is_passed_over(database):
             if k % 7 == 0:
                 yield can.Message(arbitration_id=256, is_extended_id=False, data=b"\x99\x99", timestamp=stamp)
 
-    options = {"names": ["acc_fl", "acc_fr"], "sampling_rate": 100.0}
-    expected = joined(from_can(drive(database), database, **options))
-    found = joined(from_can(disturbed(), database, on_problem=said.append, **options))
+    names = ["acc_fl", "acc_fr"]
+    expected = joined(from_can(drive(database), database, names=names, sampling_rate=100.0))
+    found = joined(from_can(disturbed(), database, names=names, sampling_rate=100.0, on_problem=said.append))
     assert np.array_equal(found, expected, equal_nan=True)
     assert len(said) == 1
     assert said[0].startswith("CAN message ACC (id 0x100) cannot be decoded (")
     assert said[0].endswith("check that the database is that of this bus")
 
 
-def test_extended_ids_and_units_that_are_unknown(database):
+def test_extended_ids_and_units_that_are_unknown(database) -> None:
     stream = [message(database, "LONG", k / 10, raw=k) for k in range(20)]
     (first, _) = from_can(stream, database, names=["raw"], sampling_rate=10.0)
     assert first.channels[0].unit == ""
     assert np.allclose(first.samples[0], np.arange(10), atol=1e-5)
 
 
-def test_stamps_that_do_not_count_from_1970(database):
+def test_stamps_that_do_not_count_from_1970(database) -> None:
     stream = drive(database, start=17.0)
     blocks = list(from_can(stream, database, names=["acc_fl"], sampling_rate=100.0, start=lambda: TODAY))
-    assert [block.start - TODAY for block in blocks] == [0, 10**9, 2 * 10**9]
+    assert [block.start for block in blocks] == [TODAY, TODAY + 10**9, TODAY + 2 * 10**9]
 
 
 @pytest.mark.parametrize(
@@ -119,12 +121,12 @@ def test_stamps_that_do_not_count_from_1970(database):
         ([], "no channel is named"),
     ],
 )
-def test_signals_that_cannot_be(database, names, said):
+def test_signals_that_cannot_be(database, names, said) -> None:
     with pytest.raises(ParameterError, match=said):
         from_can([], database, names=names, sampling_rate=100.0)
 
 
-def test_virtual_bus(database):
+def test_virtual_bus(database) -> None:
     """From one end of python-can's virtual bus to the other."""
     with can_bus("virtual", "sprung-test") as receiver, can.Bus("sprung-test", interface="virtual") as sender:
         for k in range(150):
@@ -137,7 +139,7 @@ def test_virtual_bus(database):
     assert np.allclose(found[0], STANDARD_GRAVITY * np.arange(150) / 1000, atol=1e-5)
 
 
-def test_bus_that_breaks_down_or_cannot_be_opened(database):
+def test_bus_that_breaks_down_or_cannot_be_opened(database) -> None:
     def broken():
         yield from drive(database, 150)
         raise can.CanOperationError("Network is down")
@@ -149,7 +151,7 @@ def test_bus_that_breaks_down_or_cannot_be_opened(database):
         can_bus("nonsense", "can0")
 
 
-def test_databases_that_cannot_be_read(tmp_path):
+def test_databases_that_cannot_be_read(tmp_path: Path) -> None:
     path = tmp_path / "bus.dbc"
     path.write_text(DBC)
     assert [item.name for item in can_database(path).messages] == ["ACC", "DRIVE", "LONG"]

@@ -13,6 +13,7 @@ import pytest
 from sprung.box import from_mqtt
 from sprung.errors import ParameterError
 from sprung.link import Address, Link, LinkError
+from sprung.recording import Recording
 
 TODAY = 1_700_000_000
 PROGRAM = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
@@ -38,7 +39,7 @@ def until(condition, *, timeout=20.0):
 
 
 @pytest.fixture(scope="module")
-def broker(tmp_path_factory):
+def broker(tmp_path_factory: pytest.TempPathFactory):
     """Return the address of a broker of these tests' own."""
     if PROGRAM is None:
         pytest.skip("no mosquitto on this machine: install it to test the source from MQTT")
@@ -53,7 +54,7 @@ def broker(tmp_path_factory):
 
 def received(broker, messages, *, names, rate=100.0, **options):
     """Return blocks and problems from messages that are published once the source listens."""
-    is_over, said, blocks = threading.Event(), [], []
+    is_over, said, blocks = threading.Event(), list[str](), list[Recording]()
     sender = Link(broker, "sender", topics=[], on_message=lambda *_: None)
     sender.open(timeout=5)
     source = from_mqtt(
@@ -68,7 +69,7 @@ def received(broker, messages, *, names, rate=100.0, **options):
     reader = threading.Thread(target=lambda: blocks.extend(source))
     reader.start()
     # The subscription is in place when a message that nobody can use has been told of.
-    until(lambda: said or (sender.publish("sensors/hello", b"hello") and time.sleep(0.05)))
+    until(lambda: said or not sender.publish("sensors/hello", b"hello"))
     for topic, payload in messages:
         sender.publish(topic, payload if isinstance(payload, bytes) else json.dumps(payload).encode())
     sender.publish("sensors/end", b"end")
@@ -85,7 +86,7 @@ def joined(blocks):
     return np.concatenate([block.samples for block in blocks], axis=1)
 
 
-def test_objects_with_time_and_numbers(broker):
+def test_objects_with_time_and_numbers(broker) -> None:
     """A fast sensor and a slow one, with times of their own: the values they sent."""
     k = np.arange(300)
     messages = [
@@ -104,7 +105,7 @@ def test_objects_with_time_and_numbers(broker):
     assert np.isnan(found[1, 291:]).all()
 
 
-def test_one_number_per_topic_has_the_time_at_which_it_came(broker):
+def test_one_number_per_topic_has_the_time_at_which_it_came(broker) -> None:
     ticks = iter(range(10**6))
     messages = [(f"sensors/bus/{name}", value * n) for n in range(150) for name, value in (("a", 1), ("b", -1.0))]
     blocks, said = received(broker, messages, names=["a", "b"], clock=lambda: TODAY * 10**9 + next(ticks) * 5_000_000)
@@ -114,7 +115,7 @@ def test_one_number_per_topic_has_the_time_at_which_it_came(broker):
     assert np.allclose(np.diff(found[0, 5:-2]), 1, atol=1e-6)
 
 
-def test_messages_that_cannot_be_used_are_told_once_and_passed_over(broker):
+def test_messages_that_cannot_be_used_are_told_once_and_passed_over(broker) -> None:
     good = [("sensors/body", {"time": TODAY + n / 100, "a": n}) for n in range(200)]
     bad = [
         ("sensors/1", b"\xff\xfe"),
@@ -146,7 +147,7 @@ def test_messages_that_cannot_be_used_are_told_once_and_passed_over(broker):
     assert all(one.startswith(other) for one, other in zip(said, expected, strict=True))
 
 
-def test_null_is_missing_and_a_clock_that_was_not_set_is_not_used(broker):
+def test_null_is_missing_and_a_clock_that_was_not_set_is_not_used(broker) -> None:
     messages = [("sensors/x", {"time": 12.5, "a": None if n == 120 else n}) for n in range(200)]
     ticks = iter(range(10**6))
     blocks, _ = received(broker, messages, names=["a"], clock=lambda: TODAY * 10**9 + next(ticks) * 10_000_000)
@@ -168,12 +169,12 @@ def test_null_is_missing_and_a_clock_that_was_not_set_is_not_used(broker):
         ("mqtt://host", ["a"], [], "no channel is named"),
     ],
 )
-def test_settings_that_cannot_be(address, topics, names, said):
+def test_settings_that_cannot_be(address, topics, names, said) -> None:
     with pytest.raises(ParameterError, match=said):
         from_mqtt(address, topics, names=names, sampling_rate=100.0)
 
 
-def test_no_broker(monkeypatch):
+def test_no_broker(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sprung.box.mqtt_source._CONNECT", 0.5)
     source = from_mqtt(f"mqtt://127.0.0.1:{free_port()}", ["a"], names=["a"], sampling_rate=10.0)
     with pytest.raises(LinkError, match="cannot be reached"):

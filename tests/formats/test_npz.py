@@ -1,0 +1,35 @@
+"""Files of NumPy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sprung.errors import ParameterError
+from sprung.formats import read
+
+SIGNAL = np.arange(50.0)
+
+
+def npz(folder, **arrays):
+    path = folder / "run.npz"
+    np.savez(path, **arrays)
+    return path
+
+
+def test_date_times_in_npz(tmp_path: Path) -> None:
+    stamps = np.datetime64("2024-05-31T12:00:00", "ns") + np.arange(50) * np.timedelta64(5, "ms")
+    recording = read(npz(tmp_path, timestamp=stamps, left=SIGNAL))
+    assert recording.start == 1_717_156_800_000_000_000
+    assert recording.sampling_rate == 200
+
+
+def test_npy_of_one_and_two_dimensions(tmp_path: Path) -> None:
+    np.save(tmp_path / "run.npy", np.stack([SIGNAL, 2 * SIGNAL, SIGNAL], axis=1).astype(np.float32))
+    with pytest.raises(ParameterError, match="has no time column"):
+        read(tmp_path / "run.npy")
+    recording = read(tmp_path / "run.npy", sampling_rate=12)
+    assert recording.names == ("channel_1", "channel_2", "channel_3")
+    assert recording.samples[1].tolist() == (2 * SIGNAL).tolist()
+    np.save(tmp_path / "one.npy", SIGNAL)
+    assert read(tmp_path / "one.npy", sampling_rate=12, channels=["channel_1"]).n_samples == 50

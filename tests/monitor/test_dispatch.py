@@ -1,0 +1,150 @@
+"""Which frames a worker gets, and what happens where its jobs fail; the analysis itself is played by hand."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from sprung.alerting import AlertSettings
+from sprung.monitor import AlertBook, MonitorSettings, Opening, Outcome, Site, VehicleStatus, Workers
+from sprung.monitor.dispatch import Dispatch
+from sprung.monitor.ledger import Ledger
+from sprung.storage import StoredFrame, open_store
+
+NOW = 1_795_219_200_000_000_000
+
+
+class Played(Workers):
+    """Workers without processes, which keep what they are given."""
+
+    def __init__(self) -> None:
+        super().__init__(0, limit=1.0, clock=lambda: 0.0)
+        self.opened: dict[str, Opening] = {}
+        self.jobs: list[tuple[str, list[bytes], str]] = []
+
+    @property
+    def is_busy(self) -> bool:
+        return False
+
+    def is_open(self, vehicle: str) -> bool:
+        return vehicle in self.opened
+
+    def is_free(self, vehicle: str) -> bool:
+        return True
+
+    def open(self, opening: Opening) -> None:
+        self.opened[opening.vehicle] = opening
+
+    def close_vehicle(self, vehicle: str) -> None:
+        self.opened.pop(vehicle, None)
+
+    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
+        self.jobs.append((vehicle, list(frames), learn))
+
+
+@pytest.fixture
+def store(tmp_path: Path):
+    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as opened:
+        yield opened
+
+
+@pytest.fixture
+def workers():
+    return Played()
+
+
+@pytest.fixture
+def dispatch(store, workers, tmp_path: Path):
+    site = Site.model_validate({"store": f"sqlite:///{tmp_path}/store.sqlite"})
+    ledger = Ledger(site, store, alerts=AlertBook(store, AlertSettings()), clock=lambda: NOW)
+    return Dispatch(store, workers, ledger, MonitorSettings())
+
+
+def arrive(store, dispatch, vehicle, first, last) -> None:
+    frames = [StoredFrame(vehicle, 1, seq, NOW, b"%d" % seq) for seq in range(first, last)]
+    dispatch.add(vehicle, 1, store.inbox.add_frames(frames, now=NOW)[vehicle, 1])
+
+
+def describe(store, vehicle) -> None:
+    store.inbox.put_vehicle(vehicle, configuration="c", description="text", channels=[["a", "speed"]], now=NOW)
+
+
+def done(vehicle, n_consumed, state=None) -> Outcome:
+    return Outcome(vehicle, n_consumed, (), state, VehicleStatus())
+
+
+def failed(vehicle) -> Outcome:
+    return Outcome(vehicle, 0, (), None, VehicleStatus(), "the analysis failed")
+
+
+def test_frames_wait_for_the_description_of_their_vehicle(dispatch, workers, store) -> None:
+    arrive(store, dispatch, "car-1", 0, 3)
+    assert dispatch.give() == 0
+    describe(store, "car-1")
+    assert dispatch.give() == 1
+    assert workers.jobs == [("car-1", [b"0", b"1", b"2"], "")]
+    assert workers.opened["car-1"].quantities == {"a": "speed"}
+    assert workers.opened["car-1"].state is None
+
+
+def test_a_vehicle_has_one_job_at_a_time(dispatch, workers, store) -> None:
+    for vehicle in ("car-1", "car-2"):
+        describe(store, vehicle)
+        arrive(store, dispatch, vehicle, 0, 2)
+    assert dispatch.give() == 2
+    arrive(store, dispatch, "car-1", 2, 4)
+    assert dispatch.give() == 0
+    assert dispatch.figures["sprung_backlog_frames"] == 6
+    dispatch.settle(done("car-1", 2))
+    assert dispatch.give() == 1
+    assert workers.jobs[-1] == ("car-1", [b"2", b"3"], "")
+    assert not dispatch.is_idle
+
+
+def test_frames_that_a_job_left_come_in_the_next_one(dispatch, workers, store) -> None:
+    """A job ends with the frame that completes a window."""
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 4)
+    dispatch.give()
+    dispatch.settle(done("car-1", 3, b"state"))
+    assert store.inbox.cursor("car-1", 1).done == 2
+    dispatch.give()
+    assert workers.jobs[-1] == ("car-1", [b"3"], "")
+
+
+def test_a_job_that_fails_is_tried_again_and_then_excluded(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 3)
+    for strike in (1, 2):
+        dispatch.give()
+        assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2"], "")
+        dispatch.settle(failed("car-1"))
+        assert not workers.is_open("car-1")
+        assert dispatch.figures["sprung_failures_total"] == strike
+    assert dispatch.give() == 0
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert row.text == "3 frames were excluded: the analysis failed"
+    assert store.inbox.cursor("car-1", 1).done == 2
+
+
+def test_a_state_that_the_store_has_opens_the_vehicle_again(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dispatch.give()
+    dispatch.settle(done("car-1", 2, b"state"))
+    dispatch.describe("car-1")
+    arrive(store, dispatch, "car-1", 2, 3)
+    dispatch.give()
+    assert workers.opened["car-1"].state == b"state"
+    assert workers.jobs[-1] == ("car-1", [b"2"], "")
+
+
+def test_a_request_to_learn_goes_with_the_next_job(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    number = store.requests.add_command("anna", "car-1", "learn", "new dampers", now=NOW)
+    arrive(store, dispatch, "car-1", 0, 1)
+    dispatch.relearn(store.requests.command(number))
+    dispatch.give()
+    assert workers.jobs == [("car-1", [b"0"], "new dampers")]
+    dispatch.settle(done("car-1", 1, b"state"))
+    assert store.requests.open_commands() == []

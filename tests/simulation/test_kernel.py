@@ -1,0 +1,88 @@
+"""Tension of an element by hand, and one step of the integration against the exponential series."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sprung.simulation import ForceLaw
+
+pytest.importorskip("numba")
+
+from sprung.simulation import kernel
+
+FIELDS = {name.lower(): name for name in dir(kernel) if name.isupper()}
+
+
+def tension(law: ForceLaw, *, elongation=0.0, rate=0.0, bushing=0.0, behind=0.0, rubber=0.0):
+    """Return tension and rates of an element of 1000 N/m and 50 N s/m."""
+    table = np.array([law.numbers])
+    return kernel.forces.py_func(elongation, rate, behind, rubber, 1000.0, 50.0, bushing, table, 0)
+
+
+@pytest.mark.parametrize("field", ForceLaw.__slots__)
+def test_columns_of_the_table_are_the_fields_of_a_law(field) -> None:
+    law = ForceLaw(**{field: 0.25})
+    assert law.numbers[getattr(kernel, FIELDS[field])] == 0.25
+
+
+@pytest.mark.parametrize(
+    ("law", "motion", "expected"),
+    [
+        (ForceLaw(), {"elongation": 0.1, "rate": 0.2}, 100.0 + 10.0),
+        (ForceLaw(cubic=10.0), {"elongation": -0.1}, -100.0 - 10.0),
+        (ForceLaw(gap=0.06, stop_stiffness=1e4), {"elongation": 0.1}, 100.0 + 400.0),
+        (ForceLaw(gap=0.06, stop_stiffness=1e4), {"elongation": -0.1}, -100.0 - 400.0),
+        (ForceLaw(gap=0.06, stop_stiffness=1e4), {"elongation": 0.05}, 50.0),
+        (ForceLaw(knee=0.1, knee_slope=0.5), {"rate": 0.3}, 50.0 * 0.2),
+        (ForceLaw(knee=0.1, knee_slope=0.5), {"rate": -0.3}, -50.0 * 0.2),
+        (ForceLaw(asymmetry=0.4, asymmetry_velocity=1e-9), {"rate": 0.3}, 50.0 * 0.3 * 1.4),
+        (ForceLaw(asymmetry=0.4, asymmetry_velocity=1e-9), {"rate": -0.3}, -50.0 * 0.3 * 0.6),
+        (ForceLaw(friction=7.0, friction_velocity=0.3), {"rate": 0.4}, 50.0 * 0.4 + 7.0 * 0.8),
+        (ForceLaw(), {"rate": 0.2, "rubber": 3.0}, 10.0 + 3.0),
+        (ForceLaw(), {"elongation": 0.1, "rate": 9.0, "bushing": 2000.0, "behind": 0.04}, 100.0 + 120.0),
+    ],
+)
+def test_tension_of_an_element(law, motion, expected) -> None:
+    assert tension(law, **motion)[0] == pytest.approx(expected)
+
+
+def test_a_damper_behind_a_bushing_moves_as_its_force_over_its_damping() -> None:
+    _, z_rate, _ = tension(ForceLaw(), elongation=0.1, bushing=2000.0, behind=0.04)
+    assert z_rate == pytest.approx(120.0 / 50.0)
+
+
+def test_rubber_follows_dahls_law() -> None:
+    law = ForceLaw(rubber_stiffness=2e4, rubber_force=40.0)
+    assert tension(law, rate=0.1)[2] == pytest.approx(2e4 * 0.1)
+    assert tension(law, rate=0.1, rubber=40.0)[2] == pytest.approx(0.0)
+    assert tension(law, rate=-0.1, rubber=40.0)[2] == pytest.approx(-2e4 * 0.1 * 2)
+
+
+def test_a_step_of_a_free_mass_on_a_spring_is_the_series_to_fourth_order() -> None:
+    """x(h) = cos(w h) x0 to (w h)^4 / 24, the order of the Runge-Kutta method; the rest is (w h)^6 / 720."""
+    one, omega, step = np.ones((1, 1)), math.sqrt(1000.0), 0.004
+    table, factors = np.array([ForceLaw().numbers]), np.ones((1, 2, 1))
+    empty = np.zeros((1, 1))
+    _, places, _ = kernel.integrate(
+        one,
+        one,
+        np.array([-1]),
+        np.zeros((1, 1)),
+        np.array([1000.0]),
+        np.zeros(1),
+        np.zeros(1),
+        table,
+        np.zeros(1),
+        factors,
+        np.zeros((2, 1)),
+        step,
+        0.0,
+        np.array([0.01]),
+        np.zeros(1),
+        empty,
+        empty,
+        empty,
+    )
+    angle = omega * step
+    assert places[1, 0] == pytest.approx(0.01 * (1 - angle**2 / 2 + angle**4 / 24), rel=1e-14)
