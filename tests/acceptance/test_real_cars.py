@@ -114,7 +114,7 @@ def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_
 
 
 @pytest.mark.slow
-def test_corners_from_one_minute_of_a_real_car_are_not_told(real_file) -> None:
+def test_corners_from_one_minute_of_a_real_car_are_not_identifiable(real_file) -> None:
     described = {**CANEDGE, "speed_channel": "speed", "axle": [ORDINARY | {"x": 1.15}, ORDINARY | {"x": -1.5}]}
     described["sensor"] = [
         {"channel": "az", "quantity": "acceleration", "position": [0.5, 0.0, 0.5], "direction": [0.0, 0.0, 1.0]},

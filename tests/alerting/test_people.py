@@ -56,7 +56,7 @@ EVENTS = {
     "assign": lambda alert: assigned(alert, "ann", "bob", NOW, "seen"),
     "comment": lambda alert: commented(alert, "ann", NOW, "seen"),
 }
-# What happened, the state after it, and "!" where people are told. "-": refused.
+# What happened, the state after it, and "!" where people are notified. "-": refused.
 TABLE = """
               | U             | A             | R             | N           | SU             | SA             | SR             | SN            | 0
  report       | updated U     | updated A     | raised U !    | raised U !  | updated SU     | updated SA     | raised SU      | raised SU     | raised U !
@@ -145,13 +145,13 @@ def test_what_was_never_active_cannot_be_acknowledged() -> None:
 
 def test_severity_between_two_steps_tells_once() -> None:
     alert = reported(None, report(590), SETTINGS, 0).alert
-    told = []
+    notified = []
     for now, severity in enumerate([610, 590, 610, 700, 800, 801, 610, 1000], start=1):
         transition = reported(alert, report(severity), SETTINGS, now)
         alert = transition.alert
-        told.append(transition.is_notified)
+        notified.append(transition.is_notified)
         assert alert.severity == severity
-    assert told == [True, False, False, False, False, True, False, False]
+    assert notified == [True, False, False, False, False, True, False, False]
 
 
 def test_higher_severity_on_the_shelf_takes_back_the_acknowledgement_once() -> None:
@@ -170,14 +170,14 @@ def test_unknown_worst_is_the_present_severity() -> None:
 def test_reminders_until_it_is_acknowledged() -> None:
     settings = AlertSettings(renotify_after=100)
     alert = reported(None, report(), settings, 0).alert
-    told = []
+    notified = []
     for now in range(25, 375, 25):
         if now == 225:
             alert = acknowledged(alert, "ann", now).alert
         transition = reported(alert, report(), settings, now)
         alert = transition.alert
-        told += [now] * transition.is_notified
-    assert told == [100, 200]
+        notified += [now] * transition.is_notified
+    assert notified == [100, 200]
     assert not reported(alert, report(), settings, 10_000).is_notified
 
 

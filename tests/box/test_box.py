@@ -19,7 +19,7 @@ def broker(mosquitto):
 
 
 class Monitor:
-    """Takes what a vehicle sends, and acknowledges when told to."""
+    """Takes what a vehicle sends, and acknowledges on request."""
 
     def __init__(self, address):
         self.heard: list[tuple[str, bytes]] = []

@@ -68,7 +68,7 @@ def received(broker, messages, *, names, rate=100.0, **options):
     )
     reader = threading.Thread(target=lambda: blocks.extend(source))
     reader.start()
-    # The subscription is in place when a message that nobody can use has been told of.
+    # The subscription is in place when a message that nobody can use has been reported.
     until(lambda: said or not sender.publish("sensors/hello", b"hello"))
     for topic, payload in messages:
         sender.publish(topic, payload if isinstance(payload, bytes) else json.dumps(payload).encode())
@@ -115,7 +115,7 @@ def test_one_number_per_topic_has_the_time_at_which_it_came(broker) -> None:
     assert np.allclose(np.diff(found[0, 5:-2]), 1, atol=1e-6)
 
 
-def test_messages_that_cannot_be_used_are_told_once_and_passed_over(broker) -> None:
+def test_messages_that_cannot_be_used_are_reported_once_and_ignored(broker) -> None:
     good = [("sensors/body", {"time": TODAY + n / 100, "a": n}) for n in range(200)]
     bad = [
         ("sensors/1", b"\xff\xfe"),

@@ -58,7 +58,7 @@ def test_sine_from_irregular_times_is_off_by_no_more_than_straight_lines_are() -
     assert np.abs(found[0] - sine(frequency, times + 5_000_000)).max() > 3 * bound  # one sample late is seen
 
 
-def test_slow_channel_beside_fast_ones() -> None:
+def test_slow_channel_next_to_a_fast_one() -> None:
     rate, slow = 200.0, 10.0
     fast_seconds, slow_seconds = np.arange(2000) / rate, 0.003 + np.arange(100) / slow
     stream = steady("fast", fast_seconds, sine(5.0, stamps(fast_seconds)))

@@ -1,4 +1,4 @@
-"""Files, a watched folder, a simulator; going on after a stop; the pace."""
+"""Files, a simulator; continuing after a stop; the pace."""
 
 import itertools
 from collections.abc import Iterable

@@ -53,7 +53,7 @@ def test_square_brackets_always_hold_a_unit() -> None:
         column(" ", path=PATH)
 
 
-def test_words_numbers_and_units_are_told_apart() -> None:
+def test_times_numbers_and_units_are_recognised() -> None:
     assert [is_time(text) for text in ("Time [s]", "t", "timestamp", "tempo")] == [True, True, True, False]
     assert all(is_number(text) for text in (" -1.5e3 ", "7", ".5", "nan"))
     assert not any(is_number(text) for text in ("1,5", "x", ""))

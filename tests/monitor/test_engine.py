@@ -48,7 +48,7 @@ def detection_of(diagnosis: Diagnosis | None) -> Detection:
     return diagnosis.detection
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_online_is_batch(car, drive, alike, seed) -> None:
     run = drive(0)
     cuts = np.random.default_rng(seed).integers(1, run.n_samples, [3, 60, 700][seed])
@@ -72,6 +72,7 @@ def test_window_ends_within_a_block(car, drive, alike) -> None:
     assert monitor.buffered == 0
 
 
+@pytest.mark.slow
 def test_it_learns_and_finds(car, drive) -> None:
     monitor = VehicleMonitor(car, settings=SETTINGS)
     for number in range(4):
@@ -102,6 +103,7 @@ def test_it_learns_and_finds(car, drive) -> None:
         monitor.learn_again(" ")
 
 
+@pytest.mark.slow
 def test_it_goes_on_from_its_state(car, drive, alike) -> None:
     """A restart after every window, and in the middle of one, changes nothing."""
     faulty = [drive(5, "rear_right.damper=-0.3"), drive(6, "rear_right.damper=-0.3")]
@@ -133,6 +135,7 @@ def test_it_goes_on_from_its_state(car, drive, alike) -> None:
         VehicleMonitor.from_state(car, {"schema": "sprung.vehicle-monitor/1"})
 
 
+@pytest.mark.slow
 def test_evidence_is_that_of_the_batch(car, drive, alike) -> None:
     """Through restarts, and a window with a dead sensor."""
     settings = MonitorSettings(window=120.0, identify_every=0, learning_windows=2)

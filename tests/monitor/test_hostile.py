@@ -220,8 +220,8 @@ def test_modes_that_the_store_cannot_hold_keep_nobody_waiting(bench, drive, fram
     one = bench(**WATCH)
     for vehicle in ("car-1", "car-2"):
         one.describe(vehicle)
-    told = {0: 1, 1: "car-2", 2: 1, 3: 0, 4: BEGUN, 16: "modes", "number": 0, "modes": modes}
-    one.link.on_message(topic("car-2", "modes"), message(told))
+    report = {0: 1, 1: "car-2", 2: 1, 3: 0, 4: BEGUN, 16: "modes", "number": 0, "modes": modes}
+    one.link.on_message(topic("car-2", "modes"), message(report))
     one.send(frames_of(drive(0))[:3])
     assert one.station.troubles() == []
     assert one.store.inbox.cursor("car-2", 1).done == 0

@@ -57,7 +57,7 @@ def test_a_run_is_stored(expected) -> None:
     assert (finding["corner"], finding["component"]) == ("front_left", "spring")
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
 def test_any_order_with_duplicates_gives_the_same_store(bench, alike, run_frames, expected, seed) -> None:
     generator = np.random.default_rng(seed)
     one = bench(**WATCH)
@@ -72,6 +72,7 @@ def test_any_order_with_duplicates_gives_the_same_store(bench, alike, run_frames
     assert one.store.inbox.boots("car-1") == []
 
 
+@pytest.mark.slow
 def test_a_restart_anywhere_gives_the_same_store(bench, alike, run_frames, expected, tmp_path: Path) -> None:
     first = bench(tmp_path, **WATCH)
     first.describe()
@@ -85,6 +86,7 @@ def test_a_restart_anywhere_gives_the_same_store(bench, alike, run_frames, expec
     assert alike(contents(third.store), expected)
 
 
+@pytest.mark.slow
 def test_a_restarted_box_goes_on_in_the_same_window(bench, alike, drive, frames_of, expected) -> None:
     runs = [drive(0), drive(1), drive(2, "front_left.spring=-0.3")]
     whole = [payload for run in runs for payload in frames_of(run)]
@@ -107,7 +109,7 @@ def decoded_again(payload, **changes):
 
 
 def test_a_crash_after_a_window_leaves_no_frames_of_boots_before(bench, run_frames, tmp_path: Path) -> None:
-    """What is worked up of older boots goes after the window's transaction, or when the vehicle is opened again."""
+    """Analysed frames of older boots go after the window's transaction, or when the vehicle is opened again."""
     first = [decoded_again(payload, boot=1, seq=k) for k, payload in enumerate(run_frames[:400])]
     rest = [decoded_again(payload, boot=2, seq=k, previous=(1, 400)) for k, payload in enumerate(run_frames[400:700])]
     one = bench(tmp_path, **WATCH)
@@ -194,6 +196,7 @@ def poisoned(submit):
     return tried
 
 
+@pytest.mark.slow
 def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run_frames) -> None:
     """The jobs before the one that fails do not forgive it, or it would be tried for ever."""
     from sprung.monitor import Outcome, VehicleStatus
@@ -279,7 +282,7 @@ def test_contents_are_json(expected) -> None:
 
 
 def test_a_box_that_identifies_itself(bench, car, drive, tmp_path: Path) -> None:
-    """Modes and correlations arrive in line with samples that were asked for, which are worked up as ever."""
+    """Modes and correlations arrive in line with requested samples, which are analysed as ever."""
     from sprung.box import blocks_of
     from sprung.box.onboard import OnBoard
     from sprung.link import Spool, decode, topic
