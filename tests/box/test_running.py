@@ -13,24 +13,25 @@ from sprung.recording import Channel, Recording
 class PlayedBox:
     """A box whose frames are acknowledged after some waits, never where that is None."""
 
-    def __init__(self, waits=0):
-        self.taken, self.is_open, self.problem, self.n_waiting, self._waits = [], False, "", 0, waits
+    def __init__(self, waits: int | None = 0) -> None:
+        self.taken: list[Recording] = []
+        self.is_open, self.problem, self.n_waiting, self._waits = False, "", 0, waits
 
-    def open(self):
+    def open(self) -> None:
         self.is_open = True
 
-    def close(self):
+    def close(self) -> None:
         self.is_open = False
 
-    def take(self, block):
+    def take(self, block: Recording) -> None:
         assert self.is_open
         self.taken.append(block)
         self.n_waiting += 1
 
-    def step(self):
+    def step(self) -> None:
         assert self.is_open
 
-    def drain(self, *, timeout):
+    def drain(self, *, timeout: float) -> bool:
         assert timeout > 0
         if self._waits:
             self._waits -= 1

@@ -61,6 +61,7 @@ def test_an_unreadable_recording_is_a_warning_with_the_reason(words, drive, tmp_
         guard = threading.Timer(60.0, box.kill)
         guard.start()
         try:
+            assert box.stderr is not None
             lines = [box.stderr.readline() for _ in range(2)]
         finally:
             box.send_signal(signal.SIGTERM)

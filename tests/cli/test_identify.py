@@ -73,6 +73,7 @@ def test_subsets_of_coss_keep_their_own_values(sprung, chain):
     assert len(result["subsets"]) == len(ours.subsets) > 1
     for subset, expected in zip(result["subsets"], ours.subsets, strict=True):
         assert subset["n_segments"] == expected.n_segments
+        assert expected.level is not None
         assert subset["level"] == list(expected.level)
         assert subset["level"][0] < subset["level"][1]
     for mode, members in zip(result["modes"], ours.members, strict=True):

@@ -64,6 +64,7 @@ def test_progress_is_shown_on_a_terminal_only(chain):
                 shown += piece
         except OSError:  # how Linux tells that the other side of a terminal is closed
             pass
+        assert process.stdout is not None
         out = process.stdout.read()
     os.close(outer)
     assert len(json.loads(out)["modes"]) == 3

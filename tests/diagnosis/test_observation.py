@@ -19,6 +19,7 @@ from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
 from sprung.simulation import RoadConditions, RoadDrive, dead, simulate_drive
 from sprung.vehicles import read_vehicle, window
+from sprung.vehicles.sensor_layout import with_layout
 
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000
@@ -57,7 +58,7 @@ def test_conditions_of_a_conclusive_window(observations) -> None:
 
 
 def test_sensors_are_placed_once(car, run, monkeypatch) -> None:
-    calls, place = [], window.with_layout
+    calls, place = [], with_layout
 
     def counted(recording, sensors):
         calls.append(recording)

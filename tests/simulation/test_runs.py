@@ -7,11 +7,12 @@ from sprung.errors import ParameterError
 from sprung.excitation import QUARTER_CASES
 from sprung.simulation import RailDrive, RigRun, RoadConditions, RoadDrive, simulate, usual_excitation
 from sprung.simulation.runs import StationaryRun, drive_document, joint_truth, record_seeds, simulate_run
-from sprung.vehicles import parse_fault, read_description, structure, with_faults
+from sprung.vehicles import Chain, Quarter, parse_fault, read_description, structure, with_faults
 
 
 def test_a_run_is_the_simulation_of_the_faulty_vehicle():
     chain, fault = read_description("chain3"), parse_fault("mass_2.spring=-0.3")
+    assert isinstance(chain, Chain)
     settings = StationaryRun(duration=5.0, sampling_rate=200.0, faults=(fault,), snr=10.0, noise_band=(1.0, 50.0))
     run = simulate_run(chain, settings, seed=3)
     healthy = structure(chain)
@@ -33,7 +34,9 @@ def test_a_run_is_the_simulation_of_the_faulty_vehicle():
 
 def test_the_excitation_of_a_run_can_be_given():
     settings = StationaryRun(duration=1.0, sampling_rate=200.0, excitation=QUARTER_CASES[3])
-    assert simulate_run(read_description("quarter"), settings).truth["excitation"] == str(QUARTER_CASES[3])
+    quarter = read_description("quarter")
+    assert isinstance(quarter, Quarter)
+    assert simulate_run(quarter, settings).truth["excitation"] == str(QUARTER_CASES[3])
 
 
 def test_a_fault_that_grows_needs_a_drive():

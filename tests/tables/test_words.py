@@ -23,9 +23,9 @@ def test_shapes_in_words():
     channels = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
     assert shapes_in_words(channels, shapes) == ["fl+ fr+ rl-", "fr~ rl+ rr-"]
     assert shapes_in_words(("a_1", "b_1", "c", "d"), shapes)[0] == "a_1+ b_1+ c-"
-    assert shapes_in_words(("only",), np.ones((1, 1))) == ["only+"]
+    assert shapes_in_words(("only",), np.ones((1, 1), dtype=complex)) == ["only+"]
     many = [f"s{k}" for k in range(8)]
-    assert shapes_in_words(many, np.linspace(0.3, 1, 8)[None]) == ["s2+ s3+ s4+ s5+ s6+ s7+ ..."]
+    assert shapes_in_words(many, np.linspace(0.3, 1, 8, dtype=complex)[None]) == ["s2+ s3+ s4+ s5+ s6+ s7+ ..."]
 
 
 def test_orders_inorders_in_words():

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from sprung.box.box import Box, BoxSettings
 from sprung.box.sources import paced
@@ -18,6 +18,33 @@ if TYPE_CHECKING:
 
 #: Time between steps of the link while samples come in [s].
 _STEP = 0.05
+
+
+class Sender(Protocol):
+    """What sends blocks to a monitor: a `Box`."""
+
+    @property
+    def problem(self) -> str:
+        """Problem with the link; empty without one."""
+
+    @property
+    def n_waiting(self) -> int:
+        """Number of frames that are not acknowledged."""
+
+    def open(self) -> None:
+        """Connect."""
+
+    def close(self) -> None:
+        """Disconnect."""
+
+    def take(self, recording: Recording, /) -> None:
+        """Accept a block of samples."""
+
+    def step(self) -> None:
+        """Send what is due."""
+
+    def drain(self, *, timeout: float) -> bool:
+        """Return whether all frames are acknowledged within `timeout` [s]."""
 
 
 def box_of(name: str, vehicle: Vehicle, spool: Spool, address: Address, *, on_board: "OnBoard | None" = None) -> Box:
@@ -51,7 +78,7 @@ def box_of(name: str, vehicle: Vehicle, spool: Spool, address: Address, *, on_bo
 
 
 def send_live(
-    box: Box, blocks: Iterable[Recording], *, stopping: threading.Event, on_problem: Callable[[str], None]
+    box: Sender, blocks: Iterable[Recording], *, stopping: threading.Event, on_problem: Callable[[str], None]
 ) -> float | None:
     """Send the blocks of a source until it ends and all frames are acknowledged, or until it is stopped.
 
@@ -89,7 +116,7 @@ def send_live(
 
 
 def replay(
-    box: Box,
+    box: Sender,
     blocks: Iterable[Recording],
     *,
     pace: float | None,
@@ -135,7 +162,7 @@ def replay(
     return sent
 
 
-def _step(box: Box, stopping: threading.Event, on_problem: Callable[[str], None]) -> None:
+def _step(box: Sender, stopping: threading.Event, on_problem: Callable[[str], None]) -> None:
     """Send while samples come in, and report each new problem."""
     problem = ""
     while not stopping.wait(_STEP):

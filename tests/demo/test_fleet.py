@@ -4,8 +4,8 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from sprung.box.fleet import Member, drives
 
+from sprung.demo.fleet import Member, drives
 from sprung.link import joined
 from sprung.vehicles import read_vehicle
 
