@@ -30,7 +30,7 @@ def chain_bound(
     tr(S^-1 dS/da S^-1 dS/db). The spectral matrix is S = Phi H P H^H Phi^T + N with the zero-order-hold response H
     of the modes to modal forces of spectral matrix P. Unknown are the three frequencies, damping ratios and shapes
     (columns of Phi), the three noise levels in N, and of P either all six entries, or (`has_free_forces` False) its
-    scale only. What cannot be told apart (the scales of shapes and forces) is left out by the pseudo-inverse.
+    scale only. What is not identifiable (the scales of shapes and forces) is left out by the pseudo-inverse.
     """
     exact = chain().modes()
     frequencies = np.arange(1, int(duration * sampling_rate / 2)) / duration

@@ -182,7 +182,7 @@ def with_wheel_lines(run, generator):
 
 
 def vehicle_life(n_healthy, folder, seed):
-    """Return a vehicle's fault, what was found so many minutes after it, and false alarms before."""
+    """Return a vehicle's fault, the findings a number of minutes after it, and false alarms before."""
     import numpy as np
 
     from sprung.diagnosis import detect, diagnose, learn
@@ -278,7 +278,7 @@ def tables(lives):
 
 
 def size_table(title, lives):
-    """Print how many faults of each size were found after so many minutes with them."""
+    """Print how many faults of each size were found after 10, 30 and 120 minutes with them."""
     print(f"\n{title}\n\n| size | " + " | ".join(f"{m} min" for m in MINUTES) + " |\n|" + "---|" * (len(MINUTES) + 1))
     for size in SIZES:
         here = [life for life in lives if life["size"] == size]
@@ -286,7 +286,7 @@ def size_table(title, lives):
 
 
 def share(lives, minutes):
-    """Return how many of those asked after so many minutes had the right part named, and how many a wrong one."""
+    """Return how many faults had the right part named after a number of minutes, and how many a wrong one."""
     asked = [life for life in lives if minutes in life["found"]]
     right = sum(life["found"][minutes] == life["name"] for life in asked)
     wrong = sum(life["found"][minutes] not in {"", life["name"]} for life in asked)

@@ -27,7 +27,7 @@ from sprung.vehicles import chain
 
 Array = NDArray[np.float64]
 SAMPLING_RATE, DURATION = 500.0, 60.0
-#: Block rows (the thesis' largest) and largest order for the peers, which have to be told.
+#: Block rows (the thesis' largest) and largest order for the peers, which have no defaults for them.
 PEER_ROWS, PEER_ORDER = 45, 60
 #: The preset of pyOMA2 that selects best here, run on all records.
 BEST_PRESET = "Neu"

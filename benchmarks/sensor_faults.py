@@ -27,7 +27,7 @@ def main():
         counts = [sum(part[kind][k] for part, _ in parts) for k in range(4)]
         word = "swapped (all four sensors named)" if kind == "swapped" else kind
         print(f"| {word} | {sum(counts[:3])} | " + " | ".join(map(str, counts)) + " |")
-    print(f"\nSmall faults of acc_fl, named in so many of {given.drives} windows\n")
+    print(f"\nSmall faults of acc_fl, windows with each named, of {given.drives}\n")
     for kind in parts[0][1]:
         sizes = parts[0][1][kind]
         print(f"| {kind} | " + " | ".join(f"{size:g}" for size in sizes) + " |")

@@ -97,7 +97,7 @@ def tail(path: Path) -> str:
 
 
 def is_alive(pid: int) -> bool:
-    """Tell whether a process runs."""
+    """Return whether a process runs."""
     with suppress(OSError):
         return ") Z" not in Path(f"/proc/{pid}/stat").read_text()
     return False

@@ -136,7 +136,7 @@ class Rig:
         return {name: float(value) for name, value in (line.split() for line in lines if not line.startswith("#"))}
 
     def is_finished(self) -> bool:
-        """Tell whether the box is done and the monitor idle."""
+        """Return whether the box is done and the monitor idle."""
         self.check()
         if self.box.exit_code != 0:
             return False

@@ -275,6 +275,6 @@ def publisher(broker: str, **given: object) -> object:
 
 
 def is_analysed(car: Vehicle, monitor: Monitor, most: int = 0) -> bool:
-    """Let the box of a vehicle step; tell whether everything it sent is analysed, except `most` frames."""
+    """Let the box of a vehicle step; return whether everything it sent is analysed, except `most` frames."""
     car.box.step()
     return car.has_sent and monitor.figures()["sprung_backlog_frames"] <= most

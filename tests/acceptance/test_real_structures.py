@@ -1,4 +1,4 @@
-"""Real (and two published simulated) structures: published natural frequencies come out with nothing told."""
+"""Real (and two published simulated) structures: published natural frequencies come out with default settings."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_three_storey_building_of_three_set_ups(real_file) -> None:
 @pytest.mark.slow
 def test_munich_bridge_with_one_accelerometer(real_file) -> None:
     # Published: 12.559 Hz vertical. 9.336 and 31.368 Hz are not among the sensor's lines; 10.8, 13.6 and 25.0 Hz are
-    # machines or other modes. One sensor cannot tell its own noise from motion, so significance is left out here.
+    # machines or other modes. One sensor cannot separate its own noise from motion, so significance is left out here.
     run = read(
         real_file("munich_test_bridge/UniBw_2022-04-11_ref_support_load_01AllM100Hz.csv.zip"), channels=["ACC01_z"]
     )
@@ -75,7 +75,7 @@ def test_munich_bridge_with_one_accelerometer(real_file) -> None:
     [("Flexible", [3.69, 11.08, 16.69]), ("Stiff", [7.76, 24.9])],
 )
 def test_model_building_on_a_shake_table(real_file, state, expected) -> None:
-    # No published truth; found by others with Cov-SSI on floor minus ground. The stiff model's 23.2 Hz is not told
+    # No published truth; found by others with Cov-SSI on floor minus ground. The stiff model's 23.2 Hz is not reported
     # from its 24.9 Hz here.
     archive = np.load(real_file(f"mini_shake_table/{state}_3_story_Northridge.npz"))
     ground, *floors = (archive[f"{name}_acc"][1:, 0] for name in ("Ground", "1st", "2nd", "3rd"))

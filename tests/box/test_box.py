@@ -113,7 +113,7 @@ def test_a_box_goes_on_where_it_stopped(broker, tmp_path: Path) -> None:
 
 
 def test_a_boot_that_was_dropped_whole_is_declared(broker, monitor, tmp_path: Path) -> None:
-    """The frames of the boot after it wait for it, and no file tells of it any more."""
+    """The frames of the boot after it wait for it, and no file mentions it any more."""
     for seconds in (20.0, 40.0, 0.0):
         spool = Spool(tmp_path / "spool", is_synced=False, most_bytes=16_000)
         box = box_of(broker, tmp_path, spool=spool)

@@ -62,7 +62,7 @@ def test_progress_is_shown_on_a_terminal_only(chain):
         try:
             while piece := os.read(outer, 4096):
                 shown += piece
-        except OSError:  # how Linux tells that the other side of a terminal is closed
+        except OSError:  # the other side of a terminal is closed (Linux)
             pass
         assert process.stdout is not None
         out = process.stdout.read()

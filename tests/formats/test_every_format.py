@@ -31,7 +31,7 @@ def any_recording(draw):
     samples = np.random.default_rng(seed).standard_normal((len(channels), n_samples))
     samples *= 10.0 ** draw(st.integers(-12, 12))
     sampling_rate = draw(st.sampled_from([1.0, 100.0, 104.36, 1000.0, 25_600.0]))
-    durations = st.floats(1 / sampling_rate, 1e4)  # a shorter one cannot be told from a late stamp
+    durations = st.floats(1 / sampling_rate, 1e4)  # a shorter one looks like a late stamp
     gaps = tuple(Gap(index, draw(durations)) for index in draw(st.sets(st.sampled_from([4, 8]), max_size=2)))
     return Recording(
         samples,

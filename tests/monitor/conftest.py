@@ -176,7 +176,7 @@ class Bench:
 
 
 def alike(one: object, other: object) -> bool:
-    """Tell whether two documents are the same but for the last figures, which depend on where arrays lie in memory."""
+    """Return whether documents are alike but for last digits, which depend on where arrays lie in memory."""
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(alike(one[key], other[key]) for key in one)
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
