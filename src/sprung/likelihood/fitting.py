@@ -188,6 +188,10 @@ def fit_windows(
     ------
     DataError, ParameterError
         As raised by `fit_corners`.
+
+    References
+    ----------
+    As for `fit_corners`.
     """
     setup, segments, has_speed = _prepare(windows, settings or CornerSettings())
     check = None if modes is None else setup.components_of(modes)
@@ -220,6 +224,11 @@ def nominal_misfit(window: Window, *, settings: CornerSettings | None = None) ->
     ------
     DataError
         As raised by `fit_corners`.
+
+    References
+    ----------
+    P. Whittle, The analysis of multiple stationary time series, Journal of the Royal Statistical Society B 15 (1953),
+    125-139.
     """
     setup, segments, has_speed = _prepare([window], settings or CornerSettings())
     if not has_speed:
@@ -424,7 +433,29 @@ def _search(model: Model, start: Real, most: int) -> tuple[Real, bool]:
 
 
 def preconditioner(model: Model, parameters: Real) -> Real:
-    """Return the factor that makes the information about the parameters, prior included, the unit matrix."""
+    """Return the factor F that makes the information about the parameters, prior included, the unit matrix.
+
+    Parameters
+    ----------
+    model
+        Model with data.
+    parameters
+        Parameters at which the information is taken, shape (parameters,).
+
+    Returns
+    -------
+    ndarray
+        F = L^-T with L L^T the information, shape (parameters, parameters).
+
+    Raises
+    ------
+    LinAlgError
+        If the information is not positive definite.
+
+    References
+    ----------
+    J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, section 2.2 (scaling).
+    """
     information = model.information(parameters) + np.diag(1 / model.prior_std**2)
     return np.linalg.inv(np.linalg.cholesky(information)).T
 

@@ -54,6 +54,11 @@ def residual_lines(model: Model, parameters: Real, *, lowest: float = 0.0) -> tu
     along constant cycles per metre where speeds differ. A line exceeds both its sides by 6 standard deviations of
     chance (the mean of n values of variance 1 has standard deviation n^-1/2) and by a quarter; a resonance of the
     vehicle is broader, and exceeds one side at most.
+
+    References
+    ----------
+    N. R. Goodman, Statistical analysis based on a certain multivariate complex Gaussian distribution, Annals of
+    Mathematical Statistics 34 (1963), 152-177 (distribution of spectral matrices).
     """
     spectra = model.spectra
     ratio = np.einsum("cfij,cfji->cf", np.linalg.inv(model.matrix(parameters)), spectra.matrices).real

@@ -282,6 +282,11 @@ def onto_grid(weights: Complex) -> Complex:
     Notes
     -----
     sum tr(weights through_window(S)) = sum tr(onto_grid(weights) S) for every S.
+
+    References
+    ----------
+    F. J. Harris, On the use of windows for harmonic analysis with the discrete Fourier transform, Proceedings of the
+    IEEE 66 (1978), 51-83 (Hann window).
     """
     on_grid = np.zeros((*weights.shape[:-3], weights.shape[-3] + 2, *weights.shape[-2:]), dtype=weights.dtype)
     on_grid[..., 1:-1, :, :] = weights * (2 / 3)

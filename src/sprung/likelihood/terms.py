@@ -86,6 +86,11 @@ def nominal_terms(structure: Structure, layout: RigidLayout, spectra: ClassSpect
         Coordinates of the data.
     spectra
         Data whose frequencies and classes the terms have.
+
+    References
+    ----------
+    D. J. Ewins, Modal Testing: Theory, Practice and Application, 2nd edition, Research Studies Press, 2000 (frequency
+    response functions).
     """
     grid = spectra.grid
     s = np.asarray(2j * np.pi * grid, dtype=np.complex128)

@@ -189,6 +189,11 @@ def transfer(terms: Terms) -> Transfer:
     ------
     LinAlgError
         If the dynamic stiffness is singular at a frequency.
+
+    References
+    ----------
+    D. J. Ewins, Modal Testing: Theory, Practice and Application, 2nd edition, Research Studies Press, 2000 (frequency
+    response functions).
     """
     squared = _squared(terms)[:, None, None]
     weighted = terms.stiffness.T[:, None, :] * terms.elongations.T

@@ -210,6 +210,10 @@ def inverse_and_logdet(matrices: Complex) -> tuple[Complex, Real]:
     -----
     For 3 by 3 matrices, the usual case and the hottest code of a fit, by cofactors: several times faster than LAPACK on
     a stack of small matrices.
+
+    References
+    ----------
+    R. A. Horn and C. R. Johnson, Matrix Analysis, Cambridge University Press, 1985, section 0.8.2 (adjugate).
     """
     if matrices.shape[-1] > 3:
         lower = np.linalg.cholesky(matrices)
