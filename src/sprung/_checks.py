@@ -89,11 +89,14 @@ def required(package: str, *, purpose: str, extra: str) -> Any:
     try:
         return import_module(package)
     except ImportError as error:
-        if error.name is None or error.name.split(".")[0] != package.split(".", maxsplit=1)[0]:
-            raise
-        raise MissingPackageError(
-            f"{purpose} needs the package {package}: install it with pip install 'sprung[{extra}]'"
-        ) from None
+        raise missing_package(error, package, purpose=purpose, extra=extra) from None
+
+
+def missing_package(error: ImportError, package: str, *, purpose: str, extra: str) -> ImportError:
+    """Return the error of an optional package that is not installed; `error` itself if another module is missing."""
+    if error.name is None or error.name.split(".")[0] != package.split(".", maxsplit=1)[0]:
+        return error
+    return MissingPackageError(f"{purpose} needs the package {package}: install it with pip install 'sprung[{extra}]'")
 
 
 def check_complete(names: Sequence[str], samples: Real) -> None:

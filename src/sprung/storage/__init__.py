@@ -1,22 +1,27 @@
 """Results and state of the monitor in SQL, and the archive of samples; independent of the model of a vehicle."""
 
-from sprung.storage.archive import Retention, write_archive
-from sprung.storage.rows import (
-    AlertRow,
-    AuditRow,
-    BaselineRow,
-    CommandRow,
-    Cursor,
-    Entry,
-    HistoryRow,
-    NotificationRow,
-    Progress,
-    Snapshot,
-    StoredFrame,
-    VehicleRow,
-)
-from sprung.storage.schema import StoreError
-from sprung.storage.store import Store, check_address, open_store
+from sprung._checks import missing_package
+
+try:
+    from sprung.storage.archive import Retention, write_archive
+    from sprung.storage.rows import (
+        AlertRow,
+        AuditRow,
+        BaselineRow,
+        CommandRow,
+        Cursor,
+        Entry,
+        HistoryRow,
+        NotificationRow,
+        Progress,
+        Snapshot,
+        StoredFrame,
+        VehicleRow,
+    )
+    from sprung.storage.schema import StoreError
+    from sprung.storage.store import Store, check_address, open_store
+except ImportError as error:
+    raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None
 
 __all__ = [
     "AlertRow",
