@@ -33,11 +33,11 @@ class Model:
     spectra
         Mean spectral matrices of the data by speed class.
     blocks
-        Blocks of parameters, applied in this order; the parameters of the model are theirs, one block after the other.
+        Blocks of parameters, applied in this order; their parameters follow each other.
 
     Notes
     -----
-    Segments are independent complex Gaussian vectors at each frequency, of covariance S = H S_inputs H^H + noise seen
+    Segments are independent complex Gaussian vectors at each frequency, of covariance S = H S_inputs H^H + noise, seen
     through the window (`through_window`); H is the response of the vehicle (`Terms`).
 
     References
@@ -97,13 +97,12 @@ class Model:
         return through_window(transfer(self.terms(parameters)).spectral_matrix)
 
     def objective(self, parameters: Real) -> tuple[float, Real]:
-        """Return minus the log likelihood, the prior included, and its gradient.
+        """Return minus the log likelihood, the prior included, and its gradient; `TOO_FAR` and 0 if they do not exist.
 
         Notes
         -----
         l(S) + sum (parameter - start)^2 / (2 prior_std^2), l as in `minus_log_likelihood`. The gradient goes back
-        through the window (`onto_grid`) to the terms (`term_gradients`), and from these to each block. `TOO_FAR` and 0
-        where the value is not finite or a matrix is not positive definite.
+        through the window (`onto_grid`) to the terms (`term_gradients`), and from these to each block.
         """
         try:
             with np.errstate(all="ignore"):
@@ -114,10 +113,8 @@ class Model:
         return (value, gradient) if is_finite else (TOO_FAR, np.zeros_like(parameters))
 
     def _objective(self, parameters: Real) -> tuple[float, Real]:
-        """Value and gradient; LinAlgError where a matrix is not positive definite."""
         terms = self.terms(parameters)
-        if np.linalg.eigvalsh(terms.mass)[0] <= 0:
-            raise np.linalg.LinAlgError("the mass matrix is not positive definite")
+        np.linalg.cholesky(terms.mass)  # raises where the mass matrix is not positive definite
         response = transfer(terms)
         value, weight = minus_log_likelihood(through_window(response.spectral_matrix), self.spectra)
         gradients = term_gradients(response, onto_grid(weight))
@@ -142,9 +139,8 @@ class Model:
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior: I_pq = sum n tr(S^-1 dS/dp S^-1 dS/dq)."""
-        whitened = self.whitened_derivatives(parameters)
-        flat = whitened.reshape(len(whitened), -1)
-        return (flat.conj() @ flat.T).real
+        whitened = self.whitened_derivatives(parameters).reshape(parameters.size, -1)
+        return (whitened.conj() @ whitened.T).real
 
 
 def minus_log_likelihood(matrices: Complex, spectra: ClassSpectra) -> tuple[float, Complex]:
