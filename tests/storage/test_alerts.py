@@ -34,7 +34,7 @@ def test_alerts_are_chosen_by_vehicle_and_state(store) -> None:
 
 def test_notifications_stay_until_sent(store) -> None:
     alert = store.alerts.put(ALERT, history=RAISED, notify={"to": "workshop"}, now=1)
-    store.alerts.put(ALERT, history=("told", "monitor", ""), now=2)
+    store.alerts.put(ALERT, history=("notified", "monitor", ""), now=2)
     store.alerts.put(ALERT, history=("again", "monitor", ""), notify={"to": "driver"}, now=3)
     first, second = store.alerts.due_notifications(10)
     assert first == NotificationRow(first.id, alert.id, 1, {"to": "workshop"}, None, 0, None)
