@@ -74,3 +74,7 @@ def test_missing_values_are_counted_in_the_worst_channel() -> None:
     samples[0, 0], samples[1, :3] = np.nan, np.inf
     with pytest.raises(DataError, match=r"^channel 'b' has 3 missing values: turn them into gaps"):
         check_complete(("a", "b"), samples)
+
+
+def test_an_integer_beyond_those_of_numpy_is_a_number() -> None:
+    assert check_number("x", 2**64, above=0) == 2**64

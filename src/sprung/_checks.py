@@ -56,7 +56,7 @@ def check_number(
         rules.append((f"at least {at_least:g}", value >= at_least))
     if at_most is not None:
         rules.append((f"at most {at_most:g}", value <= at_most))
-    if not np.isfinite(value):
+    if not -np.inf < value < np.inf:  # an integer may be larger than those of numpy
         rules.insert(0, ("finite", False))
     if not all(holds for _, holds in rules):
         wanted = " and ".join(rule for rule, _ in rules)

@@ -87,7 +87,7 @@ def test_a_flipped_bit_is_noticed() -> None:
     for bit in range(8 * len(payload)):
         damaged = bytearray(payload)
         damaged[bit // 8] ^= 1 << bit % 8
-        with pytest.raises(FormatError, match="the message was damaged on its way"):
+        with pytest.raises(FormatError, match="the message was damaged in transit"):
             checked_map(bytes(damaged))
 
 
