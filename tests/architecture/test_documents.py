@@ -38,6 +38,7 @@ def commands():
     return [line.split("#")[0].split("sprung ", 1)[1].split() for line in lines if ".venv/bin/sprung " in line]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
 def test_commands_of_the_documents_have_their_options(words) -> None:
     command = itertools.takewhile(lambda word: not word.startswith("-"), words)

@@ -111,6 +111,7 @@ def test_an_inconclusive_drive_is_not_called_healthy(sprung, drives, baseline, t
     assert json.loads((tmp_path / "d.json").read_text())["healthy"] is False
 
 
+@pytest.mark.slow
 def test_excluded_windows_are_explained(sprung, baseline, tmp_path):
     """An engine on soft mounts that the file does not have."""
     car = read_vehicle("zafira")

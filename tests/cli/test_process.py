@@ -52,6 +52,7 @@ def test_help_lists_every_option_of_the_contract(sprung):
         assert all(option in shown for option in options.split())
 
 
+@pytest.mark.slow
 def test_progress_is_shown_on_a_terminal_only(chain):
     outer, inner = os.openpty()
     with subprocess.Popen(
@@ -74,6 +75,7 @@ def test_progress_is_shown_on_a_terminal_only(chain):
     assert silent.stdout == out
 
 
+@pytest.mark.slow
 def test_broken_pipe_is_silent(chain):
     for words in (["info", str(chain)], ["identify", str(chain), "--json", "-"]):
         reading, writing = os.pipe()
@@ -83,6 +85,7 @@ def test_broken_pipe_is_silent(chain):
         assert outcome.stderr == ""
 
 
+@pytest.mark.slow
 def test_closed_and_narrow_streams(chain):
     closed = subprocess.run(
         [*RUN, "info", str(chain)], preexec_fn=lambda: os.close(1), stderr=subprocess.PIPE, check=False

@@ -218,6 +218,7 @@ def fuzz(count, *, seed):
     return refused, read
 
 
+@pytest.mark.slow
 def test_mutated_frames_are_refused_or_read(memory_below) -> None:
     with memory_below(LARGEST):
         refused, read = fuzz(20_000, seed=1)

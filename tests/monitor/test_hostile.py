@@ -72,6 +72,7 @@ def test_a_store_that_cannot_write_acknowledges_nothing_and_recovers(
     assert len(one.store.results.observations("car-1")) == 5
 
 
+@pytest.mark.slow
 def test_a_result_that_cannot_be_stored_is_worked_out_again(
     bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -201,6 +202,7 @@ def claiming(generator, original):
     return message(original | each | {7: n_samples, 11: zlib.compress(bytes(size))})
 
 
+@pytest.mark.slow
 def test_claims_of_frames_bound_memory_and_work(bench, drive, frames_of, memory_below) -> None:
     """Whatever they claim: no more samples than the largest frame holds unpacked, and 20 times its bytes to read it."""
     one = bench(**WATCH)

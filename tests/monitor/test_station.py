@@ -48,6 +48,7 @@ def expected(run_frames, car, drive, tmp_path_factory: pytest.TempPathFactory, n
     return found
 
 
+@pytest.mark.slow
 def test_a_run_is_stored(expected) -> None:
     assert len(expected["observations"]) == 3
     assert len(expected["modes"]) == 6
@@ -219,6 +220,7 @@ def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run
     assert one.station.figures()["sprung_failures_total"] == 2
 
 
+@pytest.mark.slow
 def test_learning_again_is_asked_for_in_the_store(bench, run_frames) -> None:
     one = bench(**WATCH)
     one.describe()
@@ -342,6 +344,7 @@ def test_a_box_of_another_version_is_named_which_to_speak(bench, run_frames) -> 
     assert one.station.figures()["sprung_messages_refused_total"] == 3
 
 
+@pytest.mark.slow
 def test_modes_from_a_box_amid_samples_lose_none_of_them(bench, run_frames, expected, tmp_path: Path, alike) -> None:
     """A report in the middle of a window, and a restart of the monitor after it."""
     report = {0: 1, 1: "car-1", 2: 1, 3: 250, 4: BEGUN, 16: "modes", "number": 900, "modes": [], "reason": "none"}

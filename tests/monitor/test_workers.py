@@ -43,6 +43,7 @@ def opening(car, drive):
     return of
 
 
+@pytest.mark.slow
 def test_a_window_comes_back_with_the_state_after_it(workers, opening, drive, frames_of) -> None:
     some = workers()
     some.open(opening("car-1"))
@@ -58,6 +59,7 @@ def test_a_window_comes_back_with_the_state_after_it(workers, opening, drive, fr
     assert again.events[0].baseline is not None
 
 
+@pytest.mark.slow
 def test_a_killed_worker_is_replaced_and_its_vehicle_named(workers, opening, drive, frames_of) -> None:
     some = workers()
     for vehicle in ("car-1", "car-2"):

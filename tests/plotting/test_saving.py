@@ -56,6 +56,7 @@ def test_headings_name_the_source_and_the_method(chain) -> None:
     assert "Cov-SSI of acc_1, acc_2, acc_3 at 125 Hz" in figures(chain)["stabilisation"].get_suptitle()
 
 
+@pytest.mark.slow
 def test_no_global_state_of_matplotlib_is_touched(chain) -> None:
     before = matplotlib.rcParams.copy()
     for figure in figures(chain).values():

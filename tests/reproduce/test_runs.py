@@ -5,6 +5,7 @@ import pytest
 from sprung.reproduce.runs import over_seeds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_processes", [1, 2])
 def test_runs_come_in_the_order_of_their_seeds(n_processes) -> None:
     shares: list[float] = []

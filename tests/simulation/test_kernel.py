@@ -59,6 +59,7 @@ def test_rubber_follows_dahls_law() -> None:
     assert tension(law, rate=-0.1, rubber=40.0)[2] == pytest.approx(-2e4 * 0.1 * 2)
 
 
+@pytest.mark.slow
 def test_a_step_of_a_free_mass_on_a_spring_is_the_series_to_fourth_order() -> None:
     """x(h) = cos(w h) x0 to (w h)^4 / 24, the order of the Runge-Kutta method; the rest is (w h)^6 / 720."""
     one, omega, step = np.ones((1, 1)), math.sqrt(1000.0), 0.004
