@@ -5,13 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.likelihood import ClassRoughness, RailInputs, RoadInputs, rigid_layout
+from sprung.likelihood import ClassRoughness, CornerSettings, RailInputs, RoadInputs, rigid_layout, vehicle_model
+from sprung.likelihood.fitting import minimised
+from sprung.likelihood.spectra import through_window
+from sprung.likelihood.surface import road_deviations
 from sprung.likelihood.terms import nominal_terms
+from sprung.likelihood.transfer import transfer
 from sprung.vehicles import structure
 
 AHEAD = np.array([1.2, 1.2, -1.6, -1.6])
 SIDES = np.array([1.0, -1.0, 1.0, -1.0])
 WHEELBASE = 2.8
+
+
+def road_parameters(*, waviness=2.0, delay=0.0, deviations=(0, 0, 0, 0, 0, 0)) -> list[float]:
+    """A road of class B whose coherence falls off over 1.5 m."""
+    return [np.log(64e-6), waviness, *deviations, np.log(1.5), 0.0, delay]
 
 
 @pytest.fixture
@@ -32,7 +41,7 @@ def inputs(car, spectra):
 def test_density_of_a_road_is_that_of_iso_8608(spectra, inputs) -> None:
     """G(n) = G0 (n / 0.1)^-w over n, and G(n) / v over the frequency f = n v."""
     road = RoadInputs(spectra, AHEAD, SIDES, contact_length=1e-6)
-    matrix = inputs(road, [np.log(64e-6), 2.1, np.log(1.5), 0.0])
+    matrix = inputs(road, road_parameters(waviness=2.1, delay=0.0))
     speed = spectra.speeds[1]
     expected = 64e-6 * (spectra.grid / speed / 0.1) ** -2.1 / speed
     for wheel in range(4):
@@ -43,7 +52,7 @@ def test_the_rear_wheel_follows_the_front_one(spectra, inputs) -> None:
     """x_rear(t) = x_front(t - L / v): S_rear,front = S e^(-i w L / v), and L / v e^delay where the speed is wrong."""
     road = RoadInputs(spectra, AHEAD, SIDES)
     for delay in (0.0, 0.03):
-        matrix = inputs(road, [np.log(64e-6), 2.0, np.log(1.5), delay])
+        matrix = inputs(road, road_parameters(waviness=2.0, delay=delay))
         lag = WHEELBASE / spectra.speeds[:, None] * np.exp(delay)
         expected = np.exp(-2j * np.pi * spectra.grid * lag)
         assert matrix[:, :, 2, 0] / matrix[:, :, 0, 0] == pytest.approx(expected, abs=1e-9)
@@ -52,7 +61,7 @@ def test_the_rear_wheel_follows_the_front_one(spectra, inputs) -> None:
 def test_a_spread_of_the_speed_blurs_the_delay(spectra, inputs) -> None:
     """Mean of e^(-i w L / v) over normal delays of 2 %: smaller by exp(-(0.02 w L / v)^2 / 2), the phase stays."""
     sharp, blurred = (RoadInputs(replace(spectra, spreads=np.full(3, s)), AHEAD, SIDES) for s in (0.0, 0.02))
-    parameters = [np.log(64e-6), 2.0, np.log(1.5), 0.0]
+    parameters = road_parameters(waviness=2.0, delay=0.0)
     ratio = inputs(blurred, parameters)[:, :, 2, 0] / inputs(sharp, parameters)[:, :, 2, 0]
     draws = 1 + 0.02 * np.random.default_rng(1).standard_normal(200_000)
     phase = 2 * np.pi * spectra.grid[40] * WHEELBASE / spectra.speeds[0]
@@ -63,17 +72,75 @@ def test_a_spread_of_the_speed_blurs_the_delay(spectra, inputs) -> None:
 def test_left_and_right_are_coherent_over_long_waves_only(spectra, inputs) -> None:
     """exp(-n l) of one axle: 1 / e at a wavelength of the coherence length."""
     road = RoadInputs(spectra, AHEAD, SIDES)
-    matrix = inputs(road, [np.log(64e-6), 2.0, np.log(1.5), 0.0])
+    matrix = inputs(road, road_parameters(waviness=2.0, delay=0.0))
     coherence = (matrix[2, :, 0, 1] / matrix[2, :, 0, 0]).real
     n = spectra.grid / spectra.speeds[2]
     assert np.interp(1 / 1.5, n, coherence) == pytest.approx(np.exp(-1), rel=1e-3)
     assert np.interp(0.1, n, coherence) == pytest.approx(np.exp(-0.15), rel=1e-3)
 
 
+def test_deviations_of_a_road_are_a_smooth_process_without_a_straight_part() -> None:
+    """At the knots: e^(-1/2) at a distance of 1.2 in ln n but for the straight part; constant beyond the knots."""
+    knots = np.geomspace(0.02, 8.0, 8)
+    deviations = road_deviations(knots)
+    line = np.stack([np.ones(8), np.log(knots)])
+    assert deviations @ line.T == pytest.approx(np.zeros((6, 2)), abs=1e-9)
+    distance = np.subtract.outer(np.log(knots), np.log(knots))
+    curved = np.eye(8) - np.linalg.pinv(line) @ line
+    expected = curved @ (0.49 * np.exp(-(distance**2) / 2 / 1.2**2)) @ curved
+    assert deviations.T @ deviations == pytest.approx(expected, abs=1e-9)
+    assert road_deviations(np.array([0.001, 100.0])) == pytest.approx(deviations[:, [0, -1]])
+    between = road_deviations(np.geomspace(0.02, 8.0, 200))
+    assert np.abs(np.diff(between, axis=1)).max() < 0.05
+
+
+def test_a_deviation_scales_the_density_of_a_road(spectra, inputs) -> None:
+    road = RoadInputs(spectra, AHEAD, SIDES)
+    straight, curved = (inputs(road, road_parameters(deviations=(a, 0, 0, 0, 0, 0))) for a in (0.0, 2.0))
+    n = spectra.grid / spectra.speeds[1]
+    assert (curved / straight)[1, :, 2, 1].real == pytest.approx(np.exp(2 * road_deviations(n)[0]))
+
+
+def raised_cosines(n, *, per_kilometre, depth, length):
+    """Density of potholes (1 - cos(2 pi x / length)) / 2 at random places: twice their rate times |transform|^2."""
+    lengths = np.linspace(length[0], length[1], 41)[:, None, None] * (1 + 1e-9)
+    transform = np.sin(np.pi * n * lengths) / (2 * np.pi * n * (1 - (n * lengths) ** 2))
+    mean_square = (depth[1] ** 3 - depth[0] ** 3) / (3 * (depth[1] - depth[0]))
+    return 2e-3 * per_kilometre * mean_square * np.mean(np.abs(transform) ** 2, axis=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speeds", [np.geomspace(5.5, 20, 6), np.array([14.0])])
+def test_a_smooth_road_with_potholes_leaves_the_corners_alone(car, classes, speeds) -> None:
+    """A road of class A with five potholes per kilometre, three of ten over both tracks; exact spectra.
+
+    A straight line for the spectrum makes the springs 10 % too soft and the car 10 % too light.
+    """
+    nominal = structure(car)
+    layout = rigid_layout(nominal)
+    spectra = classes(len(layout.rows), n_classes=speeds.size, counts=120.0 / speeds.size)
+    spectra = replace(spectra, speeds=speeds)
+    model = vehicle_model(spectra, layout, car, nominal, settings=CornerSettings(), kind="road")
+    parameters = model.start.copy()
+    parameters[model.rows("noise")] -= 6.0
+    parameters[model.names.index("roughness")] = np.log(16e-6)
+    terms = model.terms(parameters)
+    n = spectra.grid / speeds[:, None]
+    own, potholes = 16e-6 * (n / 0.1) ** -2, raised_cosines(n, per_kilometre=5.0, depth=(0.01, 0.04), length=(0.4, 1.2))
+    on_one, on_both = own + 0.65 * potholes, own * np.exp(-1.5 * n) + 0.3 * potholes
+    scale = np.where(np.not_equal.outer(SIDES, SIDES), (on_both / own * np.exp(1.5 * n))[..., None, None], 0.0)
+    scale += np.where(np.equal.outer(SIDES, SIDES), (on_one / own)[..., None, None], 0.0)
+    matrices = through_window(transfer(replace(terms, inputs=terms.inputs * scale)).spectral_matrix)
+    model = replace(model, spectra=replace(spectra, matrices=matrices))
+    fit = minimised(model, model.scaled_start())
+    assert np.abs(fit[model.rows("components")]).max() < 0.06
+    assert abs(fit[model.names.index("payload_mass")]) < 0.03
+
+
 def test_a_wheel_averages_waves_as_long_as_its_contact(spectra, inputs) -> None:
     """The mean of a sine over one wavelength is 0, over half a wavelength at its crest 2 / pi."""
     step = spectra.grid[50] / spectra.speeds[0]
-    parameters = [np.log(64e-6), 2.0, np.log(1.5), 0.0]
+    parameters = road_parameters(waviness=2.0, delay=0.0)
     point, half, whole = (
         inputs(RoadInputs(spectra, AHEAD, SIDES, contact_length=length), parameters)[0, 50, 0, 0].real
         for length in (1e-9, 0.5 / step, 1 / step)

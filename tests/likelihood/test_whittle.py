@@ -115,7 +115,7 @@ def test_spectra_of_a_simulated_drive_are_those_of_the_model(car, road_model, cl
     one = replace(classes(3, n_classes=1), speeds=np.array([speed]), spreads=np.zeros(1))
     model = road_model(car, spectra=one)
     parameters = model.start.copy()
-    parameters[model.rows("inputs")] = np.log(256e-6), 2.0, np.log(1.5), 0.0
+    parameters[model.names.index("roughness")] = np.log(256e-6)
     parameters[model.rows("noise")[-1]] = -30.0
     expected = model.matrix(parameters)[0]
     size = np.sqrt(np.einsum("fii,fjj->fij", expected, expected).real)

@@ -87,8 +87,8 @@ class CornerFit:
     def inputs(self) -> dict[str, float]:
         """Fitted inputs of the wheels.
 
-        Roughness [m^3], waviness, coherence length [m] and delay of a road; for a track bends [1/m] in place of the
-        coherence length; levels [m^2/Hz] and exponent of a rig.
+        Roughness [m^3], waviness, deviations, coherence length [m], its power, and delay of a road; for a track bends
+        [1/m] in place of deviations and coherence; levels [m^2/Hz] and exponent of a rig.
         """
         return self._values("inputs", self.parameters)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung.likelihood.blocks import ParameterBlock
@@ -18,6 +19,10 @@ _DELAY = 0.03
 _CLASS = 0.5
 #: Spatial frequency n0 at which the roughness of a surface is stated [1/m] (ISO 8608).
 REFERENCE = 0.1
+#: Deviation of a road's spectrum from the straight line: lowest and highest knot [1/m], number of knots, standard
+#: deviation of ln of the density, and length over ln n at which it is correlated by e^(-1/2).
+_LOWEST, _HIGHEST, _N_KNOTS = 0.02, 8.0, 8
+_SIZE, _REACH = 0.7, 1.2
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -79,23 +84,27 @@ class SurfaceInputs(ParameterBlock):
     sides: Real
     contact_length: float = 0.1
     _patch: Real = field(init=False, repr=False)
+    _n: Real = field(init=False, repr=False)
     _lags: Real = field(init=False, repr=False)
     _axles: Indices = field(init=False, repr=False)
 
     group: ClassVar[str] = "inputs"
     #: Usual value and standard deviation of ln of the roughness and of each parameter of the form, by name.
     usual: ClassVar[dict[str, tuple[float, float]]]
+    #: Names of the parameters that are logarithms of their values.
+    logarithms: ClassVar[frozenset[str]]
 
     def __post_init__(self) -> None:
         places, axles = np.unique(-self.positions, return_inverse=True)
         seconds = np.subtract.outer(places, places) / self.spectra.speeds[:, None, None, None]
         object.__setattr__(self, "_axles", axles)
         object.__setattr__(self, "_lags", 2 * np.pi * self.spectra.grid[:, None, None] * seconds)
-        object.__setattr__(self, "_patch", np.sinc(self._spatial_frequencies() * self.contact_length) ** 2)
+        object.__setattr__(self, "_n", self.spectra.grid / self.spectra.speeds[:, None])
+        object.__setattr__(self, "_patch", np.sinc(self._n * self.contact_length) ** 2)
 
     @abstractmethod
-    def form(self, n: Real, parameters: Real) -> SurfaceForm:
-        """Return the form of the spectra at spatial frequencies n [1/m]."""
+    def form(self, parameters: Real) -> SurfaceForm:
+        """Return the form of the spectra at the spatial frequencies of the data."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -119,7 +128,7 @@ class SurfaceInputs(ParameterBlock):
 
     def contribute(self, parameters: Real, terms: Terms) -> Terms:
         """Return the terms with the spectral matrix of the surface as inputs."""
-        form, lags = self.form(self._spatial_frequencies(), parameters[1:-1]), self._scaled_lags(parameters)
+        form, lags = self.form(parameters[1:-1]), self._scaled_lags(parameters)
         density = self._patch * np.exp(parameters[0] + form.log_density) / self.spectra.speeds[:, None]
         between_axles = np.exp(-1j * lags - (lags * self.spectra.spreads[:, None, None, None]) ** 2 / 2)
         between_axles *= density[..., None, None]
@@ -131,7 +140,7 @@ class SurfaceInputs(ParameterBlock):
         by_log = gradients.log_inputs
         total = by_log.real.sum(axis=(-1, -2))
         across = by_log.real[..., self._is_across()].sum(axis=-1)
-        form = self.form(self._spatial_frequencies(), parameters[1:-1])
+        form = self.form(parameters[1:-1])
         by_form = np.einsum("pcf,cf->p", form.density_derivatives, total)
         by_form += np.einsum("pcf,cf->p", form.coherence_derivatives, across)
         delay = np.sum((by_log * self._delay_derivative(parameters)).real)
@@ -139,7 +148,7 @@ class SurfaceInputs(ParameterBlock):
 
     def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
         """Return the derivatives of the spectral matrix."""
-        form = self.form(self._spatial_frequencies(), parameters[1:-1])
+        form = self.form(parameters[1:-1])
         across = self._is_across()
         changes: list[Real | Complex] = [np.ones(1)]
         for density, coherence in zip(form.density_derivatives, form.coherence_derivatives, strict=True):
@@ -150,7 +159,7 @@ class SurfaceInputs(ParameterBlock):
     def values(self, parameters: Real) -> dict[str, float]:
         """Return roughness [m^3], waviness, coherence or bends, and the ratio of the delays."""
         return {
-            name: value if name == "waviness" else float(np.exp(value))
+            name: float(np.exp(value)) if name in self.logarithms else value
             for name, value in zip(self.names, parameters.tolist(), strict=True)
         }
 
@@ -168,10 +177,6 @@ class SurfaceInputs(ParameterBlock):
         """Matrices of the axles as matrices of the wheels."""
         return matrices[..., self._axles[:, None], self._axles]
 
-    def _spatial_frequencies(self) -> Real:
-        """Spatial frequency of each class and frequency [1/m]."""
-        return self.spectra.grid / self.spectra.speeds[:, None]
-
     def _is_across(self) -> Booleans:
         """Whether two wheels are on different sides, shape (inputs, inputs)."""
         return np.not_equal.outer(self.sides, self.sides)
@@ -179,28 +184,56 @@ class SurfaceInputs(ParameterBlock):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RoadInputs(SurfaceInputs):
-    """A road: c = (n / n0)^-waviness, g = exp(-coherence length n).
+    """A road: c = (n / n0)^-waviness e^d(n) with a smooth deviation d from the straight line, g = exp(-(l n)^k).
+
+    Notes
+    -----
+    The deviation d is a Gaussian process over ln n between 0.02 and 8 cycles/m, constant beyond, with the covariance
+    s^2 exp(-(ln n - ln n')^2 / (2 r^2)) at eight knots, s = 0.7 and r = 1.2, without its constant and its linear part,
+    which roughness and waviness are. Between the knots it is a cubic spline. Its parameters belong to the principal
+    components of this covariance and have a prior of 1. As r is longer than the resonances of body and wheels are wide
+    (about 0.6 and 0.4 in ln f), the road cannot take their place even at a single speed; with several speeds the road
+    moves along the axis of frequency and the vehicle does not.
+
+    Potholes make the road rougher at waves of about their length, and less coherent where they are on one side: the
+    power k of the coherence's exponent is free, 1 for the usual exponential.
 
     References
     ----------
     ISO 8608:2016: straight line of the spectrum in double logarithmic scales, waviness 2.
+    C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press, 2006, sections 2.7 and
+    4.2.1 (explicit basis functions, squared exponential covariance).
     """
+
+    _basis: Real = field(init=False, repr=False)
 
     usual: ClassVar[dict[str, tuple[float, float]]] = {
         "roughness": (np.log(256e-6), 5.0),
         "waviness": (2.0, 0.3),
+        **{f"deviation_{number}": (0.0, 1.0) for number in range(1, _N_KNOTS - 1)},
         "coherence_length": (np.log(1.5), 1.0),
+        "coherence_power": (0.0, 0.3),
     }
+    logarithms: ClassVar[frozenset[str]] = frozenset({"roughness", "coherence_length", "coherence_power", "delay"})
 
-    def form(self, n: Real, parameters: Real) -> SurfaceForm:
-        """Return the form of a road: ln c = -waviness ln(n / n0), ln g = -coherence length n."""
-        waviness, log_length = parameters
-        log_ratio, log_coherence, zero = np.log(n / REFERENCE), -np.exp(log_length) * n, np.zeros_like(n)
+    def __post_init__(self) -> None:
+        SurfaceInputs.__post_init__(self)
+        object.__setattr__(self, "_basis", road_deviations(self._n))
+
+    def form(self, parameters: Real) -> SurfaceForm:
+        """Return the form of a road: ln c = -waviness ln(n / n0) + d, ln g = -(coherence length n)^power."""
+        waviness, deviations, (log_length, log_power) = parameters[0], parameters[1:-2], parameters[-2:]
+        log_ratio, power = np.log(self._n / REFERENCE), np.exp(log_power)
+        log_waves = log_length + np.log(self._n)
+        log_coherence, zero = -np.exp(power * log_waves), np.zeros_like(self._n)
+        zeros = np.zeros((1 + deviations.size, *self._n.shape))
         return SurfaceForm(
-            log_density=-waviness * log_ratio,
+            log_density=np.tensordot(deviations, self._basis, axes=1) - waviness * log_ratio,
             log_coherence=log_coherence,
-            density_derivatives=np.stack([-log_ratio, zero]),
-            coherence_derivatives=np.stack([zero, log_coherence]),
+            density_derivatives=np.concatenate([-log_ratio[None], self._basis, np.stack([zero, zero])]),
+            coherence_derivatives=np.concatenate(
+                [zeros, np.stack([power * log_coherence, power * log_waves * log_coherence])]
+            ),
         )
 
 
@@ -220,6 +253,7 @@ class RailInputs(SurfaceInputs):
     29 (1998), supplement, 538-552.
     """
 
+    logarithms: ClassVar[frozenset[str]] = frozenset({"roughness", "bend", "cross", "delay"})
     usual: ClassVar[dict[str, tuple[float, float]]] = {
         "roughness": (np.log(1e-6), 10.0),
         "waviness": (2.0, 0.5),
@@ -227,9 +261,9 @@ class RailInputs(SurfaceInputs):
         "cross": (np.log(0.4380 / (2 * np.pi)), 1.0),
     }
 
-    def form(self, n: Real, parameters: Real) -> SurfaceForm:
+    def form(self, parameters: Real) -> SurfaceForm:
         """Return the form of a track."""
-        waviness, log_bend, log_cross = parameters
+        n, (waviness, log_bend, log_cross) = self._n, parameters
         log_ratio, zero = np.log(n / REFERENCE), np.zeros_like(n)
         bend, cross = (n / np.exp(log_bend)) ** 2, (n / np.exp(log_cross)) ** 2
         return SurfaceForm(
@@ -238,6 +272,35 @@ class RailInputs(SurfaceInputs):
             density_derivatives=np.stack([-log_ratio, 2 * bend / (1 + bend), zero]),
             coherence_derivatives=np.stack([zero, zero, 4 * cross / (1 + 2 * cross)]),
         )
+
+
+def road_deviations(n: Real) -> Real:
+    """Return the smooth deviations of ln of a road's density from a straight line over ln n, one for each parameter.
+
+    Parameters
+    ----------
+    n
+        Spatial frequencies [1/m], above 0, any shape.
+
+    Returns
+    -------
+    ndarray
+        Deviations for a parameter of 1, shape (parameters, *n.shape): principal components of the prior, the largest
+        first.
+
+    References
+    ----------
+    C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press, 2006, section 4.3
+    (eigenfunctions of kernels).
+    """
+    knots = np.linspace(np.log(_LOWEST), np.log(_HIGHEST), _N_KNOTS)
+    covariance = _SIZE**2 * np.exp(-(np.subtract.outer(knots, knots) ** 2) / (2 * _REACH**2))
+    line = np.stack([np.ones_like(knots), knots], axis=1)
+    curved = np.eye(_N_KNOTS) - line @ np.linalg.pinv(line)
+    variances, components = np.linalg.eigh(curved @ covariance @ curved)
+    at_knots = (components * np.sqrt(np.maximum(variances, 0.0)) * np.sign(components[-1]))[:, :1:-1]
+    spline = CubicSpline(knots, at_knots, bc_type="natural")
+    return np.moveaxis(spline(np.clip(np.log(n), knots[0], knots[-1])), -1, 0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
