@@ -209,7 +209,7 @@ def whole_model() -> Callable[..., Model]:
                 MountedMassParameters(nominal, "mounted_mass_1"),
                 sensor_tilts(nominal, layout),
             )
-        return replace(usual, blocks=(*usual.blocks[:1], *extra, *usual.blocks[1:]))
+        return replace(usual, blocks=(*usual.blocks[:-1], *extra, usual.blocks[-1]))
 
     return model
 

@@ -21,7 +21,7 @@ def groups(name, kind, classes, **settings) -> list[str]:
 
 
 def test_a_payload_is_fitted_on_roads_and_rails_but_not_on_a_rig(classes) -> None:
-    assert groups("zafira", "road", classes) == [*ON_WHEELS[:-1], "tracks", "noise"]
+    assert groups("zafira", "road", classes) == [*ON_WHEELS[:-1], "tracks", "driving", "noise"]
     assert groups("y25", "rail", classes) == ON_WHEELS
     assert groups("scale-bogie", "rig", classes) == ["components", "inputs", "noise"]
     assert groups("scale-bogie", "rig", classes, has_payload=True) == ["components", "payload", "inputs", "noise"]

@@ -4,6 +4,7 @@ from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
+from sprung.likelihood.driving import Driving, driving
 from sprung.likelihood.elements import ElementParameter, ElementScales, ModeScales, mode_scales, stiffness_scales
 from sprung.likelihood.fitting import fit_corners, fit_segments, nominal_misfit
 from sprung.likelihood.from_modes import corners_from_modes
@@ -34,6 +35,7 @@ __all__ = [
     "ClassSpectra",
     "CornerFit",
     "CornerSettings",
+    "Driving",
     "ElementParameter",
     "ElementScales",
     "FreeComponents",
@@ -60,6 +62,7 @@ __all__ = [
     "UnsprungMass",
     "class_spectra",
     "corners_from_modes",
+    "driving",
     "fit_corners",
     "fit_segments",
     "mode_scales",

@@ -11,7 +11,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
-from sprung.vehicles import Structure
+from sprung.vehicles import Element, Structure
 
 #: Standard deviations of ln of a stiffness, of a natural frequency and of a damping ratio in a vehicle file.
 _STIFFNESS, _FREQUENCY, _DAMPING = 0.3, 0.1, 0.5
@@ -26,7 +26,7 @@ class ElementParameter:
     name
         Name of the parameter.
     owner
-        Owner of the elements, such as "mounted_mass_1", "front_axle" or "torsion".
+        Owner of the elements, such as "mounted_mass_1" or "front_axle", or owner and part, such as "body.torsion".
     stiffness_power, damping_power
         Powers of the factor in the stiffness and in the damping.
     std
@@ -68,7 +68,7 @@ class ElementScales(ParameterBlock):
     group: ClassVar[str] = "elements"
 
     def __post_init__(self) -> None:
-        owners = {element.owner for element in self.structure.elements}
+        owners = {name for element in self.structure.elements for name in _names(element)}
         for part in self.parts:
             if part.owner not in owners:
                 known = ", ".join(sorted(owners))
@@ -122,16 +122,16 @@ class ElementScales(ParameterBlock):
         """Return the structure with the factors applied to the elements."""
         elements = list(structure.elements)
         for number, element in enumerate(elements):
-            spring, damper = self._factors(parameters, element.owner)
+            spring, damper = self._factors(parameters, element)
             elements[number] = replace(element, stiffness=spring * element.stiffness, damping=damper * element.damping)
         return replace(structure, elements=tuple(elements))
 
-    def _factors(self, parameters: Real, owner: str) -> tuple[float, float]:
-        """Factors of the stiffness and of the damping of an owner's elements."""
+    def _factors(self, parameters: Real, element: Element) -> tuple[float, float]:
+        """Factors of the stiffness and of the damping of an element."""
         powers = [
             (p * part.stiffness_power, p * part.damping_power)
             for p, part in zip(parameters.tolist(), self.parts, strict=True)
-            if part.owner == owner
+            if part.owner in _names(element)
         ]
         logarithms = np.sum(powers, axis=0) if powers else np.zeros(2)
         return float(np.exp(logarithms[0])), float(np.exp(logarithms[1]))
@@ -140,9 +140,9 @@ class ElementScales(ParameterBlock):
         """Yield each element's number, its dynamic stiffness, and rows of its parameters with the derivatives."""
         s = np.asarray(2j * np.pi * terms.frequencies, dtype=np.complex128)
         for number, element in enumerate(self.structure.elements):
-            rows = [(row, part) for row, part in enumerate(self.parts) if part.owner == element.owner]
+            rows = [(row, part) for row, part in enumerate(self.parts) if part.owner in _names(element)]
             if rows:
-                spring, damper = self._factors(parameters, element.owner)
+                spring, damper = self._factors(parameters, element)
                 by_stiffness = np.full_like(s, spring * element.stiffness)
                 by_damping = element.damping_derivative(s, damper=damper)
                 changes = [
@@ -159,6 +159,11 @@ class ModeScales(ElementScales):
     group: ClassVar[str] = "flexible"
 
 
+def _names(element: Element) -> tuple[str, str]:
+    """Names by which a parameter finds an element: its owner, and owner and part."""
+    return element.owner, f"{element.owner}.{element.part}"
+
+
 def mode_scales(
     structure: Structure, owners: Sequence[str], *, frequency_std: float = _FREQUENCY, damping_std: float = _DAMPING
 ) -> ModeScales:
@@ -169,7 +174,7 @@ def mode_scales(
     structure
         Nominal vehicle.
     owners
-        Owners of the oscillators' springs, such as "mounted_mass_1" or "torsion".
+        Owners of the oscillators' springs, such as "mounted_mass_1", or owner and part, such as "body.torsion".
     frequency_std, damping_std
         Standard deviations of ln of a frequency and of ln of a damping ratio.
 
@@ -180,8 +185,9 @@ def mode_scales(
     """
     parts = []
     for owner in owners:
-        parts.append(ElementParameter(f"{owner}_frequency", owner, 2.0, 1.0, frequency_std))
-        parts.append(ElementParameter(f"{owner}_damping", owner, 0.0, 1.0, damping_std))
+        name = owner.rpartition(".")[2]
+        parts.append(ElementParameter(f"{name}_frequency", owner, 2.0, 1.0, frequency_std))
+        parts.append(ElementParameter(f"{name}_damping", owner, 0.0, 1.0, damping_std))
     return ModeScales(structure, tuple(parts))
 
 

@@ -242,8 +242,8 @@ class SensorTilts(ParameterBlock):
     -----
     An accelerometer at height h above the centre of gravity, tilted by t forwards, reads t (a_x + h p'') more, tilted
     by t to the left t (a_y - h r''), of pitch p and roll r (ISO 8855) and of the horizontal accelerations of the
-    centre of gravity, which are the last two inputs of a model with `Driving`; a model without has no a_x and a_y. The
-    change of gravity's share, g t p, is left out: it is small above 1 Hz.
+    centre of gravity, which are the last two inputs of a model with `Driving`; a model without has no a_x and a_y. Put
+    after `Driving`. The change of gravity's share, g t p, is left out: it is small above 1 Hz.
     """
 
     parts: tuple[TiltParameter, ...]

@@ -10,6 +10,7 @@ from sprung.errors import ParameterError
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents, free_components
 from sprung.likelihood.coordinates import RigidLayout
+from sprung.likelihood.driving import driving
 from sprung.likelihood.noise import SensorNoise
 from sprung.likelihood.payload import payload
 from sprung.likelihood.rig import RigInputs
@@ -132,7 +133,12 @@ def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: K
     positions, sides = np.repeat([axle.x for axle in vehicle.axle], 2), np.tile([1.0, -1.0], len(vehicle.axle))
     by_class = ClassRoughness(spectra.speeds.size)
     if kind == "road":
-        return [RoadInputs(spectra, positions, sides), by_class, TrackLevels(sides)]
+        return [
+            RoadInputs(spectra, positions, sides),
+            by_class,
+            TrackLevels(sides),
+            driving(nominal, positions[0] - positions[-1]),
+        ]
     return [RailInputs(spectra, positions, sides, contact_length=_RAIL_CONTACT), by_class]
 
 

@@ -1,0 +1,141 @@
+"""Braking, accelerating and cornering as parameters."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sprung._arrays import Booleans, Complex, Real
+from sprung.errors import ParameterError
+from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.terms import Terms
+from sprung.likelihood.transfer import TermGradients, Transfer
+from sprung.vehicles import Structure
+
+#: Frequency at which the densities of the accelerations are stated [Hz].
+_REFERENCE = 1.0
+#: Usual height of the centre of gravity above the ground, over the wheelbase.
+_HEIGHT = 0.2
+#: ln of the density at the reference frequency for a calm driver [(m/s^2)^2/Hz], and its standard deviation.
+_LEVEL, _LEVEL_STD = np.log(1e-2), 4.0
+#: Usual exponent of a density, and its standard deviation.
+_EXPONENT, _EXPONENT_STD = 3.0, 1.0
+#: Logarithm at which a level is cut off, as good as infinite.
+_LARGEST = 100.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Driving(ParameterBlock):
+    """Longitudinal and lateral accelerations of the driver's making, not measured, which pitch and roll the body.
+
+    Parameters
+    ----------
+    structure
+        Nominal vehicle with pitch and roll of a body.
+    height
+        Height of the centre of gravity above the ground [m].
+
+    Notes
+    -----
+    By d'Alembert's principle an acceleration (a_x, a_y) of a body of mass m, whose tyres hold it on the ground, acts as
+    the moments -m h a_x in pitch (positive nose down) and m h a_y in roll (positive left side up), at the height h of
+    the centre of gravity. Both accelerations are random, independent of the road and of each other, with the one-sided
+    density e^level (f / 1 Hz)^-exponent: steps of an acceleration would have the exponent 2, its ramps 4 above the
+    inverse of their duration. A level far below the motion by the road changes nothing. The accelerations are the last
+    two inputs of the model, `Terms.measured_inputs`, so that tilted sensors (`SensorTilts`) read them, too.
+
+    References
+    ----------
+    ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary (axes).
+    T. D. Gillespie, Fundamentals of Vehicle Dynamics, SAE International, 1992, chapter 1 (dynamic axle loads).
+    """
+
+    structure: Structure
+    height: float
+
+    group: ClassVar[str] = "driving"
+
+    def __post_init__(self) -> None:
+        if not {"pitch", "roll"} <= set(self.structure.coordinates):
+            raise ParameterError("braking and cornering need a body with pitch and roll: leave them out")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Levels and exponents of both accelerations."""
+        return ("braking", "cornering", "braking_exponent", "cornering_exponent")
+
+    @property
+    def start(self) -> Real:
+        """A calm driver."""
+        return np.array([_LEVEL, _LEVEL, _EXPONENT, _EXPONENT])
+
+    @property
+    def prior_std(self) -> Real:
+        """Large for the levels, so that the data decide."""
+        return np.array([_LEVEL_STD, _LEVEL_STD, _EXPONENT_STD, _EXPONENT_STD])
+
+    @property
+    def is_log_power(self) -> Booleans:
+        """True for the levels."""
+        return np.array([True, True, False, False])
+
+    def contribute(self, parameters: Real, terms: Terms) -> Terms:
+        """Return the terms with both accelerations as further inputs."""
+        densities = self._densities(parameters, terms)
+        spectral_matrix = densities.T[:, :, None] * np.eye(2)
+        n_classes = terms.inputs.shape[0]
+        return replace(
+            terms,
+            forces=np.hstack([terms.forces, self._moments()]),
+            feet=np.hstack([terms.feet, np.zeros((len(terms.feet), 2))]),
+            feedthrough=np.hstack([terms.feedthrough, np.zeros((len(terms.feedthrough), 2))]),
+            measured_inputs=np.broadcast_to(spectral_matrix, (n_classes, *spectral_matrix.shape)).astype(np.complex128),
+        )
+
+    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
+        """Return the gradient of the objective: Re (Q H)_kk is that with respect to ln of the density of input k."""
+        response = gradients.transfer
+        by_log = np.einsum("fkc,fck->kf", gradients.driven[:, -2:], response.matrix[..., -2:]).real
+        return np.append(by_log.sum(axis=1), -by_log @ self._log_frequencies(response.terms))
+
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+        """Return the derivatives of the spectral matrix."""
+        responses = response.matrix[..., -2:]
+        driven = np.einsum("kf,fik,fjk->kfij", self._densities(parameters, response.terms), responses, responses.conj())
+        return [*driven, *(-self._log_frequencies(response.terms)[:, None, None] * driven)]
+
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return the densities of both accelerations at 1 Hz [(m/s^2)^2/Hz], and the exponents."""
+        return dict(zip(self.names, (*np.exp(parameters[:2]).tolist(), *parameters[2:].tolist()), strict=True))
+
+    def _moments(self) -> Real:
+        """Generalised forces of both accelerations, shape (n, 2)."""
+        moments = np.zeros((len(self.structure.coordinates), 2))
+        mass = self.structure.mass[0, 0]
+        moments[self.structure.coordinates.index("pitch"), 0] = -mass * self.height
+        moments[self.structure.coordinates.index("roll"), 1] = mass * self.height
+        return moments
+
+    def _densities(self, parameters: Real, terms: Terms) -> Real:
+        """Densities of both accelerations, shape (2, grid)."""
+        levels = np.exp(np.minimum(parameters[:2], _LARGEST))
+        colours = np.exp(-parameters[2:, None] * self._log_frequencies(terms))
+        return np.asarray(levels[:, None] * colours, dtype=np.float64)
+
+    def _log_frequencies(self, terms: Terms) -> Real:
+        """Ln of the frequency over the reference, shape (grid,)."""
+        return np.asarray(np.log(terms.frequencies / _REFERENCE), dtype=np.float64)
+
+
+def driving(structure: Structure, wheelbase: float) -> Driving:
+    """Return braking and cornering of a vehicle whose height of the centre of gravity is not known.
+
+    Parameters
+    ----------
+    structure
+        Nominal vehicle with pitch and roll of a body.
+    wheelbase
+        Distance of the first axle from the last one [m]; the centre of gravity is a fifth of it above the ground. An
+        error of the height is one of the levels.
+    """
+    return Driving(structure, _HEIGHT * wheelbase)
