@@ -40,8 +40,8 @@ class Terms:
         One-sided spectral matrix of the inputs of the wheels, shape (classes, grid, wheels, wheels).
     measured_inputs
         Spectral matrix of further inputs that are independent of those of the wheels (such as the accelerations of
-        braking and cornering, or that of the vehicle ahead), shape (classes, grid, measured, measured). `feet`, `forces` and `feedthrough` have their
-        columns after those of the wheels.
+        braking and cornering, or that of the vehicle ahead), shape (classes, grid, measured, measured). `feet`,
+        `forces` and `feedthrough` have their columns after those of the wheels.
     noise
         Spectral matrix of the noise in the coordinates of the data, shape (grid, coordinates, coordinates).
 
