@@ -4,7 +4,7 @@ from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
-from sprung.likelihood.fitting import fit_corners, fit_segments, nominal_misfit
+from sprung.likelihood.fitting import fit_corners, fit_segments
 from sprung.likelihood.from_modes import corners_from_modes
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines
 from sprung.likelihood.noise import SensorNoise
@@ -41,7 +41,6 @@ __all__ = [
     "corners_from_modes",
     "fit_corners",
     "fit_segments",
-    "nominal_misfit",
     "residual_lines",
     "rigid_layout",
     "segment_spectra",
