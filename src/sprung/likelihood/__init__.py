@@ -6,7 +6,7 @@ from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.driving import Driving, driving
 from sprung.likelihood.elements import ElementParameter, ElementScales, ModeScales, mode_scales, stiffness_scales
-from sprung.likelihood.fitting import fit_corners, fit_segments, nominal_misfit
+from sprung.likelihood.fitting import fit_corners, fit_segments
 from sprung.likelihood.from_modes import corners_from_modes
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines
 from sprung.likelihood.mounts import MountedMassParameters
@@ -66,7 +66,6 @@ __all__ = [
     "fit_corners",
     "fit_segments",
     "mode_scales",
-    "nominal_misfit",
     "payload",
     "residual_lines",
     "rigid_layout",

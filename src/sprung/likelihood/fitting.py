@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from sprung._arrays import Real
 from sprung.errors import DataError
@@ -14,6 +13,7 @@ from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.from_modes import corners_from_modes
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines, without_lines
 from sprung.likelihood.missing_speed import with_estimated_speeds
+from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import (
     CLASS_WIDTH,
     ClassSpectra,
@@ -42,11 +42,6 @@ from sprung.vehicles.window import Window, window_of
 _OVER_BODY = 1.5
 #: Number of alternating fits and estimates of the speed, if it is missing.
 _ROUNDS = 3
-#: The search ends with a step that gains less than this share of the total gain, or at a slope below this value in
-#: standard deviations.
-_TOLERANCE, _SLOPE = 1e-8, 1e-2
-#: Largest number of steps before the coordinates of the search are chosen anew, as the information changes.
-_STEPS = (25, 25, 50, 300)
 #: Largest number of lines that a note names.
 _MOST_NAMED = 6
 #: Relative misfit of the spectra above which a note states an error of the model.
@@ -208,35 +203,6 @@ def fit_windows(
     return replace(fit, notes=(*fit.notes, note), from_modes=check)
 
 
-def nominal_misfit(window: Window, *, settings: CornerSettings | None = None) -> float:
-    """Return minus the log likelihood of the nominal vehicle on a road of the window's roughness.
-
-    No parameter is fitted: two layouts of the same sensors can be compared at the cost of one step of a fit.
-
-    Parameters
-    ----------
-    window
-        Window of the vehicle.
-    settings
-        As for `fit_corners`.
-
-    Raises
-    ------
-    DataError
-        As raised by `fit_corners`.
-
-    References
-    ----------
-    P. Whittle, The analysis of multiple stationary time series, Journal of the Royal Statistical Society B 15 (1953),
-    125-139.
-    """
-    setup, segments, has_speed = _prepare([window], settings or CornerSettings())
-    if not has_speed:
-        segments = _with_speeds(segments, setup)
-    model = setup.model(class_spectra(segments, width=_COARSE))
-    return model.objective(model.scaled_start())[0]
-
-
 def _prepare(windows: Sequence[Window], settings: CornerSettings) -> tuple[FitSetup, SegmentSpectra, bool]:
     """Return the set-up of all fits, the spectra of the segments, and whether their speeds are known or not needed."""
     first, records = windows[0], [window.motion for window in windows]
@@ -287,8 +253,8 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     One rough fit, then up to four full ones, in this order:
 
     1. *Rough*: speed classes twice as wide and a likelihood to the power of 0.1 (tempering), which flattens local
-       minima. If its error is so large that its own tempering is below 0.3, the search is repeated from each spring
-       broken, and the best result is taken.
+       minima. If its error is so large that its own tempering is below 0.3, the search is repeated from the most
+       likely vehicle with one spring broken, and the better result is taken.
     2. *Full*: classes 5 % wide. Each fit is followed by three choices for the next one, until they no longer change:
 
        - the amplitude of a segment is limited to that at three times the median power, a winsorised residual as
@@ -338,7 +304,7 @@ def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) ->
 
 
 def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
-    """Return the parameters of the first fit; if it is doubtful, searches from broken springs are compared as well."""
+    """Return the parameters of the first fit; if it is doubtful, a search from a broken spring is compared."""
 
     def misfit(parameters: Real) -> float:
         return rough.objective(parameters)[0]
@@ -346,8 +312,8 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
     end = minimised(rough, min((rough.scaled_start(start) for start in (None, *starts)), key=misfit))
     if tempering(untempered, end) >= _DOUBTFUL:
         return end
-    others = (minimised(rough, rough.scaled_start(start)) for start in _broken_springs(rough))
-    return min((end, *others), key=misfit)
+    broken = min(_broken_springs(rough), key=misfit)
+    return min((end, minimised(rough, broken)), key=misfit)
 
 
 def _with_limited_amplitudes(segments: SegmentSpectra, model: Model, parameters: Real) -> SegmentSpectra:
@@ -365,9 +331,9 @@ def _lines(model: Model, parameters: Real, setup: FitSetup) -> tuple[SpectralLin
 
 
 def _broken_springs(model: Model) -> list[Real]:
-    """Return further starts of the search: ln(value / nominal value) with one spring each far softer."""
+    """Return further starts of the search: vehicles with one spring each far softer."""
     springs = [row for row, component in enumerate(model.components) if component.kind == "spring"]
-    return [_BROKEN * np.eye(len(model.components))[row] for row in springs]
+    return [model.scaled_start(_BROKEN * np.eye(len(model.components))[row]) for row in springs]
 
 
 def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
@@ -381,83 +347,6 @@ def _carried_over(coarse: Model, parameters: Real, model: Model) -> Real:
         mean = ratio / (model.spectra.frequencies.size * len(model.layout.rows))
         carried[levels] = np.log(np.clip(np.nan_to_num(mean, nan=1.0), _LEAST_LEVEL, 1 / _LEAST_LEVEL))
     return carried
-
-
-def minimised(model: Model, start: Real) -> Real:
-    """Return the parameters at which the likelihood is largest.
-
-    Parameters
-    ----------
-    model
-        Model with its data.
-    start
-        Parameters at which the search starts, shape (parameters,).
-
-    Notes
-    -----
-    L-BFGS in coordinates in which the Fisher information, prior included, is the unit matrix, chosen anew after 25, 50
-    and 100 steps.
-
-    References
-    ----------
-    R. H. Byrd, P. Lu, J. Nocedal, C. Zhu, A limited memory algorithm for bound constrained optimization, SIAM Journal
-    on Scientific Computing 16 (1995) 1190-1208.
-    """
-    parameters, is_settled = start, False
-    for most in _STEPS:
-        if not is_settled:
-            parameters, is_settled = _search(model, parameters, most)
-    return parameters
-
-
-def _search(model: Model, start: Real, most: int) -> tuple[Real, bool]:
-    """Return the end of a search of at most `most` steps, and whether it converged there."""
-    factor = preconditioner(model, start)
-    first, slope = model.objective(start)
-    gain = float(np.sum((factor.T @ slope) ** 2)) / 2  # of a Newton step
-
-    def whitened(step: Real) -> tuple[float, Real]:
-        value, gradient = model.objective(start + factor @ step)
-        if value == TOO_FAR:  # a wall of finite height: an infinite one would make the next step vanish
-            return gain, np.zeros_like(step)
-        return value - first, factor.T @ gradient  # so that the tolerance is relative to what is gained
-
-    end = minimize(
-        whitened,
-        np.zeros(start.size),
-        jac=True,
-        method="L-BFGS-B",
-        options={"maxiter": most, "maxcor": 20, "ftol": _TOLERANCE, "gtol": _SLOPE},
-    )
-    return np.asarray(start + factor @ end.x), end.status == 0
-
-
-def preconditioner(model: Model, parameters: Real) -> Real:
-    """Return the factor F that makes the information about the parameters, prior included, the unit matrix.
-
-    Parameters
-    ----------
-    model
-        Model with data.
-    parameters
-        Parameters at which the information is taken, shape (parameters,).
-
-    Returns
-    -------
-    ndarray
-        F = L^-T with L L^T the information, shape (parameters, parameters).
-
-    Raises
-    ------
-    LinAlgError
-        If the information is not positive definite.
-
-    References
-    ----------
-    J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, section 2.2 (scaling).
-    """
-    information = model.information(parameters) + np.diag(1 / model.prior_std**2)
-    return np.linalg.inv(np.linalg.cholesky(information)).T
 
 
 def _result(

@@ -1,12 +1,13 @@
 """Exchanged sensors at opposite corners, which only the delay between the axles reveals."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from sprung.diagnosis.sensors.faults import SensorFault
-from sprung.likelihood import CornerFit, CornerSettings, nominal_misfit
+from sprung.likelihood import CornerFit, CornerSettings, Model
 from sprung.likelihood.fitting import fit_windows
 from sprung.vehicles.window import Window
 
@@ -28,33 +29,44 @@ def exchanged_opposites(window: Window, fit: CornerFit, settings: CornerSettings
 
     Notes
     -----
-    Such an exchange leaves bounce as it is and reverses pitch and roll. It is fitted only if it makes the nominal
-    vehicle more likely (`nominal_misfit`). Which of the two pairs was exchanged cannot be determined.
+    Such an exchange leaves bounce as it is and reverses pitch and roll. Only the exchange that makes the nominal
+    vehicle most likely is fitted, if it makes it more likely than no exchange. That takes no new spectra: instead of
+    the samples, the places of two sensors are exchanged in the model. Which of the two pairs was exchanged cannot be
+    determined.
     """
     if fit.model_error <= _SUSPECT:
         return ()
-    as_recorded = nominal_misfit(window, settings=settings)
-    fits = {
-        pair: fit_windows([exchanged], settings=settings)
-        for pair, exchanged in _exchanges(window)
-        if nominal_misfit(exchanged, settings=settings) < as_recorded
-    }
-    if not fits:
+    misfits = {pair: _nominal_misfit(_exchanged(fit.model, pair)) for pair in _opposites(window)}
+    best = min(misfits, key=misfits.__getitem__, default=None)
+    if best is None or misfits[best] >= _nominal_misfit(fit.model):
         return ()
-    best = min(fits, key=lambda pair: fits[pair].model_error)
-    if fits[best].model_error > _CURED * fit.model_error:
+    if fit_windows([window.exchanged(*best)], settings=settings).model_error > _CURED * fit.model_error:
         return ()
     words = f"{best[0]} with {best[1]}, or the other two corners with each other"
     return tuple(SensorFault(name, "swapped", words) for name in _places(window))
 
 
-def _exchanges(window: Window) -> Iterator[tuple[tuple[str, str], Window]]:
-    """Yield pairs of accelerometers at opposite corners, and the window with them exchanged."""
+def _opposites(window: Window) -> Iterator[tuple[str, str]]:
+    """Yield pairs of accelerometers at opposite corners."""
     places = _places(window)
     for pair in combinations(places, 2):
         apart = np.array(places[pair[0]])[:2] * np.array(places[pair[1]])[:2]
         if np.all(apart < 0):
-            yield pair, window.exchanged(*pair)
+            yield pair
+
+
+def _exchanged(model: Model, pair: tuple[str, str]) -> Model:
+    """Return the model with the places of two sensors exchanged."""
+    layout = model.layout
+    motion = layout.motion.copy()
+    rows = [layout.names.index(name) for name in pair]
+    motion[rows] = motion[rows[::-1]]
+    return replace(model, layout=replace(layout, motion=motion))
+
+
+def _nominal_misfit(model: Model) -> float:
+    """Return minus the log likelihood of the nominal vehicle on a road of the window's roughness."""
+    return model.objective(model.scaled_start())[0]
 
 
 def _places(window: Window) -> dict[str, tuple[float, float, float]]:

@@ -1,0 +1,156 @@
+"""Search for the parameters at which the likelihood is largest."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sprung._arrays import Real
+from sprung.likelihood.whittle import TOO_FAR, Model
+
+#: Length of a step, in standard deviations, after which the information is taken anew, and how often at most.
+_FAR, _MOST_FAR = 3.0, 5
+#: Steps after which the information is taken anew in any case; largest number of steps.
+_STALE, _MOST_STEPS = 25, 300
+#: The search ends where the slope is below this value in standard deviations, or a step gains less than this share of
+#: the total gain.
+_SLOPE, _GAIN = 1e-2, 1e-8
+#: Share of the gain by the slope that a step must reach; bounds of its shortening, and shortest step.
+_SUFFICIENT, _SHORTER, _SHORTEST = 1e-4, (0.1, 0.5), 1e-6
+#: Least curvature along a step over the largest possible, for an update of the curvature.
+_CURVED = 1e-10
+
+
+def minimised(model: Model, start: Real) -> Real:
+    """Return the parameters at which the likelihood is largest.
+
+    Parameters
+    ----------
+    model
+        Model with its data.
+    start
+        Parameters at which the search starts, shape (parameters,).
+
+    Raises
+    ------
+    LinAlgError
+        If the information is not positive definite.
+
+    Notes
+    -----
+    The last point of `descent`.
+
+    References
+    ----------
+    J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, chapter 6.
+    """
+    parameters = start
+    for point in descent(model, start):
+        parameters = point
+    return parameters
+
+
+def descent(model: Model, start: Real) -> Iterator[Real]:
+    """Yield the parameters after each step of a search for the largest likelihood.
+
+    Parameters
+    ----------
+    model
+        Model with its data.
+    start
+        Parameters at which the search starts, shape (parameters,).
+
+    Raises
+    ------
+    LinAlgError
+        If the information is not positive definite.
+
+    Notes
+    -----
+    BFGS in coordinates in which the Fisher information, prior included, is the unit matrix (`preconditioner`): the
+    first step is one of Fisher scoring, later ones learn how the curvature differs from the information, as it does
+    where the model fits badly. A long step calls for new information, as do 25 steps with the same one.
+
+    References
+    ----------
+    J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, chapter 6 (BFGS), section 3.1
+    (sufficient decrease, backtracking by interpolation).
+    """
+    parameters, n_renewed, age = start, 0, 0
+    value, slope = model.objective(parameters)
+    first = value
+    factor, inverse = preconditioner(model, parameters), np.eye(start.size)
+    for _ in range(_MOST_STEPS):
+        direction = -inverse @ (factor.T @ slope)
+        descent_rate = -float((factor.T @ slope) @ direction)
+        if descent_rate < _SLOPE**2:
+            return
+        length, new_value, new_slope = _shortened(model, parameters, factor @ direction, value, descent_rate)
+        if length == 0.0:
+            return
+        step, change = length * direction, factor.T @ (new_slope - slope)
+        parameters = parameters + factor @ step
+        gain, value, slope, age = value - new_value, new_value, new_slope, age + 1
+        yield parameters
+        if gain < _GAIN * (first - value):
+            return
+        is_far = bool(np.linalg.norm(step) > _FAR) and n_renewed < _MOST_FAR
+        if is_far or age == _STALE:
+            factor, inverse, age, n_renewed = preconditioner(model, parameters), np.eye(start.size), 0, n_renewed + 1
+        else:
+            inverse = _updated(inverse, step, change, is_first=age == 1)
+
+
+def _shortened(
+    model: Model, parameters: Real, direction: Real, value: float, descent_rate: float
+) -> tuple[float, float, Real]:
+    """Return length, value and slope of a step that decreases the objective enough; length 0 without any."""
+    length = 1.0
+    while length > _SHORTEST:
+        new_value, slope = model.objective(parameters + length * direction)
+        if new_value <= value - _SUFFICIENT * length * descent_rate:
+            return length, new_value, slope
+        at_minimum = length * descent_rate / (2 * (new_value - value + length * descent_rate))  # of the parabola
+        low, high = _SHORTER
+        length *= low if new_value == TOO_FAR else min(max(at_minimum, low), high)
+    return 0.0, value, np.zeros_like(parameters)
+
+
+def _updated(inverse: Real, step: Real, change: Real, *, is_first: bool) -> Real:
+    """Return the inverse curvature with that along a step (BFGS); unchanged where the curvature is not positive."""
+    curvature = float(step @ change)
+    if curvature <= _CURVED * np.linalg.norm(step) * np.linalg.norm(change):
+        return inverse
+    if is_first:
+        inverse = inverse * (curvature / float(change @ change))
+    projected = inverse @ change
+    crossed = np.outer(projected, step) / curvature
+    weight = (1 + float(change @ projected) / curvature) / curvature
+    return np.asarray(inverse - crossed - crossed.T + weight * np.outer(step, step), dtype=np.float64)
+
+
+def preconditioner(model: Model, parameters: Real) -> Real:
+    """Return the factor F that makes the information about the parameters, prior included, the unit matrix.
+
+    Parameters
+    ----------
+    model
+        Model with data.
+    parameters
+        Parameters at which the information is taken, shape (parameters,).
+
+    Returns
+    -------
+    ndarray
+        F = L^-T with L L^T the information, shape (parameters, parameters).
+
+    Raises
+    ------
+    LinAlgError
+        If the information is not positive definite.
+
+    References
+    ----------
+    J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, section 2.2 (scaling).
+    """
+    information = model.information(parameters) + np.diag(1 / model.prior_std**2)
+    return np.linalg.inv(np.linalg.cholesky(information)).T
