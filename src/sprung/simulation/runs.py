@@ -1,5 +1,6 @@
 """Runs of chains and quarter vehicles, which do not drive; several records of one simulation, and their truth."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -117,7 +118,7 @@ def drive_document(settings: DriveSettings) -> dict[str, Any]:
         "kind": _KINDS[type(settings)],
         "road": settings.road.road_class if isinstance(settings, RoadDrive) else None,
         "nonlinear": bool(settings.suspension.force_laws),
-        "payload": settings.payload.mass,
+        "payload": math.fsum(payload.mass for payload in settings.payloads),
         "temperature": settings.suspension.temperature,
     }
 
