@@ -20,8 +20,12 @@ from sprung.excitation import (
 RATE = 100.0
 
 
+def steps(knots, jumps, widths):
+    return SmoothSteps(np.array(knots), np.array(jumps), np.array(widths))
+
+
 def test_a_step_is_an_integrated_hann_window():
-    step = SmoothSteps([2.0], [3.0], [0.8])
+    step = steps([2.0], [3.0], [0.8])
     x = np.linspace(0, 4, 4001)
     assert step([1.6, 2.0, 2.4]) == pytest.approx([0.0, 1.5, 3.0])
     window = np.where(np.abs(x - 2) < 0.4, (1 + np.cos(2 * np.pi * (x - 2) / 0.8)) / 0.8, 0.0)
@@ -30,8 +34,8 @@ def test_a_step_is_an_integrated_hann_window():
 
 def test_steps_add_up_where_they_overlap():
     x = np.linspace(-1, 3, 500)
-    both = SmoothSteps([0.0, 0.3], [1.0, -2.0], [1.0, 0.5])(x)
-    assert both == pytest.approx(SmoothSteps([0.0], [1.0], [1.0])(x) + SmoothSteps([0.3], [-2.0], [0.5])(x))
+    both = steps([0.0, 0.3], [1.0, -2.0], [1.0, 0.5])(x)
+    assert both == pytest.approx(steps([0.0], [1.0], [1.0])(x) + steps([0.3], [-2.0], [0.5])(x))
 
 
 def test_the_integral_of_the_acceleration_is_the_speed():
@@ -45,7 +49,7 @@ def test_the_integral_of_the_acceleration_is_the_speed():
 
 
 def test_a_steady_curve_has_the_centripetal_acceleration():
-    route = Route(constant_speed(10.0), SmoothSteps([20.0], [1 / 50], [10.0]))
+    route = Route(constant_speed(10.0), steps([20.0], [1 / 50], [10.0]))
     assert route.lateral([0.0, 5.0]) == pytest.approx([0.0, 10.0**2 / 50])
     assert route.yaw_rate([0.0, 5.0]) == pytest.approx([0.0, 10.0 / 50])
 
@@ -64,7 +68,7 @@ def test_random_curves_stay_below_the_largest_acceleration():
 
 
 def test_slopes_raise_the_wheels_of_one_side():
-    route = Route(constant_speed(10.0), cross_slope=SmoothSteps([50.0], [0.03], [20.0]))
+    route = Route(constant_speed(10.0), cross_slope=steps([50.0], [0.03], [20.0]))
     motion = CrossSlope(route, (1.0, -2.0), (0.7, 0.6))
     heights = motion.samples(3000, sampling_rate=RATE, generator=np.random.default_rng(0))
     assert heights[:, -1] == pytest.approx([0.021, -0.021, 0.018, -0.018])
@@ -81,8 +85,8 @@ def test_random_slopes_stay_below_the_largest():
 
 
 def test_a_route_continues():
-    speed = SpeedProfile([0.0, 5.0, 10.0], [4.0, 12.0, 6.0])
-    route = Route(speed, SmoothSteps([30.0], [0.01], [5.0]), SmoothSteps([40.0], [0.02], [9.0]), has_longitudinal=True)
+    speed = SpeedProfile(np.array([0.0, 5.0, 10.0]), np.array([4.0, 12.0, 6.0]))
+    route = Route(speed, steps([30.0], [0.01], [5.0]), steps([40.0], [0.02], [9.0]), has_longitudinal=True)
     for motion in (BodyAccelerations(route), CrossSlope(route, (1.0, -1.0), (0.7, 0.7))):
         assert motion.is_smooth
         whole = motion.samples(1000, sampling_rate=RATE, generator=np.random.default_rng(0))
@@ -94,8 +98,8 @@ def test_a_route_continues():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: SmoothSteps([0.0], [1.0, 2.0], [1.0]), "1 knots need as many jumps and widths above 0, not 2 and 1"),
-        (lambda: SmoothSteps([0.0], [1.0], [0.0]), "widths above 0"),
+        (lambda: steps([0.0], [1.0, 2.0], [1.0]), "1 knots need as many jumps and widths above 0, not 2 and 1"),
+        (lambda: steps([0.0], [1.0], [0.0]), "widths above 0"),
         (lambda: random_cross_slope(1.0, largest=0.0, generator=np.random.default_rng(0)), "largest cross slope=0"),
     ],
 )

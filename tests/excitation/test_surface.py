@@ -183,11 +183,15 @@ def test_a_rougher_right_track_has_its_level_and_keeps_the_left(class_c) -> None
     assert coherence == pytest.approx(before)
 
 
+def broken(side):
+    return (Potholes(per_kilometre=2.0, side=side),)
+
+
 def test_potholes_keep_to_their_side() -> None:
     smooth = heights(road_class("A"), length=20e3)
     for side, row in (("left", 0), ("right", 1)):
-        broken = heights(road_class("A"), length=20e3, obstacles=(Potholes(per_kilometre=2.0, side=side),)) - smooth
-        assert np.abs(broken[row]).max() > 0.01
-        assert broken[1 - row] == pytest.approx(0, abs=1e-12)
+        obstacles = heights(road_class("A"), length=20e3, obstacles=broken(side)) - smooth
+        assert np.abs(obstacles[row]).max() > 0.01
+        assert obstacles[1 - row] == pytest.approx(0, abs=1e-12)
     with pytest.raises(ParameterError, match="side of the potholes 'up' is not one of left, right"):
-        Potholes(side="up")
+        broken("up")

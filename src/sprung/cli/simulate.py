@@ -96,6 +96,7 @@ def road(
     wheel_radius: options.WheelRadius = 0.31,
     differs: options.Differs = None,
     mounted_mass: options.MountedMasses = None,
+    flexible_mode: options.FlexibleModes = None,
     scatter: options.Scatter = None,
     wear: options.Wear = None,
     individual: options.Individual = 0,
@@ -124,6 +125,7 @@ def road(
     deviations = Deviations(
         values=values.changes("--differs", differs),
         mounted_masses=values.mounted_masses(mounted_mass),
+        flexible_modes=values.flexible_modes(flexible_mode),
         scatter=None if scatter is None else PartScatter(*(share / 100 for share in scatter)),
         wear=tuple(Wear(part.component, part.change) for part in values.faults(wear)),
         sensors=SensorErrors(

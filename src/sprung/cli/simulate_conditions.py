@@ -9,7 +9,7 @@ from sprung.errors import ParameterError
 if TYPE_CHECKING:
     from sprung.excitation import Potholes
     from sprung.simulation import Imperfection, Payload, WheelOrders
-    from sprung.vehicles import Fault, MountedMass, Vehicle
+    from sprung.vehicles import Fault, FlexibleMode, MountedMass, Vehicle
 
 #: Further sensors at the centre of gravity: quantity, unit and axis.
 ALSO = {
@@ -43,6 +43,20 @@ def mounted_masses(texts: Sequence[str] | None) -> "tuple[MountedMass, ...]":
     form = "KG,X,Y,HZ,DAMPING"
     numbers = [_numbers("--mounted-mass", text, form, counts=(5,)) for text in texts or ()]
     return tuple(checked(MountedMass, dict(zip(names, values, strict=True))) for values in numbers)
+
+
+def flexible_modes(texts: Sequence[str] | None) -> "tuple[FlexibleMode, ...]":
+    """Return the flexible modes of `--flexible-mode`."""
+    from sprung.toml import checked
+    from sprung.vehicles import FlexibleMode
+
+    modes = []
+    for text in texts or ():
+        shape, _, numbers = text.partition(",")
+        frequency, damping_ratio = _numbers("--flexible-mode", numbers, "SHAPE,HZ,DAMPING", counts=(2,))
+        fields = {"shape": shape.strip(), "frequency": frequency, "damping_ratio": damping_ratio}
+        modes.append(checked(FlexibleMode, fields))
+    return tuple(modes)
 
 
 def changes(name: str, texts: Sequence[str] | None) -> dict[str, float]:

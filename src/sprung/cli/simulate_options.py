@@ -142,6 +142,16 @@ MountedMasses = Annotated[
         panel=VEHICLE,
     ),
 ]
+FlexibleModes = Annotated[
+    list[str] | None,
+    option(
+        "SHAPE,HZ,DAMPING",
+        "Torsion or bending of the body that the file lacks: natural frequency in Hz, damping ratio, such as"
+        " torsion,24,0.03.",
+        "--flexible-mode",
+        panel=VEHICLE,
+    ),
+]
 Scatter = Annotated[
     tuple[float, float, float] | None,
     option(

@@ -13,7 +13,7 @@ from sprung._checks import check_number, check_one_of
 from sprung.errors import ParameterError
 from sprung.simulation.sensors import Imperfection, delayed, scaled
 from sprung.toml import checked
-from sprung.vehicles import Component, Fault, MountedMass, Sensor, Structure, Vehicle, structure
+from sprung.vehicles import Component, Fault, FlexibleMode, MountedMass, Sensor, Structure, Vehicle, structure
 
 #: Fields of the body and of all axles whose values may differ from the file.
 _BODY = ("mass", "pitch_inertia", "roll_inertia")
@@ -122,6 +122,8 @@ class Deviations:
         Relative differences by name, a key of `VALUES`: {"mass": 0.07} is 7 % heavier than the file states.
     mounted_masses
         Masses on mounts that the file lacks, in addition to the mass of the body.
+    flexible_modes
+        Torsion and bending of the body that the file lacks.
     scatter
         Makers' scatter of parts; None: parts as in the file.
     wear
@@ -142,6 +144,7 @@ class Deviations:
 
     values: Mapping[str, float] = field(default_factory=dict)
     mounted_masses: tuple[MountedMass, ...] = ()
+    flexible_modes: tuple[FlexibleMode, ...] = ()
     scatter: PartScatter | None = None
     wear: tuple[Wear, ...] = ()
     n_drives: int = 0
@@ -173,16 +176,18 @@ class Deviations:
         return factors
 
     def sensor_imperfections(self, vehicle: Vehicle) -> tuple[Imperfection, ...]:
-        """Return the errors of gain and delay of the sensors of a vehicle."""
+        """Return what scales and delays the channels of a vehicle: its file, and errors of gain and delay."""
         gains, lags = self.generator(_GAINS), self.generator(_LAGS)
-        imperfections: list[Imperfection] = []
-        for sensor in _motion_sensors(vehicle):
-            factor, delay = 1 + self.sensors.gain * gains.standard_normal(), self.sensors.lag * lags.random()
-            if self.sensors.gain:
-                imperfections.append(partial(scaled, channel=sensor.channel, factor=float(factor)))
-            if self.sensors.lag:
-                imperfections.append(partial(delayed, channel=sensor.channel, delay=float(delay)))
-        return tuple(imperfections)
+        changes: list[tuple[str, float, float]] = []
+        for sensor in vehicle.sensor:
+            if sensor.is_motion:
+                gain, lag = 1 + self.sensors.gain * gains.standard_normal(), self.sensors.lag * lags.random()
+                changes.append((sensor.channel, gain / sensor.scale, lag + sensor.delay))
+            elif sensor.is_condition:
+                changes.append((sensor.channel, 1 / sensor.scale, sensor.delay))
+        changes.append((vehicle.speed_channel, 1 / vehicle.speed_scale, vehicle.speed_delay))
+        scales = [partial(scaled, channel=name, factor=float(factor)) for name, factor, _ in changes if factor != 1]
+        return (*scales, *(partial(delayed, channel=name, delay=float(lag)) for name, _, lag in changes if lag != 0))
 
     def generator(self, stream: int) -> np.random.Generator:
         """Return the generator of one stream of random numbers of the vehicle."""
@@ -212,12 +217,14 @@ def true_vehicle(vehicle: Vehicle, deviations: Deviations) -> Vehicle:
     """
     fields = _explicit(vehicle).model_dump()
     for name, change in deviations.values.items():
-        for section in [fields["body"]] if name in _BODY else fields["axle"]:
-            key = _AXLES.get(name, name)
-            if not section[key]:
-                raise ParameterError(f"vehicle {vehicle.name!r} has no {name} that could differ: leave it out")
+        key = _AXLES.get(name, name)
+        sections = [part for part in ([fields["body"]] if name in _BODY else fields["axle"]) if part[key]]
+        if not sections:
+            raise ParameterError(f"vehicle {vehicle.name!r} has no {name} that could differ: leave it out")
+        for section in sections:
             section[key] *= 1 + change
     fields["mounted_mass"] = [*fields["mounted_mass"], *(part.model_dump() for part in deviations.mounted_masses)]
+    fields["flexible_mode"] = [*fields["flexible_mode"], *(mode.model_dump() for mode in deviations.flexible_modes)]
     fields["sensor"] = [sensor.model_dump() for sensor in _true_sensors(vehicle, deviations)]
     return checked(Vehicle, fields)
 
@@ -226,8 +233,8 @@ def _explicit(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with inertias and unsprung masses that its file leaves to estimates."""
     nominal = structure(vehicle)
     values = dict(zip(nominal.coordinates, np.diag(nominal.mass).tolist(), strict=True))
-    inertias = {name: values[name.removesuffix("_inertia")] for name in ("pitch_inertia", "roll_inertia")}
-    body = vehicle.body.model_copy(update={"mass": vehicle.body.mass, **inertias})
+    pitch_inertia, roll_inertia = vehicle.inertias
+    body = vehicle.body.model_copy(update={"pitch_inertia": pitch_inertia, "roll_inertia": roll_inertia})
     wheels = [name for name in nominal.coordinates if name.startswith("wheel_") and name.endswith("_left")]
     axles = vehicle.axle
     if len(wheels) == len(axles):
@@ -235,12 +242,6 @@ def _explicit(vehicle: Vehicle) -> Vehicle:
             axle.model_copy(update={"unsprung_mass": values[name]}) for axle, name in zip(axles, wheels, strict=True)
         )
     return vehicle.model_copy(update={"body": body, "axle": axles})
-
-
-def _motion_sensors(vehicle: Vehicle) -> list[Sensor]:
-    """Return the sensors of the structure of a vehicle."""
-    names = structure(vehicle).outputs.names
-    return [sensor for sensor in vehicle.sensor if sensor.channel in names]
 
 
 def _true_sensors(vehicle: Vehicle, deviations: Deviations) -> list[Sensor]:
@@ -256,7 +257,7 @@ def _true_sensors(vehicle: Vehicle, deviations: Deviations) -> list[Sensor]:
             sensor.channel, (0.0, 0.0, 0.0)
         )
         update: dict[str, Any] = {}
-        if sensor.position is not None and sensor.on == "body":
+        if sensor.position is not None and sensor.on == "body" and sensor.is_motion:
             update["position"] = tuple((np.array(sensor.position) + offset).tolist())
         if sensor.direction is not None and errors.tilt:
             update["direction"] = tuple(_tilted(np.array(sensor.direction), turn, errors.tilt).tolist())

@@ -25,7 +25,8 @@ from sprung.excitation import (
     random_speed,
     road_class,
 )
-from sprung.recording import Channel, Recording
+from sprung.recording import Recording
+from sprung.simulation.channels import with_conditions
 from sprung.simulation.conditions import (
     Driving,
     Payload,
@@ -163,7 +164,7 @@ class RoadDrive(DriveSettings):
         """Return road, driving and wheel orders."""
         return {
             "road": plain(self.road),
-            "driving": plain(self.manner) | {"height": _height(self.manner)},
+            "driving": plain(self.manner) | {"height": _height(vehicle, self.manner)},
             "wheel_orders": wheel_order_facts(self._lines(vehicle, route), vehicle),
         }
 
@@ -278,7 +279,13 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     ideal = _signals(true, healthy, settings, route, faults=faults, generator=generator)
     if settings.snr is not None:
         ideal = with_noise(ideal, snr=settings.snr, generator=generator)
-    recording = _recorded(replace(ideal, channels=structure(vehicle).outputs.channels), vehicle, settings, route)
+    recording = with_conditions(
+        replace(ideal, channels=structure(vehicle).outputs.channels),  # places and axes as in the file
+        vehicle,
+        route=route,
+        suspension=settings.suspension,
+        tyre_factors=_tyre_factors(vehicle, with_faults(healthy, faults)),
+    )
     imperfections = (*settings.deviations.sensor_imperfections(vehicle), *settings.imperfections)
     recording = with_imperfections(recording, imperfections, seed=_stream(seed, _SENSORS))
     number = seed if isinstance(seed, int) else seed[0]
@@ -334,7 +341,7 @@ def _signals(
     excitation = settings.excitation(vehicle, route)
     driven = with_gravity(healthy, vehicle)
     if not settings.driving.is_steady:
-        driven = with_body_accelerations(driven, height=_height(settings.driving))
+        driven = with_body_accelerations(driven, height=_height(vehicle, settings.driving))
         excitation = Stack((excitation, BodyAccelerations(route)))
     changing = [fault for fault in faults if not fault.is_constant]
     faulty = with_faults(driven, [fault for fault in faults if fault.is_constant])
@@ -353,9 +360,15 @@ def _signals(
     return with_driving_readings(recording, route)
 
 
-def _height(driving: Driving) -> float:
+def _height(vehicle: Vehicle, driving: Driving) -> float:
     """Return the height of the body's centre of gravity above the ground [m]."""
-    return _HEIGHT if driving.height is None else driving.height
+    return driving.height or vehicle.body.height or _HEIGHT
+
+
+def _tyre_factors(vehicle: Vehicle, true: Structure) -> dict[Component, float]:
+    """Return the true over the nominal stiffness of each tyre."""
+    nominal, actual = structure(vehicle).components(), true.components()
+    return {part: actual[part] / value for part, value in nominal.items() if part.kind == "tyre"}
 
 
 def _conditions(vehicle: Vehicle, healthy: Structure, settings: DriveSettings, route: Route) -> dict[str, Any]:
@@ -406,15 +419,3 @@ def _time_histories(faults: list[Fault], vehicle: Structure) -> dict[Component, 
         times = np.unique([time for fault in same for time in (0.0, fault.onset - 1e-3, *fault.knots)])
         histories[component] = (times, np.prod([fault.factor(times) for fault in same], axis=0))
     return histories
-
-
-def _recorded(recording: Recording, vehicle: Vehicle, settings: DriveSettings, route: Route) -> Recording:
-    """Return the recording with the channel of the speed, and with those of the temperature that the file has."""
-    speed = route.speed.speed(np.arange(recording.n_samples) / recording.sampling_rate)
-    warm = [Channel(sensor.channel, "temperature") for sensor in vehicle.sensor if sensor.quantity == "temperature"]
-    temperatures = np.full((len(warm), recording.n_samples), settings.suspension.temperature)
-    return replace(
-        recording,
-        samples=np.vstack([recording.samples, speed, temperatures]),
-        channels=(*recording.channels, Channel(vehicle.speed_channel, "speed"), *warm),
-    )
