@@ -147,16 +147,16 @@ def _by_name(option: str, texts: Sequence[str] | None, form: str, *, counts: Seq
         name, sign, numbers = text.partition("=")
         if not sign:
             raise ParameterError(f"{option} {text} is not of the form {form}: correct it")
-        values[name.strip()] = _numbers(option, numbers, form, counts=counts)
+        values[name.strip()] = _numbers(f"{option} {name}", numbers, form, counts=counts, joint="=")
     return values
 
 
-def _numbers(option: str, text: str, form: str, *, counts: Sequence[int]) -> list[float]:
+def _numbers(option: str, text: str, form: str, *, counts: Sequence[int], joint: str = " ") -> list[float]:
     """Return the numbers of a text, separated by commas."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) not in counts or not all(map(math.isfinite, numbers)):
-        raise ParameterError(f"{option} {text} is not of the form {form}: correct it")
+        raise ParameterError(f"{option}{joint}{text} is not of the form {form}: correct it")
     return numbers
