@@ -158,8 +158,8 @@ def test_defaults_of_a_drive_are_those_of_its_settings(command, settings):
     assert defaults.get("driven", "all") == RigRun().driven
 
 
-EVERYTHING = """--payload 80,-0.9,-0.4 --payload 20 --right-rougher 2.5 --potholes 10 --pothole-side right --cross-slope 3
-    --braking 3 --cornering 2 --height 0.5 --unbalance 2 --run-out 0.3 --run-out 0.1 --wheel-radius 0.3
+EVERYTHING = """--payload 80,-0.9,-0.4 --payload 20 --right-rougher 2.5 --potholes 10 --pothole-side right
+    --cross-slope 3 --braking 3 --cornering 2 --height 0.5 --unbalance 2 --run-out 0.3 --run-out 0.1 --wheel-radius 0.3
     --differs mass=0.07 --differs roll_inertia=-0.1 --mounted-mass 180,1.1,0,11,0.08 --flexible-mode torsion,24,0.03
     --scatter 4 5 3 --individual 2 --tilt 2 --misplaced 5 --moved acc_fl=0.39,0,0 --gain-error 1 --lag 3
     --noise-density 150 --bits 12 --range 4 --speed-delay 1 --speed-rate 1 --speed-scale 1.02 --tyre-temperature 40
