@@ -150,9 +150,78 @@ def test_defaults_of_a_drive_are_those_of_its_settings(command, settings):
     assert 60 * defaults["minutes"] == settings.duration
     assert (defaults["sampling_rate"], defaults["speed"]) == (settings.sampling_rate, settings.speed)
     assert (defaults["stops"], defaults["snr"]) == (settings.n_stops, settings.snr)
-    assert (defaults["payload"], defaults["temperature"]) == (settings.payload.mass, settings.suspension.temperature)
+    assert defaults["payload"] is None
+    assert sum(payload.mass for payload in settings.payloads) == 0
+    assert defaults["temperature"] == settings.suspension.temperature
+    assert defaults.get("tyre_temperature", 20.0) == settings.suspension.tyre_temperature
     assert defaults.get("road_class", "C") == RoadDrive().road.road_class
     assert defaults.get("driven", "all") == RigRun().driven
+
+
+EVERYTHING = """--payload 80,-0.9,-0.4 --payload 20 --right-rougher 2.5 --potholes 10 --pothole-side right
+    --cross-slope 3 --braking 3 --cornering 2 --height 0.5 --unbalance 2 --run-out 0.3 --run-out 0.1 --wheel-radius 0.3
+    --differs mass=0.07 --differs roll_inertia=-0.1 --mounted-mass 180,1.1,0,11,0.08 --flexible-mode torsion,24,0.03
+    --scatter 4 5 3 --individual 2 --tilt 2 --misplaced 5 --moved acc_fl=0.39,0,0 --gain-error 1 --lag 3
+    --noise-density 150 --bits 12 --range 4 --speed-delay 1 --speed-rate 1 --speed-scale 1.02 --tyre-temperature 40
+    --also acc_x --also temperature --fault front_left.spring=-0.2 --fault rear_right.damper=-0.2"""
+
+
+def test_all_conditions_are_in_the_truth_and_none_in_the_vehicle_file(sprung, tmp_path):
+    path = tmp_path / "run.parquet"
+    words = ("simulate", "road", "--minutes", "0.2", *EVERYTHING.split(), "--out", path, "--json", "-")
+    document = sprung(*words).document()
+    conditions = document["conditions"]
+    assert conditions["payload"] == [{"mass": 80.0, "x": -0.9, "y": -0.4}, {"mass": 20.0, "x": 0.0, "y": 0.0}]
+    assert document["payload"] == 100.0
+    assert conditions["road"]["right_rougher_db"] == 2.5
+    assert (conditions["road"]["potholes"]["per_kilometre"], conditions["road"]["potholes"]["side"]) == (10, "right")
+    assert conditions["driving"] == {"braking": 3.0, "cornering": 2.0, "cross_slope": 0.03, "height": 0.5}
+    assert [line["order"] for line in conditions["wheel_orders"]["front_left"]] == pytest.approx(
+        [0.53, 0.53, 1.06], abs=0.01
+    )
+    deviations = conditions["deviations"]
+    assert deviations["values"] == {"mass": 0.07, "roll_inertia": -0.1}
+    assert deviations["mounted_masses"][0]["frequency"] == 11.0
+    assert deviations["flexible_modes"][0]["shape"] == "torsion"
+    assert deviations["scatter"] == {"spring": 0.04, "damper": 0.05, "tyre": 0.03}
+    assert len(deviations["factors"]) == 12
+    nominal = read_vehicle("zafira")
+    place = np.array(conditions["sensors"]["acc_fl"]["position"]) - np.array(nominal.sensor[0].position)
+    assert np.hypot(*(place - [0.39, 0, 0])[:2]) == pytest.approx(0.05)
+    names = [part["function"] for part in conditions["imperfections"]]
+    assert names[-4:] == ["with_density", "quantised", "scaled", "held"]
+    assert document["faults"] == {"front_left.spring": -0.2, "rear_right.damper": -0.2}
+    written = read_vehicle(f"{path}.vehicle.toml")
+    assert written.model_copy(update={"sensor": written.sensor[:4]}) == nominal
+    assert read(path).names[-4:] == ("acc_rr", "acc_x", "speed", "temperature")
+
+
+def test_a_part_wears_from_record_to_record(sprung, tmp_path):
+    words = ("simulate", "road", "--minutes", "0.05", "--wear", "rear_left.damper=-0.1", "--records", "3")
+    document = sprung(*words, "--out", tmp_path / "r.npz", "--json", "-").document()
+    changes = [faults["rear_left.damper"] for faults in document["faults_by_record"]]
+    assert changes == pytest.approx([0.0, -0.1, -0.19])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--payload", "80,1"), "--payload 80,1 is not of the form KG or KG,X,Y"),
+        (("--mounted-mass", "80,1"), "--mounted-mass 80,1 is not of the form KG,X,Y,HZ,DAMPING"),
+        (("--mounted-mass", "-8,1,0,11,0.1"), "mass=-8"),
+        (("--flexible-mode", "twist,20,0.03"), "shape='twist'"),
+        (("--differs", "mass"), "--differs mass is not of the form NAME=CHANGE"),
+        (("--differs", "weight=0.1"), "value of the vehicle file 'weight' is not one of anti_roll_stiffness, mass"),
+        (("--moved", "acc_fl=0.1"), "--moved acc_fl=0.1 is not of the form CHANNEL=X,Y,Z"),
+        (("--pothole-side", "left"), "--pothole-side left needs --potholes"),
+        (("--also", "radar"), "--also radar is not one of acc_x, acc_y, yaw_rate, temperature"),
+    ],
+)
+def test_conditions_that_cannot_be_are_refused(sprung, tmp_path, words, message):
+    outcome = sprung("simulate", "road", *words, "--minutes", "0.1", "--out", tmp_path / "a.csv")
+    assert outcome.code == 2
+    assert message in " ".join(outcome.err.split())
+    assert not list(tmp_path.iterdir())
 
 
 def test_help_shows_only_the_options_of_the_kind(sprung):

@@ -11,8 +11,10 @@ from sprung.simulation import (
     dead,
     delayed,
     drifting,
+    held,
     inverted,
     jittered,
+    mems_accelerometers,
     noisy,
     quantised,
     scaled,
@@ -170,3 +172,24 @@ def test_noise_keeps_gaps_missing_values_and_silence() -> None:
     noisy = with_noise(clean, snr=1.0, generator=np.random.default_rng(0))
     assert np.flatnonzero(np.isnan(noisy.samples[0])).tolist() == [7]
     np.testing.assert_array_equal(noisy.samples[1], 0.0)
+
+
+def test_mems_accelerometers_have_their_noise_and_steps(run):
+    """White noise of density d has d^2 half the sampling rate; 12 bits of +-2 g have steps of 4 g / 4096."""
+    noise, resolution = mems_accelerometers(noise_density=2e-3, full_scale=2 * 9.81, bits=12)
+    added = with_imperfections(run, [noise], seed=1).samples - run.samples
+    assert added[:2].std(axis=1) == pytest.approx(2e-3 * np.sqrt(RATE / 2), rel=0.03)
+    assert np.array_equal(added[2], np.zeros(N))
+    steps = with_imperfections(run, [resolution]).samples[:2] / (4 * 9.81 / 4096)
+    assert np.allclose(steps, np.rint(steps))
+
+
+def test_a_channel_is_held_between_late_updates(run):
+    ramp = run.changed("ramp", samples=np.stack([TIME, TIME, TIME]))
+    values = held(ramp, channel="speed", rate=4.0, delay=0.3).samples
+    assert np.array_equal(values[:2], ramp.samples[:2])
+    updates = (np.arange(N) // 50) * 0.25  # 50 samples at 200 Hz are a quarter of a second
+    assert values[2] == pytest.approx(np.maximum(updates - 0.3, 0))
+    assert (ramp.samples[2] - values[2])[1000:].mean() == pytest.approx(0.3 + 1 / 8, abs=0.5 / RATE + 1e-9)
+    with pytest.raises(ParameterError, match="rate of updates=0 must be above 0"):
+        held(run, channel="speed", rate=0.0)
