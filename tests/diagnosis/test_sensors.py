@@ -115,7 +115,7 @@ def test_a_recording_of_speed_alone_is_refused(car, run) -> None:
 CONTRADICTIONS = {
     "diagonal inverted": [partial(inverted, channel=name) for name in ("acc_fl", "acc_rr")],
     "diagonal too large": [partial(scaled, channel=name, factor=1.3) for name in ("acc_fl", "acc_rr")],
-    "front too large": [partial(scaled, channel=name, factor=1.2) for name in ("acc_fl", "acc_fr")],
+    "front too large": [partial(scaled, channel=name, factor=1.5) for name in ("acc_fl", "acc_fr")],
     "front late": [partial(delayed, channel=name, delay=0.01) for name in ("acc_fl", "acc_fr")],
 }
 

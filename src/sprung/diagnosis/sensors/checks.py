@@ -84,14 +84,15 @@ def check_sensors(window: Window) -> SensorCheck:
     explain, see `rigid_body_faults`.
 
     That residual needs accelerations at more places than the rigid body has motions: four on a car. Inverted, swapped,
-    wrongly scaled and late sensors are not found with fewer, with angular velocities or displacements among them, or if
+    wrongly scaled and late sensors are not found with fewer, among angular velocities and displacements, or if
     those of one axle or side are wrong in the same way and the body scarcely moves in that direction. Exchanged sensors
-    of opposite corners do not change the residual (see `exchanged_opposites`). A gain error below about 6 % at one of
-    four corners is not detectable.
+    of opposite corners do not change the residual (see `exchanged_opposites`). A gain error below about 4 % and a delay
+    below about 3 ms at one of four corners are not detectable (6 % and 4 ms if the body twists at 18 Hz).
 
     Several wrong channels: if (a + b d/dt)^T y with constant a and b, a of length 1, nearly vanishes but n^T y does
     not, signs, gains, places or delays are not those of the vehicle file. Noise, wheel lines and a flexible body do not
-    have this property. With four channels, two wrong ones may be taken for one.
+    have this property; places that are off by up to 25 cm do, but are tolerated. With four channels, two wrong ones may
+    be taken for one.
     """
     if not window.vehicle.sensor or not window.outputs:
         raise DataError("the recording has none of the vehicle file's motion sensors: give accelerations")

@@ -6,16 +6,21 @@ import numpy as np
 
 from sprung._arrays import Complex, Real
 from sprung.diagnosis.sensors.faults import SensorFault
+from sprung.likelihood.vehicle import highest_of_body
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles import Structure
+from sprung.vehicles.labels import MOTIONS
+from sprung.vehicles.structure import FLEXIBLE_SHAPES
 
-#: Smallest power of the residual over the mean power of the channels.
-_RESIDUAL = 1e-3
-#: Share of the residual that one faulty channel must explain, and that other signs, gains, places and delays of several
-#: channels must.
-_EXPLAINED, _EXPLAINED_TOGETHER = 0.7, 0.7
-#: Lowest frequency of the comparison [Hz], and its highest one over half the sampling rate.
-_BAND = (0.5, 0.5)
+#: Smallest power of the residual over the mean power of the channels for a fault of one channel, and for a disagreement
+#: of several; and error of places [m] that is no reason to refuse a window.
+_RESIDUAL, _DISAGREEMENT, _PLACE = 2e-4, 1e-3, 0.25
+#: Share of the residual that one faulty channel must explain; its ratio to that of any other channel, and to the share
+#: that other signs, gains, places and delays of several channels explain; least of these shares for a disagreement.
+_EXPLAINED, _CLEARLY, _AS_MUCH, _EXPLAINED_TOGETHER = 0.4, 1.1, 0.9, 0.7
+#: Lowest frequency of the comparison [Hz]; its highest one over half the sampling rate, and over the highest natural
+#: frequency of bounce, pitch and roll: a car's body twists at 18 to 30 Hz, and moves little of that below.
+_LOWEST, _OVER_RATE, _OVER_BODY = 0.5, 0.5, 2.0
 
 
 def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[list[SensorFault], float]:
@@ -39,36 +44,72 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     Accelerations of a rigid body are y = T q'' with q its bounce, pitch and roll. The rows of N in the residual n = N y
     are an orthonormal basis of the left null space, N T = 0, so that n is noise while all sensors are right. A faulty
     channel k, measured as G times what it should be, makes the residual N_k (1 - 1/G) y_k: coherent with y_k at all
-    frequencies, and its transfer function gives G. With angular velocities or displacements among the channels the
-    residual would need differentiation, and no fault is reported.
+    frequencies, and its transfer function gives G. Angular velocities and displacements would need differentiation and
+    are left out.
+
+    Only frequencies up to twice the highest natural frequency of the body's rigid motions count: there a body that
+    twists and bends far above is rigid, and what little it deflects is coherent with no channel.
+
+    Sensors k that are misplaced by (dx, dy) make the residual a p'' + b r'' of pitch and roll, a = -sum N_k dx_k and
+    b = sum N_k dy_k. A residual of that form with a and b up to 25 cm is no disagreement: a calibration can learn it.
     """
-    null = _null_space(spectra.names, structure)
+    names, matrix = _accelerations(spectra, structure)
+    null = _null_space(names, structure)
     if not len(null):
         return [], 0.0
     frequencies = spectra.frequencies
-    band = (frequencies > _BAND[0]) & (frequencies < _BAND[1] * frequencies[-1])
-    S, frequencies, names = spectra.matrix.transpose(2, 0, 1)[band], frequencies[band], spectra.names
+    highest = min(_OVER_RATE * frequencies[-1], _OVER_BODY * highest_of_body(structure))
+    band = (frequencies > _LOWEST) & (frequencies < highest)
+    S, frequencies = matrix.transpose(2, 0, 1)[band], frequencies[band]
     mean_power = np.einsum("fii->", S).real / len(names)
     residual = _residual_power(S, null) / len(null)
     if residual < _RESIDUAL * mean_power:
         return [], 0.0
-    faults = _swapped(S, null, residual, names) or _single_fault(S, null, names, frequencies)
     together = 1 - _least_power(S, frequencies, len(null)) / residual
+    faults = _swapped(S, null, residual, names) or _single_fault(S, null, names, frequencies, together)
     if faults or together < _EXPLAINED_TOGETHER:
         return faults, 0.0
-    return [], float(np.sqrt(residual / mean_power))
+    place, rest = _place_error(S, null, _motions(names, structure))
+    if place > _PLACE:
+        rest = residual
+    return [], 0.0 if rest < _DISAGREEMENT * mean_power else float(np.sqrt(residual / mean_power))
+
+
+def _accelerations(spectra: SpectralMatrix, structure: Structure) -> tuple[tuple[str, ...], Complex]:
+    """Return the names of the accelerations, and their spectral matrix."""
+    outputs = structure.outputs
+    rows = [row for row, name in enumerate(spectra.names) if np.any(outputs.acceleration[outputs.names.index(name)])]
+    return tuple(spectra.names[row] for row in rows), spectra.matrix[np.ix_(rows, rows)]
 
 
 def _null_space(names: tuple[str, ...], structure: Structure) -> Real:
     """Return the rows N of N T = 0, shape (residuals, channels); none without accelerations."""
+    if not names:
+        return np.zeros((0, 0))
     outputs = structure.outputs
     rows = [outputs.names.index(name) for name in names]
-    if np.any(outputs.velocity[rows]) or np.any(outputs.displacement[rows]):
-        return np.zeros((0, len(names)))
-    T = outputs.acceleration[rows]
+    is_rigid = [name not in FLEXIBLE_SHAPES for name in structure.coordinates]
+    T = outputs.acceleration[rows][:, is_rigid]
     T = T[:, np.abs(T).max(axis=0) > 0]
     left, values, _ = np.linalg.svd(T, full_matrices=True)
     return left[:, np.count_nonzero(values > 1e-6 * values[0]) :].T
+
+
+def _motions(names: tuple[str, ...], structure: Structure) -> Real:
+    """Return pitch and roll acceleration by least squares for one unit of each channel, shape (2, channels)."""
+    outputs = structure.outputs
+    columns = [structure.coordinates.index(name) for name in MOTIONS]
+    T = outputs.acceleration[[outputs.names.index(name) for name in names]][:, columns]
+    return np.asarray(np.linalg.pinv(T)[1:], dtype=np.float64)
+
+
+def _place_error(S: Complex, null: Real, motions: Real) -> tuple[float, float]:
+    """Return the size [m] of the places' errors that explain the residual best, and the mean power that remains."""
+    total = S.sum(axis=0).real
+    own, cross = motions @ total @ motions.T, null @ total @ motions.T
+    errors = cross @ np.linalg.pinv(own, hermitian=True)
+    rest = np.trace(null @ total @ null.T - errors @ cross.T) / len(null)
+    return float(np.abs(errors).max(initial=0.0)), float(rest)
 
 
 def _residual_power(S: Complex, null: Real) -> float:
@@ -105,13 +146,16 @@ def _swapped(S: Complex, null: Real, residual: float, names: tuple[str, ...]) ->
 _ALONE, _FAR_MORE = 0.03, 5.0
 
 
-def _single_fault(S: Complex, null: Real, names: tuple[str, ...], frequencies: Real) -> list[SensorFault]:
-    """Return the fault of the one channel that explains the residual."""
+def _single_fault(
+    S: Complex, null: Real, names: tuple[str, ...], frequencies: Real, together: float
+) -> list[SensorFault]:
+    """Return the fault of the one channel that explains the residual as well as errors of several channels do."""
     shares = [_explained_share(S, null, row) for row in range(len(names))]
-    worst = int(np.argmax(shares))
-    if shares[worst] >= _EXPLAINED:
-        return [SensorFault(names[worst], *_kind_and_size(S, null, worst, frequencies))]
-    second = np.sort(shares)[-2]
+    worst, second = int(np.argmax(shares)), np.sort(shares)[-2]
+    if shares[worst] >= max(_EXPLAINED, _CLEARLY * second, _AS_MUCH * together):
+        kind, detail = _kind_and_size(S, null, worst, frequencies)
+        is_certain = kind != "noisy" or shares[worst] >= _EXPLAINED_TOGETHER
+        return [SensorFault(names[worst], kind, detail)] if is_certain else []
     if shares[worst] > _ALONE and shares[worst] > _FAR_MORE * second:
         return [SensorFault(names[worst], *_NOISY)]
     return []
