@@ -1,10 +1,10 @@
 """What breaks on real vehicles, condition by condition: false alarms, faults found, errors and their coverage.
 
 Every condition is simulated on drives of ten minutes (nonlinear force laws, potholes, roads A to D, payloads on the
-centre line, 0 to 40 degrees). A baseline is learnt from ordinary drives of the same vehicle and sensors, but without the
-load, the road or the driving that the condition is about; then windows without and with faults are diagnosed. Shares
-have exact 95 % intervals (Clopper and Pearson). What windows say is kept in a folder, by the code that said it: a second
-run with more windows continues, a run of other code begins anew.
+centre line, 0 to 40 degrees). A baseline is learnt from ordinary drives of the same vehicle and sensors, but without
+the load, the road or the driving that the condition is about; then windows without and with faults are diagnosed.
+Shares have exact 95 % intervals (Clopper and Pearson). What windows say is kept in a folder, by the code that said it:
+a second run with more windows continues, a run of other code begins anew.
 
     python -m benchmarks.conditions                          all rows, 8 windows of each kind
     python -m benchmarks.conditions load tracks --windows 40
@@ -139,7 +139,7 @@ def smooth(drive: RoadDrive) -> RoadDrive:
 
 
 def rough_driving(drive: RoadDrive) -> RoadDrive:
-    return replace(drive, manner=Driving(braking=3.5, cornering=3.0, cross_slope=0.03))
+    return replace(drive, driving=Driving(braking=3.5, cornering=3.0, cross_slope=0.03))
 
 
 def with_engine(drive: RoadDrive) -> RoadDrive:
@@ -201,8 +201,8 @@ def groups(vehicle: Vehicle) -> Iterator[Group]:
     imu = vehicle.sensor[0].channel
     for name, load in (
         ("passenger behind on the right, 80 kg", Payload(80.0, 0.6 * rear, -0.6 * side)),
-        ("400 kg behind", Payload(400.0, 0.9 * rear, 0.0)),
-        ("300 kg on the left", Payload(300.0, 0.0, 0.6 * side)),
+        ("400 kg behind, a little right", Payload(400.0, rear, -0.3 * side)),
+        ("300 kg on the left, behind the middle", Payload(300.0, 0.5 * rear, 0.6 * side)),
     ):
         yield Group("load", name, "0 of 200 alarm", condition=partial(_loaded, load=load))
     for level in (1.0, 2.5):
@@ -305,14 +305,15 @@ def window(study: Study, drive: RoadDrive, seed: Sequence[int], time: float) -> 
 
 
 @lru_cache(maxsize=4)
-def learnt(study: Study, group: Group, individual: int) -> Baseline:
-    """Return the baseline of a vehicle in the state of a group.
+def learnt(study: Study, name: tuple[str, str], individual: int) -> Baseline:
+    """Return the baseline of a vehicle in the state of the group with a row and a label.
 
     Raises
     ------
     DataError
         If too few windows are usable.
     """
+    group = named_group(study, name)
     windows = [
         window(study, group.state(ordinary(individual, "learning", k)), (individual, 1, k), 600.0 * k)
         for k in range(study.n_learning)
@@ -328,7 +329,7 @@ def judged(study: Study, group: Group, number: int) -> Verdict:
     baseline = None
     if group.has_baseline:
         try:
-            baseline = learnt(study, group, individual)
+            baseline = learnt(study, (group.row, group.label), individual)
         except DataError as error:
             return Verdict((), expected, (), (), error=str(error))
     seen = []
@@ -534,8 +535,12 @@ def main() -> None:
 
 def judge(study: Study, name: tuple[str, str], number: int) -> Verdict:
     """Return a diagnosis of the group with a row and a label, in a process of its own."""
-    group = next(group for group in groups(study.vehicle) if (group.row, group.label) == name)
-    return judged(study, group, number)
+    return judged(study, named_group(study, name), number)
+
+
+def named_group(study: Study, name: tuple[str, str]) -> Group:
+    """Return the group with a row and a label."""
+    return next(group for group in groups(study.vehicle) if (group.row, group.label) == name)
 
 
 if __name__ == "__main__":

@@ -44,7 +44,7 @@ CONDITIONS: dict[str, dict[str, Any]] = {
     "payload": {"payload": (Payload(80.0, -0.9, -0.4), Payload(30.0, 1.0, 0.3))},
     "right track": {"road": RoadConditions(right_rougher_db=2.5)},
     "potholes": {"road": RoadConditions("A", Potholes(per_kilometre=20.0, side="left"))},
-    "driving": {"manner": Driving(braking=3.0, cornering=3.0, cross_slope=0.03)},
+    "driving": {"driving": Driving(braking=3.0, cornering=3.0, cross_slope=0.03)},
     "wheels": {"wheel_orders": WheelOrders(unbalance=2e-3, run_out=(3e-4, 1e-4))},
     "values": {"deviations": Deviations(values={"mass": 0.07, "roll_inertia": -0.1})},
     "engine": {"deviations": Deviations(mounted_masses=(ENGINE,))},
@@ -109,7 +109,7 @@ def test_all_conditions_together(other_car):
 
 def test_conditions_leave_the_road_as_it_is(hatchback):
     """What a condition draws is drawn apart, so that its effect is the difference of two drives."""
-    plain, curved = drive(hatchback), drive(hatchback, manner=Driving(cornering=1e-6))
+    plain, curved = drive(hatchback), drive(hatchback, driving=Driving(cornering=1e-6))
     assert curved.recording.samples == pytest.approx(plain.recording.samples, abs=1e-5)
 
 
@@ -179,8 +179,8 @@ def test_braking_decelerates_and_pitches(hatchback):
         Sensor(channel="pitch", quantity="angle", unit="rad", direction=(0, 1, 0)),
     )
     car = hatchback.model_copy(update={"sensor": sensors})
-    manner = Driving(braking=4.0, height=0.6)
-    run = drive(car, duration=200.0, manner=manner, road=RoadConditions("A"), seed=4)
+    driving = Driving(braking=4.0, height=0.6)
+    run = drive(car, duration=200.0, driving=driving, road=RoadConditions("A"), seed=4)
     acc_x, pitch, speed = run.recording.samples
     longitudinal = np.gradient(speed) * run.recording.sampling_rate
     assert longitudinal.min() < -2.0
@@ -197,7 +197,7 @@ def test_braking_decelerates_and_pitches(hatchback):
 def test_the_height_of_the_vehicle_file_counts(hatchback):
     tall = hatchback.model_copy(update={"body": hatchback.body.model_copy(update={"height": 0.9})})
     for car, height in ((tall, 0.9), (hatchback, 0.55)):
-        truth = drive(car, duration=2.0, manner=Driving(cornering=1.0)).truth
+        truth = drive(car, duration=2.0, driving=Driving(cornering=1.0)).truth
         assert truth["conditions"]["driving"]["height"] == height
 
 
@@ -207,14 +207,14 @@ def test_a_slope_is_read_as_roll(hatchback):
         Sensor(channel="acc_y", quantity="acceleration", unit="m/s^2", position=(0.0, 0.0, 0.0), direction=(0, 1, 0)),
     )
     car = hatchback.model_copy(update={"sensor": sensors})
-    run = drive(car, duration=120.0, manner=Driving(cross_slope=0.05), road=RoadConditions("A"))
+    run = drive(car, duration=120.0, driving=Driving(cross_slope=0.05), road=RoadConditions("A"))
     roll, acc_y = (np.convolve(values, np.ones(400) / 400, mode="valid") for values in run.recording.samples[:2])
     assert 0.03 < np.abs(roll).max() < 0.08  # the slope, and the body's lean down it
     assert acc_y == pytest.approx(9.81 * roll, abs=0.02)
 
 
 def test_the_speed_is_late_and_held(hatchback):
-    settings: Any = {"duration": 120.0, "manner": Driving(braking=4.0)}
+    settings: Any = {"duration": 120.0, "driving": Driving(braking=4.0)}
     true = drive(hatchback, **settings).recording.samples[4]
     late = drive(hatchback, **settings, imperfections=(partial(held, channel="speed", rate=1.0, delay=1.0),))
     values = late.recording.samples[4]
@@ -255,7 +255,7 @@ def test_conditions_are_recorded_where_the_file_has_their_sensors(hatchback):
     run = drive(
         car,
         duration=60.0,
-        manner=Driving(cornering=3.0),
+        driving=Driving(cornering=3.0),
         faults=(parse_fault("front_left.tyre=-0.2"),),
         suspension=SuspensionConditions(temperature=35.0, tyre_temperature=20.0),
     ).recording

@@ -141,7 +141,7 @@ def road(
         road=RoadConditions(
             road_class, values.potholes(potholes, pothole_side, nonlinear=nonlinear), right_rougher_db=right_rougher
         ),
-        manner=Driving(braking, cornering, cross_slope / 100, height),
+        driving=Driving(braking, cornering, cross_slope / 100, height),
         wheel_orders=values.wheel_orders(unbalance, run_out, wheel_radius),
         duration=60 * minutes,
         sampling_rate=sampling_rate,

@@ -41,7 +41,7 @@ from sprung.simulation.force_laws import damping_factor, tyre_factor
 from sprung.simulation.linear import settling_time, simulate
 from sprung.simulation.nonlinear import TimeHistory, simulate_nonlinear
 from sprung.simulation.sensors import Imperfection, with_imperfections, with_noise
-from sprung.simulation.truth import plain, truth
+from sprung.simulation.truth import plain, true_conditions, truth
 from sprung.vehicles import Component, Fault, Structure, Vehicle, structure, with_faults
 
 #: Radius of a rig's rollers [m], and their roughness and harmonics [m].
@@ -128,7 +128,7 @@ class RoadDrive(DriveSettings):
     ----------
     road
         Roughness of the road, and its potholes.
-    manner
+    driving
         Braking, curves and cross slope.
     wheel_orders
         Unbalance and run-out of the wheels; None: round and balanced wheels.
@@ -137,13 +137,8 @@ class RoadDrive(DriveSettings):
     sampling_rate: float = 200.0
     speed: tuple[float, float] = (5.5, 20.0)
     road: RoadConditions = field(default_factory=RoadConditions)
-    manner: Driving = field(default_factory=Driving)
+    driving: Driving = field(default_factory=Driving)
     wheel_orders: WheelOrders | None = None
-
-    @property
-    def driving(self) -> Driving:
-        """Braking, curves and cross slope."""
-        return self.manner
 
     def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the road under the wheels, and what equals their unbalance and run-out."""
@@ -155,7 +150,7 @@ class RoadDrive(DriveSettings):
             right_over_left=self.road.right_over_left,
         )
         others: tuple[Excitation, ...] = self._lines(vehicle, route)
-        if self.manner.cross_slope:
+        if self.driving.cross_slope:
             half_tracks = tuple(axle.half_track for axle in vehicle.axle)
             others = (*others, CrossSlope(route, _axle_positions(vehicle), half_tracks))
         return Sum((surface, *others)) if others else surface
@@ -164,7 +159,7 @@ class RoadDrive(DriveSettings):
         """Return road, driving and wheel orders."""
         return {
             "road": plain(self.road),
-            "driving": plain(self.manner) | {"height": _height(vehicle, self.manner)},
+            "driving": plain(self.driving) | {"height": _height(vehicle, self.driving)},
             "wheel_orders": wheel_order_facts(self._lines(vehicle, route), vehicle),
         }
 
@@ -290,7 +285,14 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     recording = with_imperfections(recording, imperfections, seed=_stream(seed, _SENSORS))
     number = seed if isinstance(seed, int) else seed[0]
     document = truth(healthy, seed=number, speed=route.speed, duration=settings.duration, faults=faults)
-    document["conditions"] = _conditions(true, healthy, settings, route)
+    document["conditions"] = true_conditions(
+        true,
+        healthy,
+        payloads=settings.payloads,
+        suspension=settings.suspension,
+        deviations=settings.deviations,
+        imperfections=imperfections,
+    ) | settings.own_conditions(true, route)
     return SimulatedDrive(recording, document, route.speed)
 
 
@@ -369,40 +371,6 @@ def _tyre_factors(vehicle: Vehicle, true: Structure) -> dict[Component, float]:
     """Return the true over the nominal stiffness of each tyre."""
     nominal, actual = structure(vehicle).components(), true.components()
     return {part: actual[part] / value for part, value in nominal.items() if part.kind == "tyre"}
-
-
-def _conditions(vehicle: Vehicle, healthy: Structure, settings: DriveSettings, route: Route) -> dict[str, Any]:
-    """Return what is true of the conditions of a drive, as plain values by name."""
-    mass = dict(zip(healthy.coordinates, healthy.mass, strict=True))
-    bounce, pitch, roll = (healthy.coordinates.index(name) for name in ("bounce", "pitch", "roll"))
-    total = mass["bounce"][bounce]
-    return {
-        "payload": [plain(payload) for payload in settings.payloads],
-        "body": {
-            "mass": float(total),
-            "x": float(-mass["bounce"][pitch] / total),
-            "y": float(mass["bounce"][roll] / total),
-            "pitch_inertia": float(mass["pitch"][pitch]),
-            "roll_inertia": float(mass["roll"][roll]),
-            "product_of_inertia": float(mass["pitch"][roll]),
-        },
-        "suspension": {
-            "temperature": settings.suspension.temperature,
-            "tyre_temperature": settings.suspension.tyre_temperature,
-            "nonlinear": bool(settings.suspension.force_laws),
-        },
-        "deviations": plain(settings.deviations)
-        | {"factors": {str(part): factor for part, factor in settings.deviations.factors(healthy).items()}},
-        "sensors": {
-            sensor.channel: {"position": plain(sensor.position), "direction": plain(sensor.direction)}
-            for sensor in vehicle.sensor
-        },
-        "imperfections": [
-            plain(imperfection)
-            for imperfection in (*settings.deviations.sensor_imperfections(vehicle), *settings.imperfections)
-        ],
-        **settings.own_conditions(vehicle, route),
-    }
 
 
 def _axle_positions(vehicle: Vehicle) -> tuple[float, ...]:

@@ -9,7 +9,10 @@ import numpy as np
 from pydantic import BaseModel
 
 from sprung.excitation import SpeedProfile
-from sprung.vehicles import Component, ExactModes, Fault, Structure, with_faults
+from sprung.simulation.conditions import Payload, SuspensionConditions
+from sprung.simulation.deviations import Deviations
+from sprung.simulation.sensors import Imperfection
+from sprung.vehicles import Component, ExactModes, Fault, Structure, Vehicle, with_faults
 
 #: Number of instants at which changing modes are given.
 _INSTANTS = 11
@@ -72,6 +75,58 @@ def truth(
             for time in np.linspace(0, duration, _INSTANTS)
         ]
     return document
+
+
+def true_conditions(
+    vehicle: Vehicle,
+    healthy: Structure,
+    *,
+    payloads: Sequence[Payload],
+    suspension: SuspensionConditions,
+    deviations: Deviations,
+    imperfections: Sequence[Imperfection],
+) -> dict[str, Any]:
+    """Return what is true of the conditions of a drive, as plain values by name.
+
+    Parameters
+    ----------
+    vehicle
+        Vehicle as it is, with the places and axes of its sensors.
+    healthy
+        Its structure with the payload.
+    payloads, suspension, deviations, imperfections
+        Conditions of every kind of drive.
+
+    Returns
+    -------
+    dict
+        Payload, body (mass, centre of gravity in the coordinates of the file, inertias about their origin), suspension,
+        deviations with the factors of each part, sensors, imperfections.
+    """
+    bounce, pitch, roll = (healthy.coordinates.index(name) for name in ("bounce", "pitch", "roll"))
+    mass = healthy.mass
+    return {
+        "payload": plain(payloads),
+        "body": {
+            "mass": float(mass[bounce, bounce]),
+            "x": float(-mass[bounce, pitch] / mass[bounce, bounce]),
+            "y": float(mass[bounce, roll] / mass[bounce, bounce]),
+            "pitch_inertia": float(mass[pitch, pitch]),
+            "roll_inertia": float(mass[roll, roll]),
+            "product_of_inertia": float(mass[pitch, roll]),
+        },
+        "suspension": {
+            "temperature": suspension.temperature,
+            "tyre_temperature": suspension.tyre_temperature,
+            "nonlinear": bool(suspension.force_laws),
+        },
+        "deviations": plain(deviations) | {"factors": plain(deviations.factors(healthy))},
+        "sensors": {
+            sensor.channel: {"position": plain(sensor.position), "direction": plain(sensor.direction)}
+            for sensor in vehicle.sensor
+        },
+        "imperfections": plain(tuple(imperfections)),
+    }
 
 
 def plain(value: Any) -> Any:
