@@ -84,6 +84,15 @@ def test_a_fault_is_named_with_its_channel(car, run, kind, channel) -> None:
         assert len(found) == 1
 
 
+def test_jumps_as_on_the_edge_of_a_pothole_are_no_spikes(car) -> None:
+    """On a smooth road the edge of a pothole moves one sensor by its own standard deviation within two samples."""
+    smooth = simulate_drive(car, RoadDrive(road=RoadConditions("A"), duration=120.0), seed=4).recording
+    edges = spiking(
+        smooth, channel="acc_fr", rate=0.1, height=1.2 * smooth.samples[1].std(), generator=np.random.default_rng(2)
+    )
+    assert sensor_faults(edges, car) == ()
+
+
 def test_noise_in_the_band_of_the_body_is_seen_in_the_residual(car, run) -> None:
     half = 0.5 * run.samples[1].std()
     generator = np.random.default_rng(1)
