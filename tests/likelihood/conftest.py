@@ -201,7 +201,9 @@ def whole_model() -> Callable[..., Model]:
         settings = CornerSettings(has_payload=True, has_free_sensors=True)
         spectra = _classes(len(layout.rows), n_classes=3)
         usual = vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind)
-        extra: tuple[ParameterBlock, ...] = (unsprung_masses(nominal), SensorGains(layout, layout.names[:2]))
+        extra: tuple[ParameterBlock, ...] = (SensorGains(layout, layout.names[:2]),)
+        if kind != "road":
+            extra += (unsprung_masses(nominal),)
         if name == "zafira":
             extra += (
                 mode_scales(nominal, ["mounted_mass_1"]),

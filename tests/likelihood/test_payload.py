@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from sprung.likelihood.payload import payload
-from sprung.vehicles import structure
+from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
+from sprung.likelihood.fitting import minimised
+from sprung.likelihood.payload import payload, unsprung_masses
+from sprung.likelihood.spectra import OVERCOUNT
+from sprung.vehicles import read_vehicle, structure
 
 
 @pytest.mark.parametrize("place", [{"x": -1.0}, {"y": 0.4}, {}, {"x": -1.3, "y": -0.35}])
@@ -28,3 +31,36 @@ def test_the_prior_is_a_fifth_of_the_body(car) -> None:
     between = np.sqrt(car.body.pitch_inertia * car.body.roll_inertia)
     assert sizes["payload_product"] == pytest.approx(0.1 * between)
     assert sizes["payload_x_moment"] == pytest.approx(0.1 * np.sqrt(car.body.mass * car.body.pitch_inertia))
+
+
+def test_unsprung_masses_are_those_of_wheels_or_wheelsets(car) -> None:
+    nominal = structure(car)
+    block = unsprung_masses(nominal)
+    assert block.names == ("front_unsprung_mass", "rear_unsprung_mass")
+    heavier = block.fitted(np.array([0.1, 0.0]), nominal).mass - nominal.mass
+    assert np.diag(heavier) == pytest.approx([0, 0, 0, 4.05, 4.05, 0, 0], abs=1e-9)
+    assert block.values(np.array([0.1, 0.2])) == pytest.approx({"front_unsprung_mass": 4.05, "rear_unsprung_mass": 8.1})
+    wagon = structure(read_vehicle("y25"))
+    parts = unsprung_masses(wagon)
+    grown = parts.fitted(np.ones(len(parts.names)), wagon).mass
+    rows = [row for row, name in enumerate(wagon.coordinates) if name.startswith("wheelset")]
+    assert np.diag(grown)[rows] == pytest.approx(2 * np.diag(wagon.mass)[rows])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("heavier", [0.08, -0.08])
+def test_wheels_heavier_than_the_file_states_are_in_the_uncertainty(car, classes, with_data, heavier) -> None:
+    """Every stiffness and damping is within 1.96 standard deviations, with exact spectra of ten minutes."""
+    nominal = structure(car)
+    layout = rigid_layout(nominal)
+    spectra = classes(len(layout.rows), counts=20.0)
+    model = vehicle_model(spectra, layout, car, nominal, settings=CornerSettings(), kind="road")
+    truth = model.start.copy()
+    truth[model.rows("unsprung")] = heavier
+    exact = with_data(model, truth)
+    fit = minimised(exact, exact.scaled_start())
+    information = exact.information(fit) / OVERCOUNT
+    std = np.sqrt(np.diag(np.linalg.inv(information + np.diag(1 / exact.prior_std**2))))
+    rows = model.rows("components")
+    assert np.abs(fit[rows]).min() > 0.03  # the file's masses make all of them wrong together
+    assert np.all(np.abs(fit[rows]) < 1.96 * std[rows])

@@ -159,6 +159,11 @@ def unsprung_masses(nominal: Structure, *, std: float = _UNSPRUNG) -> UnsprungMa
     Notes
     -----
     One unit is the nominal mass of one wheel, or of a wheelset, whose roll inertia grows with it.
+
+    Accelerations are the same if all masses, stiffnesses and dampings are scaled together. If the unsprung masses were
+    known exactly, they alone would fix that scale, through the shape of the wheel hop, which friction and rubber change
+    by several per cent: the scale would be wrong and stated as certain. The prior is the uncertainty of an unsprung
+    mass in a data sheet: which share of links, springs and drive shafts moves with the wheel.
     """
     axles: dict[str, list[int]] = {}
     for row, name in enumerate(nominal.coordinates):

@@ -12,7 +12,7 @@ from sprung.likelihood.components import FreeComponents, free_components
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.driving import driving
 from sprung.likelihood.noise import SensorNoise
-from sprung.likelihood.payload import payload
+from sprung.likelihood.payload import payload, unsprung_masses
 from sprung.likelihood.rig import RigInputs
 from sprung.likelihood.sensor_errors import SensorDelays, sensor_positions
 from sprung.likelihood.spectra import ClassSpectra
@@ -50,8 +50,8 @@ class CornerSettings:
     free
         Components to fit, such as ("spring", "rear_left.damper"); the others keep the vehicle file's values. None: all.
     has_payload
-        Whether the body's mass, moments and inertias are fitted too: otherwise a payload reads as soft springs. None:
-        not on a rig.
+        Whether the body's mass, moments and inertias, and on a road the unsprung masses, are fitted too: otherwise a
+        payload reads as soft springs. None: not on a rig.
     has_free_sensors
         Whether positions and delays of the sensors are fitted too.
     has_lines_masked
@@ -120,6 +120,8 @@ def vehicle_model(
     blocks: list[ParameterBlock] = [FreeComponents(nominal, components, log_std=settings.prior_std)]
     if kind != "rig" if settings.has_payload is None else settings.has_payload:
         blocks.append(payload(nominal))
+        wheels = unsprung_masses(nominal)
+        blocks += [wheels] if kind == "road" and wheels.parts else []
     if settings.has_free_sensors:
         blocks += [sensor_positions(nominal, layout), SensorDelays(layout, layout.names)]
     blocks += _inputs(spectra, vehicle, nominal, kind)
