@@ -138,3 +138,18 @@ def test_sensors_exchanged_side_to_side_are_no_error_of_places() -> None:
     exchanged = SpectralMatrix(measured.frequencies, measured.matrix[order][:, order], NAMES, 2.0, 200)
     faults, _ = rigid_body_faults(exchanged, structure(car()))
     assert {fault.kind for fault in faults} == {"swapped"}
+
+
+def test_other_sensors_leave_the_accelerometers_comparable() -> None:
+    """A travel and a gyroscope next to four accelerometers, one of which is inverted."""
+    more = [
+        {"channel": "level", "quantity": "travel", "unit": "mm", "between": "rear_left"},
+        {"channel": "wx", "quantity": "angular_velocity", "unit": "deg/s", "direction": (1.0, 0.0, 0.0)},
+    ]
+    vehicle = car(sensor=[*car().model_dump()["sensor"], *more])
+    measured = through(spectra(car()), gain=-1.0)
+    matrix = np.zeros((6, 6, measured.frequencies.size), dtype=complex)
+    matrix[:4, :4], matrix[4, 4], matrix[5, 5] = measured.matrix, 1e-4, 1e-4
+    everything = SpectralMatrix(measured.frequencies, matrix, (*NAMES, "level", "wx"), 2.0, 200)
+    faults, _ = rigid_body_faults(everything, structure(vehicle))
+    assert [(fault.channel, fault.kind) for fault in faults] == [("fl", "inverted")]

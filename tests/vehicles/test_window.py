@@ -107,3 +107,52 @@ def test_a_part_keeps_the_samples_in_between(car, run) -> None:
 def test_a_file_of_another_recording_is_refused(car, run) -> None:
     with pytest.raises(ParameterError, match="make the names agree"):
         window_of(run.select(["other", "Speed"]), car)
+
+
+CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
+
+
+def on_wheels(car, quantity, unit):
+    """A sensor on every wheel, and axles of known rolling radius."""
+    axles = tuple(axle.model_copy(update={"rolling_radius": 0.3}) for axle in car.axle)
+    sensors = tuple(Sensor(channel=name, quantity=quantity, unit=unit, on=f"wheel_{name}") for name in CORNERS)
+    return car.model_copy(update={"axle": axles, "sensor": (*car.sensor, *sensors)})
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "factor"), [("wheel_speed", "rpm", np.pi / 30 * 0.3), ("speed", "m/s", 1.0)]
+)
+def test_wheels_give_the_speed_where_there_is_no_other(car, run, quantity, unit, factor) -> None:
+    """Two wheels outside and two inside a bend, and one of them fails: the speed is that of the others' middle."""
+    vehicle = on_wheels(car, quantity, unit)
+    samples = np.vstack([run.samples[:5], np.outer([90.0, 110.0, 90.0, 110.0], np.ones(1000))])
+    samples[8, 600:] = 0.0
+    samples[5:, 700:] = np.nan
+    wheels = replace(run, samples=samples, channels=(*run.channels[:5], *map(Channel, CORNERS)))
+    window = window_of(wheels, vehicle)
+    speed = window.recording.samples[window.recording.index("speed")]
+    assert window.speed == "speed"
+    assert speed[:600] == pytest.approx(np.full(600, 100 * factor))
+    assert speed[600:700] == pytest.approx(np.full(100, 90 * factor))
+    assert np.isnan(speed[700:]).all()
+    assert window.outputs == run.names[:5]
+    assert "speed of 4 wheels" in window.recording.history
+    with_speed = (*wheels.channels, Channel("speed", "speed"))
+    known = replace(wheels, samples=np.vstack([samples, np.full(1000, 7.0)]), channels=with_speed)
+    assert window_of(known, vehicle).conditions["speed"] == pytest.approx(7.0)
+
+
+def test_temperatures_are_those_of_dampers_before_ambient(car, run) -> None:
+    """Means over the four dampers; tyres have conditions of their own, in SI units."""
+    damper = [Sensor(channel=f"damper_{k}", quantity="temperature", unit="degC", between=CORNERS[k]) for k in range(2)]
+    tyre = [Sensor(channel="tyre", quantity="temperature", unit="degC", on="wheel_front_left")]
+    pressure = [Sensor(channel=f"p_{k}", quantity="pressure", unit="bar", on=f"wheel_{CORNERS[k]}") for k in range(2)]
+    vehicle = car.model_copy(update={"sensor": (*car.sensor, *damper, *tyre, *pressure)})
+    values = np.outer([40.0, 50.0, 35.0, 2.2, 2.4], np.ones(1000))
+    names = ("damper_0", "damper_1", "tyre", "p_0", "p_1")
+    more = replace(run, samples=np.vstack([run.samples, values]), channels=(*run.channels, *map(Channel, names)))
+    conditions = window_of(more, vehicle).conditions
+    assert conditions["temperature"] == pytest.approx(45.0)
+    assert conditions["tyre_temperature"] == pytest.approx(35.0)
+    assert conditions["tyre_pressure"] == pytest.approx(2.3e5)
+    assert window_of(more, vehicle).outputs == window_of(run, car).outputs

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sprung.recording import Recording
+from sprung.recording import Channel, Recording
 from sprung.signals.delays import advanced_linearly
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.models import structure
@@ -37,7 +37,8 @@ class Window:
     speed
         Name of the channel with the speed [m/s]; None: not recorded, or left out.
     conditions
-        Means of "speed" [m/s] and "temperature" [°C], "standing" (share of time), "turning" (RMS of the yaw rate
+        Means of "speed" [m/s], "temperature" [°C] (of the dampers where these are measured, otherwise ambient),
+        "tyre_temperature" [°C] and "tyre_pressure" [Pa], "standing" (share of time), "turning" (RMS of the yaw rate
         [rad/s]), as far as channels measure them.
     """
 
@@ -101,9 +102,49 @@ def window_of(recording: Recording, vehicle: Vehicle) -> Window:
     ParameterError
         If the recording has none of the vehicle file's sensors, or one with another quantity.
     """
-    placed = with_speed_corrected(with_layout(recording, vehicle.sensor), vehicle)
+    placed = with_speed_corrected(with_speed_of_wheels(with_layout(recording, vehicle.sensor), vehicle), vehicle)
     speed = speed_channel(placed, vehicle)
     return Window(placed, vehicle, structure(vehicle), speed, _conditions(placed, vehicle, speed))
+
+
+def with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> Recording:
+    """Return a recording with the median of the wheels' speeds as the vehicle's, if it has no speed channel.
+
+    Parameters
+    ----------
+    recording
+        Recording in SI units.
+    vehicle
+        Vehicle with sensors of the wheels' circumferential speed, or of their rotation and their rolling radius.
+
+    Notes
+    -----
+    The median of four wheels is the mean of the two in between: that of the vehicle's middle in a bend, also if one
+    sensor fails or one wheel slips.
+    """
+    if speed_channel(recording, vehicle) is not None:
+        return recording
+    radii = _rolling_radii(vehicle)
+    wheels = {sensor.channel: 1.0 for sensor in vehicle.sensor if sensor.quantity == "speed" and sensor.on in radii}
+    wheels |= {sensor.channel: radii[sensor.on] for sensor in vehicle.sensor if sensor.quantity == "wheel_speed"}
+    rows = {recording.index(name): factor for name, factor in wheels.items() if name in recording.names}
+    if not rows:
+        return recording
+    speeds = np.array([factor * recording.samples[row] for row, factor in rows.items()])
+    missing = np.isnan(speeds).all(axis=0)
+    speed = np.full(recording.n_samples, np.nan)
+    speed[~missing] = np.abs(np.nanmedian(speeds[:, ~missing], axis=0))
+    return recording.changed(
+        f"speed of {len(rows)} wheels",
+        samples=np.vstack([recording.samples, speed]),
+        channels=(*recording.channels, Channel(vehicle.speed_channel, "speed")),
+    )
+
+
+def _rolling_radii(vehicle: Vehicle) -> dict[str, float]:
+    """Return the rolling radius of each wheel [m], NaN where the file has none."""
+    radii = (axle.rolling_radius or np.nan for axle in vehicle.axle for _ in range(2))
+    return {f"wheel_{corner}": float(radius) for corner, radius in zip(vehicle.suspensions, radii, strict=True)}
 
 
 def with_speed_corrected(recording: Recording, vehicle: Vehicle) -> Recording:
@@ -133,12 +174,29 @@ def _conditions(placed: Recording, vehicle: Vehicle, speed: str | None) -> dict[
         values = placed.samples[placed.index(speed)]
         conditions["speed"] = float(np.nanmean(values))
         conditions["standing"] = float(np.nanmean(values < _STANDING))
-    for channel, values in zip(placed.channels, placed.samples, strict=True):
-        if channel.quantity == "temperature":
-            conditions["temperature"] = float(np.nanmean(values))
+    conditions |= _temperatures_and_pressure(placed, vehicle)
     for sensor in vehicle.sensor:
         is_upright = sensor.direction is not None and abs(sensor.direction[2]) > _UPRIGHT
         if is_upright and sensor.quantity == "angular_velocity" and sensor.channel in placed.names:
             values = placed.samples[placed.index(sensor.channel)]
             conditions["turning"] = float(np.sqrt(np.nanmean(values**2)))
     return conditions
+
+
+def _temperatures_and_pressure(placed: Recording, vehicle: Vehicle) -> dict[str, float]:
+    """Return the mean temperature of the dampers or of the surroundings, and temperature and pressure of the tyres."""
+    sensors = {sensor.channel: sensor for sensor in vehicle.sensor}
+    means: dict[str, list[float]] = {"temperature": [], "ambient": [], "tyre_temperature": [], "tyre_pressure": []}
+    for channel, values in zip(placed.channels, placed.samples, strict=True):
+        sensor = sensors.get(channel.name)
+        is_on_wheel = sensor is not None and sensor.on.startswith("wheel")
+        if np.isnan(values).all():
+            continue
+        mean = float(np.nanmean(values))
+        if channel.quantity == "pressure" and is_on_wheel:
+            means["tyre_pressure"].append(mean)
+        elif channel.quantity == "temperature":
+            is_damper = sensor is not None and sensor.between is not None
+            means["tyre_temperature" if is_on_wheel else "temperature" if is_damper else "ambient"].append(mean)
+    means["temperature"] = means["temperature"] or means["ambient"]
+    return {name: float(np.mean(values)) for name, values in means.items() if values and name != "ambient"}

@@ -9,6 +9,7 @@ import numpy as np
 from sprung._arrays import Booleans, Real
 from sprung.recording import Recording
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
+from sprung.vehicles import Sensor
 from sprung.vehicles.window import Window
 
 #: Speed above which a vehicle moves [m/s]: while it stands, sensors may well be constant.
@@ -27,10 +28,13 @@ class Channels:
         All samples of the channels, in SI units; missing values are NaN.
     is_moving
         Whether the vehicle moves at each sample, shape (samples,).
+    carriers
+        What each channel is on: "body", "wheel", "suspension" or another part.
     """
 
     recording: Recording
     is_moving: Booleans
+    carriers: tuple[str, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -71,13 +75,15 @@ class Channels:
         return bool(self.names) and self.samples.shape[1] >= enough
 
     def peers(self, row: int) -> list[int]:
-        """Return the rows of the other channels of the same quantity."""
+        """Return the rows of the other channels of the same quantity on the same kind of part."""
         quantities = [channel.quantity for channel in self.recording.channels]
-        return [k for k, quantity in enumerate(quantities) if quantity == quantities[row] and k != row]
+        kinds = list(zip(quantities, self.carriers, strict=True))
+        return [k for k, kind in enumerate(kinds) if kind == kinds[row] and k != row]
 
     def select(self, names: Sequence[str]) -> "Channels":
         """Return only the channels in `names`."""
-        return Channels(self.recording.select(names), self.is_moving)
+        carriers = tuple(self.carriers[self.recording.index(name)] for name in names)
+        return Channels(self.recording.select(names), self.is_moving, carriers)
 
 
 def channels_of_motion(window: Window) -> Channels:
@@ -87,4 +93,10 @@ def channels_of_motion(window: Window) -> Channels:
     if window.speed is not None:
         is_fast = recording.samples[recording.index(window.speed)] > _MOVING
         is_moving = is_fast if is_fast.any() else is_moving
-    return Channels(recording.select(window.outputs), is_moving)
+    carriers = {sensor.channel: _carrier(sensor) for sensor in window.vehicle.sensor}
+    return Channels(recording.select(window.outputs), is_moving, tuple(carriers[name] for name in window.outputs))
+
+
+def _carrier(sensor: Sensor) -> str:
+    """Return the kind of part that a sensor is on."""
+    return "suspension" if sensor.between else "wheel" if sensor.on.startswith("wheel") else sensor.on

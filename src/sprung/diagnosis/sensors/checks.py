@@ -84,7 +84,7 @@ def check_sensors(window: Window) -> SensorCheck:
     explain, see `rigid_body_faults`.
 
     That residual needs accelerations at more places than the rigid body has motions: four on a car. Inverted, swapped,
-    wrongly scaled and late sensors are not found with fewer, with angular velocities or displacements among them, or if
+    wrongly scaled and late sensors are not found with fewer, among angular velocities and displacements, or if
     those of one axle or side are wrong in the same way and the body scarcely moves in that direction. Exchanged sensors
     of opposite corners do not change the residual (see `exchanged_opposites`). A gain error below about 4 % and a delay
     below about 3 ms at one of four corners are not detectable (6 % and 4 ms if the body twists at 18 Hz).

@@ -44,8 +44,8 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     Accelerations of a rigid body are y = T q'' with q its bounce, pitch and roll. The rows of N in the residual n = N y
     are an orthonormal basis of the left null space, N T = 0, so that n is noise while all sensors are right. A faulty
     channel k, measured as G times what it should be, makes the residual N_k (1 - 1/G) y_k: coherent with y_k at all
-    frequencies, and its transfer function gives G. With angular velocities or displacements among the channels the
-    residual would need differentiation, and no fault is reported.
+    frequencies, and its transfer function gives G. Angular velocities and displacements would need differentiation and
+    are left out.
 
     Only frequencies up to twice the highest natural frequency of the body's rigid motions count: there a body that
     twists and bends far above is rigid, and what little it deflects is coherent with no channel.
@@ -53,13 +53,14 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     Sensors k that are misplaced by (dx, dy) make the residual a p'' + b r'' of pitch and roll, a = -sum N_k dx_k and
     b = sum N_k dy_k. A residual of that form with a and b up to 25 cm is no disagreement: a calibration can learn it.
     """
-    null = _null_space(spectra.names, structure)
+    names, matrix = _accelerations(spectra, structure)
+    null = _null_space(names, structure)
     if not len(null):
         return [], 0.0
     frequencies = spectra.frequencies
     highest = min(_OVER_RATE * frequencies[-1], _OVER_BODY * highest_of_body(structure))
     band = (frequencies > _LOWEST) & (frequencies < highest)
-    S, frequencies, names = spectra.matrix.transpose(2, 0, 1)[band], frequencies[band], spectra.names
+    S, frequencies = matrix.transpose(2, 0, 1)[band], frequencies[band]
     mean_power = np.einsum("fii->", S).real / len(names)
     residual = _residual_power(S, null) / len(null)
     if residual < _RESIDUAL * mean_power:
@@ -68,18 +69,25 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
     faults = _swapped(S, null, residual, names) or _single_fault(S, null, names, frequencies, together)
     if faults or together < _EXPLAINED_TOGETHER:
         return faults, 0.0
-    place, rest = _place_error(S, null, _motions(spectra.names, structure))
+    place, rest = _place_error(S, null, _motions(names, structure))
     if place > _PLACE:
         rest = residual
     return [], 0.0 if rest < _DISAGREEMENT * mean_power else float(np.sqrt(residual / mean_power))
 
 
+def _accelerations(spectra: SpectralMatrix, structure: Structure) -> tuple[tuple[str, ...], Complex]:
+    """Return the names of the accelerations, and their spectral matrix."""
+    outputs = structure.outputs
+    rows = [row for row, name in enumerate(spectra.names) if np.any(outputs.acceleration[outputs.names.index(name)])]
+    return tuple(spectra.names[row] for row in rows), spectra.matrix[np.ix_(rows, rows)]
+
+
 def _null_space(names: tuple[str, ...], structure: Structure) -> Real:
     """Return the rows N of N T = 0, shape (residuals, channels); none without accelerations."""
+    if not names:
+        return np.zeros((0, 0))
     outputs = structure.outputs
     rows = [outputs.names.index(name) for name in names]
-    if np.any(outputs.velocity[rows]) or np.any(outputs.displacement[rows]):
-        return np.zeros((0, len(names)))
     is_rigid = [name not in FLEXIBLE_SHAPES for name in structure.coordinates]
     T = outputs.acceleration[rows][:, is_rigid]
     T = T[:, np.abs(T).max(axis=0) > 0]
