@@ -137,8 +137,8 @@ def test_wheels_give_the_speed_where_there_is_no_other(car, run, quantity, unit,
     assert np.isnan(speed[700:]).all()
     assert window.outputs == run.names[:5]
     assert "speed of 4 wheels" in window.recording.history
-    known = replace(wheels, samples=np.vstack([samples, np.full(1000, 7.0)]))
-    known = replace(known, channels=(*wheels.channels, Channel("speed", "speed")))
+    with_speed = (*wheels.channels, Channel("speed", "speed"))
+    known = replace(wheels, samples=np.vstack([samples, np.full(1000, 7.0)]), channels=with_speed)
     assert window_of(known, vehicle).conditions["speed"] == pytest.approx(7.0)
 
 
