@@ -72,11 +72,11 @@ def trend(
 
     Notes
     -----
-    Residuals r = D (a + b tau) + U m + e of the windows since the onset, with the time tau before the last window, the
+    Residuals r = D (a + b tau) + U m + e of the windows since the onset, with the time tau after the last window, the
     directions D of the changes and the errors m of the baseline's means and slopes, by generalised least squares: a is
-    the size at the last window, b the slope. The observed scatter is used if it exceeds that of the windows. There is
-    no trend if 0 lies within the interval of the slope. The earliest and latest times are those at which the ends of
-    the line's interval reach the limit.
+    the size at the last window, b the slope. Windows before the onset are left out: what grows is not 0 before it. The
+    observed scatter is used if it exceeds that of the windows. There is no trend if 0 lies within the interval of the
+    slope. The earliest and latest times are those at which the ends of the line's interval reach the limit.
     """
     lines = _lines(candidate, _compared(observations, baseline), baseline, since=since)
     if not lines:
@@ -127,11 +127,11 @@ def _compared(observations: Sequence[Observation], baseline: Baseline) -> list[C
 def _lines(candidate: Candidate, windows: Sequence[Compared], baseline: Baseline, *, since: float) -> list[_Line]:
     """Return the line of each change of a candidate; none with too few windows, or for an unmodelled change."""
     directions = candidate.hypothesis.directions(baseline.components)
-    later = [window.time >= since for window in windows]
-    if sum(later) < _FEWEST or not len(directions):
+    windows = [window for window in windows if window.time >= since]
+    if len(windows) < _FEWEST or not len(directions):
         return []
     hours = np.array([window.time - windows[-1].time for window in windows]) / 3600
-    lines = [np.kron([1.0, hour], directions.T) * is_later for hour, is_later in zip(hours, later, strict=True)]
+    lines = [np.kron([1.0, hour], directions.T) for hour in hours]
     identity = np.eye(len(baseline.components))
     columns = [np.hstack([line, np.kron(w.units, identity)]) for line, w in zip(lines, windows, strict=True)]
     n_line = lines[0].shape[1]
@@ -148,8 +148,7 @@ def _lines(candidate: Candidate, windows: Sequence[Compared], baseline: Baseline
     for k, direction in enumerate(directions):
         own = [
             (direction @ w.information @ r) ** 2 / (direction @ w.information @ direction)
-            for w, r, is_later in zip(windows, away, later, strict=True)
-            if is_later
+            for w, r in zip(windows, away, strict=True)
         ]
         scatter = max(variance, sum(own) / (len(own) - 2))
         last_std, slope_std = (float(np.sqrt(scatter * covariance[row, row])) for row in (k, count + k))
