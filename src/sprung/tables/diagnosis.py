@@ -125,10 +125,10 @@ def hypotheses_table(detection: Detection) -> Table:
     """Return the table of the best hypotheses of a change test."""
     rows = tuple(
         (
-            in_words(candidate.hypothesis.name).replace("all ", "every "),
+            in_words(candidate.hypothesis.name).replace("all ", "every ").replace("+", ", "),
             f"{candidate.log_evidence:.1f}",
-            "" if candidate.change is None else f"{100 * candidate.change:+.1f}",
-            "" if candidate.interval is None else " to ".join(f"{100 * end:+.1f}" for end in candidate.interval),
+            ", ".join(f"{100 * size.change:+.1f}" for size in candidate.sizes),
+            ", ".join(" to ".join(f"{100 * end:+.1f}" for end in size.interval) for size in candidate.sizes),
         )
         for candidate in detection.candidates[:_SHOWN]
     )
