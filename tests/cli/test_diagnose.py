@@ -1,4 +1,5 @@
 import json
+import re
 
 import pytest
 
@@ -37,7 +38,8 @@ def test_diagnosis_has_the_contracts_names(sprung, drives, baseline):
     words = ("--vehicle", "zafira", "--baseline", baseline, "--json", "-")
     document = sprung("diagnose", drives / "broken.parquet", *words).document()
     assert document["schema"] == "sprung.diagnosis/1"
-    assert document["healthy"] is False
+    assert (document["verdict"], document["healthy"]) == ("change", False)
+    assert set(document["detectable"]) == set(document["windows"][0]["components"])
     (finding,) = document["findings"]
     assert (finding["corner"], finding["component"]) == ("rear_right", "spring")
     assert finding["interval"][0] < 0.25 < finding["interval"][1]
@@ -78,7 +80,13 @@ def test_a_dead_sensor_is_named_and_no_finding(sprung, drives, baseline):
 def test_healthy_drives_have_no_finding(sprung, drives, baseline):
     words = ("--vehicle", "zafira", "--baseline", baseline)
     outcome = sprung("diagnose", drives / "healthy.parquet", *words)
-    assert "no change detected (ln evidence" in outcome.out
+    assert outcome.code == 0
+    text = " ".join(outcome.out.split())
+    assert re.search(r"no change detected; a change of \d+ to \d+ % of any part would have been found", text)
+    assert "ln evidence" in text
+    outcome = sprung("diagnose", drives / "healthy.parquet", "--vehicle", "zafira")
+    assert outcome.code == 3
+    assert "sprung: inconclusive: no baseline" in outcome.err
 
 
 def test_mistakes_are_one_sentence(sprung, drives, tmp_path):
@@ -108,7 +116,7 @@ def test_an_inconclusive_drive_is_not_called_healthy(sprung, drives, baseline, t
     assert outcome.code == 3
     assert "inconclusive: no window was usable" in outcome.out
     assert "segments of steady speed are too few" in outcome.err
-    assert json.loads((tmp_path / "d.json").read_text())["healthy"] is False
+    assert json.loads((tmp_path / "d.json").read_text())["healthy"] is None
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.diagnosis import SensorFault, diagnose, learn, observe_window
+from sprung.diagnosis import ResidualTest, SensorFault, assessment, diagnose, learn, observe_window
 from sprung.errors import ParameterError
 from sprung.simulation import (
     FEW_POTHOLES,
@@ -38,6 +38,83 @@ def test_both_sides_of_an_axle_are_one_finding(faulty, baseline) -> None:
     (finding,) = diagnose(faulty(5, {"rear_left.damper": -0.2, "rear_right.damper": -0.2}), baseline).findings
     assert (finding.corner, finding.component) == ("rear", "damper")
     assert finding.change == pytest.approx(-0.2, abs=0.04)
+
+
+@pytest.mark.parametrize(
+    ("parts", "after"),
+    [
+        (("front_left.spring", "rear_right.damper"), 2),
+        (("rear_left.tyre", "rear_left.damper"), 2),
+        (("front_left.damper", "rear_right.damper"), 2),
+        (("front_right.spring", "front_right.tyre"), 1),
+    ],
+)
+def test_two_parts_at_once_are_two_findings(faulty, baseline, parts, after) -> None:
+    findings = diagnose(faulty(7, dict.fromkeys(parts, -0.2), before=0, after=after), baseline).findings
+    assert {finding.hypothesis for finding in findings} == set(parts)
+    for finding in findings:
+        assert finding.interval is not None
+        assert finding.interval[0] <= -0.2 <= finding.interval[1]
+
+
+@pytest.mark.parametrize("after", [1, 12])
+def test_a_single_part_stays_single(faulty, baseline, after) -> None:
+    """Whatever the size: every part once."""
+    for number, component in enumerate(baseline.components):
+        size = (-0.15, -0.3, -0.6)[number % 3]
+        findings = diagnose(faulty(number, {str(component): size}, before=0, after=after), baseline).findings
+        assert [finding.hypothesis for finding in findings] == [str(component)]
+
+
+@pytest.mark.slow
+def test_a_worn_part_has_the_size_that_it_has_now(window, baseline) -> None:
+    """A damper that loses 1 % of its damping from window to window, thirty times, over 20 vehicles' scatter."""
+    sizes = []
+    for seed in range(20):
+        generator = np.random.default_rng([seed, 31])
+        worn = [window(generator, 600.0 * k, {"rear_left.damper": 0.99 ** (k + 1) - 1}) for k in range(30)]
+        (finding,) = diagnose(worn, baseline).findings
+        assert finding.hypothesis == "rear_left.damper"
+        assert finding.change is not None
+        sizes.append(finding.change)
+    assert np.mean(sizes) == pytest.approx(0.99**30 - 1, abs=0.02)
+
+
+def test_a_verdict_needs_windows_a_baseline_and_the_power_to_find_a_fifth(
+    window, healthy, faulty, baseline, silent
+) -> None:
+    calm = diagnose(healthy(6, seed=2), baseline)
+    assert (calm.verdict, calm.is_healthy, calm.doubts) == ("no_change_detected", True, ())
+    assert max(calm.detectable.values()) < 0.2
+    changed = diagnose(faulty(3, {"front_left.spring": -0.3}), baseline)
+    assert (changed.verdict, changed.is_healthy) == ("change", False)
+    idle = diagnose([silent("standing")], baseline)
+    assert (idle.verdict, idle.is_healthy) == ("inconclusive", None)
+    alone = diagnose(healthy(6, seed=2))
+    assert (alone.verdict, alone.is_healthy) == ("inconclusive", None)
+    assert alone.doubts[0].startswith("no baseline")
+    assert alone.doubts[0] in alone.notes
+    vague = replace(baseline, covariance=9 * baseline.covariance, nuisance=9 * baseline.nuisance)
+    unsure = diagnose(healthy(1, seed=2), vague)
+    assert (unsure.verdict, unsure.is_healthy) == ("inconclusive", None)
+    assert unsure.doubts[0].startswith("a change of 20 % would not have been found in every part")
+    assert "front-left spring " in unsure.doubts[0]
+
+
+def test_a_second_opinion_that_disagrees_makes_the_diagnosis_inconclusive(healthy, baseline, monkeypatch) -> None:
+    """Two of three windows differ by the residual test, and no part has changed by the vehicle file."""
+    every = healthy(3, seed=2)
+
+    def tests(n_different):
+        return {one.time: ResidualTest(1.0, 1e-5 if k < n_different else 0.5) for k, one in enumerate(every)}
+
+    monkeypatch.setattr(assessment, "_residual_tests", lambda *_: tests(1))
+    assert diagnose(every, baseline).verdict == "no_change_detected"
+    monkeypatch.setattr(assessment, "_residual_tests", lambda *_: tests(2))
+    doubtful = diagnose(every, baseline)
+    assert (doubtful.verdict, doubtful.is_healthy) == ("inconclusive", None)
+    assert "2 of 3 windows differ" in doubtful.doubts[0]
+    assert doubtful.notes.count(doubtful.doubts[0]) == 1
 
 
 def test_several_parts_at_once_are_unmodelled(faulty, baseline) -> None:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from sprung.diagnosis import Diagnosis, Finding, diagnose
-from sprung.diagnosis.findings import time_in_words
+from sprung.diagnosis.findings import detectable_in_words, time_in_words
+from sprung.vehicles import Component
 
 
 def test_sentences_of_intervals_and_axles(faulty, baseline) -> None:
@@ -68,5 +69,13 @@ def test_times_in_words() -> None:
 
 def test_a_vehicle_is_healthy_only_where_a_window_was_compared(healthy, baseline, silent) -> None:
     assert diagnose(healthy(3, seed=2), baseline).is_healthy
-    assert not diagnose([silent("standing")], baseline).is_healthy
-    assert not Diagnosis((), (), None, (), ()).is_healthy
+    assert diagnose([silent("standing")], baseline).is_healthy is None
+    assert Diagnosis((), (), None, (), ()).is_healthy is None
+
+
+def test_the_smallest_changes_are_one_clause() -> None:
+    parts = [Component("front_left", kind) for kind in ("spring", "damper", "tyre")]
+    clause = "a change of {} % of any part would have been found"
+    assert detectable_in_words(dict(zip(parts, (0.07, 0.12, 0.1), strict=True))) == clause.format("7 to 12")
+    assert detectable_in_words(dict.fromkeys(parts, 0.071)) == clause.format("7")
+    assert detectable_in_words({}) == ""

@@ -8,15 +8,16 @@ from sprung.vehicles import Component
 
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 COMPONENTS = tuple(Component(corner, kind) for corner in CORNERS for kind in ("spring", "damper", "tyre"))
+PAIR = Hypothesis("pair", "front_left", "tyre", Component("rear_right", "damper"))
 
 
 def test_a_car_has_one_hypothesis_per_part_axle_and_kind_and_one_more() -> None:
-    """Twelve parts, two axles and all corners of three kinds, and an unmodelled change."""
+    """Twelve parts, two axles and all corners of three kinds, an unmodelled change, and each pair of the parts once."""
     names = [hypothesis.name for hypothesis in hypotheses_of(COMPONENTS)]
-    assert len(set(names)) == len(names) == 12 + 6 + 3 + 1
+    assert len(set(names)) == len(names) == 12 + 6 + 3 + 1 + 66
     assert names[0] == "front_left.spring"
     assert {"front.damper", "rear.tyre", "all.spring"} <= set(names)
-    assert names[-1] == "unmodelled"
+    assert names[21:23] == ["unmodelled", "front_left.spring+front_left.damper"]
 
 
 @pytest.mark.parametrize(
@@ -26,6 +27,10 @@ def test_a_car_has_one_hypothesis_per_part_axle_and_kind_and_one_more() -> None:
         (Hypothesis("axle", "front", "tyre"), ["front_left.tyre", "front_right.tyre"]),
         (Hypothesis("all", "all", "spring"), [f"{corner}.spring" for corner in CORNERS]),
         (Hypothesis("else", "vehicle", "unmodelled"), []),
+        (
+            Hypothesis("pair", "front_left", "tyre", Component("rear_right", "damper")),
+            ["front_left.tyre", "rear_right.damper"],
+        ),
     ],
 )
 def test_a_hypothesis_moves_its_parts_only(hypothesis, parts) -> None:
@@ -39,5 +44,14 @@ def test_prior_shares_sum_to_one_and_are_equal_within_a_scope() -> None:
     hypotheses = hypotheses_of(COMPONENTS)
     shares = np.exp(log_prior(hypotheses))
     assert shares.sum() == pytest.approx(1.0)
-    assert shares[:12] == pytest.approx(np.full(12, 0.78 / 12))
-    assert shares[-1] == pytest.approx(0.05)
+    assert shares[:12] == pytest.approx(np.full(12, 0.78 / (12 + 66 * np.exp(-3))))
+    assert shares[21] == pytest.approx(0.05)
+    assert shares[22:] == pytest.approx(np.full(66, np.exp(-3) * shares[0]))
+
+
+def test_a_pair_is_two_changes_and_an_unmodelled_one_none() -> None:
+    assert [change.name for change in PAIR.changes] == ["front_left.tyre", "rear_right.damper"]
+    assert PAIR.name == "front_left.tyre+rear_right.damper"
+    assert PAIR.directions(COMPONENTS).sum(axis=1).tolist() == [1, 1]
+    assert PAIR.directions(COMPONENTS).sum(axis=0).tolist() == PAIR.direction(COMPONENTS).tolist()
+    assert Hypothesis("else", "vehicle", "unmodelled").directions(COMPONENTS).shape == (0, 12)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.diagnosis import Candidate, Hypothesis, diagnose, trend
+from sprung.diagnosis import Candidate, Hypothesis, Size, diagnose, trend
 
 
 def test_growing_change_has_a_trend_and_a_forecast(window, faulty, baseline) -> None:
@@ -33,7 +33,8 @@ def test_a_limit_that_is_passed_is_due_now(window, baseline) -> None:
 
 def candidate(corner: str, component: str) -> Candidate:
     scope = "else" if component == "unmodelled" else "single"
-    return Candidate(Hypothesis(scope, corner, component), 50.0, 100.0, -0.1, (-0.12, -0.08), 10.0, 0.0, (0.0, 0.0))
+    sizes = () if scope == "else" else (Size(-0.1, (-0.12, -0.08), 10.0),)
+    return Candidate(Hypothesis(scope, corner, component), 50.0, 100.0, sizes, 0.0, (0.0, 0.0))
 
 
 def growing(baseline, healthy, *, per_hour):

@@ -7,11 +7,13 @@ from sprung.diagnosis.changes import (
     Candidate,
     ChangeDetector,
     Detection,
+    Size,
     detect,
     false_discoveries,
 )
+from sprung.diagnosis.detectability import detectable
 from sprung.diagnosis.evidence import ModeChange, mode_changes
-from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding
+from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Verdict, detectable_in_words
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import LEARNING_WINDOWS, LEAST_WINDOWS, learn
 from sprung.diagnosis.observation import Observation, observe, observe_window, windows
@@ -47,9 +49,13 @@ __all__ = [
     "ResidualStatistics",
     "ResidualTest",
     "SensorFault",
+    "Size",
     "Trend",
+    "Verdict",
     "compare_residuals",
     "detect",
+    "detectable",
+    "detectable_in_words",
     "diagnose",
     "diagnosis_of",
     "false_discoveries",

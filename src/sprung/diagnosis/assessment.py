@@ -5,18 +5,23 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from sprung.diagnosis.baseline import Baseline, nominal_baseline, vehicle_of
-from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection
+from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import DIFFERENT, ResidualTest, residual_test
 from sprung.diagnosis.sensors import SensorFault
-from sprung.diagnosis.trends import trend
+from sprung.diagnosis.trends import current_sizes, trend
 from sprung.errors import ParameterError
 
 #: Difference of ln evidence above which the runner-up is not named.
 _CLOSE = 3.0
+#: Change of a part that must be detectable for "no change detected" to be said.
+_DETECTABLE = 0.2
 #: Share of what an unmodelled change explains that a part must explain to be named in its place.
 _MOSTLY = 0.8
+#: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the vehicle file:
+#: standard deviation. The second part of a pair must change by three standard deviations of this and of chance.
+_LEAK, _CLEARLY = 0.1, 3.0
 #: Margin around the range of a condition in the baseline, relative to that range, within which a window is comparable.
 _ROOM = 0.5
 
@@ -80,24 +85,48 @@ def diagnosis_of(detector: ChangeDetector) -> Diagnosis:
     Notes
     -----
     If the baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
-    note states this second opinion, and whether it disagrees.
+    note states this second opinion, and whether it disagrees. Without findings, the diagnosis is inconclusive if it
+    does, if there is no baseline, or if the loss of a fifth of some part would not have been found.
     """
     every, baseline, detection = detector.observations, detector.baseline, detector.detection
     if not any(observation.is_conclusive for observation in every):
         return _inconclusive(every, detector.false_alarms)
     compared = [observation for observation in every if baseline.accepts(observation)]
     is_changed = detection is not None and detection.is_alert
-    findings = (_finding(detection, compared, baseline),) if detection is not None and is_changed else ()
+    findings = _findings(detection, compared, baseline) if detection is not None and is_changed else ()
     tests = _residual_tests(every, baseline)
+    opinion = _second_opinion(tests, is_changed=is_changed)
+    doubts = (*_doubts(baseline, detection), *(opinion if _is_contradicted(tests) else ()))
     notes = (
         *_inconclusive_notes(every),
         *_exclusion_notes(every, baseline),
         *baseline.notes,
         *_condition_notes(baseline, compared),
         *([] if detection is None else _evidence_notes(detection)),
-        *_second_opinion(tests, is_changed=is_changed),
+        *opinion,
+        *(doubt for doubt in doubts if doubt not in opinion),
     )
-    return Diagnosis(findings, _distinct_faults(every), detection, every, notes, baseline, detector.false_alarms, tests)
+    return Diagnosis(
+        findings, _distinct_faults(every), detection, every, notes, baseline, detector.false_alarms, tests, doubts
+    )
+
+
+def _doubts(baseline: Baseline, detection: Detection | None) -> tuple[str, ...]:
+    """Return reasons why a change may have gone undetected: no baseline, or a change of 20 % of some part."""
+    if detection is None:
+        return ()
+    if baseline.n_windows == 0:
+        return ("no baseline: compared with the vehicle file, and left with right, with wide limits",)
+    hidden = {part: least for part, least in detection.detectable.items() if least > _DETECTABLE}
+    if not hidden:
+        return ()
+    names = ", ".join(
+        f"{str(part).replace('_', '-').replace('.', ' ')} {100 * least:.0f} %" for part, least in hidden.items()
+    )
+    return (
+        f"a change of {100 * _DETECTABLE:.0f} % would not have been found in every part, as the smallest detectable "
+        f"changes show ({names}): give more windows, or learn the baseline from more",
+    )
 
 
 def _inconclusive(observations: tuple[Observation, ...], false_alarms: float) -> Diagnosis:
@@ -127,55 +156,67 @@ def _residual_tests(observations: Sequence[Observation], baseline: Baseline) -> 
     }
 
 
-def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) -> list[str]:
+def _is_contradicted(tests: Mapping[float, ResidualTest]) -> bool:
+    """Return whether most windows differ from those of the baseline by the residual test."""
+    return sum(test.is_different for test in tests.values()) > len(tests) / 2
+
+
+def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) -> tuple[str, ...]:
     """Return notes on the result of the residual test, and on whether it disagrees."""
     if not tests:
-        return []
+        return ()
     different = sum(test.is_different for test in tests.values())
     sentence = (
         f"second opinion without the vehicle file (subspace residuals): {different} of {len(tests)} windows differ "
         f"from those of the baseline (p < {DIFFERENT:g})"
     )
     if is_changed and not different:
-        return [f"{sentence}: it does not confirm the finding"]
-    if not is_changed and different > len(tests) / 2:
-        return [f"{sentence}: it disagrees, no change of springs, dampers or tyres was detected"]
-    return [sentence]
+        return (f"{sentence}: it does not confirm the finding",)
+    if not is_changed and _is_contradicted(tests):
+        return (f"{sentence}: it disagrees, no change of springs, dampers or tyres was detected",)
+    return (sentence,)
 
 
-def _finding(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> Finding:
-    """Return the best hypothesis as a finding."""
+def _findings(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> tuple[Finding, ...]:
+    """Return the findings of the hypothesis to name: one for each of its changes, one for an unmodelled change."""
     best, second = _best_two(detection)
-    if best.interval is None:
-        level = SEVERITIES[2]
-    else:
-        certain = min(map(abs, best.interval)) if best.interval[0] * best.interval[1] > 0 else 0.0
-        level = next(level for level in SEVERITIES if certain >= level[0])
     is_close = best.log_evidence - second.log_evidence < _CLOSE and second.hypothesis.scope != "else"
-    return Finding(
-        corner=best.hypothesis.corner,
-        component=best.hypothesis.component,
-        change=best.change,
-        interval=best.interval,
-        score=best.score,
-        severity=level[1],
-        severity_number=level[2],
-        advice=level[3],
-        since=best.onset,
-        since_interval=best.onset_interval,
-        runner_up=_words(second) if is_close else "",
-        trend=trend(best, observations, baseline, since=best.onset),
+    runner_up = _words(second) if is_close else ""
+    if not best.sizes:
+        level = SEVERITIES[2]
+        return (
+            Finding(
+                *(best.hypothesis.corner, best.hypothesis.component, None, None, None, *level[1:]),
+                *(best.onset, best.onset_interval, runner_up, None),
+            ),
+        )
+    sizes = current_sizes(best, observations, baseline)
+    return tuple(
+        Finding(
+            *(change.corner, change.component, size.change, size.interval, size.score, *_severity(size)),
+            *(best.onset, best.onset_interval, runner_up),
+            trend(best, observations, baseline, since=best.onset, number=number),
+        )
+        for number, (change, size) in enumerate(zip(best.hypothesis.changes, sizes, strict=True))
     )
+
+
+def _severity(size: Size) -> tuple[str, int, str]:
+    """Return severity in a word and as a number, and advice, by the certain part of a change."""
+    certain = min(map(abs, size.interval)) if size.interval[0] * size.interval[1] > 0 else 0.0
+    return next(level[1:] for level in SEVERITIES if certain >= level[0])
 
 
 def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     """Return the hypothesis to name and the next best.
 
-    A part that explains nearly all is named even if an unmodelled change explains a little more: with much evidence,
-    every error of the vehicle file makes it do so.
+    A part, or a pair, that explains nearly all is named even if an unmodelled change explains a little more: with much
+    evidence, every error of the vehicle file makes it do so. For the same reason a pair is named only if its second
+    part changes more than the first one may feign.
     """
-    first, *others = detection.candidates
-    named = next(candidate for candidate in detection.candidates if candidate.hypothesis.scope != "else")
+    candidates = [value for value in detection.candidates if value.hypothesis.scope != "pair" or _is_distinct(value)]
+    first, *others = candidates
+    named = next(candidate for candidate in candidates if candidate.hypothesis.scope != "else")
     is_enough = named.explained >= _MOSTLY * first.explained and named.log_evidence >= detection.threshold
     if first.hypothesis.scope != "else" or not is_enough:
         return first, others[0]
@@ -184,10 +225,19 @@ def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     )
 
 
+def _is_distinct(pair: Candidate) -> bool:
+    """Return whether the smaller change of a pair exceeds what chance and the larger one may feign."""
+    small, large = sorted(pair.sizes, key=lambda size: abs(np.log1p(size.change)))
+    deviation = abs(np.log1p(small.change)) / small.score
+    return bool(abs(np.log1p(small.change)) > _CLEARLY * np.hypot(deviation, _LEAK * abs(np.log1p(large.change))))
+
+
 def _words(candidate: Candidate) -> str:
     """Return a hypothesis in words."""
-    hypothesis = candidate.hypothesis
-    return f"{hypothesis.corner.replace('_', '-')} {hypothesis.component} by {100 * (candidate.change or 0.0):+.0f} %"
+    return " and ".join(
+        f"{change.corner.replace('_', '-')} {change.component} by {100 * size.change:+.0f} %"
+        for change, size in zip(candidate.hypothesis.changes, candidate.sizes, strict=True)
+    )
 
 
 def _inconclusive_notes(observations: Sequence[Observation]) -> list[str]:
@@ -204,8 +254,6 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
     conclusive = [observation for observation in observations if observation.is_conclusive]
     sound = [observation for observation in conclusive if not observation.sensor_faults]
     notes = []
-    if baseline.n_windows == 0:
-        notes.append("no baseline: compared with the vehicle file, and left with right, with wide limits")
     if len(sound) < len(conclusive):
         causes = {f"{f.channel} is {f.kind.replace('_', ' ')}" for window in conclusive for f in window.sensor_faults}
         notes.append(

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from typing import Literal
 
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import Detection
@@ -10,6 +11,10 @@ from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import ResidualTest
 from sprung.diagnosis.sensors import SensorFault
 from sprung.diagnosis.trends import Trend
+from sprung.vehicles import Component
+
+#: Verdicts of a diagnosis.
+Verdict = Literal["change", "no_change_detected", "inconclusive"]
 
 #: Severities by the certain size of a change (the end of its interval nearest to 0), with the numbers of
 #: OPC 10000-110 (1 to 1000) and what to do.
@@ -36,8 +41,8 @@ class Finding:
     component
         "spring", "damper" or "tyre"; "unmodelled".
     change, interval
-        Relative change, -0.2 for a loss of a fifth, and its 95 % interval; None for an unmodelled change, which has no
-        single size.
+        Relative change after the last window, -0.2 for a loss of a fifth, and its 95 % interval; None for an unmodelled
+        change, which has no single size.
     score
         Size over its standard deviation; None for an unmodelled change.
     severity, severity_number, advice
@@ -119,6 +124,9 @@ class Diagnosis:
     residual_tests
         Subspace residual test of each window that has one, by the time of the window [s]: a second opinion without the
         vehicle's model.
+    doubts
+        Reasons why a change may have gone undetected, one sentence each: with any of them, a diagnosis without findings
+        is inconclusive.
     """
 
     findings: tuple[Finding, ...]
@@ -129,11 +137,39 @@ class Diagnosis:
     baseline: Baseline | None = None
     false_alarms: float = 1e-3
     residual_tests: Mapping[float, ResidualTest] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
 
     @property
-    def is_healthy(self) -> bool:
-        """Whether at least one window could be compared, and no fault of suspension or sensors was detected."""
-        return self.detection is not None and not self.findings and not self.sensor_faults
+    def verdict(self) -> Verdict:
+        """Whether the suspension has changed.
+
+        "change" with findings; "inconclusive" without them if no window could be compared, or a change may have gone
+        undetected (see `doubts`); "no_change_detected" otherwise.
+        """
+        if self.findings:
+            return "change"
+        return "inconclusive" if self.detection is None or self.doubts else "no_change_detected"
+
+    @property
+    def is_healthy(self) -> bool | None:
+        """Whether no change was detected and no sensor fails; None if the verdict is inconclusive."""
+        if self.verdict == "inconclusive":
+            return None
+        return self.verdict == "no_change_detected" and not self.sensor_faults
+
+    @property
+    def detectable(self) -> dict[Component, float]:
+        """Smallest relative loss of each component that would have been found with 95 % power; empty if unknown."""
+        return {} if self.detection is None else self.detection.detectable
+
+
+def detectable_in_words(detectable: Mapping[Component, float]) -> str:
+    """Return a clause about the smallest changes that would have been found; empty if they are unknown."""
+    if not detectable:
+        return ""
+    low, high = (100 * limit(detectable.values()) for limit in (min, max))
+    span = f"{high:.0f}" if round(low) == round(high) else f"{low:.0f} to {high:.0f}"
+    return f"a change of {span} % of any part would have been found"
 
 
 def time_in_words(time: float) -> str:

@@ -1,24 +1,26 @@
-"""Course of a change after its onset, and the time until it reaches a limit: prognostic assessment of ISO 13374."""
+"""Growth of a change after its onset, and the time until it reaches a limit: prognostic assessment of ISO 13374."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sprung._arrays import Real
 from sprung.diagnosis.baseline import Baseline
-from sprung.diagnosis.changes import INTERVAL_95, Candidate
+from sprung.diagnosis.changes import INTERVAL_95, Candidate, Size, size_of
+from sprung.diagnosis.comparison import Compared, compare
 from sprung.diagnosis.observation import Observation
 
 #: Relative change at which a part is due, for forecasts.
 _LIMIT = 0.3
 #: Smallest number of windows for a trend.
 _FEWEST = 4
+#: Standard deviations of its slope that a trend must differ from 0 by, for the end of the line to be the size.
+_CLEARLY = 2.6
 
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """Course of a change after its onset.
+    """Growth of a change after its onset.
 
     Parameters
     ----------
@@ -45,9 +47,9 @@ class _Line:
 
 
 def trend(
-    candidate: Candidate, observations: Sequence[Observation], baseline: Baseline, *, since: float
+    candidate: Candidate, observations: Sequence[Observation], baseline: Baseline, *, since: float, number: int = 0
 ) -> Trend | None:
-    """Return the course of a change after its onset.
+    """Return the growth of a change after its onset.
 
     Parameters
     ----------
@@ -59,6 +61,8 @@ def trend(
         Normal state of the vehicle.
     since
         Onset of the change [s].
+    number
+        Number of the change of a pair, 0 or 1; 0 otherwise.
 
     Returns
     -------
@@ -68,44 +72,88 @@ def trend(
 
     Notes
     -----
-    With d the direction of the change and W the information of a window's residual r, its size is d^T W r / d^T W d
-    with the weight d^T W d. A line is fitted to the sizes by weighted least squares; the observed scatter is used if it
-    exceeds that implied by the weights. There is no trend if 0 lies within the interval of the slope. The earliest and
-    latest times are those at which the ends of the line's interval reach the limit.
+    Residuals r = D (a + b tau) + U m + e of the windows since the onset, with the time tau after the last window, the
+    directions D of the changes and the errors m of the baseline's means and slopes, by generalised least squares: a is
+    the size at the last window, b the slope. Windows before the onset are left out: what grows is not 0 before it. The
+    observed scatter is used if it exceeds that of the windows. There is no trend if 0 lies within the interval of the
+    slope. The earliest and latest times are those at which the ends of the line's interval reach the limit.
     """
-    components = baseline.components
-    direction = candidate.hypothesis.direction(components)
-    later = [window for window in observations if window.time >= since and window.components == components]
-    if len(later) < _FEWEST or not direction.any():
+    lines = _lines(candidate, _compared(observations, baseline), baseline, since=since)
+    if not lines:
         return None
-    hours = np.array([observation.time for observation in later]) / 3600
-    line = _line(hours, *_sizes(direction, later, baseline))
+    line = lines[number]
     half = INTERVAL_95 * line.slope_std
     interval = line.slope - half, line.slope + half
     low, high = map(float, np.expm1(interval))
     return Trend(float(np.expm1(line.slope)), (low, high), _hours_to_limit(line, interval))
 
 
-def _sizes(direction: Real, observations: Sequence[Observation], baseline: Baseline) -> tuple[Real, Real]:
-    """Return the size of the change in each window [ln], and its weight."""
-    informations = [np.linalg.inv(baseline.covariance_of(observation)) for observation in observations]
-    weights = np.array([direction @ information @ direction for information in informations])
-    pulls = [
-        direction @ information @ baseline.residual(observation)
-        for information, observation in zip(informations, observations, strict=True)
-    ]
-    return np.array(pulls) / weights, weights
+def current_sizes(candidate: Candidate, observations: Sequence[Observation], baseline: Baseline) -> tuple[Size, ...]:
+    """Return the sizes of the changes after the last window.
+
+    Parameters
+    ----------
+    candidate
+        Hypothesis of the change.
+    observations
+        Windows in the order of time.
+    baseline
+        Normal state of the vehicle.
+
+    Returns
+    -------
+    tuple of Size
+        The end of the line through the windows since the onset where its slope differs from 0 by 2.6 standard
+        deviations (99 %); the candidate's size, which is steady after the onset, otherwise.
+    """
+    windows = _compared(observations, baseline)
+    lines = _lines(candidate, windows, baseline, since=candidate.onset)
+    if not lines:
+        return candidate.sizes
+    model_error = float(np.median([window.model_error for window in windows]))
+    return tuple(
+        size_of(change.component, line.last, line.last_std, model_error)
+        if abs(line.slope) > _CLEARLY * line.slope_std
+        else size
+        for change, line, size in zip(candidate.hypothesis.changes, lines, candidate.sizes, strict=True)
+    )
 
 
-def _line(hours: Real, sizes: Real, weights: Real) -> _Line:
-    """Return the line of weighted least squares."""
-    away = hours - np.average(hours, weights=weights)
-    mean = float(np.average(sizes, weights=weights))
-    slope = float(np.sum(weights * away * sizes) / np.sum(weights * away**2))
-    scatter = max(1.0, float(np.sum(weights * (sizes - mean - slope * away) ** 2)) / (len(sizes) - 2))
-    slope_std = float(np.sqrt(scatter / np.sum(weights * away**2)))
-    last_std = float(np.sqrt(scatter / np.sum(weights) + (slope_std * away[-1]) ** 2))
-    return _Line(slope, slope_std, float(mean + slope * away[-1]), last_std)
+def _compared(observations: Sequence[Observation], baseline: Baseline) -> list[Compared]:
+    """Return the windows with the baseline's components, against it."""
+    return [compare(baseline, window) for window in observations if window.components == baseline.components]
+
+
+def _lines(candidate: Candidate, windows: Sequence[Compared], baseline: Baseline, *, since: float) -> list[_Line]:
+    """Return the line of each change of a candidate; none with too few windows, or for an unmodelled change."""
+    directions = candidate.hypothesis.directions(baseline.components)
+    windows = [window for window in windows if window.time >= since]
+    if len(windows) < _FEWEST or not len(directions):
+        return []
+    hours = np.array([window.time - windows[-1].time for window in windows]) / 3600
+    lines = [np.kron([1.0, hour], directions.T) for hour in hours]
+    identity = np.eye(len(baseline.components))
+    columns = [np.hstack([line, np.kron(w.units, identity)]) for line, w in zip(lines, windows, strict=True)]
+    n_line = lines[0].shape[1]
+    information = sum(x.T @ w.information @ x for x, w in zip(columns, windows, strict=True))
+    information[n_line:, n_line:] += baseline.information
+    pull = sum(x.T @ w.information @ w.residual for x, w in zip(columns, windows, strict=True))
+    covariance = np.linalg.inv(information)
+    estimate = covariance @ pull
+    away = [w.residual - x @ estimate for x, w in zip(columns, windows, strict=True)]
+    squares = float(sum(w.residual @ w.information @ w.residual for w in windows) - pull @ estimate)
+    variance = (baseline.degrees + squares) / (baseline.degrees + len(windows) * len(identity))
+    count = len(directions)
+    result = []
+    for k, direction in enumerate(directions):
+        own = [
+            (direction @ w.information @ r) ** 2 / (direction @ w.information @ direction)
+            for w, r in zip(windows, away, strict=True)
+        ]
+        scatter = max(variance, sum(own) / (len(own) - 2))
+        last_std, slope_std = (float(np.sqrt(scatter * covariance[row, row])) for row in (k, count + k))
+        result.append(_Line(float(estimate[count + k]), slope_std, float(estimate[k]), last_std))
+    return result
 
 
 def _hours_to_limit(line: _Line, interval: tuple[float, float]) -> tuple[float, float] | None:

@@ -10,6 +10,7 @@ from sprung.documents.baseline import (
 from sprung.documents.corners import CornersDocument, corners_document, read_corners, write_corners
 from sprung.documents.diagnosis import (
     DiagnosisDocument,
+    detectable_document,
     diagnosis_document,
     finding_document,
     observation_document,
@@ -54,6 +55,7 @@ __all__ = [
     "baseline_document",
     "baseline_from_document",
     "corners_document",
+    "detectable_document",
     "diagnosis_document",
     "document_text",
     "finding_document",

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from sprung._arrays import Real
-from sprung.diagnosis import Baseline, ResidualReference
+from sprung.diagnosis import Baseline, ResidualReference, detectable
 from sprung.diagnosis.baseline import CONDITIONS
 from sprung.documents.document import Document, Pair, checked, read_fields, write_document
 from sprung.errors import FormatError, ParameterError
@@ -44,8 +44,11 @@ class BaselineDocument(Document):
     taught: tuple[float, ...] = ()
     conditions: dict[str, ConditionDocument]
     residuals: ResidualReference | None = None
+    detectable: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
+#: Numbers of further windows for which a baseline states the smallest detectable losses.
+FURTHER_WINDOWS = (6, 12)
 #: Fields of a baseline that its document lists by condition.
 BY_CONDITION = ("slopes", "middle", "ranges")
 
@@ -71,6 +74,10 @@ def baseline_document(baseline: Baseline) -> BaselineDocument:
             "schema": "sprung.baseline/1",
             **{name: getattr(baseline, name) for name in _alike()},
             "conditions": conditions,
+            "detectable": {
+                str(count): {str(part): loss for part, loss in detectable(baseline, n_windows=count).items()}
+                for count in FURTHER_WINDOWS
+            },
         }
     )
 

@@ -16,6 +16,7 @@ from sprung.diagnosis import (
     ModeChange,
     Observation,
     SensorFault,
+    Verdict,
 )
 from sprung.documents.document import (
     Computed,
@@ -30,6 +31,7 @@ from sprung.documents.document import (
     write_document,
 )
 from sprung.errors import FormatError
+from sprung.vehicles import Component
 
 
 def _restored(fields: Any) -> Any:
@@ -52,6 +54,15 @@ _WINDOW: TypeAdapter[Observation] = TypeAdapter(Window)
 _FINDING: TypeAdapter[Finding] = TypeAdapter(Annotated[Finding, Computed("sentence", "string")])
 
 
+class PartDocument(Document):
+    """A part of a pair with its size."""
+
+    name: str
+    change: float
+    interval: Pair
+    score: float
+
+
 class HypothesisDocument(Document):
     """A hypothesis of what changed, with its evidence."""
 
@@ -64,6 +75,7 @@ class HypothesisDocument(Document):
     score: float | None
     onset: float
     onset_interval: Pair
+    parts: tuple[PartDocument, ...] = ()
 
 
 class DetectionDocument(Document):
@@ -104,7 +116,9 @@ class DiagnosisDocument(Document):
     vehicle: str | None
     baseline: int | None
     false_alarms: float
-    healthy: bool
+    verdict: Verdict
+    healthy: bool | None
+    detectable: dict[str, float]
     findings: tuple[Annotated[Finding, Computed("sentence", "string")], ...]
     sensor_faults: tuple[SensorFault, ...]
     windows: tuple[Window, ...]
@@ -140,6 +154,11 @@ def finding_document(finding: Finding) -> dict[str, Any]:
     return fields
 
 
+def detectable_document(detectable: Mapping[Component, float]) -> dict[str, float]:
+    """Return the smallest detectable losses as one JSON object, as in `detectable` of `sprung.diagnosis/1`."""
+    return {str(component): loss for component, loss in detectable.items()}
+
+
 def diagnosis_document(
     diagnosis: Diagnosis,
     *,
@@ -161,7 +180,9 @@ def diagnosis_document(
             "vehicle": None if baseline is None else baseline.vehicle,
             "baseline": None if baseline is None else baseline.version,
             "false_alarms": diagnosis.false_alarms,
+            "verdict": diagnosis.verdict,
             "healthy": diagnosis.is_healthy,
+            "detectable": detectable_document(diagnosis.detectable),
             "findings": diagnosis.findings,
             "sensor_faults": diagnosis.sensor_faults,
             "windows": diagnosis.observations,
@@ -228,4 +249,9 @@ def _hypothesis(candidate: Candidate) -> dict[str, Any]:
         "name": candidate.hypothesis.name,
         "kind": candidate.hypothesis.scope,
         **{name: getattr(candidate, name) for name in names},
+        "parts": [
+            {"name": change.name, "change": size.change, "interval": size.interval, "score": size.score}
+            for change, size in zip(candidate.hypothesis.changes, candidate.sizes, strict=True)
+            if len(candidate.sizes) > 1
+        ],
     }

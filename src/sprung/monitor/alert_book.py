@@ -16,8 +16,8 @@ from sprung.alerting import (
     reported,
     shelf_ended,
 )
-from sprung.diagnosis import Diagnosis, SensorFault
-from sprung.documents import finding_document
+from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
+from sprung.documents import detectable_document, finding_document
 from sprung.monitor.engine import Observed
 from sprung.storage import AlertRow, Store
 
@@ -123,14 +123,16 @@ def _of_sensor(vehicle: str, fault: SensorFault) -> Report:
 
 
 def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
-    """Return the reports of the findings of a diagnosis."""
+    """Return the reports of the findings of a diagnosis, with the smallest changes that it would have found."""
+    detectable = {"detectable": detectable_document(diagnosis.detectable)}
+    limit = detectable_in_words(diagnosis.detectable)
     return [
         Report(
             vehicle,
             f"{finding.corner}.{finding.component}",
             finding.severity_number,
-            finding.sentence,
-            finding_document(finding),
+            f"{finding.sentence}; {limit}" if limit else finding.sentence,
+            {**finding_document(finding), **detectable},
         )
         for finding in diagnosis.findings
     ]

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
-from sprung.diagnosis import Baseline, Diagnosis, Finding, ModeChange, Observation, nominal_baseline
+from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation, nominal_baseline
 from sprung.errors import ParameterError
 from sprung.plotting.corners import corner_bars
 from sprung.plotting.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
@@ -38,7 +38,7 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     detection = diagnosis.detection
     if detection is None:
         raise ParameterError("the diagnosis has no conclusive window, but its evidence needs one: add windows")
-    sentence = diagnosis.findings[0].sentence if diagnosis.findings else "no change detected"
+    sentence = diagnosis.findings[0].sentence if diagnosis.findings else diagnosis.verdict.replace("_", " ")
     figure = new_figure("Evidence of a change", sentence[:1].upper() + sentence[1:], width=9.5, height=4.2)
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     for axes in (left, right):
@@ -62,7 +62,7 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     left.set_xlabel("start of the window [min]", fontsize=NORMAL)
     left.set_ylabel("ln evidence of any change", fontsize=NORMAL)
     best = detection.candidates[:_MOST][::-1]
-    named = diagnosis.findings[0].hypothesis if diagnosis.findings else best[-1].hypothesis.name
+    named = "+".join(finding.hypothesis for finding in diagnosis.findings) or best[-1].hypothesis.name
     right.barh(
         [candidate.hypothesis.name.replace("_", " ").replace(".", " ").replace("all ", "every ") for candidate in best],
         [candidate.log_evidence for candidate in best],
@@ -163,7 +163,7 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
             middle, low, high = (_percent(values[:, row] + sign * bars[:, row]) for sign in (0, -1, 1))
             axes.errorbar(minutes, middle, (middle - low, high - middle), fmt="o", color=MODE_COLOURS[0], markersize=3)
             for finding in diagnosis.findings:
-                if components[row] in _parts(diagnosis, finding, components):
+                if components[row] in _parts(finding, components):
                     _draw_onset(axes, finding, minutes, values[:, row])
     for axes, corner in zip(panels[0], corners, strict=True):
         axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
@@ -199,10 +199,9 @@ def _witnesses(diagnosis: Diagnosis) -> list[Observation]:
     return [window for window in diagnosis.observations if window.time in tested]
 
 
-def _parts(diagnosis: Diagnosis, finding: Finding, components: tuple[Component, ...]) -> tuple[Component, ...]:
+def _parts(finding: Finding, components: tuple[Component, ...]) -> tuple[Component, ...]:
     """Return the components that a finding concerns."""
-    candidates = () if diagnosis.detection is None else diagnosis.detection.candidates
-    return next((c.hypothesis.parts(components) for c in candidates if c.hypothesis.name == finding.hypothesis), ())
+    return Hypothesis("", finding.corner, finding.component).parts(components)
 
 
 def _span(minutes: Real) -> tuple[float, float]:

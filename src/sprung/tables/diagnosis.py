@@ -4,23 +4,37 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sprung.diagnosis import Baseline, Detection, Diagnosis, ModeChange, Trend
+from sprung.diagnosis import Baseline, Detection, Diagnosis, ModeChange, Trend, detectable, detectable_in_words
 from sprung.tables.table import Table, counted, in_words
 
 #: Units of conditions.
 _UNITS = {"speed": " m/s", "payload": " kg", "roughness": " m^3", "temperature": " °C", "turning": " rad/s"}
 #: Hypotheses in the table.
 _SHOWN = 5
+#: Numbers of further windows for which a baseline states the smallest detectable losses.
+_FURTHER = (6, 12)
 
 
 def baseline_table(baseline: Baseline) -> Table:
-    """Return the table of mean and scatter of each component."""
+    """Return the table of mean and scatter of each component, and of its smallest detectable loss."""
     deviations = np.sqrt(np.diag(baseline.covariance))
+    losses = [detectable(baseline, n_windows=count) for count in _FURTHER]
     rows = tuple(
-        (in_words(str(component)), f"{100 * np.expm1(mean):+.1f}", f"{100 * deviation:.1f}")
+        (
+            in_words(str(component)),
+            f"{100 * np.expm1(mean):+.1f}",
+            f"{100 * deviation:.1f}",
+            " / ".join(f"{100 * loss[component]:.0f}" for loss in losses),
+        )
         for component, mean, deviation in zip(baseline.components, baseline.mean, deviations, strict=True)
     )
-    columns = ("component", "mean from nominal [%]", "std of a window [%]")
+    counts = " / ".join(map(str, _FURTHER))
+    columns = (
+        "component",
+        "mean from nominal [%]",
+        "std of a window [%]",
+        f"loss detectable in {counts} windows [%]",
+    )
     return Table("Baseline", columns, rows, ends_in_words=False)
 
 
@@ -45,27 +59,46 @@ def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
 
 
 def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
-    """Return the findings and sensor faults of a diagnosis in sentences, with evidence and threshold."""
+    """Return verdict, findings and sensor faults of a diagnosis in sentences, with evidence and threshold."""
     sentences = [line for finding in diagnosis.findings for line in (finding.sentence, trend_in_words(finding.trend))]
+    sentences = sentences or [verdict_in_words(diagnosis)]
     sentences += [
         f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}" for fault in diagnosis.sensor_faults
     ]
     if diagnosis.detection is None:
-        return sentences or ["inconclusive: no window was usable"]
+        return sentences
     numbers = f"ln evidence {diagnosis.detection.evidence[-1]:.1f}; alarm threshold {diagnosis.detection.threshold:.1f}"
-    return [*sentences, numbers] if sentences else [f"no change detected ({numbers})"]
+    if diagnosis.findings:
+        numbers += f"; {detectable_in_words(diagnosis.detectable)}"
+    return [*sentences, numbers]
+
+
+def verdict_in_words(diagnosis: Diagnosis) -> str:
+    """Return the verdict of a diagnosis without findings in one sentence."""
+    if diagnosis.detection is None:
+        return "inconclusive: no window was usable"
+    if diagnosis.verdict == "inconclusive":
+        return f"inconclusive: no change detected, but {diagnosis.doubts[0]}"
+    return f"no change detected; {detectable_in_words(diagnosis.detectable)}"
 
 
 def why_inconclusive(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
-    """Return why no window was usable.
+    """Return why a diagnosis is inconclusive.
 
     Parameters
     ----------
     diagnosis
-        Diagnosis without a usable window.
+        Inconclusive diagnosis.
     baseline
         Baseline that its windows were compared with; None: the vehicle file.
     """
+    if diagnosis.doubts:
+        return diagnosis.doubts[0]
+    return f"no window was usable: {_why_unusable(diagnosis, baseline)}"
+
+
+def _why_unusable(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
+    """Return why no window was usable."""
     reasons = [observation.reason for observation in diagnosis.observations if not observation.is_conclusive]
     if reasons:
         return reasons[0]
@@ -92,10 +125,10 @@ def hypotheses_table(detection: Detection) -> Table:
     """Return the table of the best hypotheses of a change test."""
     rows = tuple(
         (
-            in_words(candidate.hypothesis.name).replace("all ", "every "),
+            in_words(candidate.hypothesis.name).replace("all ", "every ").replace("+", ", "),
             f"{candidate.log_evidence:.1f}",
-            "" if candidate.change is None else f"{100 * candidate.change:+.1f}",
-            "" if candidate.interval is None else " to ".join(f"{100 * end:+.1f}" for end in candidate.interval),
+            ", ".join(f"{100 * size.change:+.1f}" for size in candidate.sizes),
+            ", ".join(" to ".join(f"{100 * end:+.1f}" for end in size.interval) for size in candidate.sizes),
         )
         for candidate in detection.candidates[:_SHOWN]
     )

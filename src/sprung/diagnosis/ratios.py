@@ -1,0 +1,246 @@
+"""Likelihood ratios of a change, for every onset and hypothesis."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from sprung._arrays import Indices, Real
+from sprung.diagnosis.comparison import Compared
+from sprung.diagnosis.hypotheses import Hypothesis, hypotheses_of, log_prior
+from sprung.vehicles import Component
+
+#: Standard deviation of the size of a fault, ln values, before any window; of an unmodelled change, per component.
+_SIZE, _UNMODELLED = 0.15, 0.04
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Scores:
+    """Score and information of a change from each window on.
+
+    Parameters
+    ----------
+    score
+        Derivative of the log likelihood by a change that begins with each window, shape (windows, components).
+    information
+        Information on such a change, shape (windows, components, components).
+    of_first
+        Mean of `score` for a unit change that begins with the first window, shape (windows, components, components).
+    rest
+        Sum of squares of the baseline's scatter and of the windows without any change, in variances.
+    degrees, of_baseline
+        Degrees of freedom of `rest`, and those of them that are the baseline's.
+    """
+
+    score: Real
+    information: Real
+    of_first: Real
+    rest: float
+    degrees: float
+    of_baseline: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Hypotheses:
+    """Hypotheses with the arrays that evaluate all of them at once.
+
+    Parameters
+    ----------
+    values
+        Hypotheses in the order of `hypotheses_of`.
+    log_prior
+        ln of the prior probability of each, shape (hypotheses,).
+    directions
+        Directions of those with one size, shape (hypotheses with one size, components).
+    pairs
+        Indices of the components of each pair, shape (2, pairs).
+    """
+
+    values: tuple[Hypothesis, ...]
+    log_prior: Real
+    directions: Real
+    pairs: Indices
+
+    @property
+    def without_pairs(self) -> "Hypotheses":
+        """Those that are no pairs, with their own prior probabilities."""
+        count = len(self.values) - self.pairs.shape[1]
+        return Hypotheses(self.values[:count], self.log_prior[:count], self.directions, self.pairs[:, :0])
+
+    @classmethod
+    def of(cls, components: tuple[Component, ...]) -> "Hypotheses":
+        """Return the hypotheses about components."""
+        values = hypotheses_of(components)
+        directions = [value.direction(components) for value in values if len(value.changes) == 1]
+        return cls(
+            values,
+            log_prior(values),
+            np.array(directions).reshape(-1, len(components)),
+            np.array(np.triu_indices(len(components), 1)),
+        )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Ratios:
+    """Log likelihood ratios of all onsets and hypotheses.
+
+    Parameters
+    ----------
+    logs
+        ln of the likelihood ratio, averaged over sizes, shape (windows, hypotheses).
+    explained
+        Reduction of the sum of squares, in variances, shape (windows, hypotheses).
+    scores
+        Scores that they follow from.
+    """
+
+    logs: Real
+    explained: Real
+    scores: Scores
+
+    def sizes(self, column: int, directions: Real) -> tuple[Real, Real]:
+        """Return sizes of maximum likelihood for every onset, and their covariances.
+
+        Parameters
+        ----------
+        column
+            Hypothesis.
+        directions
+            Direction of each of its sizes, shape (sizes, components).
+
+        Returns
+        -------
+        tuple
+            Sizes [ln], shape (windows, sizes), and covariances, shape (windows, sizes, sizes).
+        """
+        inverse = np.linalg.inv(directions @ self.scores.information @ directions.T)
+        sizes = np.einsum("wab,wb->wa", inverse, self.scores.score @ directions.T)
+        variance = (self.scores.rest - self.explained[:, column]) / self.scores.degrees
+        return sizes, inverse * variance[:, None, None]
+
+
+def scores_of(windows: Sequence[Compared], start: Real, degrees: float) -> Scores:
+    """Return the scores of a change from each window on.
+
+    Parameters
+    ----------
+    windows
+        Windows in the order of time, at least one.
+    start
+        Information of the baseline about its means and slopes, shape (units x components, units x components).
+    degrees
+        Degrees of freedom of the baseline's scatter.
+
+    Notes
+    -----
+    The baseline's errors are estimated as J^-1 b with J = start + sum u u^T (x) W and b = sum u (x) W r. From each
+    onset on, the score of a change is s = sum W r - M^T J^-1 b and its information I = sum W - M^T J^-1 M with
+    M = sum u (x) W: the part that errors of the baseline cannot explain.
+    """
+    r = np.array([window.residual for window in windows])
+    u = np.array([window.units for window in windows])
+    W = np.array([window.information for window in windows])
+    n, p = r.shape
+    weighted = np.einsum("wij,wj->wi", W, r)
+    between = np.einsum("wa,wij->waij", u, W).reshape(n, -1, p)
+    J = start + np.einsum("wa,wb,wij->aibj", u, u, W).reshape(start.shape)
+    errors_of = np.linalg.inv(J)
+    pulled = np.einsum("wa,wi->ai", u, weighted).ravel()
+    errors = errors_of @ pulled
+    rest = degrees + float(np.sum(r * weighted) - pulled @ errors)
+    # Sums over the windows from each onset on.
+    later, score, moved = (np.cumsum(part[::-1], axis=0)[::-1] for part in (W, weighted, between))
+    hidden = moved.swapaxes(-1, -2) @ errors_of
+    return Scores(
+        score - errors @ moved, later - hidden @ moved, later - hidden @ moved[0], rest, degrees + float(n * p), degrees
+    )
+
+
+def ratios_of(scores: Scores, hypotheses: Hypotheses) -> Ratios:
+    """Return the likelihood ratios of all onsets and hypotheses.
+
+    Parameters
+    ----------
+    scores
+        Scores of a change from each window on.
+    hypotheses
+        Hypotheses about the components.
+
+    Notes
+    -----
+    With the information K of the sizes of a hypothesis, its score s, and the prior N(0, C) of its sizes, s^T (K +
+    C^-1)^-1 s of the sum of squares is explained, and the likelihood ratio of Student's t with f degrees of freedom is
+    (rest / (rest - explained))^(f / 2) / det(1 + C K)^(1 / 2).
+    """
+    explained, volumes = explained_by(scores.score, scores.information, hypotheses)
+    logs = scores.degrees / 2 * np.log(scores.rest / (scores.rest - explained)) - volumes
+    return Ratios(logs, explained, scores)
+
+
+def explained_by(score: Real, information: Real, hypotheses: Hypotheses) -> tuple[Real, Real]:
+    """Return what each hypothesis explains of the sum of squares, and ln of the volume of its sizes.
+
+    Parameters
+    ----------
+    score
+        Scores, shape (.., windows, components).
+    information
+        Their information, shape (windows, components, components).
+    hypotheses
+        Hypotheses about the components.
+
+    Returns
+    -------
+    tuple
+        What is explained, shape (.., windows, hypotheses), and volumes, shape (windows, hypotheses).
+    """
+    lines, between, spread = hypotheses.directions, 1 / _SIZE**2, 1 / _UNMODELLED**2
+    known = np.einsum("hi,wij,hj->wh", lines, information, lines)
+    each = information + spread * np.eye(score.shape[-1])
+    first, second = hypotheses.pairs
+    a, b = (information[:, index, index] + between for index in (first, second))
+    c = information[:, first, second]
+    one, two = score[..., first], score[..., second]
+    determinant = a * b - c**2
+    explained = [
+        (score @ lines.T) ** 2 / (known + between),
+        np.sum(score * np.matmul(score[..., None, :], np.linalg.inv(each))[..., 0, :], axis=-1, keepdims=True),
+        (one * (one * b - two * c) + two * (two * a - one * c)) / determinant,
+    ]
+    volumes = [
+        np.log1p(known * _SIZE**2) / 2,
+        np.linalg.slogdet(each / spread)[1][:, None] / 2,
+        np.log(determinant * _SIZE**4) / 2,
+    ]
+    return np.concatenate(explained, axis=-1), np.concatenate(volumes, axis=-1)
+
+
+def dimensions_of(information: Real, hypotheses: Hypotheses) -> Real:
+    """Return the mean of what each hypothesis explains of chance alone, shape (windows, hypotheses).
+
+    Parameters
+    ----------
+    information
+        Information of a change from each window on, shape (windows, components, components).
+    hypotheses
+        Hypotheses about the components.
+
+    Notes
+    -----
+    tr K (K + C^-1)^-1 with the information K and the prior covariance C of the sizes.
+    """
+    lines, between, spread = hypotheses.directions, 1 / _SIZE**2, 1 / _UNMODELLED**2
+    known = np.einsum("hi,wij,hj->wh", lines, information, lines)
+    each = np.linalg.inv(information + spread * np.eye(information.shape[-1]))
+    first, second = hypotheses.pairs
+    a, b = (information[:, index, index] for index in (first, second))
+    c = information[:, first, second]
+    of_pairs = (a * (b + between) + b * (a + between) - 2 * c**2) / ((a + between) * (b + between) - c**2)
+    of_all = np.einsum("wij,wji->w", information, each)[:, None]
+    return np.concatenate([known / (known + between), of_all, of_pairs], axis=-1)
+
+
+def evidence_of(ratios: Ratios, hypotheses: Hypotheses) -> float:
+    """Return ln of the e-detector: the sum over onsets of the mean over hypotheses."""
+    return float(logsumexp(ratios.logs + hypotheses.log_prior))
