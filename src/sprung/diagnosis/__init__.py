@@ -27,6 +27,14 @@ from sprung.diagnosis.residuals import (
 )
 from sprung.diagnosis.sensors import KINDS, SensorFault, sensor_faults
 from sprung.diagnosis.trends import Trend, trend
+from sprung.diagnosis.type_baselines import (
+    RankedVehicle,
+    TypeBaseline,
+    TypeDetector,
+    learn_type,
+    nominal_type,
+    rank_fleet,
+)
 
 __all__ = [
     "INTERVAL_95",
@@ -43,11 +51,14 @@ __all__ = [
     "Hypothesis",
     "ModeChange",
     "Observation",
+    "RankedVehicle",
     "ResidualReference",
     "ResidualStatistics",
     "ResidualTest",
     "SensorFault",
     "Trend",
+    "TypeBaseline",
+    "TypeDetector",
     "compare_residuals",
     "detect",
     "diagnose",
@@ -56,10 +67,13 @@ __all__ = [
     "learn",
     "learn_reference",
     "learn_residuals",
+    "learn_type",
     "mode_changes",
     "nominal_baseline",
+    "nominal_type",
     "observe",
     "observe_window",
+    "rank_fleet",
     "residual_statistics",
     "residual_test",
     "sensor_faults",
