@@ -29,6 +29,14 @@ from sprung.diagnosis.residuals import (
 )
 from sprung.diagnosis.sensors import KINDS, SensorFault, sensor_faults
 from sprung.diagnosis.trends import Trend, trend
+from sprung.diagnosis.type_baselines import (
+    RankedVehicle,
+    TypeBaseline,
+    TypeDetector,
+    learn_type,
+    nominal_type,
+    rank_fleet,
+)
 
 __all__ = [
     "INTERVAL_95",
@@ -45,12 +53,15 @@ __all__ = [
     "Hypothesis",
     "ModeChange",
     "Observation",
+    "RankedVehicle",
     "ResidualReference",
     "ResidualStatistics",
     "ResidualTest",
     "SensorFault",
     "Size",
     "Trend",
+    "TypeBaseline",
+    "TypeDetector",
     "Verdict",
     "compare_residuals",
     "detect",
@@ -62,10 +73,13 @@ __all__ = [
     "learn",
     "learn_reference",
     "learn_residuals",
+    "learn_type",
     "mode_changes",
     "nominal_baseline",
+    "nominal_type",
     "observe",
     "observe_window",
+    "rank_fleet",
     "residual_statistics",
     "residual_test",
     "sensor_faults",

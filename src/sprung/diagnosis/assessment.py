@@ -4,13 +4,14 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from sprung.diagnosis.baseline import Baseline, nominal_baseline, vehicle_of
+from sprung.diagnosis.baseline import Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import DIFFERENT, ResidualTest, residual_test
 from sprung.diagnosis.sensors import SensorFault
 from sprung.diagnosis.trends import current_sizes, trend
+from sprung.diagnosis.type_baselines import TypeBaseline, TypeDetector, nominal_type
 from sprung.errors import ParameterError
 
 #: Difference of ln evidence above which the runner-up is not named.
@@ -30,6 +31,7 @@ def diagnose(
     observations: Iterable[Observation],
     baseline: Baseline | None = None,
     *,
+    type_baseline: TypeBaseline | None = None,
     false_alarms: float = 1e-3,
     windows_per_day: float = 48.0,
 ) -> Diagnosis:
@@ -40,7 +42,9 @@ def diagnose(
     observations
         Windows of one vehicle in the order of time.
     baseline
-        Baseline of the vehicle; None: its file, with left like right, and wide limits.
+        Baseline of the vehicle; None: it is compared with its type.
+    type_baseline
+        Baseline of the vehicle's type; None: left is compared with right by makers' scatter, see `nominal_type`.
     false_alarms
         Rate of false alarms of a healthy vehicle, per day; above 0.
     windows_per_day
@@ -53,7 +57,8 @@ def diagnose(
 
     Notes
     -----
-    All windows pass through one `ChangeDetector`, whose result `diagnosis_of` words.
+    All windows pass through one `ChangeDetector`, or without a baseline one `TypeDetector`, whose result `diagnosis_of`
+    words.
     """
     every = tuple(observations)
     vehicle = vehicle_of(every)
@@ -67,14 +72,18 @@ def diagnose(
         first = next(conclusive, None)
         if first is None:
             return _inconclusive(every, false_alarms)
-        baseline = nominal_baseline(first.components, vehicle=vehicle)
-    detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
+        of_type = nominal_type(first.components, name=vehicle) if type_baseline is None else type_baseline
+        detector: ChangeDetector | TypeDetector = TypeDetector(
+            of_type, false_alarms=false_alarms, windows_per_day=windows_per_day
+        )
+    else:
+        detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
     for observation in every:
         detector.update(observation)
     return diagnosis_of(detector)
 
 
-def diagnosis_of(detector: ChangeDetector) -> Diagnosis:
+def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
     """Return the diagnosis of the windows that a detector holds.
 
     Parameters

@@ -1,6 +1,6 @@
 """Normal state of one vehicle: means of its components, their scatter, and their dependence on conditions."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,6 +111,13 @@ class Baseline:
     @property
     def notes(self) -> tuple[str, ...]:
         """Limits of the baseline, one sentence each."""
+        if self.n_windows == 0:
+            return (
+                "no baseline: left is compared with right by makers' scatter (standard deviation 4 % for springs, 5 % "
+                "for dampers, 3 % for tyres); a change of both sides of an axle alike is not found",
+            )
+        if self.version == 0:
+            return (f"no baseline of the vehicle itself: compared with {self.reason}",)
         if self.model_error < _IMPERFECT:
             return ()
         return (
@@ -196,7 +203,7 @@ def nominal_baseline(components: tuple[Component, ...], *, vehicle: str) -> Base
     size = len(components)
     covariance = _UNLIKE**2 * pairs.T @ pairs / 2 + _UNLIKE_ENDS**2 * ends.T @ ends + 1e-8 * np.eye(size)
     nuisance = usual_nuisance(components, USUAL_ENDS)
-    of_mean: Real = np.linalg.inv(covariance + nuisance)
+    of_mean = np.asarray(np.linalg.inv(covariance + nuisance), dtype=np.float64)
     return Baseline(
         vehicle=vehicle,
         components=components,
@@ -216,7 +223,7 @@ def nominal_baseline(components: tuple[Component, ...], *, vehicle: str) -> Base
     )
 
 
-def prior_information(components: tuple[Component, ...], of_mean: Real) -> Real:
+def prior_information(components: tuple[Component, ...], of_mean: Real, *, of_slopes: float = 1.0) -> Real:
     """Return the information about mean and slopes before any window, shape as `Baseline.information`.
 
     Parameters
@@ -225,8 +232,11 @@ def prior_information(components: tuple[Component, ...], of_mean: Real) -> Real:
         Springs, dampers and tyres.
     of_mean
         Information about the mean, shape (components, components).
+    of_slopes
+        Factor of the usual information about the slopes.
     """
-    return np.asarray(block_diag(of_mean, *map(np.linalg.inv, slope_covariances(components))), dtype=np.float64)
+    slopes = [of_slopes * np.linalg.inv(covariance) for covariance in slope_covariances(components)]
+    return np.asarray(block_diag(of_mean, *slopes), dtype=np.float64)
 
 
 def slope_covariances(components: tuple[Component, ...]) -> list[Real]:
@@ -256,3 +266,21 @@ def units_of(observation: Observation, middle: dict[str, float]) -> Real:
         else:
             units.append((value - middle[name]) / unit)
     return np.asarray(np.clip(np.array(units), -5.0, 5.0), dtype=np.float64)
+
+
+def medians(observations: Sequence[Observation]) -> dict[str, float]:
+    """Return the median of each known condition of windows."""
+    return {name: float(np.median(values)) for name, values in _conditions_met(observations).items()}
+
+
+def ranges(observations: Sequence[Observation]) -> dict[str, tuple[float, float]]:
+    """Return the lowest and the highest value of each known condition of windows."""
+    return {name: (min(values), max(values)) for name, values in _conditions_met(observations).items()}
+
+
+def _conditions_met(observations: Sequence[Observation]) -> dict[str, list[float]]:
+    """Return the values of each known condition."""
+    met = {
+        name: [window.conditions[name] for window in observations if name in window.conditions] for name in CONDITIONS
+    }
+    return {name: values for name, values in met.items() if values}

@@ -9,9 +9,10 @@ from scipy import stats
 from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.diagnosis.baseline import (
-    CONDITIONS,
     Baseline,
+    medians,
     prior_information,
+    ranges,
     slope_covariances,
     units_of,
     vehicle_of,
@@ -19,15 +20,15 @@ from sprung.diagnosis.baseline import (
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import FEWEST as FEWEST_RESIDUALS
 from sprung.diagnosis.residuals import ResidualReference, learn_reference
-from sprung.diagnosis.scatter import FreeDegrees, Scatter, regression
-from sprung.errors import DataError
+from sprung.diagnosis.scatter import ROUNDS, FreeDegrees, Scatter, regression
+from sprung.diagnosis.type_baselines import TypeBaseline
+from sprung.errors import DataError, ParameterError
 from sprung.vehicles import Component
 
 #: Usual number of windows that a baseline is learnt from, and the smallest that must be usable.
 LEARNING_WINDOWS = 12
 LEAST_WINDOWS = LEARNING_WINDOWS // 2
-#: Rounds of regression and scatter, which need each other.
-_ROUNDS = 3
+_LEAST_WITH_TYPE = 2
 #: Probability that a healthy window is left out of learning.
 _SUSPECT = 1e-3
 
@@ -37,7 +38,8 @@ def learn(
     *,
     reason: str = "first learning",
     previous: Baseline | None = None,
-    least_windows: int = LEAST_WINDOWS,
+    type_baseline: TypeBaseline | None = None,
+    least_windows: int | None = None,
 ) -> Baseline:
     """Learn the baseline of a vehicle.
 
@@ -49,8 +51,10 @@ def learn(
         Reason for learning: "first learning", "new dampers" ...
     previous
         Baseline that this one replaces.
+    type_baseline
+        Baseline of the vehicle's type, which takes part as what was known before any window; None: nothing was.
     least_windows
-        Smallest number of usable windows, at least 2.
+        Smallest number of usable windows, at least 2; None: 6, or 2 with the baseline of a type.
 
     Returns
     -------
@@ -62,7 +66,7 @@ def learn(
     DataError
         If too few windows are conclusive and alike.
     ParameterError
-        If the windows are of several vehicles.
+        If the windows are of several vehicles, or the baseline of the type is for other components.
 
     Notes
     -----
@@ -80,6 +84,9 @@ def learn(
     n - tr[(X^T X + L)^-1 X^T X], with L the variance of a window over that of a slope, and variances with few of them
     are widened to what their Student's t implies.
 
+    With the baseline of a type, the vehicle's mean is drawn from N(mean of the type, covariance between its vehicles)
+    and its slopes and scatter are shrunk to those of the type (empirical Bayes): a few windows are enough.
+
     Windows are left out one at a time, the most distant first, while the distance from the prediction of the others is
     beyond its 99.9 % quantile: with m components, d^2 = r^T (V + x^T J^-1 x)^-1 r follows m F(m, degrees), as the
     prediction follows Student's t.
@@ -91,23 +98,27 @@ def learn(
     H. Hotelling, The generalization of Student's ratio, Annals of Mathematical Statistics 2 (1931) 360-378.
     A. Gelman et al., Bayesian Data Analysis, 3rd edition (2013), chapter 14 (regression, Student's t prediction).
     """
+    if least_windows is None:
+        least_windows = LEAST_WINDOWS if type_baseline is None else _LEAST_WITH_TYPE
     check_number("least_windows", least_windows, at_least=2)
     every = list(observations)
     vehicle = vehicle_of(every)
     sound = [observation for observation in every if observation.is_conclusive and not observation.sensor_faults]
     common = [observation for observation in sound if observation.components == sound[0].components]
+    if type_baseline is not None and common and common[0].components != type_baseline.components:
+        raise ParameterError("the components differ from those of the type's baseline: fit the same ones")
     while True:
         if len(common) < least_windows:
             raise DataError(
                 f"{len(common)} of {len(every)} windows can be learnt from, and {least_windows} are needed: give more "
                 f"drives{_commonest_reason(every)}"
             )
-        estimate = _Estimate.of(common)
+        estimate = _Estimate.of(common, type_baseline)
         distances = [estimate.distance(observation) for observation in common]
         worst = int(np.argmax(distances))
         suspect = common[worst]
         others = [*common[:worst], *common[worst + 1 :]]
-        if _is_like(suspect, others, chance=_SUSPECT / len(distances)):
+        if _is_like(suspect, others, type_baseline, chance=_SUSPECT / len(distances)):
             break
         common = others
     return Baseline(
@@ -118,7 +129,7 @@ def learn(
         reported=estimate.reported,
         slopes=estimate.slopes,
         middle=estimate.middle,
-        ranges=_ranges(common),
+        ranges=ranges(common),
         nuisance=estimate.nuisance,
         information=estimate.information,
         degrees=estimate.degrees,
@@ -147,20 +158,27 @@ class _Estimate:
     degrees: float
 
     @classmethod
-    def of(cls, observations: Sequence[Observation]) -> "_Estimate":
-        """Return the estimate from windows with the same components."""
+    def of(cls, observations: Sequence[Observation], of_type: TypeBaseline | None) -> "_Estimate":
+        """Return the estimate from windows with the same components, and what is known of the vehicle's type."""
         components = observations[0].components
-        middle = {name: float(np.median(values)) for name, values in conditions_met(observations).items()}
+        middle = medians(observations) if of_type is None else dict(of_type.middle)
         values = np.array([observation.log_ratios for observation in observations])
         reported = np.mean([observation.covariance for observation in observations], axis=0)
         rows = np.array([np.concatenate([[1.0], units_of(observation, middle)]) for observation in observations])
         is_warm = all("temperature" in observation.conditions for observation in observations)
-        prior = prior_information(components, np.zeros_like(reported))
-        scatter = Scatter.usual(components, reported, with_temperature=is_warm)
-        for _ in range(_ROUNDS):
-            coefficients, information = regression(rows, values, scatter.whole, prior)
+        if of_type is None:
+            prior, centre = prior_information(components, np.zeros_like(reported)), None
+            usual = Scatter.usual(components, reported, with_temperature=is_warm)
+        else:
+            prior, centre = of_type.information, np.vstack([of_type.mean, of_type.slopes.T])
+            usual = of_type.scatter(reported, with_temperature=is_warm)
+        scatter = usual
+        for _ in range(ROUNDS):
+            coefficients, information = regression(rows, values, scatter.whole, prior, centre)
             away = values - rows @ coefficients
-            scatter = scatter.learnt(away, FreeDegrees(rows, scatter.whole, slope_covariances(components)))
+            free = FreeDegrees(rows, scatter.whole, slope_covariances(components))
+            scatter = usual.learnt(away, free)
+        scatter = usual.learnt(away, free, is_widened=True)
         return cls(
             components=components,
             middle=middle,
@@ -182,23 +200,13 @@ class _Estimate:
         return float(away @ np.linalg.solve(self.covariance + self.nuisance + doubt, away))
 
 
-def _is_like(observation: Observation, others: Sequence[Observation], *, chance: float) -> bool:
+def _is_like(
+    observation: Observation, others: Sequence[Observation], of_type: TypeBaseline | None, *, chance: float
+) -> bool:
     """Return whether a window agrees with the others; a healthy one does not with probability `chance`."""
-    estimate = _Estimate.of(others)
+    estimate = _Estimate.of(others, of_type)
     size = len(estimate.components)
     return estimate.distance(observation) <= size * stats.f.isf(chance, size, estimate.degrees)
-
-
-def conditions_met(observations: Sequence[Observation]) -> dict[str, list[float]]:
-    """Return the values of each known condition."""
-    met = {
-        name: [window.conditions[name] for window in observations if name in window.conditions] for name in CONDITIONS
-    }
-    return {name: values for name, values in met.items() if values}
-
-
-def _ranges(observations: Sequence[Observation]) -> dict[str, tuple[float, float]]:
-    return {name: (min(values), max(values)) for name, values in conditions_met(observations).items()}
 
 
 def _residual_reference(observations: Sequence[Observation]) -> ResidualReference | None:

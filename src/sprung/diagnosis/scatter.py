@@ -17,6 +17,8 @@ from sprung.diagnosis.directions import (
 )
 from sprung.vehicles import Component
 
+#: Rounds of regression and scatter, which need each other.
+ROUNDS = 3
 #: Weight of the scatter that windows report, in degrees of freedom of all pairs.
 _REPORTED = 1.0
 #: Weights of prior scatters in windows: of one pair, as all pairs scatter; of front against rear and of all of a kind
@@ -33,7 +35,7 @@ class FreeDegrees:
     Parameters
     ----------
     rows
-        1 and the conditions of each window, shape (windows, 1 + conditions).
+        Explanatory values of each window, shape (windows, coefficients): 1 for its vehicle, and last the conditions.
     covariance
         Covariance of a window, shape (components, components).
     slope_covariances
@@ -54,7 +56,8 @@ class FreeDegrees:
         variance = direction @ self.covariance @ direction
         ridge = [variance / (direction @ slopes @ direction) for slopes in self.slope_covariances]
         squares = self.rows.T @ self.rows
-        used = np.trace(np.linalg.solve(squares + np.diag([0.0, *ridge]), squares))
+        free = np.zeros(len(squares) - len(ridge))
+        used = np.trace(np.linalg.solve(squares + np.diag([*free, *ridge]), squares))
         return max(len(self.rows) - float(used), 1.0)
 
 
@@ -75,7 +78,7 @@ class Scatter:
     is_warm
         Whether the temperature of every window is known, so that common changes can be learnt.
     degrees
-        Degrees of freedom of all pairs together.
+        Degrees of freedom of all pairs together; as the start of an estimate, their weight in it.
     """
 
     components: tuple[Component, ...]
@@ -84,7 +87,7 @@ class Scatter:
     ends: dict[str, float]
     together: dict[str, float]
     is_warm: bool
-    degrees: float
+    degrees: float = _REPORTED
 
     @classmethod
     def usual(cls, components: tuple[Component, ...], reported: Real, *, with_temperature: bool) -> "Scatter":
@@ -93,7 +96,7 @@ class Scatter:
         common = COMMON_AT_A_TEMPERATURE if with_temperature else COMMON
         ends = {kind: USUAL_ENDS.get(kind, 0.02) for kind in kinds}
         together = {kind: common.get(kind, 0.2) for kind in kinds}
-        return cls(components, reported, np.ones(len(components)), ends, together, with_temperature, 0.0)
+        return cls(components, reported, np.ones(len(components)), ends, together, with_temperature)
 
     @property
     def covariance(self) -> Real:
@@ -110,8 +113,8 @@ class Scatter:
         """Covariance of a window."""
         return np.asarray(self.covariance + self.nuisance, dtype=np.float64)
 
-    def learnt(self, away: Real, free: FreeDegrees) -> "Scatter":
-        """Return the scatter that windows show.
+    def learnt(self, away: Real, free: FreeDegrees, *, is_widened: bool = False) -> "Scatter":
+        """Return the scatter that windows show, shrunk to this one.
 
         Parameters
         ----------
@@ -119,27 +122,40 @@ class Scatter:
             Residuals of a regression, shape (windows, components).
         free
             Degrees of freedom that it left.
+        is_widened
+            Whether variances with few degrees of freedom are widened to what their Student's t implies.
         """
         pairs, ends, together = directions(self.components)
-        usual = Scatter.usual(self.components, self.reported, with_temperature=self.is_warm)
-        variances = np.diag(pairs @ self.reported @ pairs.T)
-        squares = np.sum((away @ pairs.T) ** 2, axis=0) / variances
+        squares = np.sum((away @ pairs.T) ** 2, axis=0) / np.diag(pairs @ self.covariance @ pairs.T)
         left = np.array([free.of(row) for row in pairs])
-        degrees = float(np.sum(left)) + _REPORTED
-        common = (float(np.sum(squares)) + _REPORTED) / degrees
-        own = (squares + _OF_PAIRS * common) / (left + _OF_PAIRS) * _widened(left + _OF_PAIRS, degrees)
-        scaled = replace(self, scales=np.sqrt(pairs.T**2 @ own), degrees=degrees)
-        if not self.is_warm:
-            return replace(scaled, ends=scaled._beyond_chance(away, free, ends, usual.ends, _OF_ENDS))
-        means = together / together.sum(axis=1, keepdims=True)
-        return replace(
+        degrees = float(np.sum(left)) + self.degrees
+        common = (float(np.sum(squares)) + self.degrees) / degrees
+        weight = _OF_PAIRS + self.degrees / max(len(pairs), 1)
+        own = (squares + weight * common) / (left + weight)
+        if is_widened:
+            own = own * _widening(left + weight, degrees)
+        scaled = replace(self, scales=self.scales * np.sqrt(pairs.T**2 @ own), degrees=degrees)
+        scaled = replace(
             scaled,
-            ends=scaled._beyond_chance(away, free, ends, usual.ends, _OF_ENDS),
-            together=scaled._beyond_chance(away, free, means, usual.together, _OF_ALL),
+            ends=scaled._beyond_chance(away, free, ends, weight=_OF_ENDS, usual=self.ends, is_widened=is_widened),
         )
+        if not self.is_warm:
+            return scaled
+        means = together / together.sum(axis=1, keepdims=True)
+        common_changes = scaled._beyond_chance(
+            away, free, means, weight=_OF_ALL, usual=self.together, is_widened=is_widened
+        )
+        return replace(scaled, together=common_changes)
 
     def _beyond_chance(
-        self, away: Real, free: FreeDegrees, rows: Real, usual: dict[str, float], weight: float
+        self,
+        away: Real,
+        free: FreeDegrees,
+        rows: Real,
+        *,
+        weight: float,
+        usual: dict[str, float],
+        is_widened: bool,
     ) -> dict[str, float]:
         """Return the standard deviation of each kind along directions: beyond the fits' own, and the usual one.
 
@@ -155,11 +171,12 @@ class Scatter:
             chance = float(np.mean(np.diag(of_kind @ self.covariance @ of_kind.T)))
             share = left / (left + weight)
             variance = share * max(0.0, own - chance) + (1 - share) * usual[kind] ** 2
-            stds[kind] = float(np.sqrt(variance * _widened(len(of_kind) * (left + weight), self.degrees)))
+            widening = float(_widening(len(of_kind) * (left + weight), self.degrees)) if is_widened else 1.0
+            stds[kind] = float(np.sqrt(variance * widening))
         return stds
 
 
-def _widened(own: Real | float, common: float) -> Real:
+def _widening(own: Real | float, common: float) -> Real:
     """Return the ratio of variances at which the tails of Student's t with few degrees of freedom and many agree."""
     ratio = stats.t.isf(_TAIL, own) / stats.t.isf(_TAIL, common)
     return np.asarray(np.maximum(ratio, 1.0) ** 2, dtype=np.float64)
