@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from sprung._arrays import Real
 from sprung._checks import check_number
@@ -201,6 +200,8 @@ def _scatter_of_ends(
 
 def _is_like(observation: Observation, others: Sequence[Observation], *, chance: float) -> bool:
     """Return whether a window agrees with the others; a healthy one does not with probability `chance`."""
+    from scipy import stats
+
     estimate = _Estimate.of(others)
     size = len(estimate.components)
     return estimate.distance(observation) <= size * stats.f.isf(chance, size, estimate.degrees)
