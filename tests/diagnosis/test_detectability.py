@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import ChangeDetector, detectable, diagnose, learn
+from sprung.diagnosis.baseline import CONDITIONS
 from sprung.diagnosis.comparison import Compared
 from sprung.diagnosis.detectability import detectable_changes
 from sprung.diagnosis.ratios import Hypotheses, evidence_of, ratios_of, scores_of
@@ -24,7 +25,8 @@ def vehicle(baseline, generator):
     information = np.linalg.inv(root @ root.T)
     scale = np.sqrt(baseline.degrees / generator.chisquare(baseline.degrees))
     units = np.eye(1 + len(CONDITIONS))[0]
-    error = scale * root @ generator.standard_normal(len(root)) * np.sqrt(np.linalg.inv(baseline.design)[0, 0])
+    of_mean = np.linalg.cholesky(np.linalg.inv(baseline.information)[: len(root), : len(root)])
+    error = scale * of_mean @ generator.standard_normal(len(root))
 
     def scores(n_windows, change):
         residuals = scale * generator.standard_normal((n_windows, len(root))) @ root.T + error + change

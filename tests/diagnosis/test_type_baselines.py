@@ -144,7 +144,8 @@ def test_a_fleet_is_ranked_with_the_faulty_first() -> None:
 def test_the_type_stands_in_for_windows_of_a_new_vehicle() -> None:
     """Two windows predict those at other temperatures with the type, and badly without it: dampers lose 0.9 % per K."""
     of_type = learn_type(fleet(11, 60, 4, slope=-0.009))
-    with_type, alone = [], []
+    with_type: list[np.ndarray] = []
+    alone: list[np.ndarray] = []
     for seed in range(12):
         windows = drawn(np.random.default_rng([seed, 12]), 20, slope=-0.009)
         for errors, known in ((with_type, of_type), (alone, None)):

@@ -32,7 +32,7 @@ from sprung.likelihood import (
     unsprung_masses,
     vehicle_model,
 )
-from sprung.likelihood.fitting import minimised
+from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import onto_grid, through_window
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, term_gradients, transfer

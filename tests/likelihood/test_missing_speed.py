@@ -62,3 +62,14 @@ def test_speeds_beyond_the_grid_are_not_estimated(model_at) -> None:
     segments = segments_of(model, drawn(model, 1))
     with pytest.raises(DataError, match=r"gives the speed of only \d+ of 20 segments: add the speed"):
         with_estimated_speeds(segments, model_at)
+
+
+@pytest.mark.parametrize("slope", [0.0, 2.0, 4.0])
+def test_noise_has_no_speed(model_at, slope) -> None:
+    """Channels that are independent of each other, of any colour: no delay between the axles."""
+    model = model_at(speed_grid())
+    draws = np.random.default_rng(1).standard_normal((2, 20, 96, 3)) / np.sqrt(2)
+    colour = (model.spectra.frequencies / 5.0) ** (-slope / 2)
+    segments = segments_of(model, colour[:, None] * (draws[0] + 1j * draws[1]))
+    with pytest.raises(DataError, match=r"gives the speed of only [01] of 20 segments"):
+        with_estimated_speeds(segments, model_at)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
-from sprung.likelihood.fitting import minimised
 from sprung.likelihood.payload import payload, unsprung_masses
+from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import OVERCOUNT
 from sprung.vehicles import read_vehicle, structure
 

@@ -7,7 +7,7 @@ import pytest
 
 from sprung.errors import DataError
 from sprung.likelihood import class_spectra, rigid_layout, segment_spectra
-from sprung.likelihood.spectra import onto_grid, speed_classes, through_window
+from sprung.likelihood.spectra import between_updates, onto_grid, segment_speeds, speed_classes, through_window
 from sprung.recording import Channel, Gap, Recording
 from sprung.vehicles import structure
 
@@ -86,3 +86,37 @@ def test_a_class_has_the_mean_of_its_segments_and_their_scatter(layout) -> None:
     assert spectra.spreads == pytest.approx([0.1 / 10.1])
     first, second = (np.einsum("fi,fj->fij", values, values.conj()) for values in pair.values)
     np.testing.assert_allclose(spectra.matrices[0], (first + second) / 2, rtol=1e-12)
+
+
+def held(values, period):
+    """Values of which every `period`-th is held."""
+    return values[np.arange(values.size) // period * period]
+
+
+def test_a_slowly_updated_speed_is_interpolated() -> None:
+    """Updates once a second at 50 Hz: the straight lines between them come back, a steady stretch included."""
+    seconds = np.array([10, 11, 13, 14, 14, 14, 14, 12, 11, 9, 8, 8, 9, 12, 13, 15, 16], dtype=float)
+    lines = np.interp(np.arange(800) / 50, np.arange(17), seconds)
+    assert between_updates(held(lines, 50), 50.0)[: 14 * 50] == pytest.approx(lines[: 14 * 50])
+
+
+def test_a_speed_in_whole_steps_is_left_as_it_is() -> None:
+    time = np.arange(3000) / 50
+    rounded = np.round(12 + 4 * np.sin(0.4 * time) + 0.1 * time)
+    assert between_updates(rounded, 50.0) is rounded
+    smooth = 12 + 4 * np.sin(0.4 * time)
+    assert between_updates(smooth, 50.0) is smooth
+
+
+def test_a_late_speed_is_read_ahead() -> None:
+    """10 m/s and 0.5 m/s more every second: segments of 4 s have the speed of their middle."""
+    time = np.arange(1000) / 50
+
+    def recorded_speed(late):
+        return [Recording((10.0 + 0.5 * (time - late))[None], 50.0, (Channel("speed", "speed"),))]
+
+    expected = 10.0 + 0.5 * np.arange(2.0, 18.0, 2.0)
+    for late in (0.0, 1.0):
+        speeds, spreads = segment_speeds(recorded_speed(late), "speed", 4.0, delay=late)
+        assert speeds[:-1] == pytest.approx(expected[: speeds.size - 1])
+        assert np.all(spreads > 0)

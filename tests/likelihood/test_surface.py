@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.likelihood import ClassRoughness, CornerSettings, RailInputs, RoadInputs, rigid_layout, vehicle_model
-from sprung.likelihood.fitting import minimised
+from sprung.likelihood.search import minimised
 from sprung.likelihood.spectra import through_window
 from sprung.likelihood.surface import road_deviations
 from sprung.likelihood.terms import nominal_terms

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sprung._arrays import Complex
 from sprung.likelihood.transfer import classes_times, sum_of_products, times_classes, transfer
 from sprung.vehicles import frequency_response, structure
 
@@ -90,8 +91,9 @@ def test_gradient_of_what_a_measured_input_does_is_the_finite_difference(term, o
 
 def test_products_with_all_classes_are_those_of_each() -> None:
     generator = np.random.default_rng(1)
-    by_class, common = generator.standard_normal((5, 7, 3, 4)), generator.standard_normal((7, 4, 2))
-    weights = generator.standard_normal((5, 7, 4, 2))
+    by_class: Complex = generator.standard_normal((5, 7, 3, 4)).astype(np.complex128)
+    weights: Complex = 1j * generator.standard_normal((5, 7, 4, 2)).astype(np.complex128)
+    common: Complex = generator.standard_normal((7, 4, 2)) + 1j * generator.standard_normal((7, 4, 2))
     assert classes_times(by_class, common) == pytest.approx(by_class @ common)
     assert times_classes(common, weights.swapaxes(-1, -2)) == pytest.approx(common @ weights.swapaxes(-1, -2))
     assert sum_of_products(by_class, weights) == pytest.approx((by_class @ weights).sum(axis=0))

@@ -7,7 +7,7 @@ import pytest
 
 from sprung.diagnosis import observe_window
 from sprung.likelihood import ClassSpectra, CornerSettings, fit_corners, rigid_layout, vehicle_model
-from sprung.likelihood.fitting import minimised
+from sprung.likelihood.search import minimised
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import Sensor, Vehicle, corner_names, structure
 

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from sprung._arrays import Real
 from sprung._checks import check_number
@@ -204,6 +203,8 @@ def _is_like(
     observation: Observation, others: Sequence[Observation], of_type: TypeBaseline | None, *, chance: float
 ) -> bool:
     """Return whether a window agrees with the others; a healthy one does not with probability `chance`."""
+    from scipy import stats
+
     estimate = _Estimate.of(others, of_type)
     size = len(estimate.components)
     return estimate.distance(observation) <= size * stats.f.isf(chance, size, estimate.degrees)

@@ -4,9 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 from scipy.linalg import eigh
-from scipy.special import polygamma
+from scipy.special import polygamma, stdtr
 
 from sprung._arrays import Real
 from sprung._checks import check_number, freeze
@@ -253,7 +252,7 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
         worst = int(np.argmax(logs))
         others = np.delete(logs, worst)
         score = (logs[worst] - others.mean()) / (_scatter(others, least) * np.sqrt(1 + 1 / len(others)))
-        if len(logs) <= FEWEST or stats.t.sf(score, len(others) - 1) > _SUSPECT:
+        if len(logs) <= FEWEST or stdtr(len(others) - 1, -score) > _SUSPECT:
             break
         del matrices[worst]
     # The mean of the others, which the null space removes, adds 1 / (n - 1) to the variance, that of all 1 / n.
@@ -322,7 +321,7 @@ def residual_test(reference: ResidualReference, window: ResidualStatistics) -> R
     statistic = _statistic(residual, window.n_segments, reference.whitening)
     spread = reference.scatter * np.sqrt(1 + 1 / reference.n_windows)
     score = (np.log(statistic) - reference.center) / spread
-    return ResidualTest(statistic, float(stats.t.sf(score, reference.n_windows - 1)))
+    return ResidualTest(statistic, float(stdtr(reference.n_windows - 1, -score)))
 
 
 def _outputs_at(recording: Recording, sampling_rate: float | None) -> Recording:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 from scipy.cluster import hierarchy
 
 from sprung._arrays import Booleans, Complex, Indices
@@ -333,7 +333,7 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
     if least <= 0:
         return is_kept
     n_pairs = max(int(correlations.is_cross.sum()), 1)
-    least = max(least, float(stats.f.isf(_CHANCE, 2 * n_pairs, max(len(correlations.blocks) - 1, 1))))
+    least = max(least, float(special.fdtri(2 * n_pairs, max(len(correlations.blocks) - 1, 1), 1 - _CHANCE)))
     spread = modes.natural_frequency_std / (modes.natural_frequency * modes.damping_ratio)
     while is_kept.any():
         kept = np.flatnonzero(is_kept)

@@ -6,6 +6,7 @@ import numpy as np
 
 from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import freeze
+from sprung.likelihood.speed_delay import SpeedDelay
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Component, ExactModes, Structure
 
@@ -37,6 +38,8 @@ class CornerFit:
         Remarks on the fit, one sentence each.
     from_modes
         ln(value / nominal value) of each component from identified modes alone, as a check; None without modes.
+    speed_delay
+        Delay of the speed channel; None without one.
     """
 
     model: Model
@@ -48,6 +51,7 @@ class CornerFit:
     n_rejected: int
     notes: tuple[str, ...]
     from_modes: Real | None = None
+    speed_delay: SpeedDelay | None = None
 
     def __post_init__(self) -> None:
         freeze(self, parameters=1, covariance=2, misfit=2)
@@ -101,6 +105,13 @@ class CornerFit:
     def sensors(self) -> dict[str, dict[str, float]]:
         """Errors of the sensors' positions [m] and delays [s], "value" and "std"."""
         return self._estimates("sensors")
+
+    @property
+    def speed(self) -> dict[str, dict[str, float]]:
+        """Delay of the speed channel [s] as `speed_delay`, "value" and "std"; empty without a speed channel."""
+        if self.speed_delay is None:
+            return {}
+        return {"speed_delay": {"value": self.speed_delay.value, "std": self.speed_delay.std}}
 
     @property
     def _std(self) -> Real:

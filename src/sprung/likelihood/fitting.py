@@ -20,7 +20,10 @@ from sprung.likelihood.spectra import (
     SegmentSpectra,
     class_spectra,
     segment_spectra,
+    segment_speeds,
+    steady_segments,
 )
+from sprung.likelihood.speed_delay import DELAYS, SpeedDelay, speed_delay
 from sprung.likelihood.uncertainty import parameter_covariance, power_misfit, segment_weights, tempering
 from sprung.likelihood.vehicle import (
     CornerSettings,
@@ -188,11 +191,12 @@ def fit_windows(
     ----------
     As for `fit_corners`.
     """
-    setup, segments, has_speed = _prepare(windows, settings or CornerSettings())
+    setup, segments, has_speed, delay = _prepare(windows, settings or CornerSettings())
     check = None if modes is None else setup.components_of(modes)
     starts = [] if check is None else [check]
     if has_speed:
-        return replace(_fit(segments, setup, starts), from_modes=check)
+        fit = _fit(segments, setup, starts)
+        return replace(fit, from_modes=check, speed_delay=delay, notes=(*fit.notes, *_delay_note(delay)))
     known = _with_speeds(segments, setup)
     for _ in range(_ROUNDS - 1):
         fit = _fit(known, setup, starts)
@@ -203,16 +207,31 @@ def fit_windows(
     return replace(fit, notes=(*fit.notes, note), from_modes=check)
 
 
-def _prepare(windows: Sequence[Window], settings: CornerSettings) -> tuple[FitSetup, SegmentSpectra, bool]:
-    """Return the set-up of all fits, the spectra of the segments, and whether their speeds are known or not needed."""
+def _prepare(
+    windows: Sequence[Window], settings: CornerSettings
+) -> tuple[FitSetup, SegmentSpectra, bool, SpeedDelay | None]:
+    """Return the set-up of all fits, the segments, whether their speeds are known or not needed, and the delay."""
     first, records = windows[0], [window.motion for window in windows]
     kind: Kind = settings.kind or first.vehicle.kind
     layout = rigid_layout(with_sensors(first.structure, records[0].names))
     speed = None if kind == "rig" else first.speed
     band, length = usual_choices(first.vehicle, first.structure, settings, records[0].sampling_rate)
-    segments = segment_spectra(records, layout, speed=speed, band=band, segment_length=length)
+    segments = segment_spectra(records, layout, speed=None, band=band, segment_length=length)
     setup = FitSetup(first.vehicle, first.structure, layout, settings, kind)
-    return setup, segments, kind == "rig" or speed is not None
+    if speed is None:
+        return setup, segments, kind == "rig", None
+    moving = np.array([segment_speeds(records, speed, length, delay=delay) for delay in DELAYS])
+    delay = speed_delay(segments, moving[:, 0], moving[:, 1], lambda speeds: setup.at_speeds(segments, speeds))
+    speeds, spreads = segment_speeds(records, speed, length, delay=delay.value)
+    return setup, steady_segments(segments, speeds, spreads), True, delay
+
+
+def _delay_note(delay: SpeedDelay | None) -> tuple[str, ...]:
+    """Return a note on a speed channel that is late or early."""
+    if delay is None or not delay.value:
+        return ()
+    direction = "late" if delay.value > 0 else "early"
+    return (f"the speed channel is {abs(delay.value):.1f} s {direction} (± {delay.std:.1f} s), which is corrected",)
 
 
 def _with_speeds(segments: SegmentSpectra, setup: FitSetup, parameters: Real | None = None) -> SegmentSpectra:

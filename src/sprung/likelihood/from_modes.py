@@ -1,7 +1,6 @@
 """Springs and dampers of every corner from identified modes: a check of a fit, and another start of its search."""
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from sprung._arrays import Complex, Real
 from sprung.errors import ParameterError
@@ -83,6 +82,8 @@ def corners_from_modes(
             force = (reduced @ motion) / size / (2 * np.abs(pole) ** 2 * _POLE)
             residuals += [force.real, force.imag]
         return np.concatenate(residuals)
+
+    from scipy.optimize import least_squares
 
     return least_squares(errors, np.zeros(len(components)), method="trf").x
 

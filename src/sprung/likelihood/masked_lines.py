@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from sprung._arrays import Booleans, Real
 from sprung.likelihood.spectra import ClassSpectra
@@ -91,7 +90,8 @@ def _peaks(places: Real, ratio: Real, weights: Real, step: float) -> list[float]
     base = np.maximum(padded[: -2 * apart], padded[2 * apart :])
     excess = np.where(count > 0, mean_ratio - base, 0.0)
     stands_out = (excess > _SCORE * mean_ratio / np.sqrt(np.maximum(count, 1.0))) & (excess > _EXCESS * base)
-    is_highest = excess == maximum_filter1d(excess, 2 * _HALF_WIDTH + 1, mode="nearest")
+    neighbours = np.lib.stride_tricks.sliding_window_view(np.pad(excess, _HALF_WIDTH, mode="edge"), window.size)
+    is_highest = excess == neighbours.max(axis=1)
     return [float((k + 0.5) * step) for k in np.flatnonzero(stands_out & is_highest)]
 
 

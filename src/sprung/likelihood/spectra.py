@@ -1,10 +1,9 @@
 """Statistics of the recordings that the likelihood needs: mean spectral matrices of segments of similar speed."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
 
 from sprung._arrays import Complex, Indices, Real
 from sprung._checks import check_number, freeze
@@ -23,6 +22,9 @@ SLOWEST = 3.0
 #: steady, the steadiest ones are used up to the second value.
 STEADY, UNSTEADIEST = 0.02, 0.12
 _ENOUGH = 60
+#: Shortest time between updates of a slow speed channel [s], quantile of the times between changes that is one, largest
+#: departure from whole periods and share of such departures, and fewest changes.
+_SLOW_UPDATE, _SHORT_GAP, _IRREGULAR, _FEWEST_UPDATES = 0.1, 0.1, 0.1, 10
 #: Width of a speed class, relative to its speed.
 CLASS_WIDTH = 0.05
 
@@ -156,35 +158,136 @@ def segment_spectra(
     Electroacoustics AU-15 (1967), 70-73.
     """
     check_number("segment_length", segment_length, above=0)
+    records = list(recordings)
     parts = [
-        part
-        for recording in recordings
-        for stretch in recording.stretches()
-        for part in _stretch(recording, stretch, layout, speed, segment_length)
+        (recording.sampling_rate, _stretch_spectra(recording, stretch, layout, segment_length))
+        for recording, stretch in _stretches(records, segment_length)
     ]
     if not parts:
         raise DataError(
             f"no stretch without a gap is as long as a segment of {segment_length:g} s: give longer records"
         )
-    step, n_per_segment = parts[0][3], parts[0][4]
-    frequencies = np.asarray(np.arange(n_per_segment // 2 + 1) * step, dtype=np.float64)
+    n_per_segment = round(segment_length * parts[0][0])
+    frequencies = np.asarray(np.arange(n_per_segment // 2 + 1) * parts[0][0] / n_per_segment, dtype=np.float64)
     in_band = (frequencies >= band[0]) & (frequencies <= band[1])
-    values = np.concatenate([part[0] for part in parts])[:, in_band]
-    speeds, spreads = np.concatenate([part[1] for part in parts]), np.concatenate([part[2] for part in parts])
-    is_good = np.isnan(speeds) | ((speeds > SLOWEST) & (spreads < _bound(spreads[speeds > SLOWEST])))
+    values = np.concatenate([spectra for _, spectra in parts])[:, in_band]
+    frequencies = frequencies[in_band]
+    segments = SegmentSpectra(
+        frequencies=frequencies,
+        values=(values * layout.differentiator(frequencies)) @ layout.reduction.T,
+        speeds=np.full(len(values), np.nan),
+        spreads=np.zeros(len(values)),
+        segment_length=segment_length,
+        n_rejected=0,
+    )
+    return segments if speed is None else steady_segments(segments, *segment_speeds(records, speed, segment_length))
+
+
+def segment_speeds(
+    recordings: Iterable[Recording], speed: str, segment_length: float, *, delay: float = 0.0
+) -> tuple[Real, Real]:
+    """Return the mean speeds of half-overlapping segments and their coefficients of variation.
+
+    Parameters
+    ----------
+    recordings
+        Recordings as for `segment_spectra`.
+    speed
+        Name of the speed channel [m/s]; values held between slow updates are interpolated (`between_updates`).
+    segment_length
+        Length of a segment [s].
+    delay
+        Time by which the speed channel is late [s].
+
+    Returns
+    -------
+    ndarray, ndarray
+        Shape (segments,) each, in the order of `segment_spectra` without a speed.
+
+    Notes
+    -----
+    Means over the squared window, as in the spectra.
+
+    References
+    ----------
+    P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Transactions on Audio and
+    Electroacoustics AU-15 (1967), 70-73.
+    """
+    means, spreads = [], []
+    for recording, stretch in _stretches(recordings, segment_length):
+        rate = recording.sampling_rate
+        values = between_updates(recording.samples[recording.index(speed), stretch], rate)
+        late = np.arange(values.size) + delay * rate
+        moving = _windows(np.interp(late, np.arange(values.size), values), round(segment_length * rate))
+        weights = _hann(moving.shape[-1]) ** 2
+        weights /= weights.sum()
+        mean = moving @ weights
+        variance = np.maximum(moving**2 @ weights - mean**2, 0.0)
+        means.append(mean)
+        spreads.append(np.sqrt(variance) / np.maximum(np.abs(mean), 1e-9))
+    return np.concatenate(means), np.concatenate(spreads)
+
+
+def between_updates(values: Real, sampling_rate: float) -> Real:
+    """Return a speed that is updated slowly and held in between, interpolated linearly; any other one unchanged.
+
+    Parameters
+    ----------
+    values
+        Speed [m/s], shape (samples,).
+    sampling_rate
+        Sampling rate [Hz].
+
+    Notes
+    -----
+    Updates are slow and regular if nearly all times between changes are multiples of a tenth of a second or more. A
+    speed in whole km/h changes at irregular times.
+
+    References
+    ----------
+    A. V. Oppenheim and R. W. Schafer, Discrete-Time Signal Processing, 3rd edition, Pearson, 2010, section 4.8
+    (zero-order hold).
+    """
+    changes = 1 + np.flatnonzero(np.diff(values))
+    if changes.size < _FEWEST_UPDATES:
+        return values
+    gaps = np.diff(changes)
+    period = float(np.quantile(gaps, _SHORT_GAP))
+    counts = np.maximum(np.rint(gaps / period), 1)
+    if period < _SLOW_UPDATE * sampling_rate or np.mean(np.abs(gaps / period - counts) > _IRREGULAR) > _IRREGULAR:
+        return values
+    period = float(gaps.sum() / counts.sum())
+    updates = np.concatenate([[max(changes[0] - period, 0)], *_updates(changes, counts, period)])
+    held = values[np.minimum(np.rint(updates).astype(np.intp), values.size - 1)]
+    return np.interp(np.arange(values.size), updates, held)
+
+
+def steady_segments(segments: SegmentSpectra, speeds: Real, spreads: Real) -> SegmentSpectra:
+    """Return the segments that are fast and steady enough, with their speeds.
+
+    Parameters
+    ----------
+    segments
+        All segments of recordings, without speeds.
+    speeds, spreads
+        Mean speed of each [m/s] and its coefficient of variation, shape (segments,).
+
+    Raises
+    ------
+    DataError
+        If no segment is fast and steady enough.
+    """
+    is_good = (speeds > SLOWEST) & (spreads < _bound(spreads[speeds > SLOWEST]))
     if not is_good.any():
         raise DataError(
-            f"none of {is_good.size} segments of {segment_length:g} s is faster than {SLOWEST:g} m/s at a speed within "
-            f"{100 * UNSTEADIEST:g} %: give a drive at steadier speed"
+            f"none of {is_good.size} segments of {segments.segment_length:g} s is faster than {SLOWEST:g} m/s at a "
+            f"speed within {100 * UNSTEADIEST:g} %: give a drive at steadier speed"
         )
-    frequencies = frequencies[in_band]
-    values = values * layout.differentiator(frequencies)
-    return SegmentSpectra(
-        frequencies=frequencies,
-        values=values[is_good] @ layout.reduction.T,
+    return replace(
+        segments,
+        values=segments.values[is_good],
         speeds=speeds[is_good],
         spreads=spreads[is_good],
-        segment_length=segment_length,
         n_rejected=int(np.count_nonzero(~is_good)),
     )
 
@@ -308,30 +411,36 @@ def _class_numbers(speeds: Real, width: float) -> Indices:
     return numbers
 
 
-def _stretch(
-    recording: Recording, stretch: slice, layout: RigidLayout, speed: str | None, segment_length: float
-) -> Iterable[tuple[Complex, Real, Real, float, int]]:
-    """Yield spectra of the channels (segments, frequencies, channels), speeds, spreads, frequency step, length."""
-    rate = recording.sampling_rate
-    n_per_segment = round(segment_length * rate)
-    if stretch.stop - stretch.start < n_per_segment:
-        return
+def _updates(changes: Indices, counts: Real, period: float) -> Iterator[Real]:
+    """Yield the times of the updates [samples] from each change to before the next one."""
+    for start, count in zip(changes, [*counts, 1], strict=True):
+        yield start + period * np.arange(count)
+
+
+def _stretches(recordings: Iterable[Recording], segment_length: float) -> Iterator[tuple[Recording, slice]]:
+    """Yield the stretches without a gap that hold a segment."""
+    for recording in recordings:
+        for stretch in recording.stretches():
+            if stretch.stop - stretch.start >= round(segment_length * recording.sampling_rate):
+                yield recording, stretch
+
+
+def _windows(samples: Real, n_per_segment: int) -> Real:
+    """Half-overlapping segments of samples, shape (..., segments, samples)."""
     step = max(1, round(n_per_segment * (1 - OVERLAP)))
+    return np.lib.stride_tricks.sliding_window_view(samples, n_per_segment, axis=-1)[..., ::step, :]
+
+
+def _hann(n_samples: int) -> Real:
+    """Periodic Hann window."""
+    return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_samples) / n_samples), dtype=np.float64)
+
+
+def _stretch_spectra(recording: Recording, stretch: slice, layout: RigidLayout, segment_length: float) -> Complex:
+    """Return the spectra of the channels in each segment of a stretch, shape (segments, frequencies, channels)."""
     rows = [recording.index(name) for name in layout.names]
-    windows = np.lib.stride_tricks.sliding_window_view(recording.samples[rows, stretch], n_per_segment, axis=1)[
-        :, ::step
-    ]
-    window = signal.get_window("hann", n_per_segment)
-    scale = np.sqrt(2 / (rate * np.sum(window**2)))
+    windows = _windows(recording.samples[rows, stretch], round(segment_length * recording.sampling_rate))
+    window = _hann(windows.shape[-1])
+    scale = np.sqrt(2 / (recording.sampling_rate * np.sum(window**2)))
     spectra = np.fft.rfft((windows - windows.mean(axis=-1, keepdims=True)) * window, axis=-1) * scale
-    if speed is None:
-        speeds, spreads = np.full(windows.shape[1], np.nan), np.zeros(windows.shape[1])
-    else:
-        moving = np.lib.stride_tricks.sliding_window_view(
-            recording.samples[recording.index(speed), stretch], n_per_segment
-        )
-        weights = window**2 / np.sum(window**2)
-        speeds = moving[::step] @ weights
-        variances = np.maximum(moving[::step] ** 2 @ weights - speeds**2, 0.0)
-        spreads = np.sqrt(variances) / np.maximum(np.abs(speeds), 1e-9)
-    yield spectra.transpose(1, 2, 0), speeds, spreads, rate / n_per_segment, n_per_segment
+    return np.asarray(spectra.transpose(1, 2, 0), dtype=np.complex128)

@@ -9,7 +9,6 @@ from fractions import Fraction
 from typing import Any, Literal
 
 import numpy as np
-from scipy import interpolate, signal
 
 from sprung._arrays import Booleans, Real
 from sprung._checks import check_complete, check_number
@@ -18,8 +17,9 @@ from sprung.recording import Recording, join
 
 #: Share of the new band that decimation passes unchanged (ripple below 0.01 %).
 PASS_BAND = Fraction(4, 5)
-#: Attenuation of everything that decimation would fold into the new band [dB].
+#: Attenuation of everything that decimation would fold into the new band [dB], and shape of the Kaiser window for it.
 STOP_BAND = 90.0
+_KAISER = 0.1102 * (STOP_BAND - 8.7)
 #: Largest numerator and denominator of a resampling ratio.
 LARGEST_DENOMINATOR = 10_000
 #: Smallest number of samples of a moving part; shorter ones are not worth a spline.
@@ -80,7 +80,7 @@ def detrend(recording: Recording, *, degree: int = 0) -> Recording:
     check_complete(recording.names, recording.samples)
     samples = np.empty_like(recording.samples)
     for stretch in recording.stretches():
-        samples[:, stretch] = signal.detrend(recording.samples[:, stretch], type="linear" if degree else "constant")
+        samples[:, stretch] = _without_trend(recording.samples[:, stretch], degree)
     return recording.changed(f"{('mean', 'straight line')[degree]} of each stretch removed", samples=samples)
 
 
@@ -124,6 +124,8 @@ def band_pass(recording: Recording, low: float | None, high: float | None, *, or
         )
     check_number("order", order, at_least=1, at_most=12)
     check_complete(recording.names, recording.samples)
+    from scipy import signal
+
     kind: Literal["bandpass", "lowpass", "highpass"]
     kind = "bandpass" if len(edges) == 2 else "lowpass" if low is None else "highpass"
     sections = signal.butter(
@@ -314,6 +316,8 @@ def over_distance(recording: Recording, speed: str, *, interval: float, minimum_
     Distance is the integral of speed (trapezoidal rule). A spline of degree 5 through the samples is evaluated at steps
     fine enough to avoid aliasing at `minimum_speed`, and the result is decimated to `interval`.
     """
+    from scipy.interpolate import make_interp_spline
+
     check_number("interval", interval, above=0)
     parts = moving_parts(recording, speed, minimum_speed=minimum_speed)
     distance = distance_travelled(recording, speed)
@@ -322,7 +326,7 @@ def over_distance(recording: Recording, speed: str, *, interval: float, minimum_
     for part in parts:
         metres = distance[part]
         grid = np.arange(metres[0], metres[-1], interval / max(1, oversampling))
-        spline = interpolate.make_interp_spline(np.arange(metres.size), recording.samples[:, part], k=5, axis=1)
+        spline = make_interp_spline(np.arange(metres.size), recording.samples[:, part], k=5, axis=1)
         pieces.append((float(metres[0]), spline(np.interp(grid, metres, np.arange(metres.size)))))
     fine = _join_pieces(
         recording,
@@ -387,9 +391,9 @@ def _low_pass(pass_edge: Fraction, stop_edge: Fraction, ratio: Fraction) -> Real
     """Design the filter of one stage; edges in cycles per input sample, taps at `ratio.numerator` times its rate."""
     width = float(stop_edge - pass_edge) / ratio.numerator
     n_taps = int(np.ceil((STOP_BAND - 7.95) / (2.285 * 2 * np.pi * width))) | 1
-    window = ("kaiser", signal.kaiser_beta(STOP_BAND))
-    taps = signal.firwin(n_taps, float(pass_edge + stop_edge) / ratio.numerator, window=window)
-    return taps * ratio.numerator
+    cutoff = float(pass_edge + stop_edge) / ratio.numerator
+    taps = np.sinc(cutoff * (np.arange(n_taps) - n_taps // 2)) * np.kaiser(n_taps, _KAISER)
+    return np.asarray(taps / taps.sum() * ratio.numerator, dtype=np.float64)
 
 
 def _resample(samples: Real, ratio: Fraction, taps: Real) -> Real:
@@ -402,5 +406,20 @@ def _resample(samples: Real, ratio: Fraction, taps: Real) -> Real:
     shifted = np.concatenate([np.zeros(-delay % down), taps])
     first = (delay + (-delay % down)) // down
     n_new = -(-samples.shape[1] * up // down)
-    resampled: Real = signal.upfirdn(shifted, extended, up, down, axis=-1)
-    return resampled[:, first : first + n_new]
+    n_filtered = -(-((extended.shape[1] - 1) * up + shifted.size) // down)
+    filtered = np.zeros((len(samples), n_filtered))
+    for phase in range(up):  # polyphase: every `up`-th new sample uses the same `up`-th taps
+        skipped, tap = divmod(phase * down, up)
+        for row, values in zip(filtered, extended, strict=True):
+            part = np.convolve(values, shifted[tap::up])[skipped::down]
+            row[phase::up][: part.size] = part[: row[phase::up].size]
+    return filtered[:, first : first + n_new]
+
+
+def _without_trend(samples: Real, degree: int) -> Real:
+    """Remove the mean (degree 0) or the straight line of least squares (degree 1) from every channel."""
+    centred = samples - samples.mean(axis=1, keepdims=True)
+    if degree == 0:
+        return centred
+    time = np.arange(samples.shape[1]) - (samples.shape[1] - 1) / 2
+    return np.asarray(centred - np.outer(centred @ time / max(time @ time, 1.0), time), dtype=np.float64)

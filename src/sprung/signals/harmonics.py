@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy import special
 
 from sprung._arrays import Booleans
 from sprung._checks import check_number
@@ -225,7 +225,9 @@ def _constant_lines(
         peaks += [peak for peak in narrow if peak.frequency >= lowest]
     if not peaks:
         return []
-    is_regular = stats.false_discovery_control([peak.chance for peak in peaks]) <= false_alarm_rate
+    from scipy.stats import false_discovery_control
+
+    is_regular = false_discovery_control([peak.chance for peak in peaks]) <= false_alarm_rate
     regular = merge_peaks(peak for peak, holds in zip(peaks, is_regular, strict=True) if holds)
     doubtful = merge_peaks((peak for peak, holds in zip(peaks, is_regular, strict=True) if not holds), known=regular)
     return _with_multiples(regular, doubtful, false_alarm_rate)
@@ -238,7 +240,7 @@ def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate:
         family = multiples(base.frequency, base.tolerance, left)
         if family.members:
             width = 2 * max(left[i].tolerance + order * family.tolerance for i, order in family.members)
-            coincidence = stats.binom.sf(len(family.members) - 1, len(left), min(1.0, width / base.frequency))
+            coincidence = special.bdtrc(len(family.members) - 1, len(left), min(1.0, width / base.frequency))
             if coincidence < false_alarm_rate:
                 taken = {i for i, _ in family.members}
                 lines += [left[i] for i in taken]

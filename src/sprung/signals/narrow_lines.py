@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import fft, special, stats
+from scipy import fft, special
 
 from sprung._arrays import Indices, Real
 from sprung.recording import Recording
@@ -154,7 +154,7 @@ def chance_of_regularity(powers: Real) -> float:
     log_simplex = math.log(m) / 2 - special.gammaln(m)
     log_chance = log_ball - log_simplex + (m - 1) / 2 * np.log(np.maximum(excess, 1e-12) / m)
     chances = np.sort(np.exp(np.minimum(log_chance, 0.0)))
-    return float(min(1.0, n_blocks * np.min(stats.binom.sf(np.arange(n_blocks), n_blocks, chances))))
+    return float(min(1.0, n_blocks * np.min(special.bdtrc(np.arange(n_blocks), n_blocks, chances))))
 
 
 def merge_peaks(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Line]:
@@ -235,8 +235,8 @@ def _most_multiples(lines: Sequence[Line]) -> list[tuple[int, Line, int]]:
 def _random_height(n_segments: int, rate: float, is_geometric: bool) -> float:
     """Return the height that one bin of an averaged periodogram exceeds by chance at this rate [dB]."""
     if is_geometric:
-        return float(10 / math.log(10) * stats.norm.isf(rate) * math.pi / math.sqrt(6 * n_segments))
-    return 10 * math.log10(stats.chi2.isf(rate, 2 * n_segments) / (2 * n_segments))
+        return float(10 / math.log(10) * -special.ndtri(rate) * math.pi / math.sqrt(6 * n_segments))
+    return 10 * math.log10(special.chdtri(2 * n_segments, rate) / (2 * n_segments))
 
 
 def _geometric_mean(powers: Real) -> Real:

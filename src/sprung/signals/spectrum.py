@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_complete, check_number, freeze
@@ -150,7 +149,7 @@ def short_time_spectra(recording: Recording, *, segment_length: float, overlap: 
     check_complete(recording.names, recording.samples)
     n_per_segment = _n_per_segment(recording, segment_length)
     step = max(1, round(n_per_segment * (1 - overlap)))
-    window = signal.get_window("hann", n_per_segment)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_per_segment) / n_per_segment)
     factors = np.full(n_per_segment // 2 + 1, 2 / (recording.sampling_rate * np.sum(window**2)))
     factors[0] /= 2
     if n_per_segment % 2 == 0:
