@@ -15,22 +15,29 @@ from sprung.likelihood import (
     FreeComponents,
     MassParameter,
     Model,
+    MountedMassParameters,
     ParameterBlock,
     PositionParameter,
     RailInputs,
     RigInputs,
     RoadInputs,
     SensorDelays,
+    SensorGains,
     SensorNoise,
     SensorPositions,
+    mode_scales,
     rigid_layout,
+    sensor_tilts,
+    stiffness_scales,
+    unsprung_masses,
     vehicle_model,
 )
+from sprung.likelihood.fitting import minimised
 from sprung.likelihood.spectra import onto_grid, through_window
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, term_gradients, transfer
 from sprung.likelihood.whittle import minus_log_likelihood
-from sprung.vehicles import Sensor, Structure, Vehicle, read_vehicle, structure
+from sprung.vehicles import MountedMass, Sensor, Structure, Vehicle, read_vehicle, structure
 
 SEGMENT = 5.12
 
@@ -108,6 +115,19 @@ def _somewhere(model: Model, seed: int = 0, size: float = 0.1) -> Real:
     return model.start + size * np.random.default_rng(seed).standard_normal(model.start.size)
 
 
+def _with_engine(car: Vehicle) -> Vehicle:
+    """The car with an anti-roll bar, an engine on mounts that has a sensor of its own, and sensors above the floor."""
+    engine = MountedMass(mass=180.0, x=1.1, y=0.1, frequency=11.0, damping_ratio=0.08)
+    axles = (car.axle[0].model_copy(update={"anti_roll_stiffness": 10e3}), *car.axle[1:])
+    sensors = [
+        sensor.model_copy(update={"position": (sensor.position[0], sensor.position[1], 0.3)})
+        for sensor in car.sensor
+        if sensor.position is not None
+    ]
+    on_engine = Sensor(channel="acc_engine", quantity="acceleration", unit="m/s^2", on="mounted_mass_1")
+    return car.model_copy(update={"mounted_mass": (engine,), "axle": axles, "sensor": (*sensors, on_engine)})
+
+
 def _imu() -> tuple[Sensor, ...]:
     """Sensors of a six-axis inertial measurement unit ahead of the centre of gravity."""
     place, up, ahead, left = (0.3, 0.1, 0.2), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -174,11 +194,22 @@ def whole_model() -> Callable[..., Model]:
 
     def model(name, kind):
         vehicle = read_vehicle(name)
+        if name == "zafira":
+            vehicle = _with_engine(vehicle)
         nominal = structure(vehicle)
         layout = rigid_layout(nominal)
         settings = CornerSettings(has_payload=True, has_free_sensors=True)
         spectra = _classes(len(layout.rows), n_classes=3)
-        return vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind)
+        usual = vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind)
+        extra: tuple[ParameterBlock, ...] = (unsprung_masses(nominal), SensorGains(layout, layout.names[:2]))
+        if name == "zafira":
+            extra += (
+                mode_scales(nominal, ["mounted_mass_1"]),
+                stiffness_scales(nominal, ["front_axle"]),
+                MountedMassParameters(nominal, "mounted_mass_1"),
+                sensor_tilts(nominal, layout),
+            )
+        return replace(usual, blocks=(*usual.blocks[:1], *extra, *usual.blocks[1:]))
 
     return model
 
@@ -199,3 +230,22 @@ def gradients_of() -> Callable[[Model, Terms], TermGradients]:
         return term_gradients(response, onto_grid(weight))
 
     return gradients
+
+
+@pytest.fixture(scope="session")
+def recovered() -> Callable[..., Real]:
+    """Return a function from a model and parameters to those that the exact spectra of these give, as the prior fades.
+
+    By the search, and then by steps of Fisher scoring, which need no difference of large numbers.
+    """
+
+    def parameters(model, truth, largest=1e12):
+        weak = _with_data(model, truth, counts=100.0)
+        found = minimised(weak, weak.scaled_start())
+        for counts in (*np.geomspace(1e2, largest, 8), *4 * [largest]):
+            exact = _with_data(model, truth, counts=counts)
+            information = exact.information(found) + np.diag(1 / exact.prior_std**2)
+            found = found - np.linalg.solve(information, exact.objective(found)[1])
+        return found
+
+    return parameters

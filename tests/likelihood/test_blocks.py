@@ -11,9 +11,9 @@ from sprung.likelihood.transfer import transfer
 CASES = [
     (group, name, kind)
     for name, kind in (("zafira", "road"), ("y25", "rail"), ("scale-bogie", "rig"))
-    for group in ("components", "payload", "sensors", "inputs", "class_roughness", "noise")
+    for group in ("components", "payload", "unsprung", "sensors", "inputs", "class_roughness", "noise")
     if (group, kind) != ("class_roughness", "rig")
-]
+] + [(group, "zafira", "road") for group in ("tracks", "elements", "flexible", "mounts")]
 
 
 @pytest.fixture(params=CASES, ids="-".join)

@@ -6,6 +6,8 @@ from sprung.errors import ParameterError
 from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
 from sprung.vehicles import read_vehicle, structure
 
+ON_WHEELS = ["components", "payload", "inputs", "class_roughness", "noise"]
+
 
 def groups(name, kind, classes, **settings) -> list[str]:
     """The groups of the parameters of a model, in its order."""
@@ -19,9 +21,8 @@ def groups(name, kind, classes, **settings) -> list[str]:
 
 
 def test_a_payload_is_fitted_on_roads_and_rails_but_not_on_a_rig(classes) -> None:
-    on_wheels = ["components", "payload", "inputs", "class_roughness", "noise"]
-    assert groups("zafira", "road", classes) == on_wheels
-    assert groups("y25", "rail", classes) == on_wheels
+    assert groups("zafira", "road", classes) == [*ON_WHEELS[:-1], "tracks", "noise"]
+    assert groups("y25", "rail", classes) == ON_WHEELS
     assert groups("scale-bogie", "rig", classes) == ["components", "inputs", "noise"]
     assert groups("scale-bogie", "rig", classes, has_payload=True) == ["components", "payload", "inputs", "noise"]
     assert "payload" not in groups("zafira", "road", classes, has_payload=False)

@@ -1,4 +1,4 @@
-"""Payload: mass, moments and inertias on the body as parameters."""
+"""Entries of the mass matrix as parameters: payload on the body, unsprung masses."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -13,8 +13,11 @@ from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Structure
 from sprung.vehicles.labels import MOTIONS
 
-#: Standard deviations of masses and inertias, and of moments, over the size of the body's own.
+#: Standard deviations of masses and inertias, and of moments and the product of inertia, over the size of the body's
+#: own.
 _INERTIA, _MOMENT = 0.2, 0.1
+#: Standard deviation of the unsprung masses of an axle over nominal.
+_UNSPRUNG = 0.07
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -97,6 +100,14 @@ class AddedMass(ParameterBlock):
         return np.einsum("p,pij->ij", parameters, np.array([part.matrix for part in self.parts]))
 
 
+class UnsprungMass(AddedMass):
+    """Unsprung masses of the axles beyond the vehicle file."""
+
+    __slots__ = ()
+
+    group: ClassVar[str] = "unsprung"
+
+
 def payload(nominal: Structure) -> AddedMass:
     """Return mass, moments and inertias of a payload on the body.
 
@@ -108,8 +119,10 @@ def payload(nominal: Structure) -> AddedMass:
     Notes
     -----
     Each is relative to the body's own: standard deviation 0.2 for mass and inertias, 0.1 for the moments m x and m y
-    relative to the root of mass times inertia. A mass m at (x, y) adds m r r^T with r = [1, -x, y] for bounce, pitch
-    and roll.
+    relative to the root of mass times inertia, and 0.1 for the product of inertia -m x y relative to the root of the
+    pitch inertia times the roll inertia. A mass m at (x, y) adds m r r^T with r = [1, -x, y] for bounce, pitch and
+    roll. A load off both axes of the body couples pitch with roll: without the product it would read as springs that
+    differ from corner to corner.
 
     References
     ----------
@@ -125,8 +138,36 @@ def payload(nominal: Structure) -> AddedMass:
         (0, 2, "payload_y_moment"),
         (1, 1, "payload_pitch_inertia"),
         (2, 2, "payload_roll_inertia"),
+        (1, 2, "payload_product"),
     ):
         matrix, size = np.zeros((n, n)), float(sizes[first] * sizes[second])
         matrix[rows[first], rows[second]] = matrix[rows[second], rows[first]] = size
         parts.append(MassParameter(name, matrix, _INERTIA if first == second else _MOMENT, unit=size))
     return AddedMass(tuple(parts))
+
+
+def unsprung_masses(nominal: Structure, *, std: float = _UNSPRUNG) -> UnsprungMass:
+    """Return the unsprung masses of each axle, equal on both sides, as parameters.
+
+    Parameters
+    ----------
+    nominal
+        Vehicle with wheels or wheelsets.
+    std
+        Standard deviation of the unsprung masses of an axle over nominal.
+
+    Notes
+    -----
+    One unit is the nominal mass of one wheel, or of a wheelset, whose roll inertia grows with it.
+    """
+    axles: dict[str, list[int]] = {}
+    for row, name in enumerate(nominal.coordinates):
+        kind, _, place = name.partition("_")
+        if kind in {"wheel", "wheelset"}:
+            axles.setdefault(place.rpartition("_")[0] or place, []).append(row)
+    parts = []
+    for axle, rows in axles.items():
+        matrix = np.zeros(nominal.mass.shape)
+        matrix[rows, rows] = nominal.mass[rows, rows]
+        parts.append(MassParameter(f"{axle}_unsprung_mass", matrix, std, unit=float(matrix[rows[0], rows[0]])))
+    return UnsprungMass(tuple(parts))

@@ -16,6 +16,7 @@ from sprung.likelihood.rig import RigInputs
 from sprung.likelihood.sensor_errors import SensorDelays, sensor_positions
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.surface import ClassRoughness, RailInputs, RoadInputs
+from sprung.likelihood.tracks import TrackLevels
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Outputs, Structure, Vehicle, wheel_hop_frequencies
 from sprung.vehicles.labels import MOTIONS
@@ -131,7 +132,7 @@ def _inputs(spectra: ClassSpectra, vehicle: Vehicle, nominal: Structure, kind: K
     positions, sides = np.repeat([axle.x for axle in vehicle.axle], 2), np.tile([1.0, -1.0], len(vehicle.axle))
     by_class = ClassRoughness(spectra.speeds.size)
     if kind == "road":
-        return [RoadInputs(spectra, positions, sides), by_class]
+        return [RoadInputs(spectra, positions, sides), by_class, TrackLevels(sides)]
     return [RailInputs(spectra, positions, sides, contact_length=_RAIL_CONTACT), by_class]
 
 

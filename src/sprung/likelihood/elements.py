@@ -1,0 +1,202 @@
+"""Stiffness and damping of other elements than the corners' as parameters: anti-roll bars, mounts, flexible modes."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from sprung._arrays import Complex, Real
+from sprung.errors import ParameterError
+from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.terms import Terms
+from sprung.likelihood.transfer import TermGradients, Transfer
+from sprung.vehicles import Structure
+
+#: Standard deviations of ln of a stiffness, of a natural frequency and of a damping ratio in a vehicle file.
+_STIFFNESS, _FREQUENCY, _DAMPING = 0.3, 0.1, 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class ElementParameter:
+    """Logarithm of a factor of elements: stiffness and damping are multiplied by powers of it.
+
+    Parameters
+    ----------
+    name
+        Name of the parameter.
+    owner
+        Owner of the elements, such as "mounted_mass_1", "front_axle" or "torsion".
+    stiffness_power, damping_power
+        Powers of the factor in the stiffness and in the damping.
+    std
+        Standard deviation of the logarithm about 0 before any data.
+    """
+
+    name: str
+    owner: str
+    stiffness_power: float
+    damping_power: float
+    std: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ElementScales(ParameterBlock):
+    """Factors of stiffness and damping of elements whose components are not fitted otherwise.
+
+    Parameters
+    ----------
+    structure
+        Nominal vehicle.
+    parts
+        Parameters; several may act on one element.
+
+    Raises
+    ------
+    ParameterError
+        If the structure has no element of an owner.
+
+    Notes
+    -----
+    ln k = ln k_nominal + sum a p and ln c = ln c_nominal + sum b p over the parameters p of an element's owner, with
+    the powers a and b. Put after `FreeComponents`, whose dynamic stiffness of these elements it replaces.
+    """
+
+    structure: Structure
+    parts: tuple[ElementParameter, ...]
+
+    group: ClassVar[str] = "elements"
+
+    def __post_init__(self) -> None:
+        owners = {element.owner for element in self.structure.elements}
+        for part in self.parts:
+            if part.owner not in owners:
+                known = ", ".join(sorted(owners))
+                raise ParameterError(f"owner {part.owner!r} of parameter {part.name!r} is none of {known}: correct it")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(part.name for part in self.parts)
+
+    @property
+    def start(self) -> Real:
+        """Nominal values."""
+        return np.zeros(len(self.parts))
+
+    @property
+    def prior_std(self) -> Real:
+        """Standard deviations of the parameters."""
+        return np.array([part.std for part in self.parts])
+
+    def contribute(self, parameters: Real, terms: Terms) -> Terms:
+        """Return the terms with the dynamic stiffness of the elements."""
+        stiffness = terms.stiffness.copy()
+        for number, own, _ in self._elements(parameters, terms):
+            stiffness[number] = own
+        return replace(terms, stiffness=stiffness)
+
+    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
+        """Return the gradient of the objective."""
+        by_element, terms, gradient = gradients.stiffness, gradients.transfer.terms, np.zeros(len(self.parts))
+        for number, own, changes in self._elements(parameters, terms):
+            scaled = by_element[number] * terms.stiffness[number] / own
+            for row, change in changes:
+                gradient[row] += np.sum((scaled * change).real)
+        return gradient
+
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+        """Return the derivatives of the spectral matrix."""
+        derivatives: list[Complex] = [np.zeros((), dtype=np.complex128)] * len(self.parts)
+        for number, own, changes in self._elements(parameters, response.terms):
+            scale = response.terms.stiffness[number] / own
+            for row, change in changes:
+                derivatives[row] = derivatives[row] + response.change_by_element(number, scale * change)
+        return derivatives
+
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return the factors."""
+        return dict(zip(self.names, np.exp(parameters).tolist(), strict=True))
+
+    def fitted(self, parameters: Real, structure: Structure) -> Structure:
+        """Return the structure with the factors applied to the elements."""
+        elements = list(structure.elements)
+        for number, element in enumerate(elements):
+            spring, damper = self._factors(parameters, element.owner)
+            elements[number] = replace(element, stiffness=spring * element.stiffness, damping=damper * element.damping)
+        return replace(structure, elements=tuple(elements))
+
+    def _factors(self, parameters: Real, owner: str) -> tuple[float, float]:
+        """Factors of the stiffness and of the damping of an owner's elements."""
+        powers = [
+            (p * part.stiffness_power, p * part.damping_power)
+            for p, part in zip(parameters.tolist(), self.parts, strict=True)
+            if part.owner == owner
+        ]
+        logarithms = np.sum(powers, axis=0) if powers else np.zeros(2)
+        return float(np.exp(logarithms[0])), float(np.exp(logarithms[1]))
+
+    def _elements(self, parameters: Real, terms: Terms) -> Iterator[tuple[int, Complex, list[tuple[int, Complex]]]]:
+        """Yield each element's number, its dynamic stiffness, and rows of its parameters with the derivatives."""
+        s = np.asarray(2j * np.pi * terms.frequencies, dtype=np.complex128)
+        for number, element in enumerate(self.structure.elements):
+            rows = [(row, part) for row, part in enumerate(self.parts) if part.owner == element.owner]
+            if rows:
+                spring, damper = self._factors(parameters, element.owner)
+                by_stiffness = np.full_like(s, spring * element.stiffness)
+                by_damping = element.damping_derivative(s, damper=damper)
+                changes = [
+                    (row, part.stiffness_power * by_stiffness + part.damping_power * by_damping) for row, part in rows
+                ]
+                yield number, element.dynamic_stiffness(s, spring=spring, damper=damper), changes
+
+
+class ModeScales(ElementScales):
+    """Natural frequencies and damping ratios of flexible modes and of masses on mounts."""
+
+    __slots__ = ()
+
+    group: ClassVar[str] = "flexible"
+
+
+def mode_scales(
+    structure: Structure, owners: Sequence[str], *, frequency_std: float = _FREQUENCY, damping_std: float = _DAMPING
+) -> ModeScales:
+    """Return natural frequency and damping ratio of oscillators on the body as parameters, around the file's values.
+
+    Parameters
+    ----------
+    structure
+        Nominal vehicle.
+    owners
+        Owners of the oscillators' springs, such as "mounted_mass_1" or "torsion".
+    frequency_std, damping_std
+        Standard deviations of ln of a frequency and of ln of a damping ratio.
+
+    Notes
+    -----
+    With a constant mass, k = m w^2 and c = 2 zeta w m: a frequency e^p higher has the stiffness e^(2p) and the damping
+    e^p, a damping ratio e^q higher the damping e^q.
+    """
+    parts = []
+    for owner in owners:
+        parts.append(ElementParameter(f"{owner}_frequency", owner, 2.0, 1.0, frequency_std))
+        parts.append(ElementParameter(f"{owner}_damping", owner, 0.0, 1.0, damping_std))
+    return ModeScales(structure, tuple(parts))
+
+
+def stiffness_scales(structure: Structure, owners: Sequence[str], *, std: float = _STIFFNESS) -> ElementScales:
+    """Return the stiffness of elements as parameters, around the file's values.
+
+    Parameters
+    ----------
+    structure
+        Nominal vehicle.
+    owners
+        Owners of the springs, such as "front_axle" for its anti-roll bar.
+    std
+        Standard deviation of ln of a stiffness.
+    """
+    return ElementScales(
+        structure, tuple(ElementParameter(f"{owner}_stiffness", owner, 1.0, 0.0, std) for owner in owners)
+    )
