@@ -6,18 +6,24 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sprung._arrays import Real
+from sprung._checks import check_number
 from sprung.calibration.draft import Draft, VehicleNumber, explicit, moved
-from sprung.calibration.fitting import FreeVehicle, JointFit, joint_fit
-from sprung.calibration.numbers import component_numbers, file_numbers
+from sprung.calibration.fitting import FreeVehicle, JointFit, joint_fit, reweighted
+from sprung.calibration.mounts import likely_mount, with_mount
+from sprung.calibration.numbers import COMPONENT_FIELDS, component_numbers, file_numbers, mounted_numbers
 from sprung.calibration.results import Calibration, LearntNumber
-from sprung.calibration.windows import DELAY, window_spectra
+from sprung.calibration.windows import DELAY, WindowSpectra, window_spectra
 from sprung.errors import ParameterError
-from sprung.likelihood import CornerSettings
+from sprung.likelihood import CornerFit, CornerSettings
+from sprung.likelihood.fitting import fit_windows
+from sprung.recording import Recording
 from sprung.vehicles import Component, Vehicle, corner_names
-from sprung.vehicles.window import Window
+from sprung.vehicles.window import Window, window_of
 
 #: A number is told by the drives if they reduce its standard deviation to this share of the prior's or less.
 _TOLD = 0.5
+#: Gain in ln evidence from which a mass on mounts is added: far more than chance, as models are never perfect.
+_CONVINCING = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,19 +34,34 @@ class CalibrationSettings:
     ----------
     corners
         Choices of the fits, as for `sprung.likelihood.fit_corners`.
+    most_mounts
+        Largest number of masses on mounts that are added to the file.
+
+    Raises
+    ------
+    ParameterError
+        If a number is below 0.
     """
 
     corners: CornerSettings = field(default_factory=CornerSettings)
+    most_mounts: int = 3
+
+    def __post_init__(self) -> None:
+        check_number("most_mounts", self.most_mounts, at_least=0)
 
 
-def calibrate(windows: Sequence[Window], *, settings: CalibrationSettings | None = None) -> Calibration:
-    """Return the vehicle file of windows, completed with what they teach.
+def calibrate(
+    recordings: Sequence[Recording], vehicle: Vehicle, *, settings: CalibrationSettings | None = None
+) -> Calibration:
+    """Complete a vehicle file with what healthy drives teach.
 
     Parameters
     ----------
-    windows
-        Windows of healthy drives of one vehicle with the same channels, at least one; drives with other loads, on other
-        roads and at other speeds teach more.
+    recordings
+        Windows of healthy drives as read, with the same channels, at least one; drives with other loads, on other roads
+        and at other speeds teach more. About ten minutes each.
+    vehicle
+        Vehicle as its file describes it.
     settings
         Choices.
 
@@ -51,42 +72,99 @@ def calibrate(windows: Sequence[Window], *, settings: CalibrationSettings | None
     Raises
     ------
     ParameterError
-        If there is no window, or a window has another vehicle or other channels.
+        If there is no recording, or the recordings have other channels than the first one.
     DataError
         If the speed is missing, or no segment of a window is long, fast and steady enough.
 
     Notes
     -----
     The parameters of maximum posterior probability of all windows together. A number of the file is shared by the
-    windows, and its prior counts once; payload, road and noise are each window's own.
+    windows, and its prior counts once; payload, road and noise are each window's own. A mass on mounts is added where
+    the misfit asks for one (`likely_mount`) and the evidence for it is large.
 
     References
     ----------
     J. L. Beck and L. S. Katafygiotis, Updating models and their uncertainties. I: Bayesian statistical framework,
     Journal of Engineering Mechanics 124 (1998), 455-461.
+    D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992), 415-447 (evidence of models).
     """
     settings = settings or CalibrationSettings()
+    windows = [window_of(recording, vehicle) for recording in recordings]
     _check_alike(windows)
-    corners, draft = settings.corners, explicit(windows[0].vehicle)
+    corners, draft = settings.corners, explicit(vehicle)
+    before = [fit_windows([window], settings=corners) for window in windows]
     spectra = tuple(window_spectra(window, corners) for window in windows)
-    parts = component_numbers(draft, std=corners.prior_std)
-    before = joint_fit(FreeVehicle(spectra, draft, parts, corners))
-    numbers = (*parts, *file_numbers(draft, spectra[0].layout.names))
-    after = joint_fit(FreeVehicle(spectra, draft, numbers, corners), start=before.values())
-    return _calibration(before, after)
+    fit = joint_fit(_free(spectra, draft, corners, len(vehicle.mounted_mass)), start=_start(before))
+    n_given, notes = len(vehicle.mounted_mass), []
+    for _ in range(settings.most_mounts):
+        richer, gain = _with_one_more(fit, n_given)
+        if gain < _CONVINCING:
+            break
+        fit = richer
+        mount = completed(fit).mounted_mass[-1]
+        notes.append(
+            f"a mass of {mount.mass:.0f} kg on mounts of {mount.frequency:.3g} Hz at x = {mount.x:.2f} m explains what "
+            f"the vehicle file does not (ln evidence {gain:.0f})"
+        )
+    vehicle = completed(fit)
+    after = [fit_windows([window_of(recording, vehicle)], settings=corners) for recording in recordings]
+    learnt = learnt_numbers(fit, n_given)
+    return Calibration(
+        vehicle=vehicle,
+        learnt=learnt,
+        coordinates=before[0].model.layout.coordinates,
+        frequencies=before[0].model.spectra.frequencies,
+        misfit_before=_mean_misfit(before),
+        misfit_after=_mean_misfit(after),
+        model_errors_before=tuple(one.model_error for one in before),
+        model_errors_after=tuple(one.model_error for one in after),
+        n_segments=tuple(one.n_segments for one in after),
+        notes=(*notes, *_notes(learnt)),
+    )
+
+
+def _free(spectra: tuple[WindowSpectra, ...], draft: Draft, corners: CornerSettings, n_given: int) -> FreeVehicle:
+    """Return windows with all that is free of a vehicle."""
+    numbers = (
+        *component_numbers(draft, std=corners.prior_std),
+        *mounted_numbers(draft, n_given=n_given),
+        *file_numbers(draft, spectra[0].layout.names),
+    )
+    return FreeVehicle(spectra, draft, numbers, corners)
+
+
+def _start(fits: Sequence[CornerFit]) -> dict[str, float]:
+    """Return the joint parameters that usual fits of the windows give: components of the axles, payloads, roads."""
+    start: dict[str, float] = {}
+    for number, fit in enumerate(fits):
+        rows = fit.model.rows("noise", "class_roughness", "components")
+        for row in np.setdiff1d(np.arange(fit.parameters.size), rows):
+            start[f"window_{number}.{fit.model.names[row]}"] = float(fit.parameters[row])
+    kinds = {kind: name for name, (kind, _) in COMPONENT_FIELDS.items()}
+    ratios: dict[str, list[float]] = {}
+    for fit in fits:
+        for component, ratio in zip(fit.components, fit.log_ratios.tolist(), strict=True):
+            ratios.setdefault(f"{component.axle}.{kinds[component.kind]}", []).append(ratio)
+    return start | {name: float(np.mean(values)) for name, values in ratios.items()}
+
+
+def _with_one_more(fit: JointFit, n_given: int) -> tuple[JointFit, float]:
+    """Return the fit with the mass on mounts that the misfit asks for, and the gain in ln evidence."""
+    mount = likely_mount(fit)
+    if mount is None:
+        return fit, 0.0
+    free = _free(fit.free.windows, with_mount(fit.free.draft, mount), fit.free.settings, n_given)
+    richer = joint_fit(free, start=fit.values())
+    poorer = reweighted(fit, richer.weighting)
+    return richer, richer.joint.log_evidence(richer.parameters) - poorer.joint.log_evidence(poorer.parameters)
 
 
 def _check_alike(windows: Sequence[Window]) -> None:
-    """Raise unless the windows are of one vehicle and have the same channels."""
+    """Raise unless the windows have the same channels."""
     if not windows:
         raise ParameterError("no window was given, but one is needed: give drives of the vehicle")
     first = windows[0]
     for window in windows[1:]:
-        if window.vehicle != first.vehicle:
-            raise ParameterError(
-                f"a window has the vehicle {window.vehicle.name!r}, the first one {first.vehicle.name!r}: give "
-                "windows of one vehicle file"
-            )
         if window.outputs != first.outputs:
             raise ParameterError(
                 f"a window has the channels {', '.join(window.outputs)}, the first one {', '.join(first.outputs)}: "
@@ -94,38 +172,14 @@ def _check_alike(windows: Sequence[Window]) -> None:
             )
 
 
-def _calibration(before: JointFit, after: JointFit) -> Calibration:
-    """Return the result of the last fit next to that with springs, dampers, tyres and payload alone."""
-    learnt = learnt_numbers(after)
-    first = after.joint.models[0]
-    frequencies = first.spectra.frequencies
-    misfits = [_mean_misfit(fit, frequencies) for fit in (before, after)]
-    errors = [tuple(error for _, error in fit.misfits()) for fit in (before, after)]
-    return Calibration(
-        vehicle=completed(after),
-        learnt=learnt,
-        channels=first.layout.coordinates,
-        frequencies=frequencies,
-        misfit_before=misfits[0],
-        misfit_after=misfits[1],
-        model_errors_before=errors[0],
-        model_errors_after=errors[1],
-        n_segments=tuple(model.spectra.n_segments for model in after.joint.models),
-        notes=_notes(learnt),
-    )
+def _mean_misfit(fits: Sequence[CornerFit]) -> Real:
+    """Return the misfit of all windows, averaged by their numbers of segments, shape (coordinates, frequencies)."""
+    frequencies = fits[0].model.spectra.frequencies
+    misfits = [[np.interp(frequencies, fit.model.spectra.frequencies, row) for row in fit.misfit] for fit in fits]
+    return np.average(misfits, axis=0, weights=[fit.n_segments for fit in fits])
 
 
-def _mean_misfit(fit: JointFit, frequencies: Real) -> Real:
-    """Return the misfit of all windows, averaged by their numbers of segments, shape (channels, frequencies)."""
-    models = fit.joint.models
-    misfits = [
-        [np.interp(frequencies, model.spectra.frequencies, row) for row in misfit]
-        for model, (misfit, _) in zip(models, fit.misfits(), strict=True)
-    ]
-    return np.average(misfits, axis=0, weights=[model.spectra.n_segments for model in models])
-
-
-def learnt_numbers(fit: JointFit) -> tuple[LearntNumber, ...]:
+def learnt_numbers(fit: JointFit, n_given: int) -> tuple[LearntNumber, ...]:
     """Return the numbers of the vehicle that were free in a fit, with their standard deviations."""
     joint, given = fit.joint, fit.free.draft
     std = np.sqrt(np.diag(joint.covariance(fit.parameters)))
@@ -141,7 +195,7 @@ def learnt_numbers(fit: JointFit) -> tuple[LearntNumber, ...]:
     return tuple(learnt)
 
 
-def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float) -> LearntNumber:
+def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float, *, is_new: bool) -> LearntNumber:
     """Return a number with its learnt value."""
     given = number.get(draft)
     value = number.value(given, parameter)
@@ -149,7 +203,7 @@ def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float) -
         name=number.name,
         group=number.group,
         unit=number.unit,
-        given=given,
+        given=None if is_new else given,
         value=value,
         std=number.std_of_value(value, std),
         prior_std=number.std_of_value(given, number.std),
@@ -164,7 +218,7 @@ def completed(fit: JointFit) -> Vehicle:
     corners = corner_names(len(draft.vehicle.axle))
     for index in range(len(draft.vehicle.axle)):
         axle, sides = draft.vehicle.axle[index], corners[2 * index : 2 * index + 2]
-        for name, kind in (("spring_stiffness", "spring"), ("damping", "damper"), ("tyre_stiffness", "tyre")):
+        for name, (kind, _) in COMPONENT_FIELDS.items():
             value = getattr(axle, name)
             factors = [draft.factors.get(Component(corner, kind), 1.0) for corner in sides]
             if value:

@@ -53,6 +53,20 @@ class Draft:
         entries[index] = entries[index].model_copy(update=values)
         return self.with_fields(**{table: tuple(entries)})
 
+    def ahead(self, distance: float) -> "Draft":
+        """Return the draft with the body's centre of gravity moved ahead: all else is farther back from it."""
+        sensors = tuple(
+            sensor
+            if sensor.position is None or sensor.on != "body"
+            else sensor.model_copy(update={"position": (sensor.position[0] - distance, *sensor.position[1:])})
+            for sensor in self.vehicle.sensor
+        )
+        tables = {
+            name: tuple(entry.model_copy(update={"x": entry.x - distance}) for entry in getattr(self.vehicle, name))
+            for name in ("axle", "mounted_mass")
+        }
+        return self.with_fields(sensor=sensors, **tables)
+
     def with_body(self, **values: object) -> "Draft":
         """Return the draft with fields of the body replaced."""
         return self.with_fields(body=self.vehicle.body.model_copy(update=values))

@@ -11,12 +11,11 @@ from sprung.calibration.joint import JointModel, fitted
 from sprung.calibration.windows import WindowSpectra, joint_of, scaled_start, window_model
 from sprung.likelihood import CornerSettings, SegmentSpectra, SpectralLine, class_spectra, residual_lines
 from sprung.likelihood.masked_lines import without_lines
-from sprung.likelihood.spectra import CLASS_WIDTH
-from sprung.likelihood.uncertainty import power_misfit, segment_weights, tempering
+from sprung.likelihood.uncertainty import segment_weights, tempering
 from sprung.likelihood.vehicle import highest_of_body
 
-#: Width of the speed classes and tempering of the rough fit, and number of full fits after it.
-_COARSE, _FIRST, _FULL_FITS = 0.1, 0.1, 2
+#: Tempering of the first fit, and number of fits after it.
+_FIRST, _FULL_FITS = 0.1, 2
 #: Lowest frequency at which lines are sought over that of the highest mode of the body.
 _OVER_BODY = 1.5
 #: Largest ln of the roughness of a class over the common one at the start.
@@ -91,14 +90,6 @@ class JointFit:
         """Return the joint parameters by name."""
         return dict(zip(self.joint.names, self.parameters.tolist(), strict=True))
 
-    def misfits(self) -> list[tuple[Real, float]]:
-        """Return misfit (channels, frequencies) and model error of each window."""
-        misfits = [
-            power_misfit(model, self.joint.of_window(number, self.parameters))
-            for number, model in enumerate(self.joint.models)
-        ]
-        return [(misfit, float(np.sqrt(max(0.0, excess)))) for misfit, excess in misfits]
-
 
 def joint_fit(free: FreeVehicle, *, start: Mapping[str, float] | None = None) -> JointFit:
     """Fit numbers of a vehicle file to windows.
@@ -112,43 +103,38 @@ def joint_fit(free: FreeVehicle, *, start: Mapping[str, float] | None = None) ->
 
     Notes
     -----
-    As `sprung.likelihood.fit_segments`: a rough fit with wide speed classes and a tenth of the weight, then full ones,
-    each with the lines, amplitudes and tempering that follow from the one before.
+    As `sprung.likelihood.fit_segments`: a first fit with a tenth of the weight, then full ones, each with the lines,
+    amplitudes and tempering that follow from the one before.
     """
-    alike = tuple(Weighting(np.ones(window.segments.speeds.size), (), _FIRST) for window in free.windows)
-    rough = _joint(free, alike, width=_COARSE)
-    known = _by_name(rough, fitted(rough, _started(rough, start or {})))
-    joint = _joint(free, alike, width=CLASS_WIDTH)
-    fit = JointFit(free, joint, _with_roughness(joint, _started(joint, known)), alike)
+    weighting = tuple(Weighting(np.ones(window.segments.speeds.size), (), _FIRST) for window in free.windows)
+    joint = _joint(free, weighting)
+    fit = JointFit(free, joint, fitted(joint, _with_roughness(joint, _started(joint, start or {}))), weighting)
     for _ in range(_FULL_FITS):
         weighting = _weightings(fit)
-        joint = _joint(free, weighting, width=CLASS_WIDTH)
+        joint = _joint(free, weighting)
         fit = JointFit(free, joint, fitted(joint, fit.parameters), weighting)
     return fit
 
 
-def refit(fit: JointFit, free: FreeVehicle, *, start: Mapping[str, float] | None = None) -> JointFit:
-    """Fit other numbers to the windows of a fit, weighted as there, so that the likelihoods compare.
+def reweighted(fit: JointFit, weighting: tuple[Weighting, ...]) -> JointFit:
+    """Repeat a fit with the weights of another one, so that their likelihoods compare.
 
     Parameters
     ----------
     fit
-        Fit whose weights are kept, and whose parameters are the start.
-    free
-        The same windows with other free numbers.
-    start
-        Further parameters by name at which the search starts.
+        Fit whose parameters are the start.
+    weighting
+        Weights of the windows.
     """
-    joint = _joint(free, fit.weighting, width=CLASS_WIDTH)
-    known = fit.values() | dict(start or {})
-    return JointFit(free, joint, fitted(joint, _started(joint, known)), fit.weighting)
+    joint = _joint(fit.free, weighting)
+    return JointFit(fit.free, joint, fitted(joint, fit.parameters), weighting)
 
 
-def _joint(free: FreeVehicle, weighting: Sequence[Weighting], *, width: float) -> JointModel:
-    """Return the joint model of weighted windows with speed classes of a relative width."""
+def _joint(free: FreeVehicle, weighting: Sequence[Weighting]) -> JointModel:
+    """Return the joint model of weighted windows in usual speed classes."""
     models = []
     for window, weights in zip(free.windows, weighting, strict=True):
-        spectra = class_spectra(_limited(window, weights.amplitudes), width=width)
+        spectra = class_spectra(_limited(window, weights.amplitudes))
         counted = weights.tempering * spectra.weights * without_lines(spectra, weights.lines)
         tempered = replace(spectra, weights=counted)
         models.append(window_model(tempered, window, free.draft, free.numbers, free.settings))
@@ -176,16 +162,9 @@ def _weightings(fit: JointFit) -> tuple[Weighting, ...]:
     return tuple(weighting)
 
 
-def _by_name(joint: JointModel, parameters: Real) -> dict[str, float]:
-    """Return joint parameters by name, without those of the speed classes."""
-    known = dict(zip(joint.names, parameters.tolist(), strict=True))
-    classes = {joint.names[row] for row in _class_rows(joint)}
-    return {name: value for name, value in known.items() if name not in classes}
-
-
 def _started(joint: JointModel, known: Mapping[str, float]) -> Real:
     """Return the start of a search with the parameters that are known."""
-    start = scaled_start(joint) if not known else joint.start.copy()
+    start = scaled_start(joint)
     for number, name in enumerate(joint.names):
         start[number] = known.get(name, start[number])
     return start
@@ -202,12 +181,3 @@ def _with_roughness(joint: JointModel, parameters: Real) -> Real:
             mean = ratio / (model.spectra.frequencies.size * len(model.layout.rows))
             parameters[rows[levels]] = np.clip(np.log(np.maximum(mean, 1e-9)), -_ROUGHEST, _ROUGHEST)
     return parameters
-
-
-def _class_rows(joint: JointModel) -> list[int]:
-    """Return the numbers of the joint parameters of speed classes."""
-    return [
-        int(row)
-        for model, rows in zip(joint.models, joint.rows, strict=True)
-        for row in rows[model.rows("class_roughness")]
-    ]

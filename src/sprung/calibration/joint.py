@@ -13,7 +13,7 @@ from sprung.likelihood.spectra import OVERCOUNT
 from sprung.likelihood.whittle import TOO_FAR
 
 #: Largest number of steps of a search, and gain of a Newton step below which it ends.
-_MOST_STEPS, _SETTLED = 40, 1e-3
+_MOST_STEPS, _SETTLED = 40, 0.03
 #: Damping of the first step of a search, its factor after a step that failed and after one that succeeded, and its end.
 _DAMPING, _MORE, _LESS, _STUCK = 1e-3, 10.0, 0.2, 1e8
 #: Longest step in standard deviations of the prior.

@@ -10,11 +10,17 @@ from sprung.vehicles import Component, corner_names
 #: anti-roll bars, gains of sensors; mounted masses: mass, frequency, damping.
 _SIDE, _WHEEL, _INERTIA, _BAR, _GAIN = 0.05, 0.15, 0.1, 0.3, 0.03
 _MOUNTED = {"mass": 0.3, "frequency": 0.15, "damping_ratio": 0.5}
+#: Factor of these and of the place for a mass that the file lacks.
+_NEW = 2.0
 #: Standard deviations of the centre of gravity, of the places of sensors and of mounted masses [m], of delays [s], and
 #: of the directions of gyroscopes (direction cosine: 2 degrees).
 _CENTRE, _PLACE, _MASS_PLACE, _DELAY, _TILT = 0.05, 0.1, 0.2, 2e-3, 0.035
 #: Fields of an axle that make the components of its corners.
-_COMPONENTS = {"spring_stiffness": ("spring", "N/m"), "damping": ("damper", "N s/m"), "tyre_stiffness": ("tyre", "N/m")}
+COMPONENT_FIELDS = {
+    "spring_stiffness": ("spring", "N/m"),
+    "damping": ("damper", "N s/m"),
+    "tyre_stiffness": ("tyre", "N/m"),
+}
 
 
 def component_numbers(draft: Draft, *, std: float) -> tuple[VehicleNumber, ...]:
@@ -33,7 +39,7 @@ def component_numbers(draft: Draft, *, std: float) -> tuple[VehicleNumber, ...]:
 def _axle_components(draft: Draft, index: int, std: float) -> Iterator[VehicleNumber]:
     """Yield the components of one axle."""
     left, right = corner_names(len(draft.vehicle.axle))[2 * index : 2 * index + 2]
-    for name, (kind, unit) in _COMPONENTS.items():
+    for name, (kind, unit) in COMPONENT_FIELDS.items():
         if not getattr(draft.vehicle.axle[index], name):
             continue
         yield _entry(("axle", index, name), f"{left.removesuffix('_left')}.{name}", std=std, unit=unit)
@@ -45,7 +51,7 @@ def _axle_components(draft: Draft, index: int, std: float) -> Iterator[VehicleNu
 
 
 def file_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, ...]:
-    """Return what else of a file drives can teach: body, wheels, anti-roll bars, mounted masses, sensors.
+    """Return what else of a file drives can teach: body, wheels, anti-roll bars, sensors.
 
     Parameters
     ----------
@@ -54,20 +60,22 @@ def file_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, 
     channels
         Channels that were recorded.
     """
-    return (*_body(draft), *_wheels(draft), *mounted_numbers(draft), *sensor_numbers(draft, channels))
+    return (*_body(draft), *_wheels(draft), *sensor_numbers(draft, channels))
 
 
-def mounted_numbers(draft: Draft, *, first: int = 0) -> tuple[VehicleNumber, ...]:
-    """Return mass, frequency, damping and place of the mounted masses from number `first`."""
+def mounted_numbers(draft: Draft, *, n_given: int) -> tuple[VehicleNumber, ...]:
+    """Return mass, frequency, damping and place of the mounted masses, of which the file has the first `n_given`."""
     numbers = []
-    for index, mass in list(enumerate(draft.vehicle.mounted_mass))[first:]:
-        where = f"mounted_mass_{index + 1}"
+    for index, mass in enumerate(draft.vehicle.mounted_mass):
+        where, factor = f"mounted_mass_{index + 1}", 1.0 if index < n_given else _NEW
         for name, unit in (("mass", "kg"), ("frequency", "Hz"), ("damping_ratio", "")):
             if getattr(mass, name) > 0:
-                numbers.append(_entry(("mounted_mass", index, name), f"{where}.{name}", std=_MOUNTED[name], unit=unit))
+                numbers.append(
+                    _entry(("mounted_mass", index, name), f"{where}.{name}", std=factor * _MOUNTED[name], unit=unit)
+                )
         for name in ("x", "y"):
             place = ("mounted_mass", index, name)
-            numbers.append(_entry(place, f"{where}.{name}", std=_MASS_PLACE, unit="m", is_log=False))
+            numbers.append(_entry(place, f"{where}.{name}", std=factor * _MASS_PLACE, unit="m", is_log=False))
     return tuple(numbers)
 
 
@@ -116,7 +124,7 @@ def _wheels(draft: Draft) -> Iterator[VehicleNumber]:
 def _entry(entry: tuple[str, int, str], name: str, *, std: float, unit: str, is_log: bool = True) -> VehicleNumber:
     """Return a field of an entry of a table as a number: table, index, field."""
     group = "mounted_masses" if entry[0] == "mounted_mass" else "wheels"
-    group = "components" if entry[2] in _COMPONENTS else group
+    group = "components" if entry[2] in COMPONENT_FIELDS else group
     return VehicleNumber(name, group, std, is_log, partial(_of_entry, *entry), partial(_with_entry, *entry), unit)
 
 
@@ -158,20 +166,8 @@ def _nothing(draft: Draft) -> float:
     return 0.0
 
 
-def _with_centre(draft: Draft, ahead: float) -> Draft:
-    """Return the draft with the centre of gravity moved ahead: all else moves back relative to it."""
-    vehicle = draft.vehicle
-    sensors = tuple(
-        sensor
-        if sensor.position is None or sensor.on != "body"
-        else sensor.model_copy(update={"position": (sensor.position[0] - ahead, *sensor.position[1:])})
-        for sensor in vehicle.sensor
-    )
-    return draft.with_fields(
-        axle=tuple(axle.model_copy(update={"x": axle.x - ahead}) for axle in vehicle.axle),
-        mounted_mass=tuple(mass.model_copy(update={"x": mass.x - ahead}) for mass in vehicle.mounted_mass),
-        sensor=sensors,
-    )
+def _with_centre(draft: Draft, distance: float) -> Draft:
+    return draft.ahead(distance)
 
 
 def _factor(component: Component, draft: Draft) -> float:

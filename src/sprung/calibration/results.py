@@ -50,15 +50,15 @@ class Calibration:
         Completed vehicle.
     learnt
         Numbers that were free, told by the drives or not.
-    channels
-        Channels of the misfit.
+    coordinates
+        Coordinates of the misfit.
     frequencies
         Frequencies of the misfit [Hz], shape (frequencies,).
     misfit_before, misfit_after
-        Measured over fitted power less 1, averaged over the windows: with only springs, dampers, tyres and payload
-        free, and with all numbers; shape (channels, frequencies).
+        Measured over fitted power less 1 in fits of the corners, averaged over the windows: with the file as given and
+        as completed; shape (coordinates, frequencies).
     model_errors_before, model_errors_after
-        RMS of the misfit of each window in excess of chance.
+        Model error of each window in these fits.
     n_segments
         Number of segments of each window.
     notes
@@ -67,7 +67,7 @@ class Calibration:
 
     vehicle: Vehicle
     learnt: tuple[LearntNumber, ...]
-    channels: tuple[str, ...]
+    coordinates: tuple[str, ...]
     frequencies: Real
     misfit_before: Real
     misfit_after: Real

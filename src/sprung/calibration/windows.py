@@ -28,6 +28,8 @@ _REPLACED = frozenset({"components", "sensors", "unsprung"})
 #: Parameters of the road that are the vehicle's: the ratio of the delays between the axles, a matter of wheelbase and
 #: speedometer.
 DELAY = "delay"
+#: Noise of a channel at the start of a search over its power.
+_NOISE = 0.01
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -129,8 +131,24 @@ def joint_of(models: Sequence[Model]) -> JointModel:
 
 
 def scaled_start(joint: JointModel) -> Real:
-    """Return the start of a search: numbers as given, inputs and noise of each window at the power of its data."""
+    """Return the start of a search: numbers as given, inputs of each window at the power of its data.
+
+    The noise of every channel starts at a hundredth of the channel's power, so that sensors that are not where the file
+    says do not rule the first steps.
+    """
     start = joint.start.copy()
     for model, rows in zip(joint.models, joint.rows, strict=True):
-        start[rows] = model.scaled_start()
+        own = model.scaled_start()
+        own[model.rows("noise")] = _usual_noise(model)
+        start[rows] = own
     return start
+
+
+def _usual_noise(model: Model) -> Real:
+    """Return ln of the noise densities at which each channel has a hundredth of its power as noise."""
+    layout, spectra = model.layout, model.spectra
+    if len(layout.reduction) != len(layout.names) or layout.coordinates != layout.names:
+        return np.asarray(model.scaled_start()[model.rows("noise")], dtype=np.float64)
+    colours = (2 * np.pi * spectra.frequencies[:, None]) ** (2 * (2 - layout.orders))
+    power = np.einsum("cfii->fi", spectra.matrices).real / spectra.counts.size
+    return np.log(_NOISE * np.median(power / colours, axis=0))
