@@ -24,6 +24,7 @@ QUANTITIES = MappingProxyType(
         "strain": "1",
         "force": "N",
         "temperature": "degC",
+        "pressure": "Pa",
         "unknown": "",
     }
 )

@@ -40,6 +40,10 @@ UNITS = MappingProxyType(
         "N": ("force", 1.0),
         "kN": ("force", 1e3),
         "degC": ("temperature", 1.0),
+        "Pa": ("pressure", 1.0),
+        "kPa": ("pressure", 1e3),
+        "bar": ("pressure", 1e5),
+        "psi": ("pressure", 6894.757293168361),
     }
 )
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.excitation import Lines, RandomInputs, Sum, constant_speed
+from sprung.excitation import Lines, RandomInputs, Stack, Sum, constant_speed
 
 RATE = 1000.0
 
@@ -34,3 +34,23 @@ def test_contradicting_orders_and_sums_are_refused() -> None:
         Lines(constant_speed(1.0), (1.0, 2.0), (1.0,), (1.0,))
     with pytest.raises(ParameterError, match="parts have 1, 2 inputs"):
         Sum((RandomInputs(1), RandomInputs(2)))
+
+
+def test_phases_of_lines_can_be_given() -> None:
+    lines = Lines(constant_speed(10.0), (0.5, 1.0), (2.0, 1.0), (1.0,), phases=(0.3, -0.7))
+    time = np.arange(500) / RATE
+    expected = 2 * np.sin(2 * np.pi * 5 * time + 0.3) + np.sin(2 * np.pi * 10 * time - 0.7)
+    assert drawn(lines, n_samples=500)[0] == pytest.approx(expected)
+    with pytest.raises(ParameterError, match="2 orders have 1 phases"):
+        Lines(constant_speed(1.0), (1.0, 2.0), (1.0, 1.0), (1.0,), phases=(0.0,))
+
+
+def test_a_stack_has_the_inputs_of_all_its_parts() -> None:
+    parts = (RandomInputs(2), Lines(constant_speed(10.0), (1.0,), (5.0,), (1.0,)))
+    generator = np.random.default_rng(1)
+    expected = [part.samples(100, sampling_rate=RATE, generator=generator) for part in parts]
+    assert Stack(parts).n_inputs == 3
+    assert not Stack(parts).is_smooth
+    assert np.array_equal(drawn(Stack(parts), n_samples=100), np.vstack(expected))
+    with pytest.raises(ParameterError, match="no parts"):
+        Stack(())

@@ -3,7 +3,7 @@ import pytest
 from scipy.integrate import quad
 
 from sprung.errors import ParameterError
-from sprung.excitation import SpeedProfile, constant_speed, random_speed
+from sprung.excitation import SpeedChanges, SpeedProfile, constant_speed, random_speed
 
 
 def test_distance_is_the_integral_of_the_speed() -> None:
@@ -44,3 +44,15 @@ def test_impossible_profiles_are_refused(times, speeds) -> None:
 
 def test_standing_still() -> None:
     assert constant_speed(0.0).distance([0.0, 100.0]).tolist() == [0.0, 0.0]
+
+
+def test_changes_stay_within_their_ranges() -> None:
+    changes = SpeedChanges(accelerating=(1.0, 2.0), braking=(2.5, 4.0), steady=(5.0, 6.0))
+    profile = random_speed(600.0, low=5.0, high=20.0, n_stops=2, generator=np.random.default_rng(1), changes=changes)
+    rates = np.diff(profile.speeds) / np.diff(profile.times)
+    long_enough = np.diff(profile.times) > 0.1001  # a change takes at least 0.1 s
+    rising, falling = rates[(rates > 0) & long_enough], rates[(rates < 0) & long_enough]
+    assert 1.0 <= rising.min() < rising.max() <= 2.0
+    assert -4.0 <= falling.min() < falling.max() <= -2.5
+    with pytest.raises(ParameterError, match=r"largest braking=1 must be at least 2"):
+        SpeedChanges(braking=(2.0, 1.0))

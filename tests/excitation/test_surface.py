@@ -171,3 +171,23 @@ def test_unknown_class_and_axles_out_of_order_are_refused() -> None:
         road_class("k")
     with pytest.raises(ParameterError, match="must fall from front to rear"):
         SurfaceMotion(road_class("A"), (-1.0, 1.0), constant_speed(5.0))
+
+
+def test_a_rougher_right_track_has_its_level_and_keeps_the_left(class_c) -> None:
+    n, left, right, cross = spectra(heights(road_class("C"), length=100e3, right_over_left=10 ** (2.5 / 20)))
+    inside = (n > 0.03) & (n < 8)
+    assert 10 * np.log10(right[inside] / class_c[2][inside]) == pytest.approx(2.5)
+    assert left == pytest.approx(class_c[1])
+    # a factor of one track does not touch the coherence
+    coherence, before = (np.abs(c[inside]) ** 2 / (a * b)[inside] for _, a, b, c in ((n, left, right, cross), class_c))
+    assert coherence == pytest.approx(before)
+
+
+def test_potholes_keep_to_their_side() -> None:
+    smooth = heights(road_class("A"), length=20e3)
+    for side, row in (("left", 0), ("right", 1)):
+        broken = heights(road_class("A"), length=20e3, obstacles=(Potholes(per_kilometre=2.0, side=side),)) - smooth
+        assert np.abs(broken[row]).max() > 0.01
+        assert broken[1 - row] == pytest.approx(0, abs=1e-12)
+    with pytest.raises(ParameterError, match="side of the potholes 'up' is not one of left, right"):
+        Potholes(side="up")

@@ -25,10 +25,14 @@ schema = "sprung.vehicle/1"
 name = "zafira"
 kind = "road"
 speed_channel = "gps_speed"
+speed_delay = 1.0
+speed_scale = 1.02
 [body]
 mass = 1480.0
 pitch_inertia = 2200.0
 roll_inertia = 360.0
+product_of_inertia = -40.0
+height = 0.55
 [[axle]]
 x = 1.22
 half_track = 0.702
@@ -37,6 +41,7 @@ spring_stiffness = 44179.0
 damping = 1781
 tyre_stiffness = 190900.0
 anti_roll_stiffness = 12e3
+rolling_radius = 0.31
 [[axle]]
 x = -1.58
 half_track = 0.702
@@ -61,10 +66,45 @@ channel = "pitch_rate"
 quantity = "angular_velocity"
 unit = "deg/s"
 direction = [0.0, 1.0, 0.0]
+delay = 0.004
 [[sensor]]
 channel = "oil"
 quantity = "temperature"
 unit = "°C"
+[[sensor]]
+channel = "level_fl"
+quantity = "travel"
+unit = "mm"
+between = "front_left"
+[[sensor]]
+channel = "wss_fl"
+quantity = "wheel_speed"
+unit = "rpm"
+on = "wheel_front_left"
+[[sensor]]
+channel = "tpms_fl"
+quantity = "pressure"
+unit = "bar"
+on = "wheel_front_left"
+[[flexible_mode]]
+shape = "torsion"
+frequency = 22.0
+damping_ratio = 0.03
+[[flexible_mode]]
+shape = "bending"
+frequency = 27.0
+damping_ratio = 0.02
+mass = 600.0
+[[learnt]]
+name = "acc_fl.x"
+value = 1.22
+std = 0.01
+given = 1.30
+source = "calibration with 4 drives"
+[[learnt]]
+name = "torsion.frequency"
+value = 22.0
+std = 0.2
 """
 
 CHAIN = {"name": "c", "kind": "chain", "mass": [{"mass": 1.0, "stiffness": 2.0, "damping": 3.0}]}
@@ -96,7 +136,18 @@ def test_example_of_the_contract(tmp_path) -> None:
     channel = vehicle.sensor[0].as_channel()
     assert channel.position == (1.22, 0.702, 0.0)
     assert channel.unit == "m/s^2"
+    assert (vehicle.sensor[0].delay, vehicle.sensor[1].delay) == (0.0, 0.004)
+    assert vehicle.sensor[3].as_channel().quantity == "displacement"
+    assert vehicle.flexible_mode[0].mass is None
+    assert (vehicle.learnt[0].given, vehicle.learnt[1].given) == (1.30, None)
     assert read_description(str(path)) == vehicle
+
+
+def test_a_file_without_the_later_fields_has_their_defaults() -> None:
+    vehicle = read_vehicle("zafira")
+    assert (vehicle.speed_delay, vehicle.speed_scale, vehicle.flexible_mode, vehicle.learnt) == (0.0, 1.0, (), ())
+    assert (vehicle.body.product_of_inertia, vehicle.body.height) == (0.0, None)
+    assert {(sensor.delay, sensor.between) for sensor in vehicle.sensor} == {(0.0, None)}
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -171,6 +222,19 @@ def test_directions_get_the_length_one() -> None:
             "roof",
             "[[sensor]] 1, on='roof' must be one of body, wheel_front_left, wheel_front_right",
         ),
+        (("sensor", 0, "delay"), 11, "[[sensor]] 1, delay=11 must be at most 10: correct it"),
+        (("sensor", 0, "between"), "front_left", "[[sensor]] 1: between='front_left' is for the quantities travel and"),
+        (("sensor", 3, "between"), None, "[[sensor]] 4: quantity 'travel' needs the suspension that it measures: add"),
+        (("sensor", 3, "between"), "front", "[[sensor]] 4, between='front' must be one of front_left, front_right, "),
+        (("sensor", 4, "on"), "body", "sensor 'wss_fl', on='body' must be one of wheel_front_left, wheel_front_right"),
+        (("axle", 0, "rolling_radius"), None, "sensor 'wss_fl' measures the rotation of wheel_front_left, whose axle"),
+        (("body", "product_of_inertia"), 900.0, "body, product_of_inertia=900 kg m2 must be between -889.9 and 889.9"),
+        (("body", "height"), 0, "body, height=0 must be above 0: correct it"),
+        (("speed_scale",), 0, "speed_scale=0 must be above 0: correct it"),
+        (("speed_delay",), -20.0, "speed_delay=-20.0 must be at least -10: correct it"),
+        (("flexible_mode", 0, "shape"), "twist", "[[flexible_mode]] 1, shape='twist' must be 'torsion' or 'bending'"),
+        (("flexible_mode", 1, "shape"), "torsion", "[[flexible_mode]]: shape 'torsion' occurs more than once: remove"),
+        (("learnt", 0, "std"), -0.1, "[[learnt]] 1, std=-0.1 must be at least 0: correct it"),
         (("sensor", 1, "channel"), "acc_fl", "channel 'acc_fl' has more than one [[sensor]]: rename or remove one"),
     ],
 )
@@ -191,6 +255,14 @@ def test_further_problems_are_counted() -> None:
 def test_chain_has_no_body_to_carry_sensors() -> None:
     sensor = {"channel": "a", "quantity": "acceleration", "unit": "g"}
     with pytest.raises(ParameterError, match=r"\[\[sensor\]\] 1, on='body' must be one of mass_1: correct it"):
+        parse_vehicle({**CHAIN, "sensor": [sensor]})
+
+
+def test_chain_has_no_corner_to_measure() -> None:
+    sensor = {"channel": "a", "quantity": "travel", "unit": "mm", "between": "mass_1"}
+    with pytest.raises(
+        ParameterError, match=r"\[\[sensor\]\] 1, between='mass_1' needs a vehicle with corners: remove"
+    ):
         parse_vehicle({**CHAIN, "sensor": [sensor]})
 
 

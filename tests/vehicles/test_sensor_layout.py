@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
-from sprung.recording import Channel, Recording
+from sprung.recording import Channel, Gap, Recording
 from sprung.vehicles import Sensor
 from sprung.vehicles.sensor_layout import with_layout
 
@@ -32,6 +32,20 @@ def test_values_in_si_are_not_converted_again() -> None:
     assert placed.channels[0].position == (1.2, 0.7, 0.0)
     turned = with_layout(recorded(Channel("a", "acceleration")), [sensor("a", scale=-1.0)])
     np.testing.assert_allclose(turned.samples, [[-1, -2, -3]])
+
+
+def test_a_late_channel_is_advanced() -> None:
+    """A sine known at every time, late by 0.37 samples in one of two channels."""
+    late, times = 3.7e-3, np.arange(400) / 100
+    samples = np.sin(2 * np.pi * 7.0 * np.array([times, times - late]))
+    run = Recording(samples, 100.0, (Channel("a"), Channel("b")), gaps=(Gap(200, 1.0),))
+    placed = with_layout(run, [sensor("a", unit="m/s^2"), sensor("b", unit="m/s^2", delay=late)])
+    inner = np.r_[40:160, 240:360]
+    assert placed.samples[1, inner] == pytest.approx(samples[0, inner], abs=1e-4)
+    np.testing.assert_array_equal(placed.samples[0], samples[0])
+    assert np.flatnonzero(np.isnan(placed.samples[1])).tolist() == [199, 399]
+    again = with_layout(run, [sensor("a", unit="m/s^2"), sensor("b", unit="m/s^2")])
+    np.testing.assert_array_equal(again.samples, samples)
 
 
 def test_a_reversed_gyroscope_is_turned_by_its_scale() -> None:

@@ -1,5 +1,7 @@
 """A recording as a window of its vehicle: sensors placed once, speed, conditions, usable motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,20 @@ def test_conditions_are_those_that_channels_show(car, run) -> None:
         "temperature": pytest.approx(21.5),
         "turning": pytest.approx(np.pi / 180 * np.sqrt(np.mean(run.samples[4] ** 2))),
     }
+
+
+def test_the_speed_is_scaled_and_advanced(car, run) -> None:
+    """A ramp, whose values at every time are known: 0.5 s later, times 1.1."""
+    samples = run.samples.copy()
+    samples[-2] = np.linspace(10.0, 20.0, 1000)
+    late = car.model_copy(update={"speed_delay": 0.505, "speed_scale": 1.1})
+    window = window_of(replace(run, samples=samples), late)
+    speed = window.recording.samples[window.recording.index("Speed")]
+    assert speed[:949] == pytest.approx(1.1 * (samples[-2] + 0.505 * 100 * 10 / 999)[:949], rel=1e-12)
+    assert np.isnan(speed[949:]).all()
+    assert window.conditions["speed"] == pytest.approx(np.nanmean(speed))
+    assert window.motion.n_samples == 949
+    assert window.recording.history[-1] == "speed times 1.1, advanced by 0.505 s"
 
 
 def test_motion_is_what_identification_uses_and_computed_once(car, run) -> None:

@@ -1,5 +1,6 @@
 """The commands `sprung simulate road`, `rail`, `rig`, `chain` and `quarter`."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from sprung.cli import simulate_conditions as values
 from sprung.cli import simulate_options as options
 from sprung.cli.checks import check_file
 from sprung.cli.options import Json, option
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from sprung.simulation import DriveSettings
     from sprung.simulation.drives import SimulatedDrive
     from sprung.simulation.runs import SimulatedRun, StationaryRun
-    from sprung.vehicles import Fault
+    from sprung.vehicles import Vehicle
     from sprung.vehicles.usable import AnyVehicle
 
     #: A simulation that lacks only its seed.
@@ -75,31 +77,84 @@ def road(
     minutes: options.Minutes = 10.0,
     sampling_rate: options.SamplingRate = 200.0,
     speed: options.Speed = (5.5, 20.0),
-    road_class: Annotated[str, option("A..H", "Roughness class of ISO 8608.", "--road", panel=options.DRIVE)] = "C",
     stops: options.Stops = 0,
+    braking: options.Braking = 0.0,
+    cornering: options.Cornering = 0.0,
+    height: options.Height = None,
+    road_class: options.RoadClass = "C",
+    right_rougher: options.RightRougher = 0.0,
+    potholes: options.PotholeRate = None,
+    pothole_side: options.PotholeSide = None,
+    cross_slope: options.CrossSlope = 0.0,
     fault: options.Faults = None,
-    payload: options.PayloadMass = 0.0,
+    payload: options.Payloads = None,
     temperature: options.Temperature = 20.0,
+    tyre_temperature: options.TyreTemperature = 20.0,
     nonlinear: options.Nonlinear = False,
+    unbalance: options.Unbalance = 0.0,
+    run_out: options.RunOut = None,
+    wheel_radius: options.WheelRadius = 0.31,
+    differs: options.Differs = None,
+    mounted_mass: options.MountedMasses = None,
+    scatter: options.Scatter = None,
+    wear: options.Wear = None,
+    individual: options.Individual = 0,
+    tilt: options.Tilt = 0.0,
+    misplaced: options.Misplaced = 0.0,
+    moved: options.Moved = None,
+    gain_error: options.GainError = 0.0,
+    lag: options.Lag = 0.0,
+    noise_density: options.NoiseDensity = 0.0,
+    bits: options.Bits = None,
+    full_scale: options.Range = 2.0,
+    speed_delay: options.SpeedDelay = 0.0,
+    speed_rate: options.SpeedRate = None,
+    speed_scale: options.SpeedScale = 1.0,
+    also: options.Also = None,
     snr: options.Snr = None,
     records: options.Records = 1,
     seed: options.Seed = 0,
     json: Json = None,
 ) -> None:
     """Simulate a car that drives on a road."""
-    from sprung.simulation import FEW_POTHOLES, RoadConditions, RoadDrive
+    from sprung.simulation import Deviations, Driving, PartScatter, RoadConditions, RoadDrive, SensorErrors, Wear
 
     output = Output(out, records, seed, json)
+    car = values.with_sensors(_vehicle("road", vehicle), also)
+    deviations = Deviations(
+        values=values.changes("--differs", differs),
+        mounted_masses=values.mounted_masses(mounted_mass),
+        scatter=None if scatter is None else PartScatter(*(share / 100 for share in scatter)),
+        wear=tuple(Wear(part.component, part.change) for part in values.faults(wear)),
+        sensors=SensorErrors(
+            places=misplaced / 100,
+            moved=values.offsets(moved),
+            tilt=math.radians(tilt),
+            gain=gain_error / 100,
+            lag=lag / 1000,
+        ),
+        individual=individual,
+    )
     settings = RoadDrive(
-        road=RoadConditions(road_class, potholes=FEW_POTHOLES if nonlinear else None),
+        road=RoadConditions(
+            road_class, values.potholes(potholes, pothole_side, nonlinear=nonlinear), right_rougher_db=right_rougher
+        ),
+        manner=Driving(braking, cornering, cross_slope / 100, height),
+        wheel_orders=values.wheel_orders(unbalance, run_out, wheel_radius),
         duration=60 * minutes,
         sampling_rate=sampling_rate,
         speed=speed,
         n_stops=stops,
         snr=snr,
-        **_condition(fault, payload, temperature, nonlinear),
+        deviations=deviations,
+        imperfections=values.imperfections(
+            car.speed_channel,
+            accelerometers=(noise_density, full_scale, bits),
+            speed=(speed_delay, speed_rate, speed_scale),
+        ),
+        **_condition(fault, payload, (temperature, tyre_temperature), nonlinear),
     )
-    _simulate_drives("road", vehicle, settings, output)
+    _simulate_drives(car, settings, output)
 
 
 @simulate.command()
@@ -112,7 +167,7 @@ def rail(
     speed: options.Speed = (15.0, 30.0),
     stops: options.Stops = 0,
     fault: options.Faults = None,
-    payload: options.PayloadMass = 0.0,
+    payload: options.Payloads = None,
     temperature: options.Temperature = 20.0,
     nonlinear: options.Nonlinear = False,
     snr: options.Snr = None,
@@ -130,9 +185,9 @@ def rail(
         speed=speed,
         n_stops=stops,
         snr=snr,
-        **_condition(fault, payload, temperature, nonlinear),
+        **_condition(fault, payload, (temperature, 20.0), nonlinear),
     )
-    _simulate_drives("rail", vehicle, settings, output)
+    _simulate_drives(_vehicle("rail", vehicle), settings, output)
 
 
 @simulate.command()
@@ -148,7 +203,7 @@ def rig(
         Literal["all", "front"], option(None, "Wheelsets on driven rollers.", panel=options.DRIVE)
     ] = "all",
     fault: options.Faults = None,
-    payload: options.PayloadMass = 0.0,
+    payload: options.Payloads = None,
     temperature: options.Temperature = 20.0,
     nonlinear: options.Nonlinear = False,
     snr: options.Snr = None,
@@ -167,9 +222,9 @@ def rig(
         speed=speed,
         n_stops=stops,
         snr=snr,
-        **_condition(fault, payload, temperature, nonlinear),
+        **_condition(fault, payload, (temperature, 20.0), nonlinear),
     )
-    _simulate_drives("rig", vehicle, settings, output)
+    _simulate_drives(_vehicle("rig", vehicle), settings, output)
 
 
 @simulate.command()
@@ -191,7 +246,7 @@ def chain(
 
     output = Output(out, records, seed, json)
     settings = StationaryRun(
-        duration=60 * minutes, sampling_rate=sampling_rate, faults=_faults(fault), snr=snr, noise_band=noise_band
+        duration=60 * minutes, sampling_rate=sampling_rate, faults=values.faults(fault), snr=snr, noise_band=noise_band
     )
     _simulate_runs("chain", vehicle, settings, output)
 
@@ -230,38 +285,41 @@ def quarter(
         excitation=QUARTER_CASES[case - 1],
         duration=60 * minutes,
         sampling_rate=sampling_rate,
-        faults=_faults(fault),
+        faults=values.faults(fault),
         snr=snr,
         noise_band=noise_band,
     )
     _simulate_runs("quarter", vehicle, settings, output)
 
 
-def _faults(texts: Sequence[str] | None) -> "tuple[Fault, ...]":
-    from sprung.vehicles import parse_fault
-
-    return tuple(parse_fault(text) for text in texts or ())
-
-
-def _condition(faults: Sequence[str] | None, payload: float, temperature: float, nonlinear: bool) -> dict[str, Any]:
+def _condition(
+    faults: Sequence[str] | None, payloads: Sequence[str] | None, temperatures: tuple[float, float], nonlinear: bool
+) -> dict[str, Any]:
     """Return the settings of a drive that describe the condition of its vehicle."""
-    from sprung.simulation import REALISTIC_FORCE_LAWS, Payload, SuspensionConditions
+    from sprung.simulation import REALISTIC_FORCE_LAWS, SuspensionConditions
 
-    suspension = SuspensionConditions(temperature, REALISTIC_FORCE_LAWS if nonlinear else {})
-    return {"faults": _faults(faults), "payload": Payload(payload), "suspension": suspension}
+    suspension = SuspensionConditions(temperatures[0], REALISTIC_FORCE_LAWS if nonlinear else {}, temperatures[1])
+    return {"faults": values.faults(faults), "payload": values.payloads(payloads), "suspension": suspension}
 
 
-def _simulate_drives(kind: str, path_or_name: str, settings: "DriveSettings", output: Output) -> None:
-    """Simulate and write drives."""
-    from sprung.simulation import simulate_drive
-    from sprung.simulation.runs import drive_document
+def _vehicle(kind: str, path_or_name: str) -> "Vehicle":
+    """Return the vehicle on axles of a file or name."""
     from sprung.vehicles import Vehicle, read_description
 
     vehicle = read_description(path_or_name)
     if not isinstance(vehicle, Vehicle):
         raise _wrong_kind(path_or_name, vehicle.kind, kind)
+    return vehicle
+
+
+def _simulate_drives(vehicle: "Vehicle", settings: "DriveSettings", output: Output) -> None:
+    """Simulate and write drives; each wears what wears."""
+    from sprung.simulation import simulate_drive
+    from sprung.simulation.runs import drive_document, drives_of_one_vehicle
+
     _check_length(settings.duration, max(settings.sampling_rate, 1000.0))
-    _write(partial(simulate_drive, vehicle, settings), vehicle, drive_document(settings), output)
+    drives = [partial(simulate_drive, vehicle, one) for one in drives_of_one_vehicle(settings, output.n_records)]
+    _write(drives, vehicle, drive_document(settings), output)
 
 
 def _simulate_runs(kind: str, path_or_name: str, settings: "StationaryRun", output: Output) -> None:
@@ -275,7 +333,7 @@ def _simulate_runs(kind: str, path_or_name: str, settings: "StationaryRun", outp
     if settings.noise_band is not None and settings.snr is None:
         raise ParameterError("--noise-band needs --snr: state how strong the noise is")
     _check_length(settings.duration, settings.sampling_rate)
-    _write(partial(simulate_run, vehicle, settings), vehicle, {}, output)
+    _write([partial(simulate_run, vehicle, settings)] * output.n_records, vehicle, {}, output)
 
 
 def _wrong_kind(path_or_name: str, kind: str, needed: str) -> ParameterError:
@@ -293,7 +351,9 @@ def _check_length(duration: float, sampling_rate: float) -> None:
     check_number("samples in a record", n_samples, at_most=_MOST_SAMPLES, advice="lower --minutes, or use --records")
 
 
-def _write(simulation: "Simulation", vehicle: "AnyVehicle", settings: dict[str, Any], output: Output) -> None:
+def _write(
+    simulations: "Sequence[Simulation]", vehicle: "AnyVehicle", settings: dict[str, Any], output: Output
+) -> None:
     """Simulate and write the recordings, and the truth and the vehicle file next to them; print the files."""
     from sprung import tables
     from sprung.formats import write
@@ -302,7 +362,8 @@ def _write(simulation: "Simulation", vehicle: "AnyVehicle", settings: dict[str, 
 
     truths, paths = [], output.paths
     with progress_bar() as report:
-        for number, (path, seed) in enumerate(zip(paths, record_seeds(output.seed, len(paths)), strict=True)):
+        seeds = record_seeds(output.seed, len(paths))
+        for number, (simulation, path, seed) in enumerate(zip(simulations, paths, seeds, strict=True)):
             report(f"simulating {path.name}", number / len(paths))
             run = simulation(seed=seed)
             write(run.recording, path)

@@ -3,9 +3,18 @@
 from sprung.excitation.base_motion import QUARTER_CASES, BaseMotion, pulse_indices
 from sprung.excitation.hammer import HammerBlows
 from sprung.excitation.noise import BAND_ORDER, Excitation, RandomInputs, noise
-from sprung.excitation.orders import Lines, Sum
+from sprung.excitation.orders import Lines, Stack, Sum
 from sprung.excitation.rig import RollerRig
-from sprung.excitation.speed import SpeedProfile, constant_speed, random_speed
+from sprung.excitation.route import (
+    GRAVITY,
+    BodyAccelerations,
+    CrossSlope,
+    Route,
+    SmoothSteps,
+    random_cross_slope,
+    random_curvature,
+)
+from sprung.excitation.speed import SpeedChanges, SpeedProfile, constant_speed, random_speed
 from sprung.excitation.surface import (
     ROAD_CLASSES,
     Joints,
@@ -20,9 +29,12 @@ from sprung.excitation.surface import (
 
 __all__ = [
     "BAND_ORDER",
+    "GRAVITY",
     "QUARTER_CASES",
     "ROAD_CLASSES",
     "BaseMotion",
+    "BodyAccelerations",
+    "CrossSlope",
     "Excitation",
     "HammerBlows",
     "Joints",
@@ -33,13 +45,19 @@ __all__ = [
     "RandomInputs",
     "Road",
     "RollerRig",
+    "Route",
+    "SmoothSteps",
+    "SpeedChanges",
     "SpeedProfile",
+    "Stack",
     "Sum",
     "SurfaceMotion",
     "constant_speed",
     "noise",
     "pulse_indices",
     "rail_quality",
+    "random_cross_slope",
+    "random_curvature",
     "random_speed",
     "road_class",
 ]

@@ -1,4 +1,4 @@
-"""Harmonics that follow a speed, such as those of wheels and engine; and sums of excitations."""
+"""Harmonics that follow a speed, such as those of wheels and engine; sums and stacks of excitations."""
 
 from dataclasses import dataclass
 
@@ -27,11 +27,13 @@ class Lines:
         Factor with which the lines act on each input, shape (inputs,).
     reference_speed, speed_exponent
         Growth with the speed: amplitudes (speed / reference_speed)^speed_exponent; 2 for unbalance.
+    phases
+        Phase of each order at time 0 [rad]; None: random.
 
     Raises
     ------
     ParameterError
-        If a number is out of range, or orders and amplitudes differ in number.
+        If a number is out of range, or orders, amplitudes and phases differ in number.
 
     Notes
     -----
@@ -44,13 +46,14 @@ class Lines:
     shares: tuple[float, ...]
     reference_speed: float = 10.0
     speed_exponent: float = 0.0
+    phases: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         check_number("reference_speed", self.reference_speed, above=0)
-        if len(self.orders) != len(self.amplitudes):
-            raise ParameterError(
-                f"{len(self.orders)} orders have {len(self.amplitudes)} amplitudes: give one for each order"
-            )
+        for name in ("amplitudes", "phases"):
+            values = getattr(self, name)
+            if values is not None and len(self.orders) != len(values):
+                raise ParameterError(f"{len(self.orders)} orders have {len(values)} {name}: give one for each order")
 
     @property
     def n_inputs(self) -> int:
@@ -65,13 +68,14 @@ class Lines:
     def samples(
         self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
     ) -> Real:
-        """Return the lines with random phases from time `start` [s] on, shape (inputs, samples)."""
+        """Return the lines from time `start` [s] on, shape (inputs, samples)."""
         time = start + np.arange(n_samples) / sampling_rate
         distance = self.speed.distance(time)
         growth = (self.speed.speed(time) / self.reference_speed) ** self.speed_exponent
         total = np.zeros(n_samples)
-        for order, amplitude in zip(self.orders, self.amplitudes, strict=True):
-            total += amplitude * np.sin(2 * np.pi * order * distance + generator.uniform(0, 2 * np.pi))
+        phases = generator.uniform(0, 2 * np.pi, len(self.orders)) if self.phases is None else self.phases
+        for order, amplitude, phase in zip(self.orders, self.amplitudes, phases, strict=True):
+            total += amplitude * np.sin(2 * np.pi * order * distance + phase)
         return np.outer(self.shares, growth * total)
 
 
@@ -116,3 +120,46 @@ class Sum:
             for part in self.parts
         ]
         return np.sum(drawn, axis=0)
+
+
+@dataclass(frozen=True, slots=True)
+class Stack:
+    """Excitations of different inputs, one below the other.
+
+    Parameters
+    ----------
+    parts
+        Excitations in the order of their inputs, at least one, drawn one after the other.
+
+    Raises
+    ------
+    ParameterError
+        If there are no parts.
+    """
+
+    parts: tuple[Excitation, ...]
+
+    def __post_init__(self) -> None:
+        if not self.parts:
+            raise ParameterError("a stack of excitations has no parts: give at least one")
+
+    @property
+    def n_inputs(self) -> int:
+        """Number of inputs of all parts together."""
+        return sum(part.n_inputs for part in self.parts)
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether all parts are linear between samples."""
+        return all(part.is_smooth for part in self.parts)
+
+    def samples(
+        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
+    ) -> Real:
+        """Return the samples of all parts, shape (inputs, samples)."""
+        return np.vstack(
+            [
+                part.samples(n_samples, sampling_rate=sampling_rate, generator=generator, start=start)
+                for part in self.parts
+            ]
+        )

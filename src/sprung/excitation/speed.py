@@ -9,8 +9,8 @@ from sprung._arrays import Real
 from sprung._checks import check_number, freeze
 from sprung.errors import ParameterError
 
-#: Ranges of the accelerations [m/s^2], and of the durations of steady speed and of standstill [s].
-_ACCELERATIONS, _STEADY, _STANDING = (0.4, 1.5), (8.0, 40.0), (5.0, 15.0)
+#: Range of the durations of standstill [s].
+_STANDING = (5.0, 15.0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -77,8 +77,42 @@ def constant_speed(speed: float) -> SpeedProfile:
     return SpeedProfile(np.zeros(1), np.array([speed]))
 
 
+@dataclass(frozen=True, slots=True)
+class SpeedChanges:
+    """Ranges from which the changes of a random speed are drawn.
+
+    Parameters
+    ----------
+    accelerating, braking
+        Smallest and largest acceleration and deceleration [m/s^2], above 0.
+    steady
+        Shortest and longest stretch of steady speed [s], above 0.
+
+    Raises
+    ------
+    ParameterError
+        If a range is empty or not above 0.
+    """
+
+    accelerating: tuple[float, float] = (0.4, 1.5)
+    braking: tuple[float, float] = (0.4, 1.5)
+    steady: tuple[float, float] = (8.0, 40.0)
+
+    def __post_init__(self) -> None:
+        for name in ("accelerating", "braking", "steady"):
+            low, high = getattr(self, name)
+            check_number(f"smallest {name}", low, above=0)
+            check_number(f"largest {name}", high, at_least=low)
+
+
 def random_speed(
-    duration: float, *, low: float, high: float, n_stops: int = 0, generator: np.random.Generator
+    duration: float,
+    *,
+    low: float,
+    high: float,
+    n_stops: int = 0,
+    generator: np.random.Generator,
+    changes: SpeedChanges | None = None,
 ) -> SpeedProfile:
     """Return the random speed of a drive: stretches of steady speed, changes between them, stops.
 
@@ -92,12 +126,15 @@ def random_speed(
         Number of stops, spread over the drive; a drive that is too short has fewer.
     generator
         Source of the randomness.
+    changes
+        Ranges of accelerations, decelerations and steady stretches; None: those of a calm drive.
 
     Raises
     ------
     ParameterError
         If a number is out of range.
     """
+    changes = changes or SpeedChanges()
     check_number("duration", duration, above=0)
     check_number("lowest speed", low, above=0)
     check_number("highest speed", high, at_least=low)
@@ -107,9 +144,10 @@ def random_speed(
         is_stop = bool(stops) and times[-1] > stops[0] and speeds[-1] > 0
         if is_stop:
             stops.pop(0)
-        held = generator.uniform(*(_STANDING if speeds[-1] == 0 else _STEADY))
+        held = generator.uniform(*(_STANDING if speeds[-1] == 0 else changes.steady))
         wanted = 0.0 if is_stop else float(generator.uniform(low, high))
-        change = max(abs(wanted - speeds[-1]) / generator.uniform(*_ACCELERATIONS), 0.1)
+        rate = generator.uniform(*(changes.braking if wanted < speeds[-1] else changes.accelerating))
+        change = max(abs(wanted - speeds[-1]) / rate, 0.1)
         times += [times[-1] + held, times[-1] + held + change]
         speeds += [speeds[-1], wanted]
     return SpeedProfile(np.array(times), np.array(speeds))

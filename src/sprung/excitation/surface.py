@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,8 @@ REFERENCE, LOWEST, HIGHEST = 0.1, 0.01, 10.0
 SPACING, _SHORTEST = 0.02, 1000.0
 #: Largest number of points of a profile.
 _MOST_POINTS = 2e8
+#: Tracks in the order of their rows.
+_SIDES = ("left", "right")
 
 
 class Surface(Protocol):
@@ -227,11 +229,13 @@ class Potholes:
         Share that are bumps, 0 to 1.
     share_of_both_sides
         Share that extend over both tracks, 0 to 1; the others are on one side at random.
+    side
+        The only side that has potholes, "left" or "right"; None: as `share_of_both_sides` states.
 
     Raises
     ------
     ParameterError
-        If a number is out of range.
+        If a number is out of range, or the side is neither "left" nor "right".
 
     Notes
     -----
@@ -243,9 +247,12 @@ class Potholes:
     length: tuple[float, float] = (0.4, 1.2)
     share_of_bumps: float = 0.3
     share_of_both_sides: float = 0.3
+    side: Literal["left", "right"] | None = None
 
     def __post_init__(self) -> None:
         check_number("per_kilometre", self.per_kilometre, at_least=0)
+        if self.side is not None:
+            check_one_of("side of the potholes", self.side, _SIDES)
         for name in ("share_of_bumps", "share_of_both_sides"):
             check_number(name, getattr(self, name), at_least=0, at_most=1)
 
@@ -257,6 +264,8 @@ class Potholes:
             start, length = positions[0] + generator.uniform(0, span), generator.uniform(*self.length)
             height = generator.uniform(*self.depth) * (1 if generator.random() < self.share_of_bumps else -1)
             sides = [0, 1] if generator.random() < self.share_of_both_sides else [int(generator.integers(2))]
+            if self.side is not None:
+                sides = [_SIDES.index(self.side)]
             inside = slice(*np.searchsorted(positions, [start, start + length]))
             heights[sides, inside] += height * (1 - np.cos(2 * np.pi * (positions[inside] - start) / length)) / 2
         return heights
@@ -306,6 +315,7 @@ def random_profile(
     generator: np.random.Generator,
     contact_length: float = 0.0,
     obstacles: Sequence[Obstacle] = (),
+    right_over_left: float = 1.0,
 ) -> Profile:
     """Return a random profile of a road or track.
 
@@ -321,17 +331,21 @@ def random_profile(
         Length of the contact patch over which a wheel averages the profile [m]; 0 for none.
     obstacles
         Potholes, joints.
+    right_over_left
+        Random unevenness of the right track over that prescribed, an amplitude ratio, above 0; obstacles are not
+        scaled.
 
     Raises
     ------
     ParameterError
-        If the profile is too long to be held in memory.
+        If the ratio is not above 0, or the profile is too long to be held in memory.
 
     Notes
     -----
     The Fourier coefficients of the half sum and the half difference are independent and Gaussian, with the variances
     that the spectra prescribe; the average over a contact patch of length a multiplies them by sin(pi n a) / (pi n a).
     """
+    check_number("right_over_left", right_over_left, above=0)
     n_points = next_fast_len(math.ceil(max(last - first, _SHORTEST) / SPACING) + 2, real=True)
     check_number("points of the profile", n_points, at_most=_MOST_POINTS, advice="simulate a shorter drive")
     n = np.arange(n_points // 2 + 1) / (n_points * SPACING)
@@ -340,7 +354,8 @@ def random_profile(
     densities[:, n < LOWEST] = densities[:, n > HIGHEST] = 0.0
     # one-sided density G: each coefficient of the real transform has E|X|^2 = G n_points / (2 spacing)
     common, differing = (draws[:, 0] + 1j * draws[:, 1]) * np.sqrt(densities * n_points / (4 * SPACING))
-    heights = irfft(np.stack([common + differing, common - differing]), n=n_points, axis=1)
+    tracks = np.stack([common + differing, right_over_left * (common - differing)])
+    heights = irfft(tracks, n=n_points, axis=1)
     positions = np.asarray(first + SPACING * np.arange(n_points), dtype=np.float64)
     for obstacle in obstacles:
         heights = heights + obstacle.heights(positions, generator)
@@ -363,6 +378,8 @@ class SurfaceMotion:
         Length of the contact patch over which a wheel averages the profile [m], at least 0.
     obstacles
         Potholes, joints.
+    right_over_left
+        Random unevenness of the right track over that of `surface`, an amplitude ratio, above 0.
 
     Raises
     ------
@@ -380,11 +397,13 @@ class SurfaceMotion:
     speed: SpeedProfile
     contact_length: float = 0.1
     obstacles: tuple[Obstacle, ...] = ()
+    right_over_left: float = 1.0
 
     def __post_init__(self) -> None:
         if not self.axle_positions or list(self.axle_positions) != sorted(self.axle_positions, reverse=True):
             raise ParameterError(f"axle_positions {self.axle_positions} must fall from front to rear: sort them")
         check_number("contact_length", self.contact_length, at_least=0)
+        check_number("right_over_left", self.right_over_left, above=0)
 
     @property
     def n_inputs(self) -> int:
@@ -409,5 +428,6 @@ class SurfaceMotion:
             generator=generator,
             contact_length=self.contact_length,
             obstacles=self.obstacles,
+            right_over_left=self.right_over_left,
         )
         return np.stack([profile.height(is_left, distance - gap) for gap in behind for is_left in (True, False)])

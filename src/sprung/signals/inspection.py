@@ -14,7 +14,7 @@ from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 
 #: Quantities that are conditions of the motion, not motion: they may stay at a value, even at their highest one.
-CONDITIONS = ("speed", "temperature")
+CONDITIONS = ("speed", "temperature", "pressure")
 #: Smallest number of consecutive samples at the largest or smallest value that counts as a plateau of clipping.
 _PLATEAU = 3
 #: Share of the samples in plateaus above which a channel is called clipped.
@@ -103,7 +103,7 @@ class Inspection:
 
 
 def is_condition(name: str, quantity: str) -> bool:
-    """Return whether a channel shows a condition of the motion (speed, temperature) and not motion itself.
+    """Return whether a channel shows a condition of the motion (speed, temperature, pressure) and not motion itself.
 
     Parameters
     ----------

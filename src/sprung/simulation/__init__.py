@@ -1,19 +1,25 @@
 """Simulated recordings with known truth: linear and nonlinear vehicles, and imperfect sensors."""
 
-from sprung.simulation.drives import (
+from sprung.simulation.conditions import (
     FEW_POTHOLES,
     REALISTIC_SUSPENSION,
-    DriveSettings,
+    Driving,
     Payload,
+    RoadConditions,
+    SuspensionConditions,
+    WheelOrders,
+)
+from sprung.simulation.deviations import Deviations, PartScatter, SensorErrors, Wear, true_vehicle
+from sprung.simulation.drives import (
+    DriveSettings,
     RailDrive,
     RigRun,
-    RoadConditions,
     RoadDrive,
     SimulatedDrive,
-    SuspensionConditions,
     simulate_drive,
 )
-from sprung.simulation.force_laws import REALISTIC_FORCE_LAWS, ForceLaw, damping_factor
+from sprung.simulation.driving import with_body_accelerations, with_driving_readings, with_gravity
+from sprung.simulation.force_laws import REALISTIC_FORCE_LAWS, ForceLaw, damping_factor, tyre_factor
 from sprung.simulation.linear import response, settling_time, simulate, usual_excitation, with_linear_inputs, with_rises
 from sprung.simulation.nonlinear import integrate, simulate_nonlinear
 from sprung.simulation.sensors import (
@@ -22,8 +28,10 @@ from sprung.simulation.sensors import (
     dead,
     delayed,
     drifting,
+    held,
     inverted,
     jittered,
+    mems_accelerometers,
     noisy,
     quantised,
     scaled,
@@ -41,24 +49,32 @@ __all__ = [
     "FEW_POTHOLES",
     "REALISTIC_FORCE_LAWS",
     "REALISTIC_SUSPENSION",
+    "Deviations",
     "DriveSettings",
+    "Driving",
     "ForceLaw",
     "Imperfection",
+    "PartScatter",
     "Payload",
     "RailDrive",
     "RigRun",
     "RoadConditions",
     "RoadDrive",
+    "SensorErrors",
     "SimulatedDrive",
     "SuspensionConditions",
+    "Wear",
+    "WheelOrders",
     "clipped",
     "damping_factor",
     "dead",
     "delayed",
     "drifting",
+    "held",
     "integrate",
     "inverted",
     "jittered",
+    "mems_accelerometers",
     "noisy",
     "quantised",
     "response",
@@ -70,9 +86,14 @@ __all__ = [
     "spiking",
     "stuck",
     "swapped",
+    "true_vehicle",
     "truth",
+    "tyre_factor",
     "usual_excitation",
+    "with_body_accelerations",
+    "with_driving_readings",
     "with_gap",
+    "with_gravity",
     "with_hum",
     "with_imperfections",
     "with_linear_inputs",

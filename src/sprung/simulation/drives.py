@@ -2,7 +2,6 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -10,12 +9,16 @@ import numpy as np
 
 from sprung._checks import check_number, check_one_of
 from sprung.excitation import (
-    ROAD_CLASSES,
+    BodyAccelerations,
+    CrossSlope,
     Excitation,
     Joints,
-    Potholes,
+    Lines,
     RollerRig,
+    Route,
     SpeedProfile,
+    Stack,
+    Sum,
     SurfaceMotion,
     constant_speed,
     rail_quality,
@@ -23,89 +26,29 @@ from sprung.excitation import (
     road_class,
 )
 from sprung.recording import Channel, Recording
-from sprung.simulation.force_laws import REALISTIC_FORCE_LAWS, ForceLaw, damping_factor
+from sprung.simulation.conditions import (
+    Driving,
+    Payload,
+    RoadConditions,
+    SuspensionConditions,
+    WheelOrders,
+    wheel_order_facts,
+)
+from sprung.simulation.deviations import WHEELS, Deviations, true_vehicle
+from sprung.simulation.driving import with_body_accelerations, with_driving_readings, with_gravity
+from sprung.simulation.force_laws import damping_factor, tyre_factor
 from sprung.simulation.linear import settling_time, simulate
 from sprung.simulation.nonlinear import TimeHistory, simulate_nonlinear
-from sprung.simulation.sensors import with_noise
-from sprung.simulation.truth import truth
+from sprung.simulation.sensors import Imperfection, with_imperfections, with_noise
+from sprung.simulation.truth import plain, truth
 from sprung.vehicles import Component, Fault, Structure, Vehicle, structure, with_faults
 
 #: Radius of a rig's rollers [m], and their roughness and harmonics [m].
 _ROLLER, _ROUGHNESS, _HARMONICS = 1.0, 1e-5, (2e-5, 1e-5, 5e-6)
-
-
-@dataclass(frozen=True, slots=True)
-class Payload:
-    """Mass fixed to the body.
-
-    Parameters
-    ----------
-    mass
-        Mass [kg], at least 0.
-    x, y
-        Position ahead and to the left of the body's centre of gravity [m].
-
-    Raises
-    ------
-    ParameterError
-        If the mass is negative or not finite.
-    """
-
-    mass: float = 0.0
-    x: float = 0.0
-    y: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_number("mass of the payload", self.mass, at_least=0)
-
-
-@dataclass(frozen=True, slots=True)
-class SuspensionConditions:
-    """Departures of the suspension on a drive from the linear one of the vehicle file.
-
-    Parameters
-    ----------
-    temperature
-        Temperature of the dampers [°C]; damping is nominal at 20 °C.
-    force_laws
-        Nonlinear force laws by part or by owner and part, see `simulate_nonlinear`; empty: a linear suspension.
-    """
-
-    temperature: float = 20.0
-    force_laws: Mapping[str, ForceLaw] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "force_laws", dict(self.force_laws))
-
-
-@dataclass(frozen=True, slots=True)
-class RoadConditions:
-    """Road that a vehicle drives on.
-
-    Parameters
-    ----------
-    road_class
-        Roughness class of ISO 8608, "A" to "H".
-    potholes
-        Potholes and bumps on the way; None: none.
-
-    Raises
-    ------
-    ParameterError
-        If the class does not exist.
-    """
-
-    road_class: str = "C"
-    potholes: Potholes | None = None
-
-    def __post_init__(self) -> None:
-        check_one_of("road class", self.road_class.upper(), ROAD_CLASSES)
-
-
-#: A car's suspension with asymmetric dampers, friction, progressive springs and bump stops, at 20 degrees Celsius.
-REALISTIC_SUSPENSION = SuspensionConditions(force_laws=REALISTIC_FORCE_LAWS)
-#: Three potholes per kilometre.
-FEW_POTHOLES = Potholes(per_kilometre=3.0)
+#: Height of a body's centre of gravity above the ground where nothing states it [m].
+_HEIGHT = 0.55
+#: Streams of random numbers of the conditions of a drive.
+_ROUTE, _SENSORS = 1001, 1002
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,11 +68,15 @@ class DriveSettings(ABC):
     faults
         Changes of springs, dampers and tyres.
     payload
-        Mass on the body.
+        Mass on the body, or several masses at different places.
     suspension
-        Temperature and force laws of the suspension.
+        Temperatures and force laws of the suspension.
     snr
         RMS of the signal over that of white sensor noise, an amplitude ratio; None: no noise.
+    deviations
+        Deviations of the vehicle and its sensors from the vehicle file.
+    imperfections
+        Imperfections of sensors and recorder, see `with_imperfections`, in the order in which they act.
 
     Raises
     ------
@@ -142,17 +89,34 @@ class DriveSettings(ABC):
     duration: float = 600.0
     n_stops: int = 0
     faults: tuple[Fault, ...] = ()
-    payload: Payload = Payload()
-    suspension: SuspensionConditions = SuspensionConditions()
+    payload: Payload | tuple[Payload, ...] = field(default_factory=Payload)
+    suspension: SuspensionConditions = field(default_factory=SuspensionConditions)
     snr: float | None = None
+    deviations: Deviations = field(default_factory=Deviations)
+    imperfections: tuple[Imperfection, ...] = ()
 
     def __post_init__(self) -> None:
         check_number("sampling_rate", self.sampling_rate, above=0)
         check_number("duration", self.duration, above=0)
 
+    @property
+    def payloads(self) -> tuple[Payload, ...]:
+        """Masses on the body."""
+        return (self.payload,) if isinstance(self.payload, Payload) else self.payload
+
+    @property
+    def driving(self) -> Driving:
+        """Braking, curves and cross slope; none but on a road."""
+        return Driving()
+
     @abstractmethod
-    def excitation(self, vehicle: Vehicle, speed: SpeedProfile) -> Excitation:
-        """Return the height of the ground under the wheels of a vehicle at a speed over time."""
+    def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
+        """Return the height of the ground under the wheels of a vehicle on its route."""
+
+    def own_conditions(self, vehicle: Vehicle, route: Route) -> dict[str, Any]:
+        """Return the conditions that only this kind of drive has, by name."""
+        del vehicle, route
+        return {}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,17 +126,51 @@ class RoadDrive(DriveSettings):
     Parameters
     ----------
     road
-        Roughness class of the road, and its potholes.
+        Roughness of the road, and its potholes.
+    manner
+        Braking, curves and cross slope.
+    wheel_orders
+        Unbalance and run-out of the wheels; None: round and balanced wheels.
     """
 
     sampling_rate: float = 200.0
     speed: tuple[float, float] = (5.5, 20.0)
-    road: RoadConditions = RoadConditions()
+    road: RoadConditions = field(default_factory=RoadConditions)
+    manner: Driving = field(default_factory=Driving)
+    wheel_orders: WheelOrders | None = None
 
-    def excitation(self, vehicle: Vehicle, speed: SpeedProfile) -> Excitation:
-        """Return the height of the road under the wheels."""
-        obstacles = () if self.road.potholes is None else (self.road.potholes,)
-        return SurfaceMotion(road_class(self.road.road_class), _axle_positions(vehicle), speed, obstacles=obstacles)
+    @property
+    def driving(self) -> Driving:
+        """Braking, curves and cross slope."""
+        return self.manner
+
+    def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
+        """Return the height of the road under the wheels, and what equals their unbalance and run-out."""
+        surface = SurfaceMotion(
+            road_class(self.road.road_class),
+            _axle_positions(vehicle),
+            route.speed,
+            obstacles=() if self.road.potholes is None else (self.road.potholes,),
+            right_over_left=self.road.right_over_left,
+        )
+        others: tuple[Excitation, ...] = self._lines(vehicle, route)
+        if self.manner.cross_slope:
+            half_tracks = tuple(axle.half_track for axle in vehicle.axle)
+            others = (*others, CrossSlope(route, _axle_positions(vehicle), half_tracks))
+        return Sum((surface, *others)) if others else surface
+
+    def own_conditions(self, vehicle: Vehicle, route: Route) -> dict[str, Any]:
+        """Return road, driving and wheel orders."""
+        return {
+            "road": plain(self.road),
+            "driving": plain(self.manner) | {"height": _height(self.manner)},
+            "wheel_orders": wheel_order_facts(self._lines(vehicle, route), vehicle),
+        }
+
+    def _lines(self, vehicle: Vehicle, route: Route) -> tuple[Lines, ...]:
+        if self.wheel_orders is None:
+            return ()
+        return self.wheel_orders.lines(vehicle, route.speed, self.deviations.generator(WHEELS))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,10 +180,10 @@ class RailDrive(DriveSettings):
     sampling_rate: float = 500.0
     speed: tuple[float, float] = (15.0, 30.0)
 
-    def excitation(self, vehicle: Vehicle, speed: SpeedProfile) -> Excitation:
+    def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the rails under the wheels."""
         track = rail_quality("good")
-        return SurfaceMotion(track, _axle_positions(vehicle), speed, contact_length=0.01, obstacles=(Joints(),))
+        return SurfaceMotion(track, _axle_positions(vehicle), route.speed, contact_length=0.01, obstacles=(Joints(),))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,9 +209,9 @@ class RigRun(DriveSettings):
         DriveSettings.__post_init__(self)
         check_one_of("driven", self.driven, ("all", "front"))
 
-    def excitation(self, vehicle: Vehicle, speed: SpeedProfile) -> Excitation:
+    def excitation(self, vehicle: Vehicle, route: Route) -> Excitation:
         """Return the height of the rollers under the wheels."""
-        rotation = SpeedProfile(speed.times, speed.speeds / (2 * math.pi * _ROLLER))
+        rotation = SpeedProfile(route.speed.times, route.speed.speeds / (2 * math.pi * _ROLLER))
         is_driven = tuple(self.driven == "all" or number == 0 for number in range(len(vehicle.axle)))
         return RollerRig(is_driven, rotation, random=_ROUGHNESS, joints=4, joint=10 * _ROUGHNESS, harmonics=_HARMONICS)
 
@@ -273,15 +271,73 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     ('acc_fl', 'acc_fr', 'acc_rl', 'acc_rr', 'speed')
     """
     generator = np.random.default_rng(seed)
-    healthy = _healthy(vehicle, settings)
+    true = true_vehicle(vehicle, settings.deviations)
+    healthy = _healthy(true, settings)
+    route = _route(settings, seed, generator)
+    faults = (*settings.faults, *settings.deviations.worn)
+    ideal = _signals(true, healthy, settings, route, faults=faults, generator=generator)
+    if settings.snr is not None:
+        ideal = with_noise(ideal, snr=settings.snr, generator=generator)
+    recording = _recorded(replace(ideal, channels=structure(vehicle).outputs.channels), vehicle, settings, route)
+    imperfections = (*settings.deviations.sensor_imperfections(vehicle), *settings.imperfections)
+    recording = with_imperfections(recording, imperfections, seed=_stream(seed, _SENSORS))
+    number = seed if isinstance(seed, int) else seed[0]
+    document = truth(healthy, seed=number, speed=route.speed, duration=settings.duration, faults=faults)
+    document["conditions"] = _conditions(true, healthy, settings, route)
+    return SimulatedDrive(recording, document, route.speed)
+
+
+def _route(settings: DriveSettings, seed: int | list[int], generator: np.random.Generator) -> Route:
+    """Return the route of a drive; its speed comes from `generator`, so that without curves it is as ever."""
     low, high = settings.speed
-    speed = random_speed(settings.duration, low=low, high=high, n_stops=settings.n_stops, generator=generator)
+    speed = random_speed(
+        settings.duration,
+        low=low,
+        high=high,
+        n_stops=settings.n_stops,
+        generator=generator,
+        changes=settings.driving.speed_changes,
+    )
     if low == high and settings.n_stops == 0:
         speed = constant_speed(low)
-    excitation = settings.excitation(vehicle, speed)
-    constant = [fault for fault in settings.faults if fault.is_constant]
-    changing = [fault for fault in settings.faults if not fault.is_constant]
-    faulty = with_faults(healthy, constant)
+    return settings.driving.route(speed, duration=settings.duration, generator=_stream(seed, _ROUTE))
+
+
+def _stream(seed: int | list[int], stream: int) -> np.random.Generator:
+    """Return the generator of one condition, so that switching it on leaves the others as they are."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stream,)))
+
+
+def _healthy(vehicle: Vehicle, settings: DriveSettings) -> Structure:
+    """Return the healthy vehicle with its payload, its makers' scatter, and its parts at their temperatures."""
+    loaded = structure(vehicle)
+    for payload in settings.payloads:
+        loaded = loaded.with_payload(payload.mass, x=payload.x, y=payload.y)
+    by_kind = {
+        "damper": damping_factor(settings.suspension.temperature),
+        "tyre": tyre_factor(settings.suspension.tyre_temperature),
+    }
+    warm = {part: by_kind[part.kind] for part in loaded.components() if part.side and part.kind in by_kind}
+    return loaded.changed(warm).changed(settings.deviations.factors(loaded))
+
+
+def _signals(
+    vehicle: Vehicle,
+    healthy: Structure,
+    settings: DriveSettings,
+    route: Route,
+    *,
+    faults: tuple[Fault, ...],
+    generator: np.random.Generator,
+) -> Recording:
+    """Return the signals of ideal sensors with their true places and axes."""
+    excitation = settings.excitation(vehicle, route)
+    driven = with_gravity(healthy, vehicle)
+    if not settings.driving.is_steady:
+        driven = with_body_accelerations(driven, height=_height(settings.driving))
+        excitation = Stack((excitation, BodyAccelerations(route)))
+    changing = [fault for fault in faults if not fault.is_constant]
+    faulty = with_faults(driven, [fault for fault in faults if fault.is_constant])
     options: dict[str, Any] = {
         "duration": settings.duration,
         "sampling_rate": settings.sampling_rate,
@@ -294,20 +350,46 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
         recording = simulate_nonlinear(faulty, excitation, force_laws=force_laws, time_histories=histories, **options)
     else:
         recording = simulate(faulty, excitation, **options)
-    if settings.snr is not None:
-        recording = with_noise(recording, snr=settings.snr, generator=generator)
-    number = seed if isinstance(seed, int) else seed[0]
-    document = truth(healthy, seed=number, speed=speed, duration=settings.duration, faults=settings.faults)
-    return SimulatedDrive(_with_speed(recording, speed, vehicle.speed_channel), document, speed)
+    return with_driving_readings(recording, route)
 
 
-def _healthy(vehicle: Vehicle, settings: DriveSettings) -> Structure:
-    """Return the healthy vehicle with its payload and its dampers at their temperature."""
-    payload = settings.payload
-    loaded = structure(vehicle).with_payload(payload.mass, x=payload.x, y=payload.y)
-    factor = damping_factor(settings.suspension.temperature)
-    dampers = [component for component in loaded.components() if component.kind == "damper" and component.side]
-    return loaded.changed(dict.fromkeys(dampers, factor))
+def _height(driving: Driving) -> float:
+    """Return the height of the body's centre of gravity above the ground [m]."""
+    return _HEIGHT if driving.height is None else driving.height
+
+
+def _conditions(vehicle: Vehicle, healthy: Structure, settings: DriveSettings, route: Route) -> dict[str, Any]:
+    """Return what is true of the conditions of a drive, as plain values by name."""
+    mass = dict(zip(healthy.coordinates, healthy.mass, strict=True))
+    bounce, pitch, roll = (healthy.coordinates.index(name) for name in ("bounce", "pitch", "roll"))
+    total = mass["bounce"][bounce]
+    return {
+        "payload": [plain(payload) for payload in settings.payloads],
+        "body": {
+            "mass": float(total),
+            "x": float(-mass["bounce"][pitch] / total),
+            "y": float(mass["bounce"][roll] / total),
+            "pitch_inertia": float(mass["pitch"][pitch]),
+            "roll_inertia": float(mass["roll"][roll]),
+            "product_of_inertia": float(mass["pitch"][roll]),
+        },
+        "suspension": {
+            "temperature": settings.suspension.temperature,
+            "tyre_temperature": settings.suspension.tyre_temperature,
+            "nonlinear": bool(settings.suspension.force_laws),
+        },
+        "deviations": plain(settings.deviations)
+        | {"factors": {str(part): factor for part, factor in settings.deviations.factors(healthy).items()}},
+        "sensors": {
+            sensor.channel: {"position": plain(sensor.position), "direction": plain(sensor.direction)}
+            for sensor in vehicle.sensor
+        },
+        "imperfections": [
+            plain(imperfection)
+            for imperfection in (*settings.deviations.sensor_imperfections(vehicle), *settings.imperfections)
+        ],
+        **settings.own_conditions(vehicle, route),
+    }
 
 
 def _axle_positions(vehicle: Vehicle) -> tuple[float, ...]:
@@ -326,11 +408,13 @@ def _time_histories(faults: list[Fault], vehicle: Structure) -> dict[Component, 
     return histories
 
 
-def _with_speed(recording: Recording, speed: SpeedProfile, name: str) -> Recording:
-    """Return the recording with the channel of the speed."""
-    values = speed.speed(np.arange(recording.n_samples) / recording.sampling_rate)
+def _recorded(recording: Recording, vehicle: Vehicle, settings: DriveSettings, route: Route) -> Recording:
+    """Return the recording with the channel of the speed, and with those of the temperature that the file has."""
+    speed = route.speed.speed(np.arange(recording.n_samples) / recording.sampling_rate)
+    warm = [Channel(sensor.channel, "temperature") for sensor in vehicle.sensor if sensor.quantity == "temperature"]
+    temperatures = np.full((len(warm), recording.n_samples), settings.suspension.temperature)
     return replace(
         recording,
-        samples=np.vstack([recording.samples, values]),
-        channels=(*recording.channels, Channel(name, "speed")),
+        samples=np.vstack([recording.samples, speed, temperatures]),
+        channels=(*recording.channels, Channel(vehicle.speed_channel, "speed"), *warm),
     )

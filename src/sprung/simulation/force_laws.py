@@ -90,6 +90,24 @@ def damping_factor(temperature: float) -> float:
     return math.exp(-0.005 * (temperature - 20))
 
 
+def tyre_factor(temperature: float) -> float:
+    """Return the stiffness of a tyre at an air temperature [degrees Celsius] over that at 20 degrees Celsius.
+
+    Raises
+    ------
+    ParameterError
+        If the temperature is not within -60 to 200 degrees Celsius.
+
+    Notes
+    -----
+    The air in the tyre keeps its volume: the absolute pressure follows the absolute temperature. Four fifths of the
+    stiffness are in proportion to the gauge pressure, here 2.2 bar at 20 degrees: 0.4 % per degree.
+    """
+    check_number("temperature", temperature, at_least=-60, at_most=200)
+    warmer = (temperature - 20) / (20 + 273.15)
+    return 1 + 0.8 * warmer * (2.2 + 1.013) / 2.2
+
+
 #: A car's suspension: damping 35 % higher in rebound and 35 % lower in bump, 25 N of friction, springs that harden
 #: by 10 % at 5 cm, bump stops at 7 cm.
 REALISTIC_FORCE_LAWS = MappingProxyType(

@@ -1,7 +1,8 @@
 """Runs of chains and quarter vehicles, which do not drive; several records of one simulation, and their truth."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -117,7 +118,7 @@ def drive_document(settings: DriveSettings) -> dict[str, Any]:
         "kind": _KINDS[type(settings)],
         "road": settings.road.road_class if isinstance(settings, RoadDrive) else None,
         "nonlinear": bool(settings.suspension.force_laws),
-        "payload": settings.payload.mass,
+        "payload": math.fsum(payload.mass for payload in settings.payloads),
         "temperature": settings.suspension.temperature,
     }
 
@@ -127,8 +128,19 @@ def record_seeds(seed: int, n_records: int) -> list[int | list[int]]:
     return [seed] if n_records == 1 else [[seed, number] for number in range(n_records)]
 
 
+def drives_of_one_vehicle(settings: DriveSettings, n_drives: int) -> list[DriveSettings]:
+    """Return the settings of consecutive drives of one vehicle; the wear of each shows from the next one on."""
+    first = settings.deviations.n_drives
+    return [
+        replace(settings, deviations=replace(settings.deviations, n_drives=first + number))
+        for number in range(n_drives)
+    ]
+
+
 def joint_truth(truths: Sequence[dict[str, Any]], *, seed: int) -> dict[str, Any]:
     """Return what is true of all records of a simulation: that of the first, with the speed of each drive.
+
+    Where the faults differ between records, as with wear, they are under `faults_by_record`.
 
     Parameters
     ----------
@@ -140,4 +152,7 @@ def joint_truth(truths: Sequence[dict[str, Any]], *, seed: int) -> dict[str, Any
     document = {**truths[0], "seed": seed}
     if len(truths) > 1 and document["speed"] is not None:
         document["speeds"] = [truth["speed"] for truth in truths]
+    changes = [truth.get("faults") for truth in truths]
+    if any(change != changes[0] for change in changes):
+        document["faults_by_record"] = changes
     return document

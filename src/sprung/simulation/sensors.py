@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from inspect import signature
 
 import numpy as np
@@ -149,6 +150,69 @@ def quantised(recording: Recording, *, full_scale: float, bits: int = 16, quanti
     samples = recording.samples.copy()
     samples[rows] = np.clip(np.rint(samples[rows] / step), -highest, highest - 1) * step
     return recording.changed(f"quantised to {bits} bits of +-{full_scale:g}", samples=samples)
+
+
+def mems_accelerometers(
+    *, noise_density: float = 1.5e-3, full_scale: float = 19.62, bits: int = 12
+) -> tuple[Imperfection, ...]:
+    """Return the noise, the resolution and the range of MEMS accelerometers, in the order in which they act.
+
+    Parameters
+    ----------
+    noise_density
+        One-sided spectral density of the white noise, its square root [m/s^2 / sqrt(Hz)]; 1.5e-3 are 150 ug/sqrt(Hz).
+    full_scale
+        Half the range [m/s^2].
+    bits
+        Number of bits over the range.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+    """
+    check_number("noise_density", noise_density, at_least=0)
+    check_number("full_scale", full_scale, above=0)
+    check_number("bits", bits, at_least=1, at_most=32)
+    return (partial(_with_density, density=noise_density), partial(quantised, full_scale=full_scale, bits=bits))
+
+
+def _with_density(recording: Recording, *, density: float, generator: np.random.Generator) -> Recording:
+    """Return the recording with white noise of a density [1/sqrt(Hz)] on its accelerations."""
+    standard_deviation = density * math.sqrt(recording.sampling_rate / 2)
+    return noisy(recording, standard_deviation=standard_deviation, generator=generator)
+
+
+def held(recording: Recording, *, channel: str, rate: float, delay: float = 0.0) -> Recording:
+    """Return the recording with a channel that is updated at a rate, late, and held between updates, as speed by GPS.
+
+    Parameters
+    ----------
+    recording
+        Signals without gaps.
+    channel
+        Name of the channel.
+    rate
+        Updates per second [Hz], above 0; the first is at the first sample.
+    delay
+        Age of a value at its update [s], at least 0; before the first sample the channel is taken as constant.
+
+    Raises
+    ------
+    ParameterError
+        If the channel does not exist, or a number is out of range.
+
+    Notes
+    -----
+    The mean delay is `delay` + 1 / (2 rate).
+    """
+    check_number("rate of updates", rate, above=0)
+    check_number("delay", delay, at_least=0)
+    time = np.arange(recording.n_samples) / recording.sampling_rate
+    # the smallest part of a sample is added, or an update on a sample would be lost to rounding
+    updated = np.floor((time + 1e-6 / recording.sampling_rate) * rate) / rate
+    values = np.interp(updated - delay, time, _row(recording, channel))
+    return _changed(recording, channel, values, f"updated at {rate:g} Hz, {delay:g} s late")
 
 
 def clipped(recording: Recording, *, channel: str, limit: float) -> Recording:

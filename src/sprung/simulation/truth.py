@@ -1,12 +1,15 @@
 """Truth of a simulated recording as JSON: modes, components, speed and faults."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from sprung.excitation import SpeedProfile
-from sprung.vehicles import ExactModes, Fault, Structure, with_faults
+from sprung.vehicles import Component, ExactModes, Fault, Structure, with_faults
 
 #: Number of instants at which changing modes are given.
 _INSTANTS = 11
@@ -51,7 +54,7 @@ def truth(
         "modes": list(_modes(modes)),
         "components": _components(changed),
         "speed": None if speed is None else _speed(speed, duration),
-        "faults": {str(fault.component): fault.change for fault in faults},
+        "faults": _changes(faults),
         "seed": seed,
     }
     if not all(fault.is_constant for fault in faults):
@@ -69,6 +72,36 @@ def truth(
             for time in np.linspace(0, duration, _INSTANTS)
         ]
     return document
+
+
+def plain(value: Any) -> Any:
+    """Return a value of the settings as JSON holds it.
+
+    Parameters
+    ----------
+    value
+        Dataclass, vehicle section, mapping, sequence, or function with its options bound; anything else stays.
+    """
+    if isinstance(value, partial):
+        return {"function": value.func.__name__.removeprefix("_"), **plain(value.keywords)}
+    if isinstance(value, Component):
+        return str(value)
+    if isinstance(value, tuple | list):
+        return [plain(entry) for entry in value]
+    if isinstance(value, BaseModel):
+        value = value.model_dump()
+    elif is_dataclass(value):
+        value = {entry.name: getattr(value, entry.name) for entry in fields(value)}
+    return {str(name): plain(entry) for name, entry in value.items()} if isinstance(value, Mapping) else value
+
+
+def _changes(faults: Iterable[Fault]) -> dict[str, float]:
+    """Return the relative change of each component; changes of the same one multiply."""
+    changes: dict[str, float] = {}
+    for fault in faults:
+        before = changes.get(str(fault.component), 0.0)
+        changes[str(fault.component)] = before + fault.change + before * fault.change
+    return changes
 
 
 def _components(vehicle: Structure) -> dict[str, dict[str, dict[str, float]]]:

@@ -1,20 +1,7 @@
 """Vehicles: description in a file, structure of masses and springs, matrices, exact modes and correlations."""
 
 from sprung.vehicles.components import Component
-from sprung.vehicles.description import (
-    Axle,
-    Body,
-    Chain,
-    ChainMass,
-    Description,
-    MountedMass,
-    Quarter,
-    QuarterBody,
-    QuarterCorner,
-    Sensor,
-    Vehicle,
-    corner_names,
-)
+from sprung.vehicles.description import Chain, Description, Quarter, Vehicle, corner_names
 from sprung.vehicles.faults import Fault, parse_fault, with_faults
 from sprung.vehicles.files import (
     VEHICLES,
@@ -25,10 +12,21 @@ from sprung.vehicles.files import (
     vehicle_text,
     write_vehicle,
 )
-from sprung.vehicles.models import chain, structure, wheel_hop_frequencies
+from sprung.vehicles.models import chain, modal_mass, structure, wheel_hop_frequencies
 from sprung.vehicles.modes import ExactModes, modes, participation
 from sprung.vehicles.response import Sensitivities, frequency_response, sensitivities
-from sprung.vehicles.structure import Element, Structure, body_row, sensor_outputs
+from sprung.vehicles.sections import (
+    Axle,
+    Body,
+    ChainMass,
+    FlexibleMode,
+    LearntNumber,
+    MountedMass,
+    QuarterBody,
+    QuarterCorner,
+    Sensor,
+)
+from sprung.vehicles.structure import BodyShape, Element, Structure, body_row, sensor_outputs
 from sprung.vehicles.system import (
     MechanicalSystem,
     Outputs,
@@ -43,6 +41,7 @@ __all__ = [
     "VEHICLES",
     "Axle",
     "Body",
+    "BodyShape",
     "Chain",
     "ChainMass",
     "Component",
@@ -50,6 +49,8 @@ __all__ = [
     "Element",
     "ExactModes",
     "Fault",
+    "FlexibleMode",
+    "LearntNumber",
     "MechanicalSystem",
     "MountedMass",
     "Outputs",
@@ -67,6 +68,7 @@ __all__ = [
     "discretised",
     "exact_correlations",
     "frequency_response",
+    "modal_mass",
     "modes",
     "parse_fault",
     "parse_vehicle",

@@ -4,22 +4,31 @@ import math
 from types import MappingProxyType
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from sprung._checks import check_number
-from sprung.recording import QUANTITIES, Channel
-from sprung.units import conversion
-from sprung.vehicles.structure import MOTIONS
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Length = Annotated[float, Field(allow_inf_nan=False)]
-Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^\S(.*\S)?$")]
-Vector = Annotated[tuple[Length, Length, Length], Field(strict=False)]
-
+from sprung.vehicles.sections import (
+    LONGEST_DELAY,
+    Axle,
+    Body,
+    ChainMass,
+    FlexibleMode,
+    LearntNumber,
+    MountedMass,
+    Name,
+    Positive,
+    QuarterBody,
+    QuarterCorner,
+    Section,
+    Sensor,
+)
+from sprung.vehicles.structure import FLEXIBLE_SHAPES, MOTIONS
 
 #: Coordinates of the body; sway and yaw only where lateral stiffness is given.
 BODY_MOTIONS = ("bounce", "pitch", "roll", "sway", "yaw")
+#: Default of missing inertias: radius of gyration squared over front times rear axle distance (pitch), or over half
+#: the track width squared (roll). The shipped vehicles have 0.77 to 0.90 and 0.49 to 0.57.
+PITCH_SHARE, ROLL_SHARE = 0.85, 0.5
 #: Plausible radii of gyration over the distance of the farthest axle or wheel, and largest plausible distance of a
 #: sensor over the wheelbase.
 _GYRATION, _FARTHEST_SENSOR = (0.05, 4.0), 5.0
@@ -45,80 +54,17 @@ def corner_names(n_axles: int) -> tuple[str, ...]:
     return tuple(f"{axle}_{side}" for axle in axles for side in ("left", "right"))
 
 
-class _Section(BaseModel):
-    """Table of a vehicle file: strictly typed, without unknown keys, immutable."""
+class Description(Section):
+    """Fields of all vehicle files: schema, name, sensors, and name, delay [s] and scale of the speed channel.
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, populate_by_name=True)
-
-
-class Sensor(_Section):
-    """Sensor of one channel of the recordings: quantity, unit, place and axis.
-
-    Parameters
-    ----------
-    channel
-        Name of the channel in the recordings.
-    quantity
-        Key of `sprung.recording.QUANTITIES`.
-    unit
-        Unit of that quantity; raw value times `scale` is in this unit.
-    position
-        Position x forward, y left, z up from the body's centre of gravity [m].
-    direction
-        Measured axis, or axis of rotation, of length 1.
-    scale
-        Factor of the raw values, not 0.
-    on
-        Part that carries the sensor: "body", or a coordinate such as "wheel_front_left" or "mass_1".
+    The speed channel times `speed_scale` is the speed, `speed_delay` before it is recorded.
     """
-
-    channel: Name
-    quantity: str
-    unit: str
-    position: Vector | None = None
-    direction: Vector | None = None
-    scale: Annotated[float, Field(allow_inf_nan=False)] = 1.0
-    on: Name = "body"
-
-    @model_validator(mode="after")
-    def _fits(self) -> "Sensor":
-        if self.quantity not in QUANTITIES or self.quantity == "unknown":
-            known = ", ".join(quantity for quantity in QUANTITIES if quantity != "unknown")
-            raise ValueError(f"quantity {self.quantity!r} is not one of {known}")
-        measured, _ = conversion(self.unit)
-        if QUANTITIES[measured] != QUANTITIES[self.quantity]:
-            raise ValueError(
-                f"unit {self.unit!r} measures {measured}, not {self.quantity}: correct the unit or the quantity"
-            )
-        if self.scale == 0:
-            raise ValueError("scale=0 must not be 0: leave it out where raw values are in the unit")
-        if self.direction is not None and abs(math.hypot(*self.direction) - 1) > 0.01:
-            raise ValueError(
-                f"direction {list(self.direction)} has length {math.hypot(*self.direction):.3g}, but must have 1: "
-                "divide it by its length"
-            )
-        return self
-
-    @property
-    def factor(self) -> float:
-        """SI value = factor times raw value."""
-        return self.scale * conversion(self.unit)[1]
-
-    def as_channel(self) -> Channel:
-        """Return the sensor as the channel of a recording in SI units, its direction of length 1."""
-        direction = self.direction
-        if direction is not None:
-            length = math.hypot(*direction)
-            direction = (direction[0] / length, direction[1] / length, direction[2] / length)
-        return Channel(self.channel, self.quantity, self.position, direction)
-
-
-class Description(_Section):
-    """Fields of all vehicle files: schema, name, sensors and the name of the speed channel."""
 
     schema_name: Literal["sprung.vehicle/1"] = Field(alias="schema", default="sprung.vehicle/1")
     name: Name
     speed_channel: Name = "speed"
+    speed_delay: Annotated[float, Field(ge=-LONGEST_DELAY, le=LONGEST_DELAY, allow_inf_nan=False)] = 0.0
+    speed_scale: Positive = 1.0
     sensor: Annotated[tuple[Sensor, ...], Field(strict=False, max_length=1000)] = ()
 
     @property
@@ -129,8 +75,14 @@ class Description(_Section):
     @property
     def parts(self) -> tuple[str, ...]:
         """Parts that can carry a sensor: the body, and every coordinate that is not a motion of the body."""
-        others = tuple(name for name in self.coordinates if name not in BODY_MOTIONS and not name.endswith("_roll"))
+        of_body = {*BODY_MOTIONS, *FLEXIBLE_SHAPES}
+        others = tuple(name for name in self.coordinates if name not in of_body and not name.endswith("_roll"))
         return others if "bounce" not in self.coordinates else ("body", *others)
+
+    @property
+    def suspensions(self) -> tuple[str, ...]:
+        """Owners of the suspensions, between whose ends sensors can be."""
+        return ()
 
     @model_validator(mode="after")
     def _sensors_fit(self) -> "Description":
@@ -138,115 +90,17 @@ class Description(_Section):
         for number, sensor in enumerate(self.sensor, start=1):
             if names.count(sensor.channel) > 1:
                 raise ValueError(f"channel {sensor.channel!r} has more than one [[sensor]]: rename or remove one")
-            if sensor.quantity in MOTIONS and sensor.on not in self.parts:
+            if sensor.is_motion and sensor.between is None and sensor.on not in self.parts:
                 raise ValueError(
                     f"[[sensor]] {number}, on={sensor.on!r} must be one of {', '.join(self.parts)}: correct it"
                 )
+            if sensor.between is not None and sensor.between not in self.suspensions:
+                known = f"must be one of {', '.join(self.suspensions)}: correct it"
+                raise ValueError(
+                    f"[[sensor]] {number}, between={sensor.between!r} "
+                    + (known if self.suspensions else "needs a vehicle with corners: remove it")
+                )
         return self
-
-
-class Body(_Section):
-    """Sprung body; its inertias are about its centre of gravity, without mounted masses.
-
-    Parameters
-    ----------
-    mass
-        Mass [kg]; default: 1, so that every mass, stiffness and damping of the file is per kilogram of body.
-    pitch_inertia, roll_inertia
-        Moments of inertia [kg m^2]; default: estimates from mass, wheelbase and track width.
-    yaw_inertia
-        Moment of inertia [kg m^2], used only with lateral stiffness; default: that of pitch.
-    """
-
-    mass: Positive = 1.0
-    pitch_inertia: Positive | None = None
-    roll_inertia: Positive | None = None
-    yaw_inertia: Positive | None = None
-
-
-class Axle(_Section):
-    """Two wheels and their suspension; all values but x are per wheel.
-
-    Parameters
-    ----------
-    x
-        Distance ahead of the body's centre of gravity [m]; negative behind it.
-    half_track
-        Distance of the suspension from the middle [m].
-    unsprung_mass
-        Unsprung mass of a wheel [kg]; default: all wheels share one ninth of the mass of the body. With a wheelset:
-        mass fixed to it at the suspension, such as an axle box; default: none.
-    wheelset_mass, wheelset_roll_inertia
-        Mass [kg] and roll inertia [kg m^2] of a rigid wheelset that replaces the two wheels; both or neither.
-    spring_stiffness, damping
-        Stiffness of the spring [N/m] and damping of the damper [N s/m].
-    tyre_stiffness
-        Stiffness of the tyre or the wheel-rail contact [N/m]; default: no wheels, the suspension stands on the ground.
-    anti_roll_stiffness
-        Force per difference between the deflections of the two springs [N/m].
-    damper_bushing_stiffness
-        Stiffness of the bushing in series with the damper [N/m]; default: the damper is attached rigidly.
-    contact_half_track
-        Distance of the tyre or rail contact of a wheelset from the middle [m]; default: that of the suspension.
-    longitudinal_stiffness, lateral_stiffness, lateral_damping
-        Horizontal stiffness [N/m] and damping [N s/m] of the suspension; lateral stiffness adds sway and yaw to the
-        motions of the body. Wheels do not move horizontally.
-    height
-        Height of the horizontal suspension above the body's centre of gravity [m], usually negative: it couples pitch
-        with longitudinal and roll with lateral stiffness.
-    """
-
-    x: Length
-    half_track: Positive
-    unsprung_mass: Positive | None = None
-    spring_stiffness: Positive
-    damping: NotNegative
-    tyre_stiffness: Positive | None = None
-    anti_roll_stiffness: NotNegative = 0.0
-    damper_bushing_stiffness: Positive | None = None
-    wheelset_mass: Positive | None = None
-    wheelset_roll_inertia: Positive | None = None
-    contact_half_track: Positive | None = None
-    longitudinal_stiffness: NotNegative = 0.0
-    lateral_stiffness: Positive | None = None
-    lateral_damping: NotNegative = 0.0
-    height: Length = 0.0
-
-    @model_validator(mode="after")
-    def _wheels_stand_on_tyres(self) -> "Axle":
-        for name in ("unsprung_mass", "wheelset_mass"):
-            if getattr(self, name) is not None and self.tyre_stiffness is None:
-                raise ValueError(f"{name} needs tyre_stiffness: add it, or leave both out")
-        for name, needed in (
-            ("wheelset_mass", "wheelset_roll_inertia"),
-            ("wheelset_roll_inertia", "wheelset_mass"),
-            ("contact_half_track", "wheelset_mass"),
-        ):
-            if getattr(self, name) is not None and getattr(self, needed) is None:
-                raise ValueError(f"{name} needs {needed}: add it, or leave {name} out")
-        if self.lateral_damping > 0 and self.lateral_stiffness is None:
-            raise ValueError("lateral_damping needs lateral_stiffness: add it, or leave both out")
-        return self
-
-
-class MountedMass(_Section):
-    """Mass on mounts on the body (engine, tank, cab) that moves vertically; not part of the mass of the body.
-
-    Parameters
-    ----------
-    mass
-        Mass [kg].
-    x, y
-        Position ahead and to the left of the body's centre of gravity [m].
-    frequency, damping_ratio
-        Natural frequency [Hz] and damping ratio on the mounts with the body fixed.
-    """
-
-    mass: Positive
-    x: Length
-    y: Length = 0.0
-    frequency: Positive
-    damping_ratio: NotNegative
 
 
 class Vehicle(Description):
@@ -256,10 +110,24 @@ class Vehicle(Description):
     body: Body = Body()
     axle: Annotated[tuple[Axle, ...], Field(strict=False, min_length=2, max_length=50)]
     mounted_mass: Annotated[tuple[MountedMass, ...], Field(strict=False, max_length=50)] = ()
+    flexible_mode: Annotated[tuple[FlexibleMode, ...], Field(strict=False, max_length=2)] = ()
+    learnt: Annotated[tuple[LearntNumber, ...], Field(strict=False, max_length=1000)] = ()
+
+    @property
+    def inertias(self) -> tuple[float, float]:
+        """Pitch and roll inertia of the body [kg m^2], estimated from mass and geometry where the file has none."""
+        body, half_track = self.body, max(axle.half_track for axle in self.axle)
+        pitch = body.pitch_inertia or PITCH_SHARE * body.mass * self.axle[0].x * -self.axle[-1].x
+        return pitch, body.roll_inertia or ROLL_SHARE * body.mass * half_track**2
+
+    @property
+    def suspensions(self) -> tuple[str, ...]:
+        """Names of the corners."""
+        return corner_names(len(self.axle))
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the motions of the body, of the wheels or wheelsets, and of the mounted masses."""
+        """Names of the motions of body, wheels or wheelsets and mounted masses, and of the flexible modes."""
         corners = corner_names(len(self.axle))
         wheels: list[str] = []
         for axle, left, right in zip(self.axle, corners[::2], corners[1::2], strict=True):
@@ -269,7 +137,8 @@ class Vehicle(Description):
             elif axle.tyre_stiffness is not None:
                 wheels += [f"wheel_{left}", f"wheel_{right}"]
         mounted = [f"mounted_mass_{number}" for number in range(1, len(self.mounted_mass) + 1)]
-        return (*BODY_MOTIONS[: 5 if self.axle[0].lateral_stiffness is not None else 3], *wheels, *mounted)
+        flexible = [mode.shape for mode in self.flexible_mode]
+        return (*BODY_MOTIONS[: 5 if self.axle[0].lateral_stiffness is not None else 3], *wheels, *mounted, *flexible)
 
     @model_validator(mode="after")
     def _axles_in_order(self) -> "Vehicle":
@@ -280,9 +149,18 @@ class Vehicle(Description):
                 "(x = 0) between the first and the last: order the axles and give x behind it a minus sign"
             )
         for sensor in self.sensor:
-            if sensor.on == "body" and sensor.quantity in MOTIONS:
+            if sensor.is_motion and sensor.between is None and sensor.on == "body":
                 self._check_layout(sensor)
+            if sensor.quantity == "wheel_speed":
+                self._check_wheel(sensor)
         self._check_plausible()
+        return self
+
+    @model_validator(mode="after")
+    def _shapes_differ(self) -> "Vehicle":
+        shapes = [mode.shape for mode in self.flexible_mode]
+        if len(set(shapes)) < len(shapes):
+            raise ValueError(f"[[flexible_mode]]: shape {shapes[0]!r} occurs more than once: remove one")
         return self
 
     def _check_plausible(self) -> None:
@@ -299,6 +177,12 @@ class Vehicle(Description):
                         f"body, {name}={inertia:g} kg m2 must be {low:.3g} to {high:.3g} for a mass of "
                         f"{self.body.mass:g} kg with axles and wheels within {length:g} m: correct the unit"
                     )
+        limit = math.sqrt(math.prod(self.inertias))
+        if abs(self.body.product_of_inertia) >= limit:
+            raise ValueError(
+                f"body, product_of_inertia={self.body.product_of_inertia:g} kg m2 must be between -{limit:.4g} and "
+                f"{limit:.4g}, the root of pitch times roll inertia: correct the unit"
+            )
         bounce = math.sqrt(2 * sum(axle.spring_stiffness for axle in self.axle) / self.body.mass) / (2 * math.pi)
         if not _BOUNCE[0] <= bounce <= _BOUNCE[1]:
             raise ValueError(
@@ -322,21 +206,18 @@ class Vehicle(Description):
         if missing:
             raise ValueError(f"sensor {sensor.channel!r} has no {missing[0]}: add {missing[0]} = [forward, left, up]")
 
-
-class QuarterCorner(_Section):
-    """Suspension and wheel of a quarter vehicle, in the units of `Axle`."""
-
-    unsprung_mass: Positive
-    spring_stiffness: Positive
-    damping: NotNegative
-    tyre_stiffness: Positive
-    damper_bushing_stiffness: Positive | None = None
-
-
-class QuarterBody(_Section):
-    """Sprung mass of a quarter vehicle [kg]; default: 1, so that all values are per kilogram of sprung mass."""
-
-    mass: Positive = 1.0
+    def _check_wheel(self, sensor: Sensor) -> None:
+        """Raise if a sensor of a wheel's rotation is not on a wheel of known radius."""
+        wheels = {f"wheel_{corner}": self.axle[row // 2] for row, corner in enumerate(self.suspensions)}
+        if sensor.on not in wheels:
+            raise ValueError(
+                f"sensor {sensor.channel!r}, on={sensor.on!r} must be one of {', '.join(wheels)}: correct it"
+            )
+        if wheels[sensor.on].rolling_radius is None:
+            raise ValueError(
+                f"sensor {sensor.channel!r} measures the rotation of {sensor.on}, whose axle has no rolling_radius: "
+                "add rolling_radius = 0.31 (in metres) to the axle"
+            )
 
 
 class Quarter(Description):
@@ -351,13 +232,10 @@ class Quarter(Description):
         """Names of the motions of the body and of the wheel."""
         return ("bounce", "wheel")
 
-
-class ChainMass(_Section):
-    """Mass of a chain [kg] with the spring [N/m] and damper [N s/m] below it."""
-
-    mass: Positive
-    stiffness: Positive
-    damping: NotNegative
+    @property
+    def suspensions(self) -> tuple[str, ...]:
+        """The only corner."""
+        return ("corner",)
 
 
 class Chain(Description):

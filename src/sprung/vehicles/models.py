@@ -1,7 +1,7 @@
 """Vehicles as structures: chain of masses, quarter car, body on wheels."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
-from sprung.vehicles.description import Axle, Chain, Description, MountedMass, Quarter, Vehicle, corner_names
+from sprung.vehicles.description import Chain, Description, Quarter, Vehicle, corner_names
 from sprung.vehicles.files import parse_vehicle
-from sprung.vehicles.structure import MOTIONS, Element, Structure, body_row, sensor_outputs
+from sprung.vehicles.sections import Axle, FlexibleMode, MountedMass
+from sprung.vehicles.structure import BodyShape, Element, Structure, body_row, sensor_outputs
 from sprung.vehicles.system import Outputs
 
 
@@ -24,9 +25,19 @@ class _Corner(NamedTuple):
     y: float
 
 
-#: Default of missing inertias: radius of gyration squared over front times rear axle distance (pitch), or over half
-#: the track width squared (roll). The shipped vehicles have 0.77 to 0.90 and 0.49 to 0.57.
-PITCH_SHARE, ROLL_SHARE = 0.85, 0.5
+class _Body(NamedTuple):
+    """Body among the coordinates of its vehicle, with the shapes of its flexible modes."""
+
+    coordinates: tuple[str, ...]
+    shapes: tuple[BodyShape, ...]
+
+    def row(self, x: float, y: float) -> Real:
+        """Return the upward displacement at (x, y) [m] for one unit of each coordinate."""
+        return body_row(self.coordinates, x=x, y=y, shapes=self.shapes)
+
+
+#: Modal mass of the bending of an even beam, over its mass: its coordinate is the displacement of its middle.
+BENDING_SHARE = 0.8
 #: Default of a missing unsprung mass: mass of all wheels over mass of the body; about 0.09 to 0.13 in cars.
 UNSPRUNG_SHARE = 1 / 9
 
@@ -119,58 +130,94 @@ def _chain(description: Chain) -> Structure:
         elements=elements,
         inputs=tuple(f"force_{number}" for number in range(1, n + 1)),
         forces=np.eye(n),
-        outputs=_outputs(coordinates, description),
+        outputs=_outputs(description, ()),
     )
 
 
 def _quarter(description: Quarter) -> Structure:
     """Return a body that bounces on one wheel."""
     corner = description.corner
-    coordinates = description.coordinates
+    suspension = Element(
+        "corner",
+        "suspension",
+        np.array([1.0, -1.0]),
+        corner.spring_stiffness,
+        corner.damping,
+        series_stiffness=corner.damper_bushing_stiffness,
+    )
+    tyre = Element("corner", "tyre", np.array([0.0, 1.0]), corner.tyre_stiffness, foot="road")
     return Structure(
-        coordinates=coordinates,
+        coordinates=description.coordinates,
         mass=np.diag([description.body.mass, corner.unsprung_mass]),
-        elements=(
-            Element(
-                "corner",
-                "suspension",
-                np.array([1.0, -1.0]),
-                corner.spring_stiffness,
-                corner.damping,
-                series_stiffness=corner.damper_bushing_stiffness,
-            ),
-            Element("corner", "tyre", np.array([0.0, 1.0]), corner.tyre_stiffness, foot="road"),
-        ),
+        elements=(suspension, tyre),
         inputs=("road",),
         forces=np.zeros((2, 1)),
-        outputs=_outputs(coordinates, description),
+        outputs=_outputs(description, (suspension, tyre)),
     )
 
 
 def _vehicle(description: Vehicle) -> Structure:
     """Return a body on wheels; on axles without wheels, forces on the body replace the road."""
-    corners = _corners(description)
-    coordinates = description.coordinates
-    mounted = coordinates[len(coordinates) - len(description.mounted_mass) :]
-    elements = [element for corner in corners for element in _corner_elements(coordinates, corner)]
+    corners, coordinates = _corners(description), description.coordinates
+    body = _Body(coordinates, tuple(_body_shape(description, mode.shape) for mode in description.flexible_mode))
+    elements = [element for corner in corners for element in _corner_elements(body, corner)]
     elements += [
         element
         for left, right in zip(corners[::2], corners[1::2], strict=True)
-        for element in _anti_roll_bar(coordinates, left, right)
+        for element in _anti_roll_bar(body, left, right)
     ]
-    elements += [_mount(coordinates, name, mass) for name, mass in zip(mounted, description.mounted_mass, strict=True)]
+    elements += [
+        _mount(body, f"mounted_mass_{number}", mass) for number, mass in enumerate(description.mounted_mass, start=1)
+    ]
+    elements += [_flexibility(coordinates, description, mode) for mode in description.flexible_mode]
     forces = np.zeros((len(coordinates), len(corners)))
     for column, (_, axle, y) in enumerate(corners):
         if axle.tyre_stiffness is None:
-            forces[:, column] = body_row(coordinates, x=axle.x, y=y)
+            forces[:, column] = body.row(axle.x, y)
+    mass = np.diag(_masses(description))
+    mass[1, 2] = mass[2, 1] = description.body.product_of_inertia
     return Structure(
         coordinates=coordinates,
-        mass=np.diag(_masses(description)),
+        mass=mass,
         elements=tuple(elements),
         inputs=tuple(_input_name(corner) for corner in corners),
         forces=forces,
-        outputs=_outputs(coordinates, description),
+        outputs=_outputs(description, elements, body.shapes),
+        shapes=body.shapes,
     )
+
+
+def modal_mass(description: Vehicle, mode: FlexibleMode) -> float:
+    """Return the modal mass of a flexible mode of the body [kg].
+
+    Parameters
+    ----------
+    description
+        Vehicle with the mode.
+    mode
+        Flexible mode of its body.
+
+    Notes
+    -----
+    The integral of the squared shape over the mass, if the file does not state it. Torsion x y / (a b) of a body whose
+    mass is spread independently along and across: I_pitch I_roll / (m a^2 b^2). Bending 1 - x^2 / k^2 of an even beam
+    of mass m with k^2 = I_pitch / m: 0.8 m, as the mean of x^4 is 9/5 k^4.
+    """
+    if mode.mass is not None:
+        return mode.mass
+    body, (pitch_inertia, roll_inertia) = description.body, description.inertias
+    if mode.shape == "bending":
+        return BENDING_SHARE * body.mass
+    return pitch_inertia * roll_inertia * _body_shape(description, "torsion").twist ** 2 / body.mass
+
+
+def _body_shape(description: Vehicle, shape: str) -> BodyShape:
+    """Return the shape of a flexible mode: torsion x y / (a b), bending 1 - x^2 m / I."""
+    if shape == "bending":
+        return BodyShape(shape, constant=1.0, curvature=-description.body.mass / description.inertias[0])
+    axles = description.axle
+    half_wheelbase, half_track = (axles[0].x - axles[-1].x) / 2, np.mean([axle.half_track for axle in axles])
+    return BodyShape(shape, twist=1 / float(half_wheelbase * half_track))
 
 
 def wheel_hop_frequencies(description: Vehicle) -> Real:
@@ -202,9 +249,7 @@ def _input_name(corner: _Corner) -> str:
 def _masses(description: Vehicle) -> list[float]:
     """Return the masses and inertias of the coordinates, estimated where the description omits them."""
     body, axles = description.body, description.axle
-    half_track = max(axle.half_track for axle in axles)
-    pitch_inertia = body.pitch_inertia or PITCH_SHARE * body.mass * axles[0].x * -axles[-1].x
-    roll_inertia = body.roll_inertia or ROLL_SHARE * body.mass * half_track**2
+    pitch_inertia, roll_inertia = description.inertias
     plane = [] if axles[0].lateral_stiffness is None else [body.mass, body.yaw_inertia or pitch_inertia]
     wheels: list[float] = []
     for axle, unsprung in zip(axles, _unsprung_masses(description), strict=True):
@@ -215,7 +260,9 @@ def _masses(description: Vehicle) -> list[float]:
             ]
         elif axle.tyre_stiffness is not None:
             wheels += [unsprung, unsprung]
-    return [body.mass, pitch_inertia, roll_inertia, *plane, *wheels, *(part.mass for part in description.mounted_mass)]
+    mounted = [part.mass for part in description.mounted_mass]
+    flexible = [modal_mass(description, mode) for mode in description.flexible_mode]
+    return [body.mass, pitch_inertia, roll_inertia, *plane, *wheels, *mounted, *flexible]
 
 
 def _unsprung_masses(description: Vehicle) -> Real:
@@ -235,18 +282,18 @@ def _wheel_row(coordinates: Sequence[str], corner: _Corner, y: float) -> Real:
     return row
 
 
-def _deflection(coordinates: Sequence[str], corner: _Corner) -> Real:
+def _deflection(body: _Body, corner: _Corner) -> Real:
     """Return the elongation of a suspension for one unit of each coordinate."""
-    return body_row(coordinates, x=corner.axle.x, y=corner.y) - _wheel_row(coordinates, corner, corner.y)
+    return body.row(corner.axle.x, corner.y) - _wheel_row(body.coordinates, corner, corner.y)
 
 
-def _corner_elements(coordinates: Sequence[str], corner: _Corner) -> Iterator[Element]:
+def _corner_elements(body: _Body, corner: _Corner) -> Iterator[Element]:
     """Yield the suspension and the tyre of one corner."""
-    name, axle, y = corner
+    (name, axle, y), coordinates = corner, body.coordinates
     yield Element(
         name,
         "suspension",
-        _deflection(coordinates, corner),
+        _deflection(body, corner),
         axle.spring_stiffness,
         axle.damping,
         series_stiffness=axle.damper_bushing_stiffness,
@@ -264,25 +311,39 @@ def _corner_elements(coordinates: Sequence[str], corner: _Corner) -> Iterator[El
         yield Element(name, "lateral", elongation, axle.lateral_stiffness, axle.lateral_damping)
 
 
-def _anti_roll_bar(coordinates: Sequence[str], left: _Corner, right: _Corner) -> Iterator[Element]:
+def _anti_roll_bar(body: _Body, left: _Corner, right: _Corner) -> Iterator[Element]:
     """Yield the anti-roll bar of one axle, if it has one."""
     if left.axle.anti_roll_stiffness > 0:
-        difference = _deflection(coordinates, left) - _deflection(coordinates, right)
+        difference = _deflection(body, left) - _deflection(body, right)
         owner = left.name.removesuffix("_left") + "_axle"
         yield Element(owner, "anti_roll", difference, left.axle.anti_roll_stiffness)
 
 
-def _mount(coordinates: Sequence[str], name: str, part: MountedMass) -> Element:
+def _mount(body: _Body, name: str, part: MountedMass) -> Element:
     """Return the mounts between a mass and the body."""
     angular_frequency = 2 * np.pi * part.frequency
-    elongation = -body_row(coordinates, x=part.x, y=part.y)
-    elongation[coordinates.index(name)] = 1.0
+    elongation = -body.row(part.x, part.y)
+    elongation[body.coordinates.index(name)] = 1.0
     damping = 2 * part.damping_ratio * angular_frequency * part.mass
     return Element(name, "mount", elongation, part.mass * angular_frequency**2, damping)
 
 
-def _outputs(coordinates: Sequence[str], description: Description) -> Outputs:
+def _flexibility(coordinates: Sequence[str], description: Vehicle, mode: FlexibleMode) -> Element:
+    """Return the stiffness and damping of the body in a flexible mode."""
+    angular_frequency, mass = 2 * np.pi * mode.frequency, modal_mass(description, mode)
+    elongation = np.array([float(name == mode.shape) for name in coordinates])
+    damping = 2 * mode.damping_ratio * angular_frequency * mass
+    return Element("body", mode.shape, elongation, mass * angular_frequency**2, damping)
+
+
+def _outputs(description: Description, elements: Iterable[Element], shapes: Sequence[BodyShape] = ()) -> Outputs:
     """Return the outputs of the motion sensors of a description."""
-    sensors = [sensor for sensor in description.sensor if sensor.quantity in MOTIONS]
-    channels = [sensor.as_channel() for sensor in sensors]
-    return sensor_outputs(coordinates, sensors=channels, carriers=[sensor.on for sensor in sensors])
+    sensors = [sensor for sensor in description.sensor if sensor.is_motion]
+    suspensions = [element for element in elements if element.part == "suspension"]
+    return sensor_outputs(
+        description.coordinates,
+        sensors=[sensor.as_channel() for sensor in sensors],
+        carriers=[sensor.between or sensor.on for sensor in sensors],
+        shapes=shapes,
+        elongations={element.owner: element.elongation for element in suspensions},
+    )

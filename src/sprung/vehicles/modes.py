@@ -12,6 +12,9 @@ from sprung.vehicles.system import MechanicalSystem, Outputs
 # Largest imaginary part of a pole that does not oscillate, relative to its modulus.
 _REAL_POLE = 1e-9
 
+# Coordinates of the body, which label modes.
+_OF_BODY = {"bounce", "pitch", "roll", "sway", "yaw", "torsion", "bending"}
+
 # Smallest reading of the sensors for a mode that they observe, relative to their reading for its largest motion.
 _UNSEEN = 1e-9
 
@@ -31,7 +34,7 @@ class ExactModes:
     channels
         Names of the channels of the mode shapes.
     labels
-        "bounce", "pitch", "roll", "sway", "yaw", "wheel_hop" or None for each mode.
+        "bounce", "pitch", "roll", "sway", "yaw", "torsion", "bending", "wheel_hop" or None for each mode.
     """
 
     poles: Complex
@@ -123,9 +126,7 @@ def _labels(system: MechanicalSystem, shapes: Complex) -> tuple[str | None, ...]
     shares = participation(system.mass, shapes)
     labels: list[str | None] = [None] * len(shapes)
     wheels = [name.startswith("wheel") for name in system.coordinates]
-    body = [
-        index for index, name in enumerate(system.coordinates) if name in {"bounce", "pitch", "roll", "sway", "yaw"}
-    ]
+    body = [index for index, name in enumerate(system.coordinates) if name in _OF_BODY]
     is_body = shares[:, body].sum(axis=1) > 0.5
     for mode in np.flatnonzero(shares[:, wheels].sum(axis=1) > 0.5):
         labels[mode] = "wheel_hop"

@@ -29,9 +29,14 @@ PARTS = MappingProxyType(
         "mount": ("spring", "damper"),
         "lateral": ("lateral_spring", "lateral_damper"),
         "longitudinal": ("longitudinal_spring", None),
+        "torsion": ("torsion", "torsion_damping"),
+        "bending": ("bending", "bending_damping"),
     }
 )
 
+
+#: Shapes of flexible modes of the body, and the coordinates called after them.
+FLEXIBLE_SHAPES = ("torsion", "bending")
 
 #: Quantities of a motion: order of the time derivative, and whether it is a rotation.
 MOTIONS = MappingProxyType(
@@ -43,6 +48,10 @@ MOTIONS = MappingProxyType(
         "angle": (0, True),
     }
 )
+
+
+#: No suspension between whose ends a sensor is.
+NO_ELONGATIONS: Mapping[str, Real] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -148,6 +157,32 @@ class Element:
         return np.asarray(viscous, dtype=np.complex128)
 
 
+@dataclass(frozen=True, slots=True)
+class BodyShape:
+    """Shape of a flexible mode: the point (x, y) of the body moves up by constant + twist x y + curvature x^2.
+
+    Parameters
+    ----------
+    coordinate
+        Coordinate of the mode: "torsion" or "bending".
+    constant, twist, curvature
+        Displacement for one unit of the coordinate: dimensionless, and both in 1/m^2.
+    """
+
+    coordinate: str
+    constant: float = 0.0
+    twist: float = 0.0
+    curvature: float = 0.0
+
+    def deflection(self, x: float, y: float) -> float:
+        """Return the upward displacement at (x, y) [m] for one unit of the coordinate."""
+        return self.constant + self.twist * x * y + self.curvature * x**2
+
+    def rotation(self, x: float, y: float) -> tuple[float, float]:
+        """Return local pitch (positive nose down) and roll (positive left side up) at (x, y) [m] [rad per unit]."""
+        return -(self.twist * y + 2 * self.curvature * x), self.twist * x
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Structure:
     """Coordinates, masses, elements, inputs and sensors of a vehicle.
@@ -155,7 +190,8 @@ class Structure:
     Parameters
     ----------
     coordinates
-        Names of the n coordinates: "bounce", "pitch", "roll" of the body, "wheel_" and the corner, "mass_1" ...
+        Names of the n coordinates: "bounce", "pitch", "roll" of the body, "wheel_" and the corner, "mass_1" ...;
+        "torsion" and "bending" of a flexible body.
     mass
         Mass matrix [kg, kg m^2], shape (n, n).
     elements
@@ -167,6 +203,8 @@ class Structure:
         displacements, which act through the elements that stand on them.
     outputs
         Output matrices of the sensors.
+    shapes
+        Shapes of the flexible modes of the body.
 
     Raises
     ------
@@ -180,6 +218,7 @@ class Structure:
     inputs: tuple[str, ...]
     forces: Real
     outputs: Outputs
+    shapes: tuple[BodyShape, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, mass=2, forces=2)
@@ -276,7 +315,7 @@ class Structure:
             If the mass is negative, or the structure has no body on axles.
         """
         check_number("mass of the payload", mass, at_least=0)
-        row = body_row(self.coordinates, x=x, y=y)
+        row = body_row(self.coordinates, x=x, y=y, shapes=self.shapes)
         return replace(self, mass=self.mass + mass * np.outer(row, row))
 
     def modes(self) -> ExactModes:
@@ -302,7 +341,14 @@ class Structure:
         return values
 
 
-def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], carriers: Sequence[str]) -> Outputs:
+def sensor_outputs(
+    coordinates: Sequence[str],
+    *,
+    sensors: Sequence[Channel],
+    carriers: Sequence[str],
+    shapes: Sequence[BodyShape] = (),
+    elongations: Mapping[str, Real] = NO_ELONGATIONS,
+) -> Outputs:
     """Return the output matrices of motion sensors on the parts of a structure.
 
     Parameters
@@ -312,7 +358,12 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
     sensors
         Channels of a motion quantity, with position and direction where they are on the body.
     carriers
-        Part that carries each sensor: "body", or the name of a coordinate.
+        Part that carries each sensor: "body", the name of a coordinate, or the owner of the suspension whose elongation
+        it measures.
+    shapes
+        Shapes of the flexible modes of the body.
+    elongations
+        Elongation of each suspension for one unit of each coordinate, shape (n,), by owner.
 
     Raises
     ------
@@ -323,8 +374,9 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
     -----
     Small motions of a rigid body in ISO 8855 axes: with bounce z, pitch p (positive nose down), roll r (positive
     left side up), sway s and yaw w (positive to the left) the point (x, y, h) moves by (h p - y w, s + x w - h r,
-    z - x p + y r), and the angular velocity is (r', p', w'). A wheelset bounces and rolls. Gravity's share in
-    the reading of a tilted accelerometer is left out.
+    z - x p + y r), and the angular velocity is (r', p', w'). A flexible body adds the displacement of its shapes to z,
+    and their slopes -dz/dx and dz/dy to p and r at the place of the sensor. A wheelset bounces and rolls. Gravity's
+    share in the reading of a tilted accelerometer is left out.
     """
     rows = {order: np.zeros((len(sensors), len(coordinates))) for order in (0, 1, 2)}
     for row, (sensor, carrier) in enumerate(zip(sensors, carriers, strict=True)):
@@ -334,17 +386,22 @@ def sensor_outputs(coordinates: Sequence[str], *, sensors: Sequence[Channel], ca
                 f"use one of {', '.join(MOTIONS)}"
             )
         order, is_rotation = MOTIONS[sensor.quantity]
-        for name, value in _motion(sensor, carrier, is_rotation=is_rotation).items():  # names that it lacks are 0
-            if name in coordinates:
-                rows[order][row, coordinates.index(name)] = value
+        if carrier in elongations:
+            rows[order][row] = elongations[carrier]
+            continue
         if carrier != "body" and carrier not in coordinates:
             raise ParameterError(
-                f"channel {sensor.name!r} is on {carrier!r}, but the parts are body, {', '.join(coordinates)}"
+                f"channel {sensor.name!r} is on {carrier!r}, but the parts are "
+                f"{', '.join(['body', *coordinates, *elongations])}"
             )
+        motion = _motion(sensor, carrier, shapes, is_rotation=is_rotation)
+        for name, value in motion.items():  # names that the structure lacks are 0
+            if name in coordinates:
+                rows[order][row, coordinates.index(name)] = value
     return Outputs(channels=tuple(sensors), acceleration=rows[2], velocity=rows[1], displacement=rows[0])
 
 
-def body_row(coordinates: Sequence[str], *, x: float, y: float) -> Real:
+def body_row(coordinates: Sequence[str], *, x: float, y: float, shapes: Sequence[BodyShape] = ()) -> Real:
     """Return the upward displacement of the body at (x, y) [m] for one unit of each coordinate, shape (n,).
 
     Raises
@@ -354,13 +411,16 @@ def body_row(coordinates: Sequence[str], *, x: float, y: float) -> Real:
 
     Notes
     -----
-    The row is [1, -x, y] for bounce, pitch (positive nose down) and roll (positive left side up); ISO 8855.
+    The row is [1, -x, y] for bounce, pitch (positive nose down) and roll (positive left side up); ISO 8855. Flexible
+    modes of the body have the displacement of their shapes.
     """
     row = np.zeros(len(coordinates))
     for name, value in (("bounce", 1.0), ("pitch", -x), ("roll", y)):
         if name not in coordinates:
             raise ParameterError(f"the structure has no {name}: only a body on axles has a place at x and y")
         row[coordinates.index(name)] = value
+    for shape in shapes:
+        row[coordinates.index(shape.coordinate)] = shape.deflection(x, y)
     return row
 
 
@@ -370,13 +430,18 @@ def _weighted_gram(rows: Real, weights: Real) -> Real:
     return (gram + gram.T) / 2
 
 
-def _motion(sensor: Channel, carrier: str, *, is_rotation: bool) -> dict[str, float]:
+def _motion(sensor: Channel, carrier: str, shapes: Sequence[BodyShape], *, is_rotation: bool) -> dict[str, float]:
     """Motion at the sensor for one unit of each coordinate of its carrier."""
     x, y, h = sensor.position or (0.0, 0.0, 0.0)
     dx, dy, dz = sensor.direction or (0.0, 0.0, 1.0)
     if carrier == "body" and is_rotation:
-        return {"pitch": dy, "roll": dx, "yaw": sensor.direction[2] if sensor.direction else 0.0}
+        turning = {shape.coordinate: float(np.dot((dy, dx), shape.rotation(x, y))) for shape in shapes}
+        return {"pitch": dy, "roll": dx, "yaw": sensor.direction[2] if sensor.direction else 0.0, **turning}
     if carrier == "body":
         plane = {"sway": dy, "yaw": dy * x - dx * y}
-        return {"bounce": dz, "pitch": dx * h - dz * x, "roll": dz * y - dy * h, **plane}
+        bending = {
+            shape.coordinate: dz * shape.deflection(x, y) + float(np.dot((dx * h, -dy * h), shape.rotation(x, y)))
+            for shape in shapes
+        }
+        return {"bounce": dz, "pitch": dx * h - dz * x, "roll": dz * y - dy * h, **plane, **bending}
     return {carrier: 0.0 if is_rotation else dz, f"{carrier}_roll": dx if is_rotation else dz * y}

@@ -53,7 +53,7 @@ def output_channels(recording: Recording, vehicle: AnyVehicle | None = None) -> 
         Vehicle with its sensors; None: unknown.
     """
     if vehicle is not None and vehicle.sensor:
-        stated = [sensor.channel for sensor in vehicle.sensor if sensor.quantity not in CONDITIONS]
+        stated = [sensor.channel for sensor in vehicle.sensor if not sensor.is_condition]
         return tuple(name for name in stated if name in recording.names)
     speed = speed_channel(recording, vehicle)
     return tuple(c.name for c in recording.channels if c.quantity not in CONDITIONS and c.name != speed)

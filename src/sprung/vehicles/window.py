@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from sprung.recording import Recording
+from sprung.signals.delays import advanced_linearly
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.models import structure
 from sprung.vehicles.sensor_layout import with_layout
@@ -100,9 +101,29 @@ def window_of(recording: Recording, vehicle: Vehicle) -> Window:
     ParameterError
         If the recording has none of the vehicle file's sensors, or one with another quantity.
     """
-    placed = with_layout(recording, vehicle.sensor)
+    placed = with_speed_corrected(with_layout(recording, vehicle.sensor), vehicle)
     speed = speed_channel(placed, vehicle)
     return Window(placed, vehicle, structure(vehicle), speed, _conditions(placed, vehicle, speed))
+
+
+def with_speed_corrected(recording: Recording, vehicle: Vehicle) -> Recording:
+    """Return a recording with its speed channel scaled and advanced as the vehicle file states.
+
+    Parameters
+    ----------
+    recording
+        Recording in SI units.
+    vehicle
+        Vehicle with the scale and the delay of its speed channel.
+    """
+    speed = speed_channel(recording, vehicle)
+    if speed is None or (vehicle.speed_scale == 1 and vehicle.speed_delay == 0):
+        return recording
+    samples, row = recording.samples.copy(), recording.index(speed)
+    shift, breaks = vehicle.speed_delay * recording.sampling_rate, [gap.index for gap in recording.gaps]
+    samples[row] = vehicle.speed_scale * advanced_linearly(samples[row], shift, breaks=breaks)
+    step = f"speed times {vehicle.speed_scale:g}, advanced by {vehicle.speed_delay:g} s"
+    return recording.changed(step, samples=samples)
 
 
 def _conditions(placed: Recording, vehicle: Vehicle, speed: str | None) -> dict[str, float]:

@@ -49,8 +49,14 @@ class Channels:
 
     @cached_property
     def complete(self) -> Real:
-        """Samples on the move with missing values as 0, shape (channels, samples)."""
-        return np.nan_to_num(self.samples)
+        """Samples on the move with missing values on a straight line between their neighbours, 0 without any values."""
+        is_known = np.isfinite(self.samples)
+        complete = np.where(is_known, self.samples, 0.0)
+        for values, known in zip(complete, is_known, strict=True):
+            if known.any() and not known.all():
+                places = np.flatnonzero(known)
+                values[~known] = np.interp(np.flatnonzero(~known), places, values[places])
+        return complete
 
     @cached_property
     def spectra(self) -> SpectralMatrix:

@@ -1,0 +1,255 @@
+"""Route of a vehicle: its speed, curves and cross slope, and how they accelerate its body."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sprung._arrays import Real
+from sprung._checks import check_number, freeze
+from sprung.errors import ParameterError
+from sprung.excitation.speed import SpeedProfile
+
+#: Gravity [m/s^2].
+GRAVITY = 9.81
+#: Time in which a driver builds up an acceleration [s].
+_JERK_TIME = 0.6
+#: Ranges of the time between curves and in a curve [s], and lowest speed of a curve [m/s].
+_STRAIGHT, _CURVE, _SLOWEST = (5.0, 25.0), (2.5, 8.0), 3.0
+#: Ranges of the distance between changes of the cross slope and of their length [m].
+_LEVEL, _TRANSITION = (40.0, 150.0), (20.0, 40.0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SmoothSteps:
+    """Function that is constant but for smooth steps; 0 before the first.
+
+    Parameters
+    ----------
+    knots
+        Middles of the steps, rising, shape (steps,) [s or m].
+    jumps
+        Heights of the steps, shape (steps,).
+    widths
+        Lengths of the steps, above 0, shape (steps,) [s or m].
+
+    Raises
+    ------
+    ParameterError
+        If the arrays differ in shape, or a width is not above 0.
+
+    Notes
+    -----
+    A step of width w at x0 rises as u + 1/2 + sin(2 pi u) / (2 pi) with u = (x - x0) / w between -1/2 and 1/2: a jump
+    seen through a Hann window.
+    """
+
+    knots: Real
+    jumps: Real
+    widths: Real
+
+    def __post_init__(self) -> None:
+        freeze(self, knots=1, jumps=1, widths=1)
+        if not self.knots.shape == self.jumps.shape == self.widths.shape or np.any(self.widths <= 0):
+            raise ParameterError(
+                f"{self.knots.size} knots need as many jumps and widths above 0, not {self.jumps.size} and "
+                f"{self.widths.size}: correct them"
+            )
+
+    def __call__(self, position: ArrayLike) -> Real:
+        """Return the values at rising positions, same shape."""
+        x = np.asarray(position, dtype=np.float64)
+        values = np.zeros(x.shape)
+        for knot, jump, width in zip(self.knots, self.jumps, self.widths, strict=True):
+            first, last = np.searchsorted(x, [knot - width / 2, knot + width / 2])
+            u = (x[first:last] - knot) / width
+            values[first:last] += jump * (u + 0.5 + np.sin(2 * np.pi * u) / (2 * np.pi))
+            values[last:] += jump
+        return values
+
+
+#: A straight, or a level road.
+NO_STEPS = SmoothSteps(np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Route:
+    """Speed over time, and curvature and cross slope over distance.
+
+    Parameters
+    ----------
+    speed
+        Speed over time [m/s].
+    curvature
+        Curvature of the path over distance [1/m], positive to the left.
+    cross_slope
+        Slope of the road over distance [rad], positive where its left side is higher.
+    has_longitudinal
+        Whether changes of the speed accelerate the body; without, they only move the vehicle along the road.
+    """
+
+    speed: SpeedProfile
+    curvature: SmoothSteps = NO_STEPS
+    cross_slope: SmoothSteps = NO_STEPS
+    has_longitudinal: bool = False
+
+    def longitudinal(self, time: ArrayLike) -> Real:
+        """Return the longitudinal acceleration at rising times [m/s^2], positive forward; smooth over 0.6 s."""
+        t = np.asarray(time, dtype=np.float64)
+        knots, speeds = self.speed.times, self.speed.speeds
+        if not self.has_longitudinal or knots.size < 2:
+            return np.zeros(t.shape)
+        slopes = np.concatenate([[0.0], np.diff(speeds) / np.diff(knots), [0.0]])
+        return SmoothSteps(knots, np.diff(slopes), np.full(knots.size, _JERK_TIME))(t)
+
+    def lateral(self, time: ArrayLike) -> Real:
+        """Return the lateral acceleration at rising times [m/s^2], positive to the left: curvature times speed^2."""
+        return self.curvature(self.speed.distance(time)) * self.speed.speed(time) ** 2
+
+    def yaw_rate(self, time: ArrayLike) -> Real:
+        """Return the yaw rate at rising times [rad/s], positive to the left."""
+        return self.curvature(self.speed.distance(time)) * self.speed.speed(time)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BodyAccelerations:
+    """Accelerations of a route that pitch and roll the body: longitudinal, and lateral with gravity's share on a slope.
+
+    Parameters
+    ----------
+    route
+        Speed, curves and cross slope.
+
+    Notes
+    -----
+    Inputs: a_x, and a_y + g slope; on a slope the tyres hold the body as in a curve towards its higher side.
+    """
+
+    route: Route
+
+    @property
+    def n_inputs(self) -> int:
+        """Number of inputs: longitudinal and lateral."""
+        return 2
+
+    @property
+    def is_smooth(self) -> bool:
+        """True: the accelerations are continuous between samples."""
+        return True
+
+    def samples(
+        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
+    ) -> Real:
+        """Return the accelerations from time `start` [s] on, shape (2, samples) [m/s^2]."""
+        del generator  # a route is not random
+        time = start + np.arange(n_samples) / sampling_rate
+        slope = self.route.cross_slope(self.route.speed.distance(time))
+        return np.stack([self.route.longitudinal(time), self.route.lateral(time) + GRAVITY * slope])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CrossSlope:
+    """Height under each wheel of a road that slopes to one side.
+
+    Parameters
+    ----------
+    route
+        Speed and cross slope.
+    axle_positions
+        Distance of each axle ahead of the centre of gravity, front to rear [m].
+    half_tracks
+        Distance of the wheels of each axle from the middle [m].
+    """
+
+    route: Route
+    axle_positions: tuple[float, ...]
+    half_tracks: tuple[float, ...]
+
+    @property
+    def n_inputs(self) -> int:
+        """Number of inputs: two wheels on each axle."""
+        return 2 * len(self.axle_positions)
+
+    @property
+    def is_smooth(self) -> bool:
+        """True: the slope is continuous between samples."""
+        return True
+
+    def samples(
+        self, n_samples: int, *, sampling_rate: float, generator: np.random.Generator, start: float = 0.0
+    ) -> Real:
+        """Return the heights from time `start` [s] on, shape (wheels, samples) [m]; left before right."""
+        del generator  # a route is not random
+        distance = self.route.speed.distance(start + np.arange(n_samples) / sampling_rate)
+        slopes = (
+            half_track * self.route.cross_slope(distance + x)
+            for x, half_track in zip(self.axle_positions, self.half_tracks, strict=True)
+        )
+        return np.stack([side * height for height in slopes for side in (1, -1)])
+
+
+def random_curvature(
+    speed: SpeedProfile, *, duration: float, largest: float, generator: np.random.Generator
+) -> SmoothSteps:
+    """Return the curvature over distance of a winding road, with curves to both sides.
+
+    Parameters
+    ----------
+    speed
+        Speed of the drive.
+    duration
+        Duration of the drive [s].
+    largest
+        Largest lateral acceleration of a curve at the speed in its middle [m/s^2], above 0; each has 0.3 to 1 of it.
+    generator
+        Source of the randomness.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+    """
+    check_number("duration", duration, above=0)
+    check_number("largest lateral acceleration", largest, above=0)
+    knots, jumps, widths = [], [], []
+    begin = generator.uniform(*_STRAIGHT)
+    while begin < duration:
+        end = begin + generator.uniform(*_CURVE)
+        acceleration = largest * generator.uniform(0.3, 1.0) * generator.choice([-1.0, 1.0])
+        middle = float(speed.speed((begin + end) / 2))
+        if middle > _SLOWEST:
+            first, last = speed.distance([begin, end])
+            ramp = (last - first) / 3
+            knots += [first + ramp / 2, last - ramp / 2]
+            jumps += [acceleration / middle**2, -acceleration / middle**2]
+            widths += [ramp, ramp]
+        begin = end + generator.uniform(*_STRAIGHT)
+    return SmoothSteps(np.array(knots), np.array(jumps), np.array(widths))
+
+
+def random_cross_slope(length: float, *, largest: float, generator: np.random.Generator) -> SmoothSteps:
+    """Return the cross slope over distance of a road whose slope changes every 40 to 150 m.
+
+    Parameters
+    ----------
+    length
+        Length of the road [m].
+    largest
+        Largest slope to either side [rad], above 0.
+    generator
+        Source of the randomness.
+
+    Raises
+    ------
+    ParameterError
+        If the slope is not above 0.
+    """
+    check_number("largest cross slope", largest, above=0)
+    knots, slopes, widths = [], [0.0], []
+    knot = generator.uniform(*_TRANSITION)
+    while knot < length:
+        knots.append(knot)
+        slopes.append(generator.uniform(-largest, largest))
+        widths.append(generator.uniform(*_TRANSITION))
+        knot += generator.uniform(*_LEVEL)
+    return SmoothSteps(np.array(knots), np.diff(slopes), np.array(widths))

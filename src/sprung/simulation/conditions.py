@@ -1,0 +1,285 @@
+"""Conditions of a drive, each of which can be switched on alone: load, suspension, road, driving, wheels."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sprung._checks import check_number, check_one_of
+from sprung.errors import ParameterError
+from sprung.excitation import (
+    ROAD_CLASSES,
+    Lines,
+    Potholes,
+    Route,
+    SpeedChanges,
+    SpeedProfile,
+    random_cross_slope,
+    random_curvature,
+)
+from sprung.simulation.force_laws import REALISTIC_FORCE_LAWS, ForceLaw
+from sprung.vehicles import Vehicle, corner_names
+
+#: Smallest over largest deceleration of a drive, and largest acceleration over largest deceleration.
+_GENTLEST, _ACCELERATION = 0.3, 0.7
+#: Stretches of steady speed of a drive with braking [s].
+_STEADY = (5.0, 25.0)
+#: Range of the unbalance and run-out of single wheels over the usual one, and standard deviation of their radii.
+_WHEELS, _RADII = (0.3, 1.7), 2e-3
+#: Speed at which the amplitude of an unbalance is given [m/s].
+_REFERENCE_SPEED = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Payload:
+    """Mass fixed to the body.
+
+    Parameters
+    ----------
+    mass
+        Mass [kg], at least 0.
+    x, y
+        Position ahead and to the left of the body's centre of gravity [m].
+
+    Raises
+    ------
+    ParameterError
+        If the mass is negative or not finite, or a position is not finite.
+    """
+
+    mass: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_number("mass of the payload", self.mass, at_least=0)
+        check_number("x of the payload", self.x)
+        check_number("y of the payload", self.y)
+
+
+@dataclass(frozen=True, slots=True)
+class SuspensionConditions:
+    """Departures of the suspension on a drive from the linear one of the vehicle file.
+
+    Parameters
+    ----------
+    temperature
+        Temperature of the dampers [°C]; damping is nominal at 20 °C.
+    force_laws
+        Nonlinear force laws by part or by owner and part, see `simulate_nonlinear`; empty: a linear suspension.
+    tyre_temperature
+        Temperature of the air in the tyres [°C]; their stiffness is nominal at 20 °C.
+    """
+
+    temperature: float = 20.0
+    force_laws: Mapping[str, ForceLaw] = field(default_factory=dict)
+    tyre_temperature: float = 20.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "force_laws", dict(self.force_laws))
+
+
+@dataclass(frozen=True, slots=True)
+class RoadConditions:
+    """Road that a vehicle drives on.
+
+    Parameters
+    ----------
+    road_class
+        Roughness class of ISO 8608, "A" to "H".
+    potholes
+        Potholes and bumps on the way; None: none.
+    right_rougher_db
+        Spectral density of the right track over that of the left one, which is of the class [dB]; potholes are not
+        scaled.
+
+    Raises
+    ------
+    ParameterError
+        If the class does not exist, or the level is not within -20 to 20 dB.
+    """
+
+    road_class: str = "C"
+    potholes: Potholes | None = None
+    right_rougher_db: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_one_of("road class", self.road_class.upper(), ROAD_CLASSES)
+        check_number("right_rougher_db", self.right_rougher_db, at_least=-20, at_most=20)
+
+    @property
+    def right_over_left(self) -> float:
+        """Unevenness of the right track over that of the left one, an amplitude ratio."""
+        return float(10 ** (self.right_rougher_db / 20))
+
+
+@dataclass(frozen=True, slots=True)
+class Driving:
+    """Braking, curves and cross slope, which pitch and roll the body through the height of its centre of gravity.
+
+    Parameters
+    ----------
+    braking
+        Largest deceleration [m/s^2]; 0: a calm drive, whose changes of speed do not pitch the body. Accelerations are
+        up to 0.7 of it.
+    cornering
+        Largest lateral acceleration [m/s^2]; 0: a straight road.
+    cross_slope
+        Largest slope of the road to either side [rad]; 0: a level road.
+    height
+        Height of the body's centre of gravity above the ground [m]; None: that of the vehicle file, or 0.55 m.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+    """
+
+    braking: float = 0.0
+    cornering: float = 0.0
+    cross_slope: float = 0.0
+    height: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, most in (("braking", 10.0), ("cornering", 10.0), ("cross_slope", 0.3)):
+            check_number(name, getattr(self, name), at_least=0, at_most=most)
+        if self.height is not None:
+            check_number("height", self.height, above=0)
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether nothing accelerates the body but the road."""
+        return not (self.braking or self.cornering or self.cross_slope)
+
+    @property
+    def speed_changes(self) -> SpeedChanges:
+        """Ranges of accelerations, decelerations and steady stretches."""
+        if not self.braking:
+            return SpeedChanges()
+        largest = _ACCELERATION * self.braking
+        return SpeedChanges((_GENTLEST * largest, largest), (_GENTLEST * self.braking, self.braking), _STEADY)
+
+    def route(self, speed: SpeedProfile, *, duration: float, generator: np.random.Generator) -> Route:
+        """Return a random route with these curves and slopes.
+
+        Parameters
+        ----------
+        speed
+            Speed of the drive.
+        duration
+            Duration of the drive [s].
+        generator
+            Source of the randomness.
+        """
+        parts = {}
+        if self.cornering:
+            parts["curvature"] = random_curvature(speed, duration=duration, largest=self.cornering, generator=generator)
+        if self.cross_slope:
+            length = float(speed.distance(duration))
+            parts["cross_slope"] = random_cross_slope(length, largest=self.cross_slope, generator=generator)
+        return Route(speed, **parts, has_longitudinal=self.braking > 0)
+
+
+@dataclass(frozen=True, slots=True)
+class WheelOrders:
+    """Unbalance and run-out of the wheels, which excite the vehicle at the harmonics of their rotation.
+
+    Parameters
+    ----------
+    unbalance
+        Usual static unbalance of a wheel [kg m], at least 0; 5 g on a radius of 0.2 m are 1e-3.
+    run_out
+        Usual radial run-out of a wheel at the first, second ... harmonic of its rotation, amplitudes [m].
+    radius
+        Rolling radius [m], above 0.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of range.
+    """
+
+    unbalance: float = 0.0
+    run_out: tuple[float, ...] = ()
+    radius: float = 0.31
+
+    def __post_init__(self) -> None:
+        check_number("unbalance", self.unbalance, at_least=0)
+        check_number("radius", self.radius, above=0)
+        for amplitude in self.run_out:
+            check_number("run_out", amplitude, at_least=0)
+
+    def lines(self, vehicle: Vehicle, speed: SpeedProfile, generator: np.random.Generator) -> tuple[Lines, ...]:
+        """Return the lines of each wheel, as heights of the road under it.
+
+        Parameters
+        ----------
+        vehicle
+            Vehicle with tyres.
+        speed
+            Speed of the drive.
+        generator
+            Source of what differs between the wheels: 0.3 to 1.7 of the usual amplitudes, any phase, and radii that
+            scatter by 0.2 %, so that wheels drift apart.
+
+        Raises
+        ------
+        ParameterError
+            If the vehicle has no tyres.
+
+        Notes
+        -----
+        The radial force U (v / R)^2 of an unbalance U equals a motion of the road by U (v / R)^2 / k_t under a tyre of
+        stiffness k_t, here the nominal one.
+        """
+        lines = []
+        n_wheels = 2 * len(vehicle.axle)
+        for wheel in range(n_wheels):
+            stiffness = vehicle.axle[wheel // 2].tyre_stiffness
+            if stiffness is None:
+                raise ParameterError(f"vehicle {vehicle.name!r} has no tyres that could be unbalanced: leave that out")
+            radius = self.radius * (1 + _RADII * generator.standard_normal())
+            shares = tuple(float(other == wheel) for other in range(n_wheels))
+            sizes = generator.uniform(*_WHEELS, 1 + len(self.run_out))
+            phases = generator.uniform(0, 2 * math.pi, sizes.size)
+            turns = 1 / (2 * math.pi * radius)
+            force = sizes[0] * self.unbalance * (_REFERENCE_SPEED / radius) ** 2
+            lines += [
+                Lines(
+                    speed,
+                    (turns,),
+                    (float(force / stiffness),),
+                    shares,
+                    reference_speed=_REFERENCE_SPEED,
+                    speed_exponent=2.0,
+                    phases=(float(phases[0]),),
+                ),
+                Lines(
+                    speed,
+                    tuple(turns * (number + 1) for number in range(len(self.run_out))),
+                    tuple(float(size * usual) for size, usual in zip(sizes[1:], self.run_out, strict=True)),
+                    shares,
+                    phases=tuple(phases[1:].tolist()),
+                ),
+            ]
+        return tuple(lines)
+
+
+def wheel_order_facts(lines: tuple[Lines, ...], vehicle: Vehicle) -> dict[str, list[dict[str, float]]]:
+    """Return the lines of `WheelOrders.lines` by corner: periods per metre, amplitude at 10 m/s [m], phase [rad]."""
+    facts: dict[str, list[dict[str, float]]] = {corner: [] for corner in corner_names(len(vehicle.axle))}
+    for line in lines:
+        corner = list(facts)[line.shares.index(1.0)]
+        facts[corner] += [
+            {"order": order, "amplitude": amplitude, "phase": phase, "speed_exponent": line.speed_exponent}
+            for order, amplitude, phase in zip(line.orders, line.amplitudes, line.phases or (), strict=True)
+            if amplitude > 0
+        ]
+    return facts
+
+
+#: A car's suspension with asymmetric dampers, friction, progressive springs and bump stops, at 20 degrees Celsius.
+REALISTIC_SUSPENSION = SuspensionConditions(force_laws=REALISTIC_FORCE_LAWS)
+#: Three potholes per kilometre.
+FEW_POTHOLES = Potholes(per_kilometre=3.0)

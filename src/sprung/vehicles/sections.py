@@ -1,0 +1,297 @@
+"""Tables of a vehicle file: sensor, body, axle, mounted mass, flexible mode, learnt number."""
+
+import math
+from types import MappingProxyType
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from sprung.recording import QUANTITIES, Channel
+from sprung.signals.inspection import CONDITIONS
+from sprung.units import conversion
+from sprung.vehicles.structure import MOTIONS
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Length = Annotated[float, Field(allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^\S(.*\S)?$")]
+Vector = Annotated[tuple[Length, Length, Length], Field(strict=False)]
+
+#: Longest delay of a channel [s].
+LONGEST_DELAY = 10.0
+#: Quantities of sensors, and those of their channels in recordings: a file of samples states the unit, and not what
+#: moves.
+SENSOR_QUANTITIES = MappingProxyType(
+    {quantity: quantity for quantity in QUANTITIES if quantity != "unknown"}
+    | {"travel": "displacement", "wheel_speed": "angular_velocity"}
+)
+
+
+class Section(BaseModel):
+    """Table of a vehicle file: strictly typed, without unknown keys, immutable."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, populate_by_name=True)
+
+
+class Sensor(Section):
+    """Sensor of one channel of the recordings: quantity, unit, place and axis.
+
+    Parameters
+    ----------
+    channel
+        Name of the channel in the recordings.
+    quantity
+        Key of `SENSOR_QUANTITIES`.
+    unit
+        Unit of that quantity; raw value times `scale` is in this unit.
+    position
+        Position x forward, y left, z up from the body's centre of gravity [m].
+    direction
+        Measured axis, or axis of rotation, of length 1.
+    scale
+        Factor of the raw values, not 0.
+    on
+        Part that carries the sensor: "body", or a coordinate such as "wheel_front_left" or "mass_1".
+    between
+        Suspension between whose ends the sensor is, such as "front_left": its elongation is the quantity "travel",
+        positive in extension; with the quantity "temperature", that of the damper.
+    delay
+        Time by which the channel is late [s]; negative: early.
+    """
+
+    channel: Name
+    quantity: str
+    unit: str
+    position: Vector | None = None
+    direction: Vector | None = None
+    scale: Annotated[float, Field(allow_inf_nan=False)] = 1.0
+    on: Name = "body"
+    between: Name | None = None
+    delay: Annotated[float, Field(ge=-LONGEST_DELAY, le=LONGEST_DELAY, allow_inf_nan=False)] = 0.0
+
+    @model_validator(mode="after")
+    def _fits(self) -> "Sensor":
+        if self.quantity not in SENSOR_QUANTITIES:
+            raise ValueError(f"quantity {self.quantity!r} is not one of {', '.join(SENSOR_QUANTITIES)}")
+        measured, _ = conversion(self.unit)
+        if QUANTITIES[measured] != QUANTITIES[SENSOR_QUANTITIES[self.quantity]]:
+            raise ValueError(
+                f"unit {self.unit!r} measures {measured}, not {self.quantity}: correct the unit or the quantity"
+            )
+        if self.scale == 0:
+            raise ValueError("scale=0 must not be 0: leave it out where raw values are in the unit")
+        if self.direction is not None and abs(math.hypot(*self.direction) - 1) > 0.01:
+            raise ValueError(
+                f"direction {list(self.direction)} has length {math.hypot(*self.direction):.3g}, but must have 1: "
+                "divide it by its length"
+            )
+        if self.quantity == "travel" and self.between is None:
+            raise ValueError("quantity 'travel' needs the suspension that it measures: add between = \"front_left\"")
+        if self.between is not None and self.quantity not in {"travel", "temperature"}:
+            raise ValueError(
+                f"between={self.between!r} is for the quantities travel and temperature: remove it, or state with on "
+                "which part carries the sensor"
+            )
+        return self
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether the motion of the vehicle determines the reading."""
+        return self.quantity == "travel" or self.quantity in MOTIONS
+
+    @property
+    def is_condition(self) -> bool:
+        """Whether the sensor measures a condition of the motion: speed, temperature, pressure."""
+        return self.quantity == "wheel_speed" or self.quantity in CONDITIONS
+
+    @property
+    def factor(self) -> float:
+        """SI value = factor times raw value."""
+        return self.scale * conversion(self.unit)[1]
+
+    def as_channel(self) -> Channel:
+        """Return the sensor as the channel of a recording in SI units, its direction of length 1."""
+        direction = self.direction
+        if direction is not None:
+            length = math.hypot(*direction)
+            direction = (direction[0] / length, direction[1] / length, direction[2] / length)
+        return Channel(self.channel, SENSOR_QUANTITIES[self.quantity], self.position, direction)
+
+
+class Body(Section):
+    """Sprung body; its inertias are about its centre of gravity, without mounted masses.
+
+    Parameters
+    ----------
+    mass
+        Mass [kg]; default: 1, so that every mass, stiffness and damping of the file is per kilogram of body.
+    pitch_inertia, roll_inertia
+        Moments of inertia [kg m^2]; default: estimates from mass, wheelbase and track width.
+    yaw_inertia
+        Moment of inertia [kg m^2], used only with lateral stiffness; default: that of pitch.
+    product_of_inertia
+        Entry of the mass matrix between pitch and roll [kg m^2]: a mass m at (x, y) adds -m x y.
+    height
+        Height of the centre of gravity above the ground [m].
+    """
+
+    mass: Positive = 1.0
+    pitch_inertia: Positive | None = None
+    roll_inertia: Positive | None = None
+    yaw_inertia: Positive | None = None
+    product_of_inertia: Length = 0.0
+    height: Positive | None = None
+
+
+class Axle(Section):
+    """Two wheels and their suspension; all values but x are per wheel.
+
+    Parameters
+    ----------
+    x
+        Distance ahead of the body's centre of gravity [m]; negative behind it.
+    half_track
+        Distance of the suspension from the middle [m].
+    unsprung_mass
+        Unsprung mass of a wheel [kg]; default: all wheels share one ninth of the mass of the body. With a wheelset:
+        mass fixed to it at the suspension, such as an axle box; default: none.
+    wheelset_mass, wheelset_roll_inertia
+        Mass [kg] and roll inertia [kg m^2] of a rigid wheelset that replaces the two wheels; both or neither.
+    spring_stiffness, damping
+        Stiffness of the spring [N/m] and damping of the damper [N s/m].
+    tyre_stiffness
+        Stiffness of the tyre or the wheel-rail contact [N/m]; default: no wheels, the suspension stands on the ground.
+    anti_roll_stiffness
+        Force per difference between the deflections of the two springs [N/m].
+    damper_bushing_stiffness
+        Stiffness of the bushing in series with the damper [N/m]; default: the damper is attached rigidly.
+    contact_half_track
+        Distance of the tyre or rail contact of a wheelset from the middle [m]; default: that of the suspension.
+    longitudinal_stiffness, lateral_stiffness, lateral_damping
+        Horizontal stiffness [N/m] and damping [N s/m] of the suspension; lateral stiffness adds sway and yaw to the
+        motions of the body. Wheels do not move horizontally.
+    height
+        Height of the horizontal suspension above the body's centre of gravity [m], usually negative: it couples pitch
+        with longitudinal and roll with lateral stiffness.
+    rolling_radius
+        Speed of the vehicle over the angular velocity of a wheel [m/rad], for sensors of the wheels' rotation.
+    """
+
+    x: Length
+    half_track: Positive
+    unsprung_mass: Positive | None = None
+    spring_stiffness: Positive
+    damping: NotNegative
+    tyre_stiffness: Positive | None = None
+    anti_roll_stiffness: NotNegative = 0.0
+    damper_bushing_stiffness: Positive | None = None
+    wheelset_mass: Positive | None = None
+    wheelset_roll_inertia: Positive | None = None
+    contact_half_track: Positive | None = None
+    longitudinal_stiffness: NotNegative = 0.0
+    lateral_stiffness: Positive | None = None
+    lateral_damping: NotNegative = 0.0
+    height: Length = 0.0
+    rolling_radius: Positive | None = None
+
+    @model_validator(mode="after")
+    def _wheels_stand_on_tyres(self) -> "Axle":
+        for name in ("unsprung_mass", "wheelset_mass"):
+            if getattr(self, name) is not None and self.tyre_stiffness is None:
+                raise ValueError(f"{name} needs tyre_stiffness: add it, or leave both out")
+        for name, needed in (
+            ("wheelset_mass", "wheelset_roll_inertia"),
+            ("wheelset_roll_inertia", "wheelset_mass"),
+            ("contact_half_track", "wheelset_mass"),
+        ):
+            if getattr(self, name) is not None and getattr(self, needed) is None:
+                raise ValueError(f"{name} needs {needed}: add it, or leave {name} out")
+        if self.lateral_damping > 0 and self.lateral_stiffness is None:
+            raise ValueError("lateral_damping needs lateral_stiffness: add it, or leave both out")
+        return self
+
+
+class MountedMass(Section):
+    """Mass on mounts on the body (engine, tank, cab) that moves vertically; not part of the mass of the body.
+
+    Parameters
+    ----------
+    mass
+        Mass [kg].
+    x, y
+        Position ahead and to the left of the body's centre of gravity [m].
+    frequency, damping_ratio
+        Natural frequency [Hz] and damping ratio on the mounts with the body fixed.
+    """
+
+    mass: Positive
+    x: Length
+    y: Length = 0.0
+    frequency: Positive
+    damping_ratio: NotNegative
+
+
+class FlexibleMode(Section):
+    """Flexible mode of the free body: its sensors and the upper ends of its suspensions move in its shape.
+
+    Parameters
+    ----------
+    shape
+        "torsion", displacement x y / (a b) at the point (x, y), with a half the wheelbase and b the mean half track; or
+        "bending", displacement 1 - x^2 m / I with mass m and pitch inertia I of the body.
+    frequency, damping_ratio
+        Natural frequency [Hz] and damping ratio of the free body.
+    mass
+        Modal mass [kg]; default: that of a body whose mass is spread evenly along and across, see `modal_mass`.
+    """
+
+    shape: Literal["torsion", "bending"]
+    frequency: Positive
+    damping_ratio: NotNegative
+    mass: Positive | None = None
+
+
+class LearntNumber(Section):
+    """Number of a calibrated vehicle file that was learnt from drives.
+
+    Parameters
+    ----------
+    name
+        Name of the number, such as "acc_fl.x" or "front.anti_roll_stiffness".
+    value, std
+        Value in the file, and its standard deviation.
+    given
+        Value before the calibration; None: the file had none.
+    source
+        Where the value comes from, in words.
+    """
+
+    name: Name
+    value: Length
+    std: NotNegative
+    given: Length | None = None
+    source: Annotated[str, Field(max_length=1000)] = ""
+
+
+class QuarterCorner(Section):
+    """Suspension and wheel of a quarter vehicle, in the units of `Axle`."""
+
+    unsprung_mass: Positive
+    spring_stiffness: Positive
+    damping: NotNegative
+    tyre_stiffness: Positive
+    damper_bushing_stiffness: Positive | None = None
+
+
+class QuarterBody(Section):
+    """Sprung mass of a quarter vehicle [kg]; default: 1, so that all values are per kilogram of sprung mass."""
+
+    mass: Positive = 1.0
+
+
+class ChainMass(Section):
+    """Mass of a chain [kg] with the spring [N/m] and damper [N s/m] below it."""
+
+    mass: Positive
+    stiffness: Positive
+    damping: NotNegative
