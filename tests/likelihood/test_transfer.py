@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.likelihood.transfer import transfer
+from sprung.likelihood.transfer import classes_times, sum_of_products, times_classes, transfer
 from sprung.vehicles import frequency_response, structure
 
 
@@ -86,3 +86,12 @@ def test_gradient_of_what_a_measured_input_does_is_the_finite_difference(term, o
     above, below = (misfit(model, replace(at, **{term: getattr(at, term) + k * step * change})) for k in (1, -1))
     gradient = getattr(gradients_of(model, at), term)
     assert np.sum(gradient * change).real == pytest.approx((above - below) / (2 * step), rel=1e-5)
+
+
+def test_products_with_all_classes_are_those_of_each() -> None:
+    generator = np.random.default_rng(1)
+    by_class, common = generator.standard_normal((5, 7, 3, 4)), generator.standard_normal((7, 4, 2))
+    weights = generator.standard_normal((5, 7, 4, 2))
+    assert classes_times(by_class, common) == pytest.approx(by_class @ common)
+    assert times_classes(common, weights.swapaxes(-1, -2)) == pytest.approx(common @ weights.swapaxes(-1, -2))
+    assert sum_of_products(by_class, weights) == pytest.approx((by_class @ weights).sum(axis=0))

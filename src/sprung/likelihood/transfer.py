@@ -44,7 +44,7 @@ class Transfer:
     @property
     def spectral_matrix(self) -> Complex:
         """S = H S_inputs H^H + noise, shape (classes, grid, coordinates, coordinates)."""
-        return self.matrix @ self.driven + self.terms.noise
+        return times_classes(self.matrix, self.driven) + self.terms.noise
 
     def change_by_element(self, element: int, stiffness: Complex) -> Complex:
         """Return dS for a change of an element's dynamic stiffness, shape (grid,): dH = dz L d (foot^T - d^T X)."""
@@ -82,11 +82,13 @@ class Transfer:
     def change_by_inputs(self, inputs: Real | Complex) -> Complex:
         """Return dS for a change of the spectral matrix of the wheels' inputs: H dS_inputs H^H."""
         H = self.matrix[..., : inputs.shape[-1]]
-        return np.asarray(H @ inputs @ _adjoint(H), dtype=np.complex128)
+        if inputs.ndim < 4:
+            return np.asarray(H @ inputs @ _adjoint(H), dtype=np.complex128)
+        return times_classes(H, classes_times(inputs, _adjoint(H)))
 
     def change_by_transfer(self, response: Complex) -> Complex:
         """Return dS for a change of the response H."""
-        half = response @ self.driven
+        half = times_classes(response, self.driven)
         return np.asarray(half + _adjoint(half), dtype=np.complex128)
 
 
@@ -230,8 +232,8 @@ def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
     1988, chapter 8 (differentials of the inverse and of the determinant).
     """
     H = response.matrix[..., : response.terms.inputs.shape[-1]]
-    inputs = (_adjoint(H) @ weight @ H).swapaxes(-1, -2)
-    driven = (response.driven @ weight).sum(axis=0)
+    inputs = classes_times(times_classes(_adjoint(H), weight), H).swapaxes(-1, -2)
+    driven = sum_of_products(response.driven, weight)
     forced = driven @ response.force_response
     return TermGradients(
         transfer=response,
@@ -247,10 +249,10 @@ def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
 def _driven(terms: Terms, adjoint: Complex) -> Complex:
     """S_inputs H^H for the Hermitian transpose of H."""
     n_wheels = terms.inputs.shape[-1]
-    driven = terms.inputs @ adjoint[..., :n_wheels, :]
+    driven = classes_times(terms.inputs, adjoint[..., :n_wheels, :])
     if not terms.measured_inputs.size:
         return driven
-    return np.concatenate([driven, terms.measured_inputs @ adjoint[..., n_wheels:, :]], axis=-2)
+    return np.concatenate([driven, classes_times(terms.measured_inputs, adjoint[..., n_wheels:, :])], axis=-2)
 
 
 def _squared(terms: Terms) -> Real:
@@ -266,3 +268,51 @@ def _reduced(terms: Terms) -> Complex:
 def _adjoint(matrices: Complex) -> Complex:
     """Hermitian transpose of matrices in a stack."""
     return matrices.conj().swapaxes(-1, -2)
+
+
+def times_classes(common: Complex | Real, by_class: Complex | Real) -> Complex:
+    """Return the products of matrices that all classes have in common with those of each class.
+
+    Parameters
+    ----------
+    common
+        Shape (grid, i, j).
+    by_class
+        Shape (classes, grid, j, k).
+
+    Returns
+    -------
+    ndarray
+        Shape (classes, grid, i, k).
+
+    Notes
+    -----
+    The matrices of all classes stand side by side, so that one product of usual size replaces many tiny ones. They stay
+    so in memory (grid, i, classes, k), and the next product needs no copy.
+    """
+    classes, grid, rows, columns = by_class.shape
+    side_by_side = by_class.transpose(1, 2, 0, 3).reshape(grid, rows, classes * columns)
+    products = np.asarray(common @ side_by_side, dtype=np.complex128)
+    return products.reshape(*products.shape[:2], classes, columns).transpose(2, 0, 1, 3)
+
+
+def classes_times(by_class: Complex | Real, common: Complex | Real) -> Complex:
+    """Return the products of matrices of each class, (classes, grid, i, j), with common ones, (grid, j, k).
+
+    Returns
+    -------
+    ndarray
+        Shape (classes, grid, i, k), in memory as in `times_classes`.
+    """
+    classes, grid, rows, columns = by_class.shape
+    stacked = by_class.transpose(1, 2, 0, 3).reshape(grid, rows * classes, columns)
+    products = np.asarray(stacked @ common, dtype=np.complex128)
+    return products.reshape(products.shape[0], rows, classes, -1).transpose(2, 0, 1, 3)
+
+
+def sum_of_products(left: Complex, right: Complex) -> Complex:
+    """Return the sum over the classes of products of matrices of each, shape (grid, i, k)."""
+    classes, grid, rows, columns = left.shape
+    side_by_side = left.transpose(1, 2, 0, 3).reshape(grid, rows, classes * columns)
+    stacked = right.transpose(1, 0, 2, 3).reshape(grid, classes * columns, -1)
+    return side_by_side @ stacked

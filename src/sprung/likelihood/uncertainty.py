@@ -3,6 +3,7 @@
 import numpy as np
 
 from sprung._arrays import Complex, Real
+from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.spectra import OVERCOUNT, SegmentSpectra, speed_classes
 from sprung.likelihood.whittle import Model
 
@@ -182,17 +183,17 @@ def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra)
 def _scores(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
     """Gradient of each segment's minus log likelihood, tr(S^-1 dS) - y^H S^-1 dS S^-1 y, (segments, parameters)."""
     spectra = model.spectra
-    of_one_segment = (np.sqrt(spectra.weights) / spectra.counts[:, None])[..., None, None]
+    of_one_segment = (np.sqrt(spectra.weights) / spectra.counts[:, None])[..., None]
     whitened = model.whitened_derivatives(parameters) * of_one_segment
     values = _whitened_segments(model, parameters, segments)
+    excess = np.eye(values.shape[-1]) - values[..., :, None] * values[..., None, :].conj()
+    coordinates = real_coordinates(excess)
     numbers = speed_classes(segments.speeds)
     scores = np.empty((values.shape[0], len(parameters)))
     for number in range(spectra.counts.size):
         members = np.flatnonzero(numbers == number)
-        derivative = whitened[:, number]
-        trace = np.einsum("pfii->p", derivative).real
-        quadratic = np.einsum("sfi,pfij,sfj->sp", values[members].conj(), derivative, values[members], optimize=True)
-        scores[members] = trace - quadratic.real
+        derivatives = whitened[:, number].reshape(len(parameters), -1)
+        scores[members] = coordinates[members].reshape(members.size, -1) @ derivatives.T
     return scores
 
 

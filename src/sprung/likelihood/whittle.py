@@ -11,6 +11,7 @@ from sprung._checks import freeze
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents
 from sprung.likelihood.coordinates import RigidLayout
+from sprung.likelihood.hermitian import congruence, real_coordinates
 from sprung.likelihood.spectra import ClassSpectra, onto_grid, through_window
 from sprung.likelihood.terms import Terms, nominal_terms
 from sprung.likelihood.transfer import term_gradients, transfer
@@ -131,16 +132,33 @@ class Model:
             derivatives[row] = derivative
         return through_window(derivatives)
 
-    def whitened_derivatives(self, parameters: Real) -> Complex:
-        """Return sqrt(n) L^-1 (dS/dp) L^-H for each parameter p; S = L L^H, n the weights of the data."""
-        factor = np.linalg.inv(np.linalg.cholesky(self.matrix(parameters)))
-        scaled = np.sqrt(self.spectra.weights)[..., None, None] * factor
-        return scaled @ self.derivatives(parameters) @ factor.conj().swapaxes(-1, -2)
+    def whitened_derivatives(self, parameters: Real) -> Real:
+        """Return sqrt(n) L^-1 (dS/dp) L^-H for each parameter p; S = L L^H, n the weights of the data.
+
+        Returns
+        -------
+        ndarray
+            In the real coordinates of Hermitian matrices (`real_coordinates`), shape (parameters, classes, frequencies,
+            squared number of coordinates).
+        """
+        response = transfer(self.terms(parameters))
+        S = through_window(response.spectral_matrix)
+        factors = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.complex128)
+        whitening = congruence(factors)
+        whitening *= np.sqrt(self.spectra.weights)[..., None, None]
+        n_classes, n_frequencies, size = S.shape[:3]
+        on_grid = np.empty((parameters.size, n_classes, n_frequencies + 2, size**2))
+        by_block = (block.derivatives(own, response) for block, own in self.by_block(parameters))
+        for row, derivative in enumerate(chain.from_iterable(by_block)):
+            on_grid[row] = real_coordinates(derivative)
+        derivatives = through_window(on_grid[..., None])[..., 0]
+        whitened = derivatives.transpose(1, 2, 0, 3) @ whitening.swapaxes(-1, -2)
+        return np.ascontiguousarray(whitened.transpose(2, 0, 1, 3))
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior: I_pq = sum n tr(S^-1 dS/dp S^-1 dS/dq)."""
         whitened = self.whitened_derivatives(parameters).reshape(parameters.size, -1)
-        return (whitened.conj() @ whitened.T).real
+        return whitened @ whitened.T
 
 
 def minus_log_likelihood(matrices: Complex, spectra: ClassSpectra) -> tuple[float, Complex]:

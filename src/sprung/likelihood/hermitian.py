@@ -1,0 +1,83 @@
+"""Stacks of Hermitian matrices in real coordinates."""
+
+from itertools import combinations
+
+import numpy as np
+
+from sprung._arrays import Complex, Real
+
+
+def real_coordinates(matrices: Complex) -> Real:
+    """Return the coordinates of Hermitian matrices in a basis that is orthonormal under tr(A B).
+
+    Parameters
+    ----------
+    matrices
+        Hermitian matrices, shape (..., m, m); only diagonal and upper triangle are read.
+
+    Returns
+    -------
+    ndarray
+        Diagonal, then sqrt(2) times the real and the imaginary parts of the upper triangle, shape (..., m^2).
+
+    Notes
+    -----
+    tr(A B) = sum a b over the coordinates a of A and b of B.
+
+    References
+    ----------
+    R. A. Horn and C. R. Johnson, Matrix Analysis, Cambridge University Press, 1985, section 4.1 (Hermitian matrices as
+    a real vector space).
+
+    Examples
+    --------
+    >>> real_coordinates(np.array([[2.0, 3 + 4j], [3 - 4j, 5.0]])).round(3).tolist()
+    [2.0, 5.0, 4.243, 5.657]
+    """
+    size = matrices.shape[-1]
+    upper = list(combinations(range(size), 2))
+    coordinates = np.empty((*matrices.shape[:-2], size * size))
+    for row in range(size):
+        coordinates[..., row] = matrices[..., row, row].real
+    for number, (i, j) in enumerate(upper):
+        entry = matrices[..., i, j]
+        coordinates[..., size + number] = entry.real
+        coordinates[..., size + len(upper) + number] = entry.imag
+    coordinates[..., size:] *= np.sqrt(2)
+    return coordinates
+
+
+def congruence(factors: Complex) -> Real:
+    """Return the matrices that map the real coordinates of A to those of K A K^H.
+
+    Parameters
+    ----------
+    factors
+        K, shape (..., m, m).
+
+    Returns
+    -------
+    ndarray
+        Shape (..., m^2, m^2).
+
+    Notes
+    -----
+    Column by column, for the basis e_i e_i^T, (e_i e_j^T + e_j e_i^T) / sqrt(2) and i (e_i e_j^T - e_j e_i^T) / sqrt(2)
+    of `real_coordinates`, from the outer products of the columns of K.
+
+    References
+    ----------
+    R. A. Horn and C. R. Johnson, Matrix Analysis, Cambridge University Press, 1985, section 4.5 (congruence).
+    """
+    size = factors.shape[-1]
+    images = [_outer(factors, i, i) for i in range(size)]
+    upper = combinations(range(size), 2)
+    crossed = [_outer(factors, i, j) / np.sqrt(2) for i, j in upper]
+    images += [half + half.conj().swapaxes(-1, -2) for half in crossed]
+    images += [1j * (half - half.conj().swapaxes(-1, -2)) for half in crossed]
+    return np.stack([real_coordinates(image) for image in images], axis=-1)
+
+
+def _outer(factors: Complex, i: int, j: int) -> Complex:
+    """Outer products of columns i and j, the second one conjugate."""
+    return np.asarray(factors[..., :, i, None] * factors[..., None, :, j].conj(), dtype=np.complex128)
