@@ -1,6 +1,6 @@
 """Calibration: what belongs to a vehicle, learnt from healthy drives."""
 
 from sprung.calibration.completion import CalibrationSettings, calibrate
-from sprung.calibration.results import Calibration, LearntNumber
+from sprung.calibration.results import CalibratedNumber, Calibration
 
-__all__ = ["Calibration", "CalibrationSettings", "LearntNumber", "calibrate"]
+__all__ = ["CalibratedNumber", "Calibration", "CalibrationSettings", "calibrate"]

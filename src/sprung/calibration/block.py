@@ -79,7 +79,7 @@ class FileNumbers(ParameterBlock):
             stiffness=np.array([element.dynamic_stiffness(s) for element in vehicle.elements]),
             mass=vehicle.mass,
             forces=vehicle.forces,
-            motion=motion_of(self.layout.names, draft),
+            motion=motion_of(self.layout.names, vehicle),
             channel_response=terms.channel_response * responses,
         )
 
@@ -141,26 +141,30 @@ def _changes(
     changes = []
     for number in numbers:
         step = _STEP * number.std
-        above, below = (number.moved(base, sign * step) for sign in (1, -1))
-        readings = [_readings(end, draft, channels, frequencies) for end in (above, below)]
-        dynamics = (
-            [(None, None)] * 2 if number.group == SENSORS else [_dynamics(end, frequencies) for end in (above, below)]
-        )
-        parts = (*zip(*dynamics, strict=True), readings)
-        changes.append(_Change(*(_difference(up, down, 2 * step) for up, down in parts)))
+        ends = [number.moved(base, sign * step) for sign in (1, -1)]
+        vehicles = [end.structure() for end in ends]
+        readings = [
+            _readings(end, draft, vehicle, channels, frequencies) for end, vehicle in zip(ends, vehicles, strict=True)
+        ]
+        of_sensors = _difference(*readings, step=2 * step)
+        if number.group == SENSORS:
+            changes.append(_Change(None, None, of_sensors))
+            continue
+        (above, drive_above), (below, drive_below) = (_dynamics(vehicle, frequencies) for vehicle in vehicles)
+        of_stiffness = _difference(above, below, step=2 * step)
+        changes.append(_Change(of_stiffness, _difference(drive_above, drive_below, step=2 * step), of_sensors))
     return changes
 
 
-def _difference(above: Complex, below: Complex, step: float) -> Complex | None:
+def _difference(above: Complex, below: Complex, *, step: float) -> Complex | None:
     """Return the slope between two matrices; None if it is 0 throughout."""
     if np.array_equal(above, below):
         return None
     return np.asarray((above - below) / step, dtype=np.complex128)
 
 
-def _dynamics(draft: Draft, frequencies: Real) -> tuple[Complex, Complex]:
-    """Dynamic stiffness (grid, n, n) and drive (grid, n, inputs) of a draft."""
-    vehicle = draft.structure()
+def _dynamics(vehicle: Structure, frequencies: Real) -> tuple[Complex, Complex]:
+    """Dynamic stiffness (grid, n, n) and drive (grid, n, inputs) of a vehicle."""
     squared = ((2 * np.pi * frequencies) ** 2)[:, None, None]
     s, d = _s(frequencies), vehicle.elongations
     weighted = np.array([element.dynamic_stiffness(s) for element in vehicle.elements]).T[:, None, :] * d.T
@@ -168,10 +172,10 @@ def _dynamics(draft: Draft, frequencies: Real) -> tuple[Complex, Complex]:
     return np.asarray(stiffness, dtype=np.complex128), np.asarray(weighted @ vehicle.feet + vehicle.forces)
 
 
-def _readings(draft: Draft, given: Draft, channels: tuple[str, ...], frequencies: Real) -> Complex:
-    """Readings (grid, channels, n) of a draft's sensors."""
+def _readings(draft: Draft, given: Draft, vehicle: Structure, channels: tuple[str, ...], frequencies: Real) -> Complex:
+    """Readings (grid, channels, n) of a draft's sensors; `vehicle` is its structure."""
     responses = channel_responses(draft, given, channels, frequencies)
-    return np.asarray(responses[:, :, None] * motion_of(channels, draft), dtype=np.complex128)
+    return np.asarray(responses[:, :, None] * motion_of(channels, vehicle), dtype=np.complex128)
 
 
 def _s(frequencies: Real) -> Complex:

@@ -11,13 +11,14 @@ from sprung.calibration.draft import Draft, VehicleNumber, explicit, moved
 from sprung.calibration.fitting import FreeVehicle, JointFit, joint_fit, reweighted
 from sprung.calibration.mounts import likely_mount, with_mount
 from sprung.calibration.numbers import COMPONENT_FIELDS, component_numbers, file_numbers, mounted_numbers
-from sprung.calibration.results import Calibration, LearntNumber
+from sprung.calibration.results import CalibratedNumber, Calibration
 from sprung.calibration.windows import DELAY, WindowSpectra, window_spectra
 from sprung.errors import ParameterError
 from sprung.likelihood import CornerFit, CornerSettings
 from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording
 from sprung.vehicles import Component, Vehicle, corner_names
+from sprung.vehicles.sections import LearntNumber
 from sprung.vehicles.window import Window, window_of
 
 #: A number is told by the drives if they reduce its standard deviation to this share of the prior's or less.
@@ -106,9 +107,9 @@ def calibrate(
             f"a mass of {mount.mass:.0f} kg on mounts of {mount.frequency:.3g} Hz at x = {mount.x:.2f} m explains what "
             f"the vehicle file does not (ln evidence {gain:.0f})"
         )
-    vehicle = completed(fit)
-    after = [fit_windows([window_of(recording, vehicle)], settings=corners) for recording in recordings]
     learnt = learnt_numbers(fit, n_given)
+    vehicle = _with_sources(completed(fit), learnt, len(windows))
+    after = [fit_windows([window_of(recording, vehicle)], settings=corners) for recording in recordings]
     return Calibration(
         vehicle=vehicle,
         learnt=learnt,
@@ -179,27 +180,34 @@ def _mean_misfit(fits: Sequence[CornerFit]) -> Real:
     return np.average(misfits, axis=0, weights=[fit.n_segments for fit in fits])
 
 
-def learnt_numbers(fit: JointFit, n_given: int) -> tuple[LearntNumber, ...]:
+def learnt_numbers(fit: JointFit, n_given: int) -> tuple[CalibratedNumber, ...]:
     """Return the numbers of the vehicle that were free in a fit, with their standard deviations."""
     joint, given = fit.joint, fit.free.draft
     std = np.sqrt(np.diag(joint.covariance(fit.parameters)))
     rows = {name: row for row, name in enumerate(joint.names)}
+    places = [rows[number.name] for number in fit.free.numbers]
+    ends = zip(fit.free.numbers, fit.parameters[places].tolist(), std[places].tolist(), strict=True)
+    new = tuple(f"mounted_mass_{number}." for number in range(n_given + 1, len(given.vehicle.mounted_mass) + 1))
     learnt = [
-        _learnt(number, given, fit.parameters[rows[number.name]], std[rows[number.name]]) for number in fit.free.numbers
+        _learnt(number, given, parameter, deviation, is_new=number.name.startswith(new))
+        for number, parameter, deviation in ends
     ]
     if DELAY in rows:
         row = rows[DELAY]
-        scale, of_prior = float(np.exp(-fit.parameters[row])), float(joint.prior_std[row])
+        of_prior, before = float(joint.prior_std[row]), given.vehicle.speed_scale
+        scale = before * float(np.exp(-fit.parameters[row]))
         is_told = bool(std[row] < _TOLD * of_prior)
-        learnt.append(LearntNumber("speed_scale", "speed", "", 1.0, scale, scale * float(std[row]), of_prior, is_told))
+        learnt.append(
+            CalibratedNumber("speed_scale", "speed", "", before, scale, scale * float(std[row]), of_prior, is_told)
+        )
     return tuple(learnt)
 
 
-def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float, *, is_new: bool) -> LearntNumber:
+def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float, *, is_new: bool) -> CalibratedNumber:
     """Return a number with its learnt value."""
     given = number.get(draft)
     value = number.value(given, parameter)
-    return LearntNumber(
+    return CalibratedNumber(
         name=number.name,
         group=number.group,
         unit=number.unit,
@@ -223,10 +231,25 @@ def completed(fit: JointFit) -> Vehicle:
             factors = [draft.factors.get(Component(corner, kind), 1.0) for corner in sides]
             if value:
                 draft = draft.with_entry("axle", index, **{name: value * float(np.sqrt(np.prod(factors)))})
-    return draft.vehicle
+    return draft.with_fields(
+        speed_scale=draft.vehicle.speed_scale * float(np.exp(-fit.values().get(DELAY, 0.0)))
+    ).vehicle
 
 
-def _notes(learnt: Sequence[LearntNumber]) -> tuple[str, ...]:
+def _with_sources(vehicle: Vehicle, learnt: Sequence[CalibratedNumber], n_windows: int) -> Vehicle:
+    """Return the vehicle file with a table of where the numbers that the drives determine come from."""
+    drives = "one drive" if n_windows == 1 else f"{n_windows} windows of drives"
+    entries = [
+        LearntNumber(name=one.name, value=one.value, std=one.std, given=one.given, source=f"calibrated on {drives}")
+        for one in learnt
+        if one.is_told
+    ]
+    names = {entry.name for entry in entries}
+    kept = [entry for entry in vehicle.learnt if entry.name not in names]
+    return vehicle.model_copy(update={"learnt": (*kept, *entries)})
+
+
+def _notes(learnt: Sequence[CalibratedNumber]) -> tuple[str, ...]:
     """Return remarks on what the drives did not tell."""
     silent = [number.name for number in learnt if not number.is_told and number.group not in {"sides", "sensors"}]
     if not silent:

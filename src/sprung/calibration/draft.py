@@ -6,8 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sprung._arrays import Complex, Real
-from sprung.vehicles import Component, Sensor, Structure, Vehicle, corner_names, sensor_outputs, structure
-from sprung.vehicles.structure import MOTIONS
+from sprung.vehicles import Component, Sensor, Structure, Vehicle, corner_names, structure
 
 #: Group of the numbers of sensors, which leave the motion of the vehicle as it is.
 SENSORS = "sensors"
@@ -23,13 +22,10 @@ class Draft:
         Vehicle with all its masses and inertias stated.
     factors
         Value of a corner's component over that of its axle; 1 for those that are absent.
-    delays
-        Delay of channels [s]; 0 for those that are absent.
     """
 
     vehicle: Vehicle
     factors: Mapping[Component, float] = field(default_factory=dict)
-    delays: Mapping[str, float] = field(default_factory=dict)
 
     def structure(self) -> Structure:
         """Return the vehicle as a structure, its sides unlike."""
@@ -127,13 +123,14 @@ def moved(draft: Draft, numbers: Sequence[VehicleNumber], parameters: Real) -> D
 
 def explicit(vehicle: Vehicle) -> Draft:
     """Return a vehicle as a draft whose masses and inertias are all stated, the estimates included."""
+    pitch, roll = vehicle.inertias
     nominal = structure(vehicle)
     by_name = dict(zip(nominal.coordinates, np.diag(nominal.mass).tolist(), strict=True))
-    body = vehicle.body.model_copy(update={"pitch_inertia": by_name["pitch"], "roll_inertia": by_name["roll"]})
     axles = tuple(
-        axle if f"wheel_{left}" not in by_name else axle.model_copy(update={"unsprung_mass": by_name[f"wheel_{left}"]})
+        axle.model_copy(update={"unsprung_mass": by_name[f"wheel_{left}"]}) if f"wheel_{left}" in by_name else axle
         for axle, left in zip(vehicle.axle, corner_names(len(vehicle.axle))[::2], strict=True)
     )
+    body = vehicle.body.model_copy(update={"pitch_inertia": pitch, "roll_inertia": roll})
     return Draft(vehicle.model_copy(update={"body": body, "axle": axles}))
 
 
@@ -155,21 +152,12 @@ def channel_responses(draft: Draft, given: Draft, channels: Sequence[str], frequ
         Shape (grid, channels): scale as given over true scale times e^(-i w delay).
     """
     gains = np.array([given.sensor(name).scale / draft.sensor(name).scale for name in channels])
-    delays = np.array([draft.delays.get(name, 0.0) - given.delays.get(name, 0.0) for name in channels])
+    delays = np.array([draft.sensor(name).delay - given.sensor(name).delay for name in channels])
     return np.asarray(gains * np.exp(-2j * np.pi * frequencies[:, None] * delays), dtype=np.complex128)
 
 
-def motion_of(channels: Sequence[str], draft: Draft) -> Real:
+def motion_of(channels: Sequence[str], vehicle: Structure) -> Real:
     """Return the reading of channels for one unit of acceleration of each coordinate, shape (channels, n)."""
-    sensors = [draft.sensor(name) for name in channels]
-    outputs = sensor_outputs(
-        draft.vehicle.coordinates,
-        sensors=[sensor.as_channel() for sensor in sensors],
-        carriers=[sensor.on for sensor in sensors],
-    )
-    return np.asarray(outputs.acceleration + outputs.velocity + outputs.displacement, dtype=np.float64)
-
-
-def is_motion(sensor: Sensor) -> bool:
-    """Return whether a sensor measures a motion."""
-    return sensor.quantity in MOTIONS
+    outputs = vehicle.outputs
+    rows = [outputs.names.index(name) for name in channels]
+    return np.asarray((outputs.acceleration + outputs.velocity + outputs.displacement)[rows], dtype=np.float64)

@@ -11,6 +11,7 @@ from sprung.calibration.draft import Draft
 from sprung.calibration.fitting import JointFit
 from sprung.calibration.joint import JointModel
 from sprung.likelihood import Model
+from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.spectra import through_window
 from sprung.likelihood.transfer import Transfer, transfer
 from sprung.vehicles import MountedMass, Vehicle, body_row
@@ -28,8 +29,8 @@ class _Window:
     model: Model
     response: Transfer
     factor: Complex
-    whitened: Complex
-    excess: Complex
+    whitened: Real
+    excess: Real
 
 
 def likely_mount(fit: JointFit) -> MountedMass | None:
@@ -61,9 +62,9 @@ def likely_mount(fit: JointFit) -> MountedMass | None:
         score, own, cross = 0.0, 0.0, np.zeros(fit.parameters.size)
         for window, rows in zip(windows, joint.rows, strict=True):
             derivative = _derivative(window, candidate)
-            score += float(np.vdot(window.excess, derivative).real)
-            own += float(np.vdot(derivative, derivative).real)
-            np.add.at(cross, rows, (window.whitened.conj() @ derivative).real)
+            score += float(window.excess @ derivative)
+            own += float(derivative @ derivative)
+            np.add.at(cross, rows, window.whitened @ derivative)
         left = own - float(cross @ np.linalg.solve(precision, cross))
         if left > 0 and score < 0 and score**2 / left > most:
             mass = float(np.clip(-score / left, _LEAST * vehicle.body.mass, _MOST * vehicle.body.mass))
@@ -93,22 +94,22 @@ def _at_optimum(joint: JointModel, number: int, parameters: Real) -> _Window:
     """Return a window at the optimum."""
     model, own = joint.models[number], joint.of_window(number, parameters)
     spectra = model.spectra
-    factor = np.linalg.inv(np.linalg.cholesky(model.matrix(own)))
+    factor = np.asarray(np.linalg.inv(np.linalg.cholesky(model.matrix(own))), dtype=np.complex128)
     data = factor @ spectra.matrices @ factor.conj().swapaxes(-1, -2)
-    excess = np.sqrt(spectra.weights)[..., None, None] * (np.eye(data.shape[-1]) - data)
+    excess = real_coordinates(np.eye(data.shape[-1]) - data) * np.sqrt(spectra.weights)[..., None]
     whitened = model.whitened_derivatives(own).reshape(own.size, -1)
     return _Window(model, transfer(model.terms(own)), factor, whitened, excess.ravel())
 
 
-def _derivative(window: _Window, mount: MountedMass) -> Complex:
-    """Return the whitened derivative of a window's spectral matrix with respect to the mass, flattened."""
+def _derivative(window: _Window, mount: MountedMass) -> Real:
+    """Return the whitened derivative of a window's spectral matrix with respect to the mass, in real coordinates."""
     response, model = window.response, window.model
     f = response.terms.frequencies
     ratio, damping = f / mount.frequency, 2j * mount.damping_ratio * f / mount.frequency
     dynamic = (1 + damping) / (1 - ratio**2 + damping) - 1  # the mass itself leaves the body
-    row = body_row(model.structure.coordinates, x=mount.x, y=mount.y)
+    row = body_row(model.structure.coordinates, x=mount.x, y=mount.y, shapes=model.structure.shapes)
     load = (2 * np.pi * f) ** 2 * dynamic
     change = load[:, None, None] * (response.force_response @ np.outer(row, row) @ response.displacements)
     derivative = through_window(response.change_by_transfer(change))
-    scaled = np.sqrt(model.spectra.weights)[..., None, None] * window.factor
-    return np.asarray((scaled @ derivative @ window.factor.conj().swapaxes(-1, -2)).ravel(), dtype=np.complex128)
+    whitened = real_coordinates(window.factor @ derivative @ window.factor.conj().swapaxes(-1, -2))
+    return np.asarray((whitened * np.sqrt(model.spectra.weights)[..., None]).ravel(), dtype=np.float64)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from functools import partial
 
-from sprung.calibration.draft import Draft, VehicleNumber, is_motion
+from sprung.calibration.draft import Draft, VehicleNumber
 from sprung.vehicles import Component, corner_names
 
 #: Standard deviations of ln(value / given value): a corner over its axle (makers' tolerances), wheels, inertias,
@@ -83,13 +83,14 @@ def sensor_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber
     """Return places, scales, directions and delays of the sensors of motion."""
     numbers: list[VehicleNumber] = []
     for sensor in draft.vehicle.sensor:
-        if sensor.channel not in channels or not is_motion(sensor):
+        if sensor.channel not in channels or not sensor.is_motion:
             continue
         name = sensor.channel
         is_gyroscope = sensor.quantity in {"angular_velocity", "angle"}
-        if sensor.on == "body" and not is_gyroscope:
+        is_on_body = sensor.on == "body" and sensor.between is None
+        if is_on_body and not is_gyroscope:
             numbers += [_place(name, axis) for axis in (0, 1)]
-        if sensor.on == "body" and is_gyroscope:
+        if is_on_body and is_gyroscope:
             numbers += [_direction(name, axis) for axis in (0, 1) if abs((sensor.direction or (0, 0, 1))[axis]) < 0.5]
         numbers.append(
             VehicleNumber(f"{name}.scale", "sensors", _GAIN, True, partial(_scale, name), partial(_with_scale, name))
@@ -175,7 +176,7 @@ def _factor(component: Component, draft: Draft) -> float:
 
 
 def _with_factor(component: Component, draft: Draft, value: float) -> Draft:
-    return Draft(draft.vehicle, {**draft.factors, component: value}, draft.delays)
+    return Draft(draft.vehicle, {**draft.factors, component: value})
 
 
 def _scale(channel: str, draft: Draft) -> float:
@@ -187,11 +188,11 @@ def _with_scale(channel: str, draft: Draft, value: float) -> Draft:
 
 
 def _delay(channel: str, draft: Draft) -> float:
-    return draft.delays.get(channel, 0.0)
+    return draft.sensor(channel).delay
 
 
 def _with_delay(channel: str, draft: Draft, value: float) -> Draft:
-    return Draft(draft.vehicle, draft.factors, {**draft.delays, channel: value})
+    return draft.with_sensor(channel, delay=value)
 
 
 def _of_vector(channel: str, field: str, axis: int, draft: Draft) -> float:

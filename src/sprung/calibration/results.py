@@ -8,7 +8,7 @@ from sprung.vehicles import Vehicle
 
 
 @dataclass(frozen=True, slots=True)
-class LearntNumber:
+class CalibratedNumber:
     """A number of the vehicle after calibration.
 
     Parameters
@@ -66,7 +66,7 @@ class Calibration:
     """
 
     vehicle: Vehicle
-    learnt: tuple[LearntNumber, ...]
+    learnt: tuple[CalibratedNumber, ...]
     coordinates: tuple[str, ...]
     frequencies: Real
     misfit_before: Real
@@ -84,6 +84,6 @@ class Calibration:
         """Number of windows."""
         return len(self.n_segments)
 
-    def number(self, name: str) -> LearntNumber:
+    def number(self, name: str) -> CalibratedNumber:
         """Return a learnt number by its name; KeyError if it was not free."""
         return {number.name: number for number in self.learnt}[name]
