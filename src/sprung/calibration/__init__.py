@@ -1,6 +1,16 @@
-"""Calibration: what belongs to a vehicle, learnt from healthy drives."""
+"""Calibration: what belongs to a vehicle, from its data sheet and from healthy drives."""
 
-from sprung.calibration.completion import CalibrationSettings, calibrate
+from sprung.calibration.completion import CalibrationSettings, calibrate, calibrated_if_imperfect
+from sprung.calibration.data_sheet import DataSheet, described, tyre_stiffness
 from sprung.calibration.results import CalibratedNumber, Calibration
 
-__all__ = ["CalibratedNumber", "Calibration", "CalibrationSettings", "calibrate"]
+__all__ = [
+    "CalibratedNumber",
+    "Calibration",
+    "CalibrationSettings",
+    "DataSheet",
+    "calibrate",
+    "calibrated_if_imperfect",
+    "described",
+    "tyre_stiffness",
+]

@@ -2,15 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_number
+from sprung.calibration.additions import likely_mount, with_mode, with_mount
 from sprung.calibration.draft import Draft, VehicleNumber, explicit, moved
-from sprung.calibration.fitting import FreeVehicle, JointFit, joint_fit, reweighted
-from sprung.calibration.mounts import likely_mount, with_mount
-from sprung.calibration.numbers import COMPONENT_FIELDS, component_numbers, file_numbers, mounted_numbers
+from sprung.calibration.fitting import FreeVehicle, JointFit, evaluated, joint_fit, reweighted
+from sprung.calibration.numbers import (
+    COMPONENT_FIELDS,
+    component_numbers,
+    file_numbers,
+    mode_numbers,
+    mounted_numbers,
+    with_widths,
+)
 from sprung.calibration.results import CalibratedNumber, Calibration
 from sprung.calibration.windows import DELAY, WindowSpectra, window_spectra
 from sprung.errors import ParameterError
@@ -18,13 +26,19 @@ from sprung.likelihood import CornerFit, CornerSettings
 from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording
 from sprung.vehicles import Component, Vehicle, corner_names
-from sprung.vehicles.sections import LearntNumber
+from sprung.vehicles.sections import FlexibleMode, LearntNumber
 from sprung.vehicles.window import Window, window_of
 
 #: A number is told by the drives if they reduce its standard deviation to this share of the prior's or less.
 _TOLD = 0.5
+#: Median model error of windows above which a vehicle file is imperfect, and most windows for its calibration then.
+IMPERFECT, _MOST_WINDOWS = 0.1, 6
 #: Gain in ln evidence from which a mass on mounts is added: far more than chance, as models are never perfect.
 _CONVINCING = 10.0
+#: Frequencies between which a mass is on mounts [Hz]: below it is part of the body, above it is fixed to it.
+_MOUNTS = (4.0, 30.0)
+#: Flexible modes that are tried: frequencies [Hz] and damping ratio.
+_MODE_FREQUENCIES, _MODE_DAMPING = (14.0, 17.0, 20.0, 24.0, 29.0, 35.0), 0.06
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +51,8 @@ class CalibrationSettings:
         Choices of the fits, as for `sprung.likelihood.fit_corners`.
     most_mounts
         Largest number of masses on mounts that are added to the file.
+    has_modes
+        Whether torsion and bending of the body are added where the drives show them.
 
     Raises
     ------
@@ -46,6 +62,7 @@ class CalibrationSettings:
 
     corners: CornerSettings = field(default_factory=CornerSettings)
     most_mounts: int = 3
+    has_modes: bool = True
 
     def __post_init__(self) -> None:
         check_number("most_mounts", self.most_mounts, at_least=0)
@@ -95,23 +112,13 @@ def calibrate(
     corners, draft = settings.corners, explicit(vehicle)
     before = [fit_windows([window], settings=corners) for window in windows]
     spectra = tuple(window_spectra(window, corners) for window in windows)
-    fit = joint_fit(_free(spectra, draft, corners, len(vehicle.mounted_mass)), start=_start(before))
-    n_given, notes = len(vehicle.mounted_mass), []
-    for _ in range(settings.most_mounts):
-        richer, gain = _with_one_more(fit, n_given)
-        if gain < _CONVINCING:
-            break
-        fit = richer
-        mount = completed(fit).mounted_mass[-1]
-        notes.append(
-            f"a mass of {mount.mass:.0f} kg on mounts of {mount.frequency:.3g} Hz at x = {mount.x:.2f} m explains what "
-            f"the vehicle file does not (ln evidence {gain:.0f})"
-        )
-    learnt = learnt_numbers(fit, n_given)
-    vehicle = _with_sources(completed(fit), learnt, len(windows))
-    after = [fit_windows([window_of(recording, vehicle)], settings=corners) for recording in recordings]
+    fit = joint_fit(_free(spectra, draft, corners, vehicle), start=_start(before))
+    fit, notes = _with_additions(fit, vehicle, settings)
+    learnt = learnt_numbers(fit, vehicle)
+    complete = _with_sources(completed(fit), learnt, len(windows))
+    after = [fit_windows([window_of(recording, complete)], settings=corners) for recording in recordings]
     return Calibration(
-        vehicle=vehicle,
+        vehicle=complete,
         learnt=learnt,
         coordinates=before[0].model.layout.coordinates,
         frequencies=before[0].model.spectra.frequencies,
@@ -124,14 +131,74 @@ def calibrate(
     )
 
 
-def _free(spectra: tuple[WindowSpectra, ...], draft: Draft, corners: CornerSettings, n_given: int) -> FreeVehicle:
+def _free(spectra: tuple[WindowSpectra, ...], draft: Draft, corners: CornerSettings, given: Vehicle) -> FreeVehicle:
     """Return windows with all that is free of a vehicle."""
     numbers = (
         *component_numbers(draft, std=corners.prior_std),
-        *mounted_numbers(draft, n_given=n_given),
+        *mounted_numbers(draft, given=given),
+        *mode_numbers(draft, given=given),
         *file_numbers(draft, spectra[0].layout.names),
     )
-    return FreeVehicle(spectra, draft, numbers, corners)
+    return FreeVehicle(spectra, draft, with_widths(numbers, draft), corners)
+
+
+def _with_additions(fit: JointFit, given: Vehicle, settings: CalibrationSettings) -> tuple[JointFit, list[str]]:
+    """Return the fit with the parts that the file lacks and the drives show, and a sentence on each.
+
+    Torsion comes first: without it a mass on mounts would do part of its work, but not the other way round.
+    """
+    notes: list[str] = []
+    if settings.has_modes:
+        fit = _with_mode(fit, "torsion", given, notes)
+    for _ in range(settings.most_mounts):
+        mount = likely_mount(fit)
+        if mount is None:
+            break
+        richer, gain = _richer(fit, with_mount(fit.free.draft, mount), given)
+        mount = completed(richer).mounted_mass[-1]
+        if gain < _CONVINCING or not _MOUNTS[0] < mount.frequency < _MOUNTS[1]:
+            break
+        fit = richer
+        notes.append(
+            f"a mass of {mount.mass:.0f} kg on mounts of {mount.frequency:.3g} Hz at x = {mount.x:.2f} m explains what "
+            f"the vehicle file does not (ln evidence {gain:.0f})"
+        )
+    return (_with_mode(fit, "bending", given, notes) if settings.has_modes else fit), notes
+
+
+def _with_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle, notes: list[str]) -> JointFit:
+    """Return the fit with a flexible mode of the body if the drives show it; a sentence on it is added to the notes."""
+    mode = None if shape in {mode.shape for mode in given.flexible_mode} else _likely_mode(fit, shape, given)
+    if mode is None:
+        return fit
+    richer, gain = _richer(fit, with_mode(fit.free.draft, mode), given)
+    if gain < _CONVINCING:
+        return fit
+    frequency = completed(richer).flexible_mode[-1].frequency
+    notes.append(
+        f"a {shape} mode of the body at {frequency:.3g} Hz explains what the vehicle file does not "
+        f"(ln evidence {gain:.0f})"
+    )
+    return richer
+
+
+def _likely_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle) -> FlexibleMode | None:
+    """Return the flexible mode that lowers the objective of a fit most, all else unchanged; None if none does."""
+    best, least = None, fit.joint.objective(fit.parameters)[0]
+    for frequency in _MODE_FREQUENCIES:
+        mode = FlexibleMode(shape=shape, frequency=frequency, damping_ratio=_MODE_DAMPING)
+        draft = with_mode(fit.free.draft, mode)
+        value = evaluated(_free(fit.free.windows, draft, fit.free.settings, given), fit)
+        if value < least:
+            best, least = mode, value
+    return best
+
+
+def _richer(fit: JointFit, draft: Draft, given: Vehicle) -> tuple[JointFit, float]:
+    """Return the fit of a draft with one part more, and its gain in ln evidence under its own weights."""
+    richer = joint_fit(_free(fit.free.windows, draft, fit.free.settings, given), start=fit.values())
+    poorer = reweighted(fit, richer.weighting)
+    return richer, richer.joint.log_evidence(richer.parameters) - poorer.joint.log_evidence(poorer.parameters)
 
 
 def _start(fits: Sequence[CornerFit]) -> dict[str, float]:
@@ -147,17 +214,6 @@ def _start(fits: Sequence[CornerFit]) -> dict[str, float]:
         for component, ratio in zip(fit.components, fit.log_ratios.tolist(), strict=True):
             ratios.setdefault(f"{component.axle}.{kinds[component.kind]}", []).append(ratio)
     return start | {name: float(np.mean(values)) for name, values in ratios.items()}
-
-
-def _with_one_more(fit: JointFit, n_given: int) -> tuple[JointFit, float]:
-    """Return the fit with the mass on mounts that the misfit asks for, and the gain in ln evidence."""
-    mount = likely_mount(fit)
-    if mount is None:
-        return fit, 0.0
-    free = _free(fit.free.windows, with_mount(fit.free.draft, mount), fit.free.settings, n_given)
-    richer = joint_fit(free, start=fit.values())
-    poorer = reweighted(fit, richer.weighting)
-    return richer, richer.joint.log_evidence(richer.parameters) - poorer.joint.log_evidence(poorer.parameters)
 
 
 def _check_alike(windows: Sequence[Window]) -> None:
@@ -180,14 +236,18 @@ def _mean_misfit(fits: Sequence[CornerFit]) -> Real:
     return np.average(misfits, axis=0, weights=[fit.n_segments for fit in fits])
 
 
-def learnt_numbers(fit: JointFit, n_given: int) -> tuple[CalibratedNumber, ...]:
-    """Return the numbers of the vehicle that were free in a fit, with their standard deviations."""
+def learnt_numbers(fit: JointFit, vehicle: Vehicle) -> tuple[CalibratedNumber, ...]:
+    """Return the numbers of a vehicle that were free in a fit, with their standard deviations."""
     joint, given = fit.joint, fit.free.draft
     std = np.sqrt(np.diag(joint.covariance(fit.parameters)))
     rows = {name: row for row, name in enumerate(joint.names)}
     places = [rows[number.name] for number in fit.free.numbers]
     ends = zip(fit.free.numbers, fit.parameters[places].tolist(), std[places].tolist(), strict=True)
-    new = tuple(f"mounted_mass_{number}." for number in range(n_given + 1, len(given.vehicle.mounted_mass) + 1))
+    n_mounts, known = len(vehicle.mounted_mass), {mode.shape for mode in vehicle.flexible_mode}
+    new = (
+        *(f"mounted_mass_{number}." for number in range(n_mounts + 1, len(given.vehicle.mounted_mass) + 1)),
+        *(f"{mode.shape}." for mode in given.vehicle.flexible_mode if mode.shape not in known),
+    )
     learnt = [
         _learnt(number, given, parameter, deviation, is_new=number.name.startswith(new))
         for number, parameter, deviation in ends

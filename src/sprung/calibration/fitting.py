@@ -181,3 +181,9 @@ def _with_roughness(joint: JointModel, parameters: Real) -> Real:
             mean = ratio / (model.spectra.frequencies.size * len(model.layout.rows))
             parameters[rows[levels]] = np.clip(np.log(np.maximum(mean, 1e-9)), -_ROUGHEST, _ROUGHEST)
     return parameters
+
+
+def evaluated(free: FreeVehicle, fit: JointFit) -> float:
+    """Return the objective of windows at the parameters and weights of a fit, further parameters at their start."""
+    joint = _joint(free, fit.weighting)
+    return joint.objective(_started(joint, fit.values()))[0]

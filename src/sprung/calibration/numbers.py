@@ -1,17 +1,22 @@
 """Numbers of a vehicle file that drives can teach, and how far they may be from what the file states."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 from sprung.calibration.draft import Draft, VehicleNumber
-from sprung.vehicles import Component, corner_names
+from sprung.vehicles import Component, Vehicle, corner_names
 
 #: Standard deviations of ln(value / given value): a corner over its axle (makers' tolerances), wheels, inertias,
 #: anti-roll bars, gains of sensors; mounted masses: mass, frequency, damping.
-_SIDE, _WHEEL, _INERTIA, _BAR, _GAIN = 0.05, 0.15, 0.1, 0.3, 0.03
+_SIDE, _WHEEL, _INERTIA, _BAR, _GAIN = 0.05, 0.07, 0.1, 0.3, 0.03
 _MOUNTED = {"mass": 0.3, "frequency": 0.15, "damping_ratio": 0.5}
 #: Factor of these and of the place for a mass that the file lacks.
 _NEW = 2.0
+#: Flexible modes of the body, likewise.
+_FLEXIBLE = {"frequency": 0.1, "damping_ratio": 0.4, "mass": 0.25}
+#: Smallest standard deviation of a number in a later calibration over the usual one.
+_SURE = 0.1
 #: Standard deviations of the centre of gravity, of the places of sensors and of mounted masses [m], of delays [s], and
 #: of the directions of gyroscopes (direction cosine: 2 degrees).
 _CENTRE, _PLACE, _MASS_PLACE, _DELAY, _TILT = 0.05, 0.1, 0.2, 2e-3, 0.035
@@ -63,11 +68,11 @@ def file_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, 
     return (*_body(draft), *_wheels(draft), *sensor_numbers(draft, channels))
 
 
-def mounted_numbers(draft: Draft, *, n_given: int) -> tuple[VehicleNumber, ...]:
-    """Return mass, frequency, damping and place of the mounted masses, of which the file has the first `n_given`."""
+def mounted_numbers(draft: Draft, *, given: Vehicle) -> tuple[VehicleNumber, ...]:
+    """Return mass, frequency, damping and place of the mounted masses; those that `given` lacks are less known."""
     numbers = []
     for index, mass in enumerate(draft.vehicle.mounted_mass):
-        where, factor = f"mounted_mass_{index + 1}", 1.0 if index < n_given else _NEW
+        where, factor = f"mounted_mass_{index + 1}", 1.0 if index < len(given.mounted_mass) else _NEW
         for name, unit in (("mass", "kg"), ("frequency", "Hz"), ("damping_ratio", "")):
             if getattr(mass, name) > 0:
                 numbers.append(
@@ -77,6 +82,39 @@ def mounted_numbers(draft: Draft, *, n_given: int) -> tuple[VehicleNumber, ...]:
             place = ("mounted_mass", index, name)
             numbers.append(_entry(place, f"{where}.{name}", std=factor * _MASS_PLACE, unit="m", is_log=False))
     return tuple(numbers)
+
+
+def mode_numbers(draft: Draft, *, given: Vehicle) -> tuple[VehicleNumber, ...]:
+    """Return frequency, damping and modal mass of the flexible modes; those that `given` lacks are less known."""
+    known = {mode.shape for mode in given.flexible_mode}
+    numbers = []
+    for index, mode in enumerate(draft.vehicle.flexible_mode):
+        factor = 1.0 if mode.shape in known else _NEW
+        for name, unit in (("frequency", "Hz"), ("damping_ratio", ""), ("mass", "kg")):
+            if getattr(mode, name):
+                entry, std = ("flexible_mode", index, name), factor * _FLEXIBLE[name]
+                numbers.append(_entry(entry, f"{mode.shape}.{name}", std=std, unit=unit))
+    return tuple(numbers)
+
+
+def with_widths(numbers: Sequence[VehicleNumber], draft: Draft) -> tuple[VehicleNumber, ...]:
+    """Return numbers with the standard deviations that the file's table [[learnt]] states, if any.
+
+    A file from a data sheet says how good its guesses are, an earlier calibration how well it knew a number; drives may
+    still move the latter by a tenth of what is usual.
+    """
+    stated = {entry.name: entry.std for entry in draft.vehicle.learnt if entry.std > 0}
+    return tuple(
+        replace(number, std=max(_relative(number, draft, stated[number.name]), _SURE * number.std))
+        if number.name in stated
+        else number
+        for number in numbers
+    )
+
+
+def _relative(number: VehicleNumber, draft: Draft, std: float) -> float:
+    """Return the standard deviation of a number's parameter for that of its value."""
+    return std / abs(number.get(draft)) if number.is_log else std
 
 
 def sensor_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, ...]:
@@ -125,6 +163,7 @@ def _wheels(draft: Draft) -> Iterator[VehicleNumber]:
 def _entry(entry: tuple[str, int, str], name: str, *, std: float, unit: str, is_log: bool = True) -> VehicleNumber:
     """Return a field of an entry of a table as a number: table, index, field."""
     group = "mounted_masses" if entry[0] == "mounted_mass" else "wheels"
+    group = "modes" if entry[0] == "flexible_mode" else group
     group = "components" if entry[2] in COMPONENT_FIELDS else group
     return VehicleNumber(name, group, std, is_log, partial(_of_entry, *entry), partial(_with_entry, *entry), unit)
 

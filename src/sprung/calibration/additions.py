@@ -1,4 +1,4 @@
-"""Masses on mounts that a file lacks: where the misfit of a fit asks for one."""
+"""Parts that a file lacks: masses on mounts, where the misfit of a fit asks for one, and flexible modes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +15,8 @@ from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.spectra import through_window
 from sprung.likelihood.transfer import Transfer, transfer
 from sprung.vehicles import MountedMass, Vehicle, body_row
+from sprung.vehicles.models import modal_mass
+from sprung.vehicles.sections import FlexibleMode
 
 #: Frequencies [Hz] and damping ratio of the masses that are tried: engines are at 6 to 16 Hz, exhausts and tanks above.
 _FREQUENCIES, _DAMPING = tuple(np.geomspace(5.0, 25.0, 14).tolist()), 0.08
@@ -81,6 +83,12 @@ def with_mount(draft: Draft, mount: MountedMass) -> Draft:
     pitch = (body.pitch_inertia or 0.0) - min(taken, _MOST_INERTIA * (body.pitch_inertia or 0.0))
     mounted = draft.with_fields(mounted_mass=(*draft.vehicle.mounted_mass, mount))
     return mounted.ahead(centre).with_body(mass=left, pitch_inertia=pitch)
+
+
+def with_mode(draft: Draft, mode: FlexibleMode) -> Draft:
+    """Return the draft with a flexible mode of the body, its modal mass stated."""
+    complete = mode.model_copy(update={"mass": mode.mass or modal_mass(draft.vehicle, mode)})
+    return draft.with_fields(flexible_mode=(*draft.vehicle.flexible_mode, complete))
 
 
 def _candidates(vehicle: Vehicle) -> Iterator[MountedMass]:
