@@ -131,6 +131,48 @@ def calibrate(
     )
 
 
+def calibrated_if_imperfect(
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    *,
+    model_errors: Sequence[float],
+    settings: CalibrationSettings | None = None,
+) -> Calibration | None:
+    """Calibrate a vehicle file if it explains the windows of a baseline badly.
+
+    Parameters
+    ----------
+    recordings
+        Windows of healthy drives as read.
+    vehicle
+        Vehicle as its file describes it.
+    model_errors
+        Model error of each window (`CornerFit.model_error`); infinite for a window that could not be fitted.
+    settings
+        Choices of the calibration.
+
+    Returns
+    -------
+    Calibration or None
+        None if the median model error is at most 0.1, or the completed file explains the windows no better.
+
+    Notes
+    -----
+    At most six windows, evenly spread over the drives, are used: more teach little about the vehicle.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As raised by `calibrate`.
+    """
+    if not model_errors or float(np.median(model_errors)) <= IMPERFECT:
+        return None
+    chosen = np.unique(np.linspace(0, len(recordings) - 1, _MOST_WINDOWS).round().astype(int))
+    calibration = calibrate([recordings[number] for number in chosen], vehicle, settings=settings)
+    is_better = np.median(calibration.model_errors_after) < np.median(calibration.model_errors_before)
+    return calibration if is_better else None
+
+
 def _free(spectra: tuple[WindowSpectra, ...], draft: Draft, corners: CornerSettings, given: Vehicle) -> FreeVehicle:
     """Return windows with all that is free of a vehicle."""
     numbers = (
