@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.diagnosis import SensorFault, learn
+from sprung.diagnosis import SensorFault, detect, learn
 from sprung.errors import DataError, ParameterError
 
 
@@ -50,3 +50,59 @@ def test_windows_of_several_vehicles_are_refused(healthy) -> None:
     with pytest.raises(ParameterError, match="of the vehicles other, zafira: give those of one"):
         learn(mixed)
     assert learn([replace(one, vehicle="zafira") for one in healthy(6)]).vehicle == "zafira"
+
+
+def warm(generator, healthy_window, *, per_kelvin, scatter, scale=1.0):
+    """Return a window whose dampers lose some of their damping per kelvin, all together, and scatter by a factor."""
+    temperature = float(generator.uniform(0, 40))
+    dampers = np.array([component.kind == "damper" for component in healthy_window.components])
+    own = np.sqrt(scale) * np.linalg.cholesky(healthy_window.covariance) @ generator.standard_normal(12)
+    common = per_kelvin * (temperature - 20) + generator.normal(0, scatter)
+    conditions = {**healthy_window.conditions, "temperature": temperature}
+    return replace(healthy_window, log_ratios=own + dampers * common, conditions=conditions)
+
+
+def test_windows_that_scatter_less_than_they_report_narrow_the_baseline(healthy) -> None:
+    """A tenth of the reported standard deviation in 24 windows: the baseline's is within a third of it."""
+    generator = np.random.default_rng(1)
+    every = [warm(generator, one, per_kelvin=0.0, scatter=0.0, scale=0.01) for one in healthy(24)]
+    learnt = learn(every)
+    ratio = np.sqrt(np.diag(learnt.covariance) / np.diag(learnt.reported))
+    assert np.all((ratio > 0.07) & (ratio < 0.2))
+    np.testing.assert_allclose(learnt.covariance_of(every[0]), learnt.covariance + learnt.nuisance)
+    wide = replace(every[0], covariance=4 * every[0].covariance)
+    np.testing.assert_allclose(np.diag(learnt.covariance_of(wide) - learnt.nuisance), 4 * np.diag(learnt.covariance))
+
+
+def test_dampers_that_weaken_together_are_found_where_the_temperature_is_known(healthy) -> None:
+    """-0.9 % per kelvin is no change; -20 % of all dampers is, and a cold day that was never met is not."""
+    generator = np.random.default_rng(2)
+    every = [warm(generator, one, per_kelvin=-0.009, scatter=0.022) for one in healthy(30)]
+    learnt = learn(every[:24])
+    dampers = np.array([component.kind == "damper" for component in learnt.components])
+    assert learnt.slopes[dampers, 3].mean() == pytest.approx(-0.09, abs=0.015)
+    assert detect(learnt, every[24:]).first_alert is None
+    weak = [replace(one, log_ratios=one.log_ratios + np.log(0.8) * dampers) for one in every[24:]]
+    found = detect(learnt, weak)
+    assert found.is_alert
+    assert found.candidates[0].hypothesis.name == "all.damper"
+    cold = [
+        replace(
+            one,
+            log_ratios=one.log_ratios - 0.009 * (-25 - one.conditions["temperature"]) * dampers,
+            conditions={**one.conditions, "temperature": -25.0},
+        )
+        for one in every[24:]
+    ]
+    assert detect(learnt, cold).first_alert is None
+
+
+def test_a_change_of_all_is_no_evidence_without_the_temperature(healthy) -> None:
+    generator = np.random.default_rng(3)
+    every = [warm(generator, one, per_kelvin=0.0, scatter=0.01) for one in healthy(18)]
+    of_healthy = healthy(1)[0].conditions
+    unknown = [replace(one, conditions={name: one.conditions[name] for name in of_healthy}) for one in every]
+    dampers = np.array([component.kind == "damper" for component in every[0].components])
+    weak = [replace(one, log_ratios=one.log_ratios + np.log(0.8) * dampers) for one in unknown[12:]]
+    assert detect(learn(unknown[:12]), weak).first_alert is None
+    assert detect(learn(every[:12]), weak).first_alert is None

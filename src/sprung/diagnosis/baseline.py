@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from sprung._arrays import Real
 from sprung._checks import frozen_array
@@ -13,10 +14,12 @@ from sprung.diagnosis.residuals import ResidualReference
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
 
-#: Conditions on which contrasts may depend, and one unit of each: kg, ln of the road's roughness, m/s.
-CONDITIONS = {"payload": 100.0, "roughness": 1.4, "speed": 5.0}
-#: Information about slopes that are 0 by assumption.
-_NO_SLOPE = 1e9
+#: Conditions on which components may depend, and one unit of each: kg, ln of the road's roughness, m/s, K.
+CONDITIONS = {"payload": 100.0, "roughness": 1.4, "speed": 5.0, "temperature": 10.0}
+#: Standard deviations of the change of ln values with one unit of a condition, before any window: of each component by
+#: itself, and of all components of a kind together. The oil of a damper loses up to 1 % of its damping per kelvin.
+_SLOPE = 0.01
+_SLOPES_TOGETHER = {"payload": 0.05, "roughness": 0.05, "speed": 0.05, "temperature": 0.1}
 #: Model error of the windows above which a note states that the vehicle file is in error, and up to which values can be
 #: compared with the vehicle file itself.
 _IMPERFECT, _TRUSTED = 0.25, 0.15
@@ -40,7 +43,9 @@ class Baseline:
         Mean of ln(value / nominal value) at the middle of the conditions, shape (components,).
     covariance
         Covariance of one window about that mean, shape (components, components), without common changes of all corners
-        or of both sides of an axle.
+        or of both sides of an axle; as the windows scatter, which may be more or less than they report.
+    reported
+        Mean covariance that the windows report, shape (components, components).
     slopes
         Change of the mean with one unit of each of `CONDITIONS`, shape (components, conditions).
     middle
@@ -50,8 +55,9 @@ class Baseline:
     nuisance
         Covariance of the common changes of components from window to window (payload, temperature, road), shape
         (components, components).
-    design
-        Information of the windows about mean and slopes, for unit covariance, shape (1 + conditions, 1 + conditions).
+    information
+        Information about the mean and the slopes (the mean of all components first, then the slopes of all components
+        with the first condition ...), shape ((1 + conditions) components, the same).
     degrees
         Degrees of freedom of the scatter of windows in `covariance`.
     n_windows
@@ -77,11 +83,12 @@ class Baseline:
     components: tuple[Component, ...]
     mean: Real
     covariance: Real
+    reported: Real
     slopes: Real
     middle: dict[str, float]
     ranges: dict[str, tuple[float, float]]
     nuisance: Real
-    design: Real
+    information: Real
     degrees: float
     n_windows: int
     n_refused: int
@@ -93,8 +100,9 @@ class Baseline:
 
     def __post_init__(self) -> None:
         size, more = len(self.components), 1 + len(CONDITIONS)
-        shapes = {"mean": (size,), "covariance": (size, size), "nuisance": (size, size), "slopes": (size, more - 1)}
-        for name, shape in (shapes | {"design": (more, more)}).items():
+        square, every = (size, size), (size * more, size * more)
+        shapes = {"mean": (size,), "covariance": square, "reported": square, "nuisance": square}
+        for name, shape in (shapes | {"slopes": (size, more - 1), "information": every}).items():
             values = frozen_array(name, getattr(self, name), ndim=len(shape))
             if values.shape != shape or not np.all(np.isfinite(values)):
                 raise ParameterError(f"{name} of a baseline must be {shape} finite numbers: learn it again")
@@ -136,6 +144,22 @@ class Baseline:
             raise ParameterError("the components differ from those of the baseline: fit the same ones, or learn again")
         return observation.log_ratios - self.mean - self.slopes @ self.units(observation)
 
+    def covariance_of(self, observation: Observation) -> Real:
+        """Return the covariance of a window's residual about the normal state, shape (components, components).
+
+        Notes
+        -----
+        That of the baseline's windows, wider where this window reports more than they did. Without a temperature that
+        the baseline's windows had, all components of a kind may have changed as much as is usual without one.
+        """
+        if self.n_windows == 0:
+            return observation.covariance + self.nuisance
+        own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(self.reported), 1.0))
+        covariance = self.covariance * np.outer(own, own) + self.nuisance
+        if "temperature" in self.middle and "temperature" not in observation.conditions:
+            covariance = covariance + usual_nuisance(self.components, USUAL_ENDS)
+        return np.asarray(covariance, dtype=np.float64)
+
     def units(self, observation: Observation) -> Real:
         """Return the conditions of a window in units away from the middle, at most 5, shape (conditions,).
 
@@ -169,24 +193,47 @@ def nominal_baseline(components: tuple[Component, ...], *, vehicle: str) -> Base
         Name of the vehicle.
     """
     pairs, ends, _ = directions(components)
-    covariance = _UNLIKE**2 * pairs.T @ pairs / 2 + _UNLIKE_ENDS**2 * ends.T @ ends
     size = len(components)
+    covariance = _UNLIKE**2 * pairs.T @ pairs / 2 + _UNLIKE_ENDS**2 * ends.T @ ends + 1e-8 * np.eye(size)
+    nuisance = usual_nuisance(components, USUAL_ENDS)
+    of_mean: Real = np.linalg.inv(covariance + nuisance)
     return Baseline(
         vehicle=vehicle,
         components=components,
         mean=np.zeros(size),
-        covariance=covariance + 1e-8 * np.eye(size),
+        covariance=covariance,
+        reported=covariance,
         slopes=np.zeros((size, len(CONDITIONS))),
         middle={},
         ranges={},
-        nuisance=usual_nuisance(components, USUAL_ENDS),
-        design=np.diag([1.0, *([_NO_SLOPE] * len(CONDITIONS))]),
+        nuisance=nuisance,
+        information=prior_information(components, of_mean),
         degrees=_DEGREES * len(pairs),
         n_windows=0,
         n_refused=0,
         version=0,
         reason="the vehicle file only",
     )
+
+
+def prior_information(components: tuple[Component, ...], of_mean: Real) -> Real:
+    """Return the information about mean and slopes before any window, shape as `Baseline.information`.
+
+    Parameters
+    ----------
+    components
+        Springs, dampers and tyres.
+    of_mean
+        Information about the mean, shape (components, components).
+    """
+    return np.asarray(block_diag(of_mean, *map(np.linalg.inv, slope_covariances(components))), dtype=np.float64)
+
+
+def slope_covariances(components: tuple[Component, ...]) -> list[Real]:
+    """Return the covariance of the slopes with each condition before any window, each (components, components)."""
+    _, _, together = directions(components)
+    own, alike = np.eye(len(components)), together.T @ together
+    return [_SLOPE**2 * own + _SLOPES_TOGETHER[name] ** 2 * alike for name in CONDITIONS]
 
 
 def units_of(observation: Observation, middle: dict[str, float]) -> Real:

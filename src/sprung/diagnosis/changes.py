@@ -150,7 +150,7 @@ class ChangeDetector:
         ]
         self._directions = np.array(directions).reshape(-1, len(baseline.components))
         # Information of the baseline about its own means and slopes.
-        self._start = np.kron(baseline.design, np.linalg.inv(baseline.covariance + baseline.nuisance))
+        self._start = baseline.information
         self._observations: list[Observation] = []
         self._compared: list[_Compared] = []
         self._evidence: list[float] = []
@@ -379,29 +379,8 @@ def _compare(baseline: Baseline, observation: Observation) -> _Compared:
         observation.conditions.get("model_error", 0.0),
         baseline.residual(observation),
         np.concatenate([[1.0], baseline.units(observation)]),
-        np.asarray(np.linalg.inv(own_covariance(baseline, observation)), dtype=np.float64),
+        np.asarray(np.linalg.inv(baseline.covariance_of(observation)), dtype=np.float64),
     )
-
-
-def own_covariance(baseline: Baseline, observation: Observation) -> Real:
-    """Return the covariance of one window's residual, at least as wide as that of the baseline's windows.
-
-    Parameters
-    ----------
-    baseline
-        Normal state of the vehicle.
-    observation
-        Window with the baseline's components.
-
-    Returns
-    -------
-    numpy.ndarray
-        Covariance including common changes of components, shape (components, components).
-    """
-    if baseline.n_windows == 0:
-        return observation.covariance + baseline.nuisance
-    own = np.sqrt(np.maximum(np.diag(observation.covariance) / np.diag(baseline.covariance), 1.0))
-    return baseline.covariance * np.outer(own, own) + baseline.nuisance
 
 
 @dataclass(frozen=True, eq=False, slots=True)

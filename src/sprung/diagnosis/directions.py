@@ -5,13 +5,16 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.vehicles import Component
 
-#: Usual common change of all components of a kind from window to window (payload, temperature, road), and between front
-#: and rear, in ln values.
-_COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
+#: Usual common change of all components of a kind from window to window (payload, temperature, road), where the
+#: temperature is unknown; that which is left where it is known; and that of front against rear, in ln values.
+COMMON = {"spring": 0.08, "damper": 0.25, "tyre": 0.06}
+COMMON_AT_A_TEMPERATURE = {"spring": 0.04, "damper": 0.06, "tyre": 0.03}
 USUAL_ENDS = {"spring": 0.008, "damper": 0.012, "tyre": 0.005}
 
 
-def usual_nuisance(components: tuple[Component, ...], ends: dict[str, float]) -> Real:
+def usual_nuisance(
+    components: tuple[Component, ...], ends: dict[str, float], together: dict[str, float] | None = None
+) -> Real:
     """Return the covariance of the common changes of components from window to window.
 
     Parameters
@@ -20,6 +23,8 @@ def usual_nuisance(components: tuple[Component, ...], ends: dict[str, float]) ->
         Springs, dampers and tyres.
     ends
         Standard deviation between front and rear of each kind, ln values.
+    together
+        Standard deviation of all components of each kind together, ln values; None: `COMMON`.
 
     Returns
     -------
@@ -27,11 +32,11 @@ def usual_nuisance(components: tuple[Component, ...], ends: dict[str, float]) ->
         Covariance, shape (components, components): all components of a kind by the same factor, and the axles against
         each other.
     """
-    _, between, together = directions(components)
-    kinds = sorted({component.kind for component in components})
+    _, between, alike = directions(components)
+    stds = COMMON if together is None else together
     of_ends = np.array([ends.get(kind, max(ends.values())) for kind in kinds_of(between, components)])
-    of_all = np.array([_COMMON.get(kind, 0.2) for kind in kinds])
-    return np.asarray((between.T * of_ends**2) @ between + (together.T * of_all**2) @ together, dtype=np.float64)
+    of_all = np.array([stds.get(kind, 0.2) for kind in kinds_of(alike, components)])
+    return np.asarray((between.T * of_ends**2) @ between + (alike.T * of_all**2) @ alike, dtype=np.float64)
 
 
 def directions(components: tuple[Component, ...]) -> tuple[Real, Real, Real]:

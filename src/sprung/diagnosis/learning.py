@@ -8,21 +8,26 @@ from scipy import stats
 
 from sprung._arrays import Real
 from sprung._checks import check_number
-from sprung.diagnosis.baseline import CONDITIONS, Baseline, units_of, vehicle_of
-from sprung.diagnosis.directions import USUAL_ENDS, directions, kinds_of, usual_nuisance
+from sprung.diagnosis.baseline import (
+    CONDITIONS,
+    Baseline,
+    prior_information,
+    slope_covariances,
+    units_of,
+    vehicle_of,
+)
 from sprung.diagnosis.observation import Observation
 from sprung.diagnosis.residuals import FEWEST as FEWEST_RESIDUALS
 from sprung.diagnosis.residuals import ResidualReference, learn_reference
+from sprung.diagnosis.scatter import FreeDegrees, Scatter, regression
 from sprung.errors import DataError
 from sprung.vehicles import Component
 
 #: Usual number of windows that a baseline is learnt from, and the smallest that must be usable.
 LEARNING_WINDOWS = 12
 LEAST_WINDOWS = LEARNING_WINDOWS // 2
-#: Standard deviation of the change of ln values with one unit of a condition, before any window.
-_SLOPE = 0.01
-#: Weights in windows of prior scatters: the usual one of axles, and the one that windows report.
-_PRIOR_WINDOWS, _PRIOR_SCATTER = 8.0, 2.0
+#: Rounds of regression and scatter, which need each other.
+_ROUNDS = 3
 #: Probability that a healthy window is left out of learning.
 _SUSPECT = 1e-3
 
@@ -62,25 +67,29 @@ def learn(
     Notes
     -----
     Rows x_w = (1, conditions in units away from their median) and y_w = ln(value / nominal value) of n windows give
-    means and slopes by ridge regression: B = (X^T X + L)^-1 X^T Y, with L = diag(0, l, ...) and l the variance of a
-    window over that of a slope before any window. The degrees of freedom that remain are n - tr[(X^T X + L)^-1 X^T X].
+    mean and slopes by Bayesian linear regression: with V the covariance of a window, the information is
+    J = X^T X (x) V^-1 + P, with P that of the slopes before any window, and the coefficients are
+    J^-1 sum x_w (x) V^-1 y_w. Slopes of a component by itself are small; those of all components of a kind together may
+    be as large as those of dampers with the temperature. V and the coefficients are estimated in turn.
 
-    The covariance of a window is the mean of those that windows report, scaled by the ratio of the observed scatter of
-    left against right about the fit to the reported one (regularised by two windows' worth of the latter); it is never
-    narrowed. The scatter of axles and of all corners together is nuisance, see `usual_nuisance`.
+    V has three parts. (1) The covariance that windows report, each pair of components scaled as left against right
+    scatters about the regression, more or less than reported: a fit that is uncertain because the vehicle file lacks
+    something errs alike in every window. Pairs are shrunk to the ratio of all pairs. (2) Front against rear and (3) all
+    components of a kind together, beyond (1), regularised by usual values. The third is learnt only if the temperature
+    of all windows is known: otherwise a cold day has still to come, and the usual one stays. Degrees of freedom are
+    n - tr[(X^T X + L)^-1 X^T X], with L the variance of a window over that of a slope, and variances with few of them
+    are widened to what their Student's t implies.
 
     Windows are left out one at a time, the most distant first, while the distance from the prediction of the others is
-    beyond its 99.9 % quantile: with m components, d^2 = r^T (S + Q)^-1 r / (1 + x^T (X^T X + L)^-1 x) follows
-    m F(m, degrees), as the prediction follows Student's t.
+    beyond its 99.9 % quantile: with m components, d^2 = r^T (V + x^T J^-1 x)^-1 r follows m F(m, degrees), as the
+    prediction follows Student's t.
 
     References
     ----------
-    A. E. Hoerl, R. W. Kennard, Ridge regression: biased estimation for nonorthogonal problems, Technometrics 12 (1970)
-    55-67.
     T. Hastie, R. Tibshirani, J. Friedman, The Elements of Statistical Learning, 2nd edition (2009), section 3.4.1
     (degrees of freedom).
     H. Hotelling, The generalization of Student's ratio, Annals of Mathematical Statistics 2 (1931) 360-378.
-    A. Gelman et al., Bayesian Data Analysis, 3rd edition (2013), chapter 14 (Student's t prediction).
+    A. Gelman et al., Bayesian Data Analysis, 3rd edition (2013), chapter 14 (regression, Student's t prediction).
     """
     check_number("least_windows", least_windows, at_least=2)
     every = list(observations)
@@ -106,11 +115,12 @@ def learn(
         components=estimate.components,
         mean=estimate.mean,
         covariance=estimate.covariance,
+        reported=estimate.reported,
         slopes=estimate.slopes,
         middle=estimate.middle,
         ranges=_ranges(common),
         nuisance=estimate.nuisance,
-        design=estimate.design,
+        information=estimate.information,
         degrees=estimate.degrees,
         n_windows=len(common),
         n_refused=len(every) - len(common),
@@ -131,72 +141,45 @@ class _Estimate:
     mean: Real
     slopes: Real
     covariance: Real
+    reported: Real
     nuisance: Real
-    design: Real
+    information: Real
     degrees: float
 
     @classmethod
     def of(cls, observations: Sequence[Observation]) -> "_Estimate":
         """Return the estimate from windows with the same components."""
         components = observations[0].components
-        middle = {name: float(np.median(values)) for name, values in _conditions_met(observations).items()}
+        middle = {name: float(np.median(values)) for name, values in conditions_met(observations).items()}
         values = np.array([observation.log_ratios for observation in observations])
         reported = np.mean([observation.covariance for observation in observations], axis=0)
         rows = np.array([np.concatenate([[1.0], units_of(observation, middle)]) for observation in observations])
-        penalty = float(np.diag(reported).mean()) / _SLOPE**2
-        design = rows.T @ rows + np.diag([0.0, *([penalty] * (rows.shape[1] - 1))])
-        coefficients = np.linalg.solve(design, rows.T @ values)
-        scatter = values - rows @ coefficients
-        free = max(len(values) - float(np.trace(np.linalg.solve(design, rows.T @ rows))), 1.0)
-        pairs, _, _ = directions(components)
-        inflation = _inflation(scatter @ pairs.T, np.diag(pairs @ reported @ pairs.T), free)
-        ends = _scatter_of_ends(scatter, inflation * reported, components, free)
+        is_warm = all("temperature" in observation.conditions for observation in observations)
+        prior = prior_information(components, np.zeros_like(reported))
+        scatter = Scatter.usual(components, reported, with_temperature=is_warm)
+        for _ in range(_ROUNDS):
+            coefficients, information = regression(rows, values, scatter.whole, prior)
+            away = values - rows @ coefficients
+            scatter = scatter.learnt(away, FreeDegrees(rows, scatter.whole, slope_covariances(components)))
         return cls(
             components=components,
             middle=middle,
             mean=coefficients[0],
             slopes=coefficients[1:].T,
-            covariance=inflation * reported,
-            nuisance=usual_nuisance(components, ends),
-            design=design,
-            degrees=len(pairs) * (free + _PRIOR_SCATTER),
+            covariance=scatter.covariance,
+            reported=reported,
+            nuisance=scatter.nuisance,
+            information=information,
+            degrees=scatter.degrees,
         )
 
     def distance(self, observation: Observation) -> float:
         """Return the squared Mahalanobis distance of a window from the prediction for its conditions."""
-        units = units_of(observation, self.middle)
-        away = observation.log_ratios - self.mean - self.slopes @ units
-        row = np.concatenate([[1.0], units])
-        doubt = 1 + row @ np.linalg.solve(self.design, row)
-        return float(away @ np.linalg.solve(self.covariance + self.nuisance, away) / doubt)
-
-
-def _inflation(contrasts: Real, variances: Real, free: float) -> float:
-    """Return the ratio of the variance of left against right to the reported one, at least 1; (windows, pairs)."""
-    own = float(np.sum(contrasts**2 / variances)) / contrasts.shape[1]
-    return max(1.0, (own + _PRIOR_SCATTER) / (free + _PRIOR_SCATTER))
-
-
-def _scatter_of_ends(
-    scatter: Real, covariance: Real, components: tuple[Component, ...], free: float
-) -> dict[str, float]:
-    """Return the standard deviation of front against rear by kind: the vehicle's own beyond chance, and the usual one.
-
-    The vehicle's own is weighted by its degrees of freedom, the usual one by eight windows.
-    """
-    _, ends, _ = directions(components)
-    kinds = sorted({component.kind for component in components})
-    share = free / (free + _PRIOR_WINDOWS)
-    usual = {kind: USUAL_ENDS.get(kind, 0.02) for kind in kinds}
-    kinds_of_ends = np.array(kinds_of(ends, components))
-    for kind in kinds:
-        rows = ends[kinds_of_ends == kind]
-        if not len(rows):
-            continue
-        own = float(np.mean(np.sum((scatter @ rows.T) ** 2, axis=0))) / free
-        chance = float(np.mean(np.diag(rows @ covariance @ rows.T)))
-        usual[kind] = float(np.sqrt(share * max(0.0, own - chance) + (1 - share) * usual[kind] ** 2))
-    return usual
+        row = np.concatenate([[1.0], units_of(observation, self.middle)])
+        away = observation.log_ratios - self.mean - self.slopes @ row[1:]
+        seen = np.kron(row, np.eye(len(away)))
+        doubt = seen @ np.linalg.solve(self.information, seen.T)
+        return float(away @ np.linalg.solve(self.covariance + self.nuisance + doubt, away))
 
 
 def _is_like(observation: Observation, others: Sequence[Observation], *, chance: float) -> bool:
@@ -206,7 +189,7 @@ def _is_like(observation: Observation, others: Sequence[Observation], *, chance:
     return estimate.distance(observation) <= size * stats.f.isf(chance, size, estimate.degrees)
 
 
-def _conditions_met(observations: Sequence[Observation]) -> dict[str, list[float]]:
+def conditions_met(observations: Sequence[Observation]) -> dict[str, list[float]]:
     """Return the values of each known condition."""
     met = {
         name: [window.conditions[name] for window in observations if name in window.conditions] for name in CONDITIONS
@@ -215,7 +198,7 @@ def _conditions_met(observations: Sequence[Observation]) -> dict[str, list[float
 
 
 def _ranges(observations: Sequence[Observation]) -> dict[str, tuple[float, float]]:
-    return {name: (min(values), max(values)) for name, values in _conditions_met(observations).items()}
+    return {name: (min(values), max(values)) for name, values in conditions_met(observations).items()}
 
 
 def _residual_reference(observations: Sequence[Observation]) -> ResidualReference | None:

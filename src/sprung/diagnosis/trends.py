@@ -7,7 +7,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.diagnosis.baseline import Baseline
-from sprung.diagnosis.changes import INTERVAL_95, Candidate, own_covariance
+from sprung.diagnosis.changes import INTERVAL_95, Candidate
 from sprung.diagnosis.observation import Observation
 
 #: Relative change at which a part is due, for forecasts.
@@ -88,7 +88,7 @@ def trend(
 
 def _sizes(direction: Real, observations: Sequence[Observation], baseline: Baseline) -> tuple[Real, Real]:
     """Return the size of the change in each window [ln], and its weight."""
-    informations = [np.linalg.inv(own_covariance(baseline, observation)) for observation in observations]
+    informations = [np.linalg.inv(baseline.covariance_of(observation)) for observation in observations]
     weights = np.array([direction @ information @ direction for information in informations])
     pulls = [
         direction @ information @ baseline.residual(observation)

@@ -38,7 +38,8 @@ class BaselineDocument(Document):
     mean: Real
     covariance: Real
     nuisance: Real
-    design: Real
+    reported: Real
+    information: Real
     degrees: float
     taught: tuple[float, ...] = ()
     conditions: dict[str, ConditionDocument]

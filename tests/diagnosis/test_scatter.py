@@ -1,0 +1,55 @@
+"""Scatter of windows: degrees of freedom, regression, and how far variances are shrunk and widened."""
+
+import numpy as np
+import pytest
+
+from sprung.diagnosis.directions import directions
+from sprung.diagnosis.scatter import FreeDegrees, Scatter, regression
+from sprung.vehicles import Component
+
+COMPONENTS = tuple(
+    Component(corner, kind)
+    for corner in ("front_left", "front_right", "rear_left", "rear_right")
+    for kind in ("spring", "damper", "tyre")
+)
+
+
+def test_a_mean_alone_takes_one_degree_of_freedom_and_a_free_slope_another() -> None:
+    rows = np.column_stack([np.ones(8), np.arange(8.0) - 3.5])
+    direction, covariance = np.eye(12)[0], np.eye(12)
+    assert FreeDegrees(rows, covariance, [1e-9 * np.eye(12)]).of(direction) == pytest.approx(7)
+    assert FreeDegrees(rows, covariance, [1e9 * np.eye(12)]).of(direction) == pytest.approx(6)
+
+
+def test_regression_without_a_prior_is_least_squares() -> None:
+    generator = np.random.default_rng(1)
+    rows, values = generator.standard_normal((9, 2)), generator.standard_normal((9, 3))
+    covariance = np.diag([1.0, 2.0, 3.0]) + 0.5
+    coefficients, information = regression(rows, values, covariance, np.zeros((6, 6)))
+    np.testing.assert_allclose(coefficients, np.linalg.lstsq(rows, values)[0], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.inv(information), np.kron(np.linalg.inv(rows.T @ rows), covariance))
+
+
+def test_a_strong_prior_is_the_answer() -> None:
+    rows, values = np.ones((4, 1)), np.zeros((4, 2))
+    coefficients, _ = regression(rows, values, np.eye(2), 1e9 * np.eye(2), np.array([[3.0, -2.0]]))
+    np.testing.assert_allclose(coefficients, [[3.0, -2.0]], atol=1e-7)
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 3.0])
+def test_many_windows_give_their_own_scatter(ratio) -> None:
+    """Two thousand windows whose pairs, ends and kinds scatter as chosen: estimates within 6 to 10 %."""
+    generator = np.random.default_rng(2)
+    reported = 0.01**2 * (np.eye(12) + 0.2)
+    pairs, ends, together = directions(COMPONENTS)
+    truth = ratio**2 * reported + 0.03**2 * ends.T @ ends + 0.05**2 * together.T @ together
+    away = generator.standard_normal((2000, 12)) @ np.linalg.cholesky(truth).T
+    usual = Scatter.usual(COMPONENTS, reported, with_temperature=True)
+    learnt = usual.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
+    np.testing.assert_allclose(learnt.scales, ratio, rtol=0.06)
+    np.testing.assert_allclose(list(learnt.ends.values()), 0.03, rtol=0.1)
+    np.testing.assert_allclose(list(learnt.together.values()), 0.05, rtol=0.1)
+    np.testing.assert_allclose(np.diag(pairs @ learnt.whole @ pairs.T), np.diag(pairs @ truth @ pairs.T), rtol=0.1)
+    unknown = Scatter.usual(COMPONENTS, reported, with_temperature=False)
+    kept = unknown.learnt(away, FreeDegrees(np.ones((2000, 1)), usual.whole, []))
+    assert kept.together == unknown.together
