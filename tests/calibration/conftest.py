@@ -10,7 +10,7 @@ from sprung._arrays import Real
 from sprung.calibration.draft import Draft, VehicleNumber, explicit
 from sprung.calibration.joint import JointModel
 from sprung.calibration.windows import WindowSpectra, joint_of, of_all_channels, window_model
-from sprung.likelihood import ClassSpectra, CornerSettings, SegmentSpectra, rigid_layout
+from sprung.likelihood import ClassSpectra, CornerSettings, Model, SegmentSpectra, rigid_layout
 from sprung.vehicles import Vehicle, parse_vehicle
 
 SEGMENT = 5.12
@@ -41,6 +41,16 @@ def hatchback() -> Vehicle:
 
 
 @pytest.fixture(scope="session")
+def window_of_data() -> Callable[[ClassSpectra | None, Draft, tuple[VehicleNumber, ...]], Model]:
+    """Return a function that makes the model of a window; without spectra, of many segments without data."""
+
+    def model(spectra: ClassSpectra | None, draft: Draft, numbers: tuple[VehicleNumber, ...]) -> Model:
+        return _model(_classes(len(draft.vehicle.sensor)) if spectra is None else spectra, draft, numbers)
+
+    return model
+
+
+@pytest.fixture(scope="session")
 def exact_windows() -> Callable[..., tuple[JointModel, Real]]:
     """Return a function that makes the joint model of windows with exact spectra, and its true parameters."""
 
@@ -62,7 +72,7 @@ def exact_windows() -> Callable[..., tuple[JointModel, Real]]:
     return windows
 
 
-def _model(spectra: ClassSpectra, draft: Draft, numbers: tuple[VehicleNumber, ...]):
+def _model(spectra: ClassSpectra, draft: Draft, numbers: tuple[VehicleNumber, ...]) -> Model:
     """The model of a window."""
     layout = of_all_channels(rigid_layout(draft.structure()))
     nothing = SegmentSpectra(

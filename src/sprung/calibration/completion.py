@@ -32,7 +32,7 @@ from sprung.vehicles.window import Window, window_of
 #: A number is told by the drives if they reduce its standard deviation to this share of the prior's or less.
 _TOLD = 0.5
 #: Median model error of windows above which a vehicle file is imperfect, and most windows for its calibration then.
-IMPERFECT, _MOST_WINDOWS = 0.1, 6
+_IMPERFECT, _MOST_WINDOWS = 0.1, 6
 #: Gain in ln evidence from which a mass on mounts is added: far more than chance, as models are never perfect.
 _CONVINCING = 10.0
 #: Frequencies between which a mass is on mounts [Hz]: below it is part of the body, above it is fixed to it.
@@ -131,12 +131,24 @@ def calibrate(
     )
 
 
+def is_imperfect(model_errors: Sequence[float]) -> bool:
+    """Return whether a vehicle file explains windows so badly that it should be calibrated first.
+
+    Parameters
+    ----------
+    model_errors
+        Model error of each window (`CornerFit.model_error`); infinite for a window that could not be fitted.
+    """
+    return bool(model_errors) and float(np.median(model_errors)) > _IMPERFECT
+
+
+def chosen_windows(n_windows: int) -> frozenset[int]:
+    """Return the numbers of the windows to calibrate on: at most six, evenly spread over the drives."""
+    return frozenset(np.linspace(0, n_windows - 1, min(n_windows, _MOST_WINDOWS)).round().astype(int).tolist())
+
+
 def calibrated_if_imperfect(
-    recordings: Sequence[Recording],
-    vehicle: Vehicle,
-    *,
-    model_errors: Sequence[float],
-    settings: CalibrationSettings | None = None,
+    recordings: Sequence[Recording], vehicle: Vehicle, *, model_errors: Sequence[float]
 ) -> Calibration | None:
     """Calibrate a vehicle file if it explains the windows of a baseline badly.
 
@@ -147,30 +159,22 @@ def calibrated_if_imperfect(
     vehicle
         Vehicle as its file describes it.
     model_errors
-        Model error of each window (`CornerFit.model_error`); infinite for a window that could not be fitted.
-    settings
-        Choices of the calibration.
+        Model error of each window, as for `is_imperfect`.
 
     Returns
     -------
     Calibration or None
-        None if the median model error is at most 0.1, or the completed file explains the windows no better.
-
-    Notes
-    -----
-    At most six windows, evenly spread over the drives, are used: more teach little about the vehicle.
+        None if the file is good enough, or the completed file explains the windows no better.
 
     Raises
     ------
     DataError, ParameterError
         As raised by `calibrate`.
     """
-    if not model_errors or float(np.median(model_errors)) <= IMPERFECT:
+    if not is_imperfect(model_errors):
         return None
-    chosen = np.unique(np.linspace(0, len(recordings) - 1, _MOST_WINDOWS).round().astype(int))
-    calibration = calibrate([recordings[number] for number in chosen], vehicle, settings=settings)
-    is_better = np.median(calibration.model_errors_after) < np.median(calibration.model_errors_before)
-    return calibration if is_better else None
+    calibration = calibrate([recordings[number] for number in sorted(chosen_windows(len(recordings)))], vehicle)
+    return calibration if calibration.is_better else None
 
 
 def _free(spectra: tuple[WindowSpectra, ...], draft: Draft, corners: CornerSettings, given: Vehicle) -> FreeVehicle:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sprung._arrays import Real
 from sprung._checks import freeze
 from sprung.vehicles import Vehicle
@@ -83,6 +85,11 @@ class Calibration:
     def n_windows(self) -> int:
         """Number of windows."""
         return len(self.n_segments)
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the completed file explains the windows better than the given one, by the median model error."""
+        return bool(np.median(self.model_errors_after) < np.median(self.model_errors_before))
 
     def number(self, name: str) -> CalibratedNumber:
         """Return a learnt number by its name; KeyError if it was not free."""
