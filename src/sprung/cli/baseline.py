@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.checks import check_file, names
-from sprung.cli.options import Channels, Files, Json, Minutes, SamplingRate, VehicleFile, option
+from sprung.cli.options import INPUT, Channels, Files, Json, Minutes, SamplingRate, VehicleFile, option
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
@@ -36,8 +36,9 @@ def baseline(
         bool | None,
         option(
             None,
-            "Complete the vehicle file from these drives first. Default: where it explains them badly.",
+            "Complete the vehicle file first. Default: where it fits badly.",
             "--calibrate/--no-calibrate",
+            panel=INPUT,
         ),
     ] = None,
     json: Json = None,
