@@ -1,17 +1,21 @@
 """The command `sprung baseline`."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.checks import check_file, names
-from sprung.cli.options import Channels, Files, Json, Minutes, SamplingRate, VehicleFile, option
+from sprung.cli.options import INPUT, Channels, Files, Json, Minutes, SamplingRate, VehicleFile, option
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
+    from sprung.calibration import Calibration
     from sprung.diagnosis import Baseline, Observation
+    from sprung.recording import Recording
     from sprung.vehicles import Vehicle
 
 
@@ -28,13 +32,22 @@ def baseline(
     reason: Annotated[
         str, option("TEXT", "Reason for learning, such as 'new dampers'; required with --previous.", show_default=False)
     ] = "",
+    calibrate: Annotated[
+        bool | None,
+        option(
+            None,
+            "Complete the vehicle file first. Default: where it fits badly.",
+            "--calibrate/--no-calibrate",
+            panel=INPUT,
+        ),
+    ] = None,
     json: Json = None,
 ) -> None:
     """Learn the baseline of a vehicle from drives while it is healthy."""
     from sprung import tables
     from sprung.diagnosis import LEAST_WINDOWS, learn
     from sprung.documents import baseline_document, write_baseline
-    from sprung.vehicles import read_vehicle
+    from sprung.vehicles import read_vehicle, vehicle_text
 
     if previous is not None and not reason.strip():
         raise ParameterError("--previous requires --reason TEXT, such as 'new dampers'")
@@ -43,15 +56,41 @@ def baseline(
     description = read_vehicle(vehicle)
     before = None if previous is None else baseline_of(description, previous)
     with progress_bar() as report:
-        observations = observed(
-            files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
-        )
+
+        def parts() -> "Iterator[tuple[float, Recording]]":
+            return windows_of(files, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report)
+
+        observations = observed(parts(), description, report=report)
+        calibration = _calibration(parts, description, observations, is_wanted=calibrate)
+        if calibration is not None:
+            observations = observed(parts(), calibration.vehicle, report=report)
     least = LEAST_WINDOWS if least_windows is None else least_windows
     learnt = learn(observations, reason=reason.strip() or "first learning", previous=before, least_windows=least)
+    if calibration is not None:
+        learnt = replace(learnt, vehicle_file=vehicle_text(calibration.vehicle))
     write_baseline(learnt, out)
     if write_result(baseline_document(learnt), json):
         sentences = tables.baseline_in_words(learnt, n_windows=len(observations))
-        show(tables.baseline_table(learnt), [*sentences, f"wrote {out}"])
+        completed = [] if calibration is None else tables.calibration_in_words(calibration)
+        show(tables.baseline_table(learnt), [*sentences, *completed, f"wrote {out}"])
+
+
+def _calibration(
+    parts: "Callable[[], Iterator[tuple[float, Recording]]]",
+    vehicle: "Vehicle",
+    observations: "list[Observation]",
+    *,
+    is_wanted: bool | None,
+) -> "Calibration | None":
+    """Return the calibration of a vehicle file: as wanted, or where it explains the windows badly."""
+    from sprung.calibration import calibrate, chosen_windows, is_imperfect
+
+    errors = [one.conditions.get("model_error", math.inf) for one in observations]
+    if not (is_imperfect(errors) if is_wanted is None else is_wanted):
+        return None
+    chosen = chosen_windows(len(errors))
+    calibration = calibrate([part for number, (_, part) in enumerate(parts()) if number in chosen], vehicle)
+    return calibration if is_wanted or calibration.is_better else None
 
 
 def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":
@@ -67,24 +106,41 @@ def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":
     return baseline
 
 
-def observed(
+def completed_vehicle(vehicle: "Vehicle", baseline: "Baseline | None") -> "Vehicle":
+    """Return the vehicle in terms of which a baseline was learnt: that of its calibration, if there was one."""
+    from sprung.vehicles import vehicle_from_text
+
+    if baseline is None or not baseline.vehicle_file:
+        return vehicle
+    return vehicle_from_text(baseline.vehicle_file, source="the vehicle file of the baseline")
+
+
+def windows_of(
     files: list[Path],
-    vehicle: "Vehicle",
     *,
     sampling_rate: float | None,
     channels: str | None,
     minutes: float,
     report: Callable[[str, float], None],
-) -> "list[Observation]":
-    """Return the observations of all windows of files."""
+) -> "Iterator[tuple[float, Recording]]":
+    """Return the windows of files with their times, read one after the other."""
     from sprung._checks import check_number
-    from sprung.diagnosis import observe_window, windows
+    from sprung.diagnosis import windows
     from sprung.formats.records import read_records
 
     check_number("--window", minutes, at_least=1)
     recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
+    return windows(recordings, length=60 * minutes)
+
+
+def observed(
+    parts: "Iterable[tuple[float, Recording]]", vehicle: "Vehicle", *, report: Callable[[str, float], None]
+) -> "list[Observation]":
+    """Return the observations of windows."""
+    from sprung.diagnosis import observe_window
+
     observations: list[Observation] = []
-    for number, (time, part) in enumerate(windows(recordings, length=60 * minutes), start=1):
+    for number, (time, part) in enumerate(parts, start=1):
         report(f"window {number}", 0.5)
         observations.append(observe_window(part, vehicle, time=time))
     return observations

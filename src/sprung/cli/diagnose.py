@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.baseline import baseline_of, observed
+from sprung.cli.baseline import baseline_of, completed_vehicle, observed, windows_of
 from sprung.cli.checks import check_file, check_folder
 from sprung.cli.options import INPUT, Channels, Figures, Files, Json, Minutes, SamplingRate, VehicleFile, option
 from sprung.cli.output import show, write_result
@@ -46,10 +46,10 @@ def diagnose(
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
     description = read_vehicle(vehicle)
     normal = None if baseline is None else baseline_of(description, baseline)
+    description = completed_vehicle(description, normal)
     with progress_bar() as report:
-        observations = observed(
-            files, description, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report
-        )
+        parts = windows_of(files, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report)
+        observations = observed(parts, description, report=report)
         result = diagnosis.diagnose(
             observations, normal, false_alarms=false_alarms, windows_per_day=hours_per_day * 60 / window
         )

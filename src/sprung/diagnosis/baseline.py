@@ -73,6 +73,10 @@ class Baseline:
     taught
         Times of the windows that it was learnt from [s].
 
+    vehicle_file
+        Text of the vehicle file that a calibration completed, in terms of which the windows were observed; empty: the
+        file as given.
+
     Raises
     ------
     ParameterError
@@ -97,6 +101,7 @@ class Baseline:
     residuals: ResidualReference | None = None
     model_error: float = 0.0
     taught: tuple[float, ...] = ()
+    vehicle_file: str = ""
 
     def __post_init__(self) -> None:
         size, more = len(self.components), 1 + len(CONDITIONS)

@@ -7,6 +7,7 @@ from sprung.documents.baseline import (
     read_baseline,
     write_baseline,
 )
+from sprung.documents.calibration import CalibrationDocument, calibration_document
 from sprung.documents.corners import CornersDocument, corners_document, read_corners, write_corners
 from sprung.documents.diagnosis import (
     DiagnosisDocument,
@@ -44,6 +45,7 @@ __all__ = [
     "AlertHistoryDocument",
     "AlertsDocument",
     "BaselineDocument",
+    "CalibrationDocument",
     "CornersDocument",
     "DiagnosisDocument",
     "Document",
@@ -54,6 +56,7 @@ __all__ = [
     "VehiclesDocument",
     "baseline_document",
     "baseline_from_document",
+    "calibration_document",
     "corners_document",
     "detectable_document",
     "diagnosis_document",

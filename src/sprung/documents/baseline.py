@@ -42,6 +42,7 @@ class BaselineDocument(Document):
     information: Real
     degrees: float
     taught: tuple[float, ...] = ()
+    vehicle_file: str = ""
     conditions: dict[str, ConditionDocument]
     residuals: ResidualReference | None = None
     detectable: dict[str, dict[str, float]] = Field(default_factory=dict)

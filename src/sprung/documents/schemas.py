@@ -9,6 +9,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from sprung.documents.baseline import BaselineDocument
+from sprung.documents.calibration import CalibrationDocument
 from sprung.documents.corners import CornersDocument
 from sprung.documents.diagnosis import DiagnosisDocument
 from sprung.documents.document import Document, checked, read_fields, schema_of
@@ -21,6 +22,7 @@ _KINDS: tuple[type[Document], ...] = (
     AlertHistoryDocument,
     AlertsDocument,
     BaselineDocument,
+    CalibrationDocument,
     CornersDocument,
     DiagnosisDocument,
     IdentificationDocument,

@@ -1,5 +1,6 @@
 """Figures: one function for each, from values to a matplotlib figure."""
 
+from sprung.plotting.calibration import learnt_figure, misfit_figure
 from sprung.plotting.corners import corners_figure, correlation_figure, fitted_spectra_figure
 from sprung.plotting.diagnosis import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
 from sprung.plotting.mac import mac_figure, reference_mac_figure
@@ -26,8 +27,10 @@ __all__ = [
     "figures",
     "fitted_spectra_figure",
     "histories_figure",
+    "learnt_figure",
     "levels_figure",
     "mac_figure",
+    "misfit_figure",
     "mode_changes_figure",
     "reference_mac_figure",
     "response_figure",

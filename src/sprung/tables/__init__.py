@@ -1,5 +1,6 @@
 """Results as tables and sentences, for the command line, reports and pages."""
 
+from sprung.tables.calibration import calibration_in_words, calibration_table
 from sprung.tables.corners import components_table, fitted_modes_table, payload_in_words
 from sprung.tables.diagnosis import (
     baseline_in_words,
@@ -31,6 +32,8 @@ __all__ = [
     "alerts_table",
     "baseline_in_words",
     "baseline_table",
+    "calibration_in_words",
+    "calibration_table",
     "components_table",
     "counted",
     "diagnosis_in_words",

@@ -1,0 +1,183 @@
+"""Numbers of a vehicle file as a block of parameters of its likelihood."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from sprung._arrays import Complex, Real
+from sprung.calibration.draft import SENSORS, Draft, VehicleNumber, channel_responses, motion_of, moved
+from sprung.likelihood import ParameterBlock, RigidLayout
+from sprung.likelihood.terms import Terms
+from sprung.likelihood.transfer import TermGradients, Transfer
+from sprung.vehicles import Structure
+
+#: Step of the numerical derivatives over the standard deviation of the prior.
+_STEP = 1e-4
+
+
+class _Change(NamedTuple):
+    """Change of dynamic stiffness, drive and readings per unit of a parameter; None where it is 0 throughout."""
+
+    stiffness: Complex | None
+    drive: Complex | None
+    readings: Complex | None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FileNumbers(ParameterBlock):
+    """Numbers of a vehicle file; the parameters are ln(value / given value), or value - given value.
+
+    Parameters
+    ----------
+    draft
+        Vehicle as given.
+    numbers
+        Numbers to learn.
+    layout
+        Channels of the data.
+
+    Notes
+    -----
+    The vehicle is built anew from the file's numbers, so that whatever a file can state can be learnt. With dynamic
+    stiffness D, drive B and readings R (see `Terms`), dD, dB and dR of each number are central differences of these
+    smooth functions, exact to about 1e-8; what follows from them, dH = L (dB - dD X) - w^2 dR X, is not approximated.
+    """
+
+    draft: Draft
+    numbers: tuple[VehicleNumber, ...]
+    layout: RigidLayout
+
+    group: ClassVar[str] = "vehicle"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Places of the numbers in the file."""
+        return tuple(number.name for number in self.numbers)
+
+    @property
+    def start(self) -> Real:
+        """Numbers as given."""
+        return np.zeros(len(self.numbers))
+
+    @property
+    def prior_std(self) -> Real:
+        """Standard deviations of the numbers."""
+        return np.array([number.std for number in self.numbers])
+
+    def contribute(self, parameters: Real, terms: Terms) -> Terms:
+        """Return the terms of the vehicle with the numbers."""
+        draft = moved(self.draft, self.numbers, parameters)
+        vehicle = draft.structure()
+        s = _s(terms.frequencies)
+        responses = channel_responses(draft, self.draft, self.layout.names, terms.frequencies)
+        return replace(
+            terms,
+            elongations=vehicle.elongations,
+            feet=vehicle.feet,
+            stiffness=np.array([element.dynamic_stiffness(s) for element in vehicle.elements]),
+            mass=vehicle.mass,
+            forces=vehicle.forces,
+            motion=motion_of(self.layout.names, vehicle),
+            channel_response=terms.channel_response * responses,
+        )
+
+    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
+        """Return the gradient: 2 Re sum over frequencies of tr(E dB) - tr(G dD) - w^2 tr(dR X Q reduction)."""
+        terms = gradients.transfer.terms
+        sensed = gradients.transfer.displacements @ gradients.driven @ terms.reduction
+        sensed = sensed * ((2 * np.pi * terms.frequencies) ** 2)[:, None, None]
+        gradient = np.zeros(len(self.numbers))
+        for row, change in enumerate(self._changes(parameters, terms)):
+            if change.stiffness is not None:
+                gradient[row] -= 2 * np.einsum("fij,fji->", gradients.fed_back, change.stiffness).real
+            if change.drive is not None:
+                gradient[row] += 2 * np.einsum("fun,fnu->", gradients.forced, change.drive).real
+            if change.readings is not None:
+                gradient[row] -= 2 * np.einsum("fnk,fkn->", sensed, change.readings).real
+        return gradient
+
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+        """Return the derivatives of the spectral matrix."""
+        X, L = response.displacements, response.force_response
+        squared = ((2 * np.pi * response.terms.frequencies) ** 2)[:, None, None]
+        derivatives = []
+        for change in self._changes(parameters, response.terms):
+            dH = np.zeros_like(response.matrix)
+            if change.stiffness is not None:
+                dH -= L @ change.stiffness @ X
+            if change.drive is not None:
+                dH += L @ change.drive
+            if change.readings is not None:
+                dH -= squared * (response.terms.reduction @ change.readings @ X)
+            derivatives.append(response.change_by_transfer(dH))
+        return derivatives
+
+    def values(self, parameters: Real) -> dict[str, float]:
+        """Return the numbers in the units of the file."""
+        given = [number.get(self.draft) for number in self.numbers]
+        return {
+            number.name: number.value(value, parameter)
+            for number, value, parameter in zip(self.numbers, given, parameters.tolist(), strict=True)
+        }
+
+    def fitted(self, parameters: Real, structure: Structure) -> Structure:
+        """Return the vehicle with the numbers."""
+        return moved(self.draft, self.numbers, parameters).structure()
+
+    def _changes(self, parameters: Real, terms: Terms) -> list[_Change]:
+        """Derivatives of the matrices; those of the windows of one evaluation are computed once."""
+        frequencies = np.ascontiguousarray(terms.frequencies).tobytes()
+        return _changes(self.draft, self.numbers, self.layout.names, parameters.tobytes(), frequencies)
+
+
+@lru_cache(maxsize=4)
+def _changes(
+    draft: Draft, numbers: tuple[VehicleNumber, ...], channels: tuple[str, ...], point: bytes, grid: bytes
+) -> list[_Change]:
+    """Central differences of the matrices at the parameters of which `point` holds the bytes."""
+    frequencies, base = np.frombuffer(grid), moved(draft, numbers, np.frombuffer(point))
+    changes = []
+    for number in numbers:
+        step = _STEP * number.std
+        ends = [number.moved(base, sign * step) for sign in (1, -1)]
+        vehicles = [end.structure() for end in ends]
+        readings = [
+            _readings(end, draft, vehicle, channels, frequencies) for end, vehicle in zip(ends, vehicles, strict=True)
+        ]
+        of_sensors = _difference(*readings, step=2 * step)
+        if number.group == SENSORS:
+            changes.append(_Change(None, None, of_sensors))
+            continue
+        (above, drive_above), (below, drive_below) = (_dynamics(vehicle, frequencies) for vehicle in vehicles)
+        of_stiffness = _difference(above, below, step=2 * step)
+        changes.append(_Change(of_stiffness, _difference(drive_above, drive_below, step=2 * step), of_sensors))
+    return changes
+
+
+def _difference(above: Complex, below: Complex, *, step: float) -> Complex | None:
+    """Return the slope between two matrices; None if it is 0 throughout."""
+    if np.array_equal(above, below):
+        return None
+    return np.asarray((above - below) / step, dtype=np.complex128)
+
+
+def _dynamics(vehicle: Structure, frequencies: Real) -> tuple[Complex, Complex]:
+    """Dynamic stiffness (grid, n, n) and drive (grid, n, inputs) of a vehicle."""
+    squared = ((2 * np.pi * frequencies) ** 2)[:, None, None]
+    s, d = _s(frequencies), vehicle.elongations
+    weighted = np.array([element.dynamic_stiffness(s) for element in vehicle.elements]).T[:, None, :] * d.T
+    stiffness = weighted @ d - squared * vehicle.mass
+    return np.asarray(stiffness, dtype=np.complex128), np.asarray(weighted @ vehicle.feet + vehicle.forces)
+
+
+def _readings(draft: Draft, given: Draft, vehicle: Structure, channels: tuple[str, ...], frequencies: Real) -> Complex:
+    """Readings (grid, channels, n) of a draft's sensors; `vehicle` is its structure."""
+    responses = channel_responses(draft, given, channels, frequencies)
+    return np.asarray(responses[:, :, None] * motion_of(channels, vehicle), dtype=np.complex128)
+
+
+def _s(frequencies: Real) -> Complex:
+    """Complex angular frequencies."""
+    return np.asarray(2j * np.pi * frequencies, dtype=np.complex128)

@@ -1,0 +1,363 @@
+"""Completion of a vehicle file from healthy drives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from sprung._arrays import Real
+from sprung._checks import check_number
+from sprung.calibration.additions import likely_mount, with_mode, with_mount
+from sprung.calibration.draft import Draft, VehicleNumber, explicit, moved
+from sprung.calibration.fitting import FreeVehicle, JointFit, evaluated, joint_fit, reweighted
+from sprung.calibration.numbers import (
+    COMPONENT_FIELDS,
+    component_numbers,
+    file_numbers,
+    mode_numbers,
+    mounted_numbers,
+    with_widths,
+)
+from sprung.calibration.results import CalibratedNumber, Calibration
+from sprung.calibration.windows import DELAY, WindowSpectra, window_spectra
+from sprung.errors import ParameterError
+from sprung.likelihood import CornerFit, CornerSettings
+from sprung.likelihood.fitting import fit_windows
+from sprung.recording import Recording
+from sprung.vehicles import Component, Vehicle, corner_names
+from sprung.vehicles.sections import FlexibleMode, LearntNumber
+from sprung.vehicles.window import Window, window_of
+
+#: A number is told by the drives if they reduce its standard deviation to this share of the prior's or less.
+_TOLD = 0.5
+#: Median model error of windows above which a vehicle file is imperfect, and most windows for its calibration then.
+_IMPERFECT, _MOST_WINDOWS = 0.1, 6
+#: Gain in ln evidence from which a mass on mounts is added: far more than chance, as models are never perfect.
+_CONVINCING = 10.0
+#: Frequencies between which a mass is on mounts [Hz]: below it is part of the body, above it is fixed to it.
+_MOUNTS = (4.0, 30.0)
+#: Flexible modes that are tried: frequencies [Hz] and damping ratio.
+_MODE_FREQUENCIES, _MODE_DAMPING = (14.0, 17.0, 20.0, 24.0, 29.0, 35.0), 0.06
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationSettings:
+    """Choices of a calibration.
+
+    Parameters
+    ----------
+    corners
+        Choices of the fits, as for `sprung.likelihood.fit_corners`.
+    most_mounts
+        Largest number of masses on mounts that are added to the file.
+    has_modes
+        Whether torsion and bending of the body are added where the drives show them.
+
+    Raises
+    ------
+    ParameterError
+        If a number is below 0.
+    """
+
+    corners: CornerSettings = field(default_factory=CornerSettings)
+    most_mounts: int = 3
+    has_modes: bool = True
+
+    def __post_init__(self) -> None:
+        check_number("most_mounts", self.most_mounts, at_least=0)
+
+
+def calibrate(
+    recordings: Sequence[Recording], vehicle: Vehicle, *, settings: CalibrationSettings | None = None
+) -> Calibration:
+    """Complete a vehicle file with what healthy drives teach.
+
+    Parameters
+    ----------
+    recordings
+        Windows of healthy drives as read, with the same channels, at least one; drives with other loads, on other roads
+        and at other speeds teach more. About ten minutes each.
+    vehicle
+        Vehicle as its file describes it.
+    settings
+        Choices.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ParameterError
+        If there is no recording, or the recordings have other channels than the first one.
+    DataError
+        If the speed is missing, or no segment of a window is long, fast and steady enough.
+
+    Notes
+    -----
+    The parameters of maximum posterior probability of all windows together. A number of the file is shared by the
+    windows, and its prior counts once; payload, road and noise are each window's own. A mass on mounts is added where
+    the misfit asks for one (`likely_mount`) and the evidence for it is large.
+
+    References
+    ----------
+    J. L. Beck and L. S. Katafygiotis, Updating models and their uncertainties. I: Bayesian statistical framework,
+    Journal of Engineering Mechanics 124 (1998), 455-461.
+    D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992), 415-447 (evidence of models).
+    """
+    settings = settings or CalibrationSettings()
+    windows = [window_of(recording, vehicle) for recording in recordings]
+    _check_alike(windows)
+    corners, draft = settings.corners, explicit(vehicle)
+    before = [fit_windows([window], settings=corners) for window in windows]
+    spectra = tuple(window_spectra(window, corners) for window in windows)
+    fit = joint_fit(_free(spectra, draft, corners, vehicle), start=_start(before))
+    fit, notes = _with_additions(fit, vehicle, settings)
+    learnt = learnt_numbers(fit, vehicle)
+    complete = _with_sources(completed(fit), learnt, len(windows))
+    after = [fit_windows([window_of(recording, complete)], settings=corners) for recording in recordings]
+    return Calibration(
+        vehicle=complete,
+        learnt=learnt,
+        coordinates=before[0].model.layout.coordinates,
+        frequencies=before[0].model.spectra.frequencies,
+        misfit_before=_mean_misfit(before),
+        misfit_after=_mean_misfit(after),
+        model_errors_before=tuple(one.model_error for one in before),
+        model_errors_after=tuple(one.model_error for one in after),
+        n_segments=tuple(one.n_segments for one in after),
+        notes=(*notes, *_notes(learnt)),
+    )
+
+
+def is_imperfect(model_errors: Sequence[float]) -> bool:
+    """Return whether a vehicle file explains windows so badly that it should be calibrated first.
+
+    Parameters
+    ----------
+    model_errors
+        Model error of each window (`CornerFit.model_error`); infinite for a window that could not be fitted.
+    """
+    return bool(model_errors) and float(np.median(model_errors)) > _IMPERFECT
+
+
+def chosen_windows(n_windows: int) -> frozenset[int]:
+    """Return the numbers of the windows to calibrate on: at most six, evenly spread over the drives."""
+    return frozenset(np.linspace(0, n_windows - 1, min(n_windows, _MOST_WINDOWS)).round().astype(int).tolist())
+
+
+def calibrated_if_imperfect(
+    recordings: Sequence[Recording], vehicle: Vehicle, *, model_errors: Sequence[float]
+) -> Calibration | None:
+    """Calibrate a vehicle file if it explains the windows of a baseline badly.
+
+    Parameters
+    ----------
+    recordings
+        Windows of healthy drives as read.
+    vehicle
+        Vehicle as its file describes it.
+    model_errors
+        Model error of each window, as for `is_imperfect`.
+
+    Returns
+    -------
+    Calibration or None
+        None if the file is good enough, or the completed file explains the windows no better.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As raised by `calibrate`.
+    """
+    if not is_imperfect(model_errors):
+        return None
+    calibration = calibrate([recordings[number] for number in sorted(chosen_windows(len(recordings)))], vehicle)
+    return calibration if calibration.is_better else None
+
+
+def _free(spectra: tuple[WindowSpectra, ...], draft: Draft, corners: CornerSettings, given: Vehicle) -> FreeVehicle:
+    """Return windows with all that is free of a vehicle."""
+    numbers = (
+        *component_numbers(draft, std=corners.prior_std),
+        *mounted_numbers(draft, given=given),
+        *mode_numbers(draft, given=given),
+        *file_numbers(draft, spectra[0].layout.names),
+    )
+    return FreeVehicle(spectra, draft, with_widths(numbers, draft), corners)
+
+
+def _with_additions(fit: JointFit, given: Vehicle, settings: CalibrationSettings) -> tuple[JointFit, list[str]]:
+    """Return the fit with the parts that the file lacks and the drives show, and a sentence on each.
+
+    Torsion comes first: without it a mass on mounts would do part of its work, but not the other way round.
+    """
+    notes: list[str] = []
+    if settings.has_modes:
+        fit = _with_mode(fit, "torsion", given, notes)
+    for _ in range(settings.most_mounts):
+        mount = likely_mount(fit)
+        if mount is None:
+            break
+        richer, gain = _richer(fit, with_mount(fit.free.draft, mount), given)
+        mount = completed(richer).mounted_mass[-1]
+        if gain < _CONVINCING or not _MOUNTS[0] < mount.frequency < _MOUNTS[1]:
+            break
+        fit = richer
+        notes.append(
+            f"a mass of {mount.mass:.0f} kg on mounts of {mount.frequency:.3g} Hz at x = {mount.x:.2f} m explains what "
+            f"the vehicle file does not (ln evidence {gain:.0f})"
+        )
+    return (_with_mode(fit, "bending", given, notes) if settings.has_modes else fit), notes
+
+
+def _with_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle, notes: list[str]) -> JointFit:
+    """Return the fit with a flexible mode of the body if the drives show it; a sentence on it is added to the notes."""
+    mode = None if shape in {mode.shape for mode in given.flexible_mode} else _likely_mode(fit, shape, given)
+    if mode is None:
+        return fit
+    richer, gain = _richer(fit, with_mode(fit.free.draft, mode), given)
+    if gain < _CONVINCING:
+        return fit
+    frequency = completed(richer).flexible_mode[-1].frequency
+    notes.append(
+        f"a {shape} mode of the body at {frequency:.3g} Hz explains what the vehicle file does not "
+        f"(ln evidence {gain:.0f})"
+    )
+    return richer
+
+
+def _likely_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle) -> FlexibleMode | None:
+    """Return the flexible mode that lowers the objective of a fit most, all else unchanged; None if none does."""
+    best, least = None, fit.joint.objective(fit.parameters)[0]
+    for frequency in _MODE_FREQUENCIES:
+        mode = FlexibleMode(shape=shape, frequency=frequency, damping_ratio=_MODE_DAMPING)
+        draft = with_mode(fit.free.draft, mode)
+        value = evaluated(_free(fit.free.windows, draft, fit.free.settings, given), fit)
+        if value < least:
+            best, least = mode, value
+    return best
+
+
+def _richer(fit: JointFit, draft: Draft, given: Vehicle) -> tuple[JointFit, float]:
+    """Return the fit of a draft with one part more, and its gain in ln evidence under its own weights."""
+    richer = joint_fit(_free(fit.free.windows, draft, fit.free.settings, given), start=fit.values())
+    poorer = reweighted(fit, richer.weighting)
+    return richer, richer.joint.log_evidence(richer.parameters) - poorer.joint.log_evidence(poorer.parameters)
+
+
+def _start(fits: Sequence[CornerFit]) -> dict[str, float]:
+    """Return the joint parameters that usual fits of the windows give: components of the axles, payloads, roads."""
+    start: dict[str, float] = {}
+    for number, fit in enumerate(fits):
+        rows = fit.model.rows("noise", "class_roughness", "components")
+        for row in np.setdiff1d(np.arange(fit.parameters.size), rows):
+            start[f"window_{number}.{fit.model.names[row]}"] = float(fit.parameters[row])
+    kinds = {kind: name for name, (kind, _) in COMPONENT_FIELDS.items()}
+    ratios: dict[str, list[float]] = {}
+    for fit in fits:
+        for component, ratio in zip(fit.components, fit.log_ratios.tolist(), strict=True):
+            ratios.setdefault(f"{component.axle}.{kinds[component.kind]}", []).append(ratio)
+    return start | {name: float(np.mean(values)) for name, values in ratios.items()}
+
+
+def _check_alike(windows: Sequence[Window]) -> None:
+    """Raise unless the windows have the same channels."""
+    if not windows:
+        raise ParameterError("no window was given, but one is needed: give drives of the vehicle")
+    first = windows[0]
+    for window in windows[1:]:
+        if window.outputs != first.outputs:
+            raise ParameterError(
+                f"a window has the channels {', '.join(window.outputs)}, the first one {', '.join(first.outputs)}: "
+                "give windows with the same channels"
+            )
+
+
+def _mean_misfit(fits: Sequence[CornerFit]) -> Real:
+    """Return the misfit of all windows, averaged by their numbers of segments, shape (coordinates, frequencies)."""
+    frequencies = fits[0].model.spectra.frequencies
+    misfits = [[np.interp(frequencies, fit.model.spectra.frequencies, row) for row in fit.misfit] for fit in fits]
+    return np.average(misfits, axis=0, weights=[fit.n_segments for fit in fits])
+
+
+def learnt_numbers(fit: JointFit, vehicle: Vehicle) -> tuple[CalibratedNumber, ...]:
+    """Return the numbers of a vehicle that were free in a fit, with their standard deviations."""
+    joint, given = fit.joint, fit.free.draft
+    std = np.sqrt(np.diag(joint.covariance(fit.parameters)))
+    rows = {name: row for row, name in enumerate(joint.names)}
+    places = [rows[number.name] for number in fit.free.numbers]
+    ends = zip(fit.free.numbers, fit.parameters[places].tolist(), std[places].tolist(), strict=True)
+    n_mounts, known = len(vehicle.mounted_mass), {mode.shape for mode in vehicle.flexible_mode}
+    new = (
+        *(f"mounted_mass_{number}." for number in range(n_mounts + 1, len(given.vehicle.mounted_mass) + 1)),
+        *(f"{mode.shape}." for mode in given.vehicle.flexible_mode if mode.shape not in known),
+    )
+    learnt = [
+        _learnt(number, given, parameter, deviation, is_new=number.name.startswith(new))
+        for number, parameter, deviation in ends
+    ]
+    if DELAY in rows:
+        row = rows[DELAY]
+        of_prior, before = float(joint.prior_std[row]), given.vehicle.speed_scale
+        scale = before * float(np.exp(-fit.parameters[row]))
+        is_told = bool(std[row] < _TOLD * of_prior)
+        learnt.append(
+            CalibratedNumber("speed_scale", "speed", "", before, scale, scale * float(std[row]), of_prior, is_told)
+        )
+    return tuple(learnt)
+
+
+def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float, *, is_new: bool) -> CalibratedNumber:
+    """Return a number with its learnt value."""
+    given = number.get(draft)
+    value = number.value(given, parameter)
+    return CalibratedNumber(
+        name=number.name,
+        group=number.group,
+        unit=number.unit,
+        given=None if is_new else given,
+        value=value,
+        std=number.std_of_value(value, std),
+        prior_std=number.std_of_value(given, number.std),
+        is_told=std < _TOLD * number.std,
+    )
+
+
+def completed(fit: JointFit) -> Vehicle:
+    """Return the vehicle file of a fit: each axle has the geometric mean of its corners."""
+    own = fit.joint.of_window(0, fit.parameters)[: len(fit.free.numbers)]
+    draft = moved(fit.free.draft, fit.free.numbers, own)
+    corners = corner_names(len(draft.vehicle.axle))
+    for index in range(len(draft.vehicle.axle)):
+        axle, sides = draft.vehicle.axle[index], corners[2 * index : 2 * index + 2]
+        for name, (kind, _) in COMPONENT_FIELDS.items():
+            value = getattr(axle, name)
+            factors = [draft.factors.get(Component(corner, kind), 1.0) for corner in sides]
+            if value:
+                draft = draft.with_entry("axle", index, **{name: value * float(np.sqrt(np.prod(factors)))})
+    return draft.with_fields(
+        speed_scale=draft.vehicle.speed_scale * float(np.exp(-fit.values().get(DELAY, 0.0)))
+    ).vehicle
+
+
+def _with_sources(vehicle: Vehicle, learnt: Sequence[CalibratedNumber], n_windows: int) -> Vehicle:
+    """Return the vehicle file with a table of where the numbers that the drives determine come from."""
+    drives = "one drive" if n_windows == 1 else f"{n_windows} windows of drives"
+    entries = [
+        LearntNumber(name=one.name, value=one.value, std=one.std, given=one.given, source=f"calibrated on {drives}")
+        for one in learnt
+        if one.is_told
+    ]
+    names = {entry.name for entry in entries}
+    kept = [entry for entry in vehicle.learnt if entry.name not in names]
+    return vehicle.model_copy(update={"learnt": (*kept, *entries)})
+
+
+def _notes(learnt: Sequence[CalibratedNumber]) -> tuple[str, ...]:
+    """Return remarks on what the drives did not tell."""
+    silent = [number.name for number in learnt if not number.is_told and number.group not in {"sides", "sensors"}]
+    if not silent:
+        return ()
+    return (f"not determined by these drives, and left near the given values: {', '.join(silent)}",)

@@ -1,0 +1,189 @@
+"""Joint fit of windows: rough and then full, tempered, without lines, as the fit of a single window."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sprung._arrays import Real
+from sprung.calibration.draft import Draft, VehicleNumber
+from sprung.calibration.joint import JointModel, fitted
+from sprung.calibration.windows import WindowSpectra, joint_of, scaled_start, window_model
+from sprung.likelihood import CornerSettings, SegmentSpectra, SpectralLine, class_spectra, residual_lines
+from sprung.likelihood.masked_lines import without_lines
+from sprung.likelihood.uncertainty import segment_weights, tempering
+from sprung.likelihood.vehicle import highest_of_body
+
+#: Tempering of the first fit, and number of fits after it.
+_FIRST, _FULL_FITS = 0.1, 2
+#: Lowest frequency at which lines are sought over that of the highest mode of the body.
+_OVER_BODY = 1.5
+#: Largest ln of the roughness of a class over the common one at the start.
+_ROUGHEST = 7.0
+#: Smallest tempering: below it a window would say nothing.
+_WEAKEST = 0.01
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Weighting:
+    """How much the parts of a window count in its likelihood.
+
+    Parameters
+    ----------
+    amplitudes
+        Factor of the spectra of each segment, shape (segments,): less than 1 for potholes.
+    lines
+        Lines that are left out.
+    tempering
+        Power of the likelihood.
+    """
+
+    amplitudes: Real
+    lines: tuple[SpectralLine, ...]
+    tempering: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FreeVehicle:
+    """Windows of a vehicle, and what of its file is free.
+
+    Parameters
+    ----------
+    windows
+        Spectra of the windows.
+    draft
+        Vehicle as given.
+    numbers
+        Numbers of the file that are free.
+    settings
+        Choices of the fit.
+    """
+
+    windows: tuple[WindowSpectra, ...]
+    draft: Draft
+    numbers: tuple[VehicleNumber, ...]
+    settings: CornerSettings
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class JointFit:
+    """Windows fitted together.
+
+    Parameters
+    ----------
+    free
+        Windows, vehicle and its free numbers.
+    joint
+        Windows with their data.
+    parameters
+        Joint parameters at the optimum.
+    weighting
+        Weights of the last fit, window by window.
+    """
+
+    free: FreeVehicle
+    joint: JointModel
+    parameters: Real
+    weighting: tuple[Weighting, ...]
+
+    def values(self) -> dict[str, float]:
+        """Return the joint parameters by name."""
+        return dict(zip(self.joint.names, self.parameters.tolist(), strict=True))
+
+
+def joint_fit(free: FreeVehicle, *, start: Mapping[str, float] | None = None) -> JointFit:
+    """Fit numbers of a vehicle file to windows.
+
+    Parameters
+    ----------
+    free
+        Windows, vehicle and its free numbers.
+    start
+        Joint parameters by name at which the search starts; those that are absent start at the given values.
+
+    Notes
+    -----
+    As `sprung.likelihood.fit_segments`: a first fit with a tenth of the weight, then full ones, each with the lines,
+    amplitudes and tempering that follow from the one before.
+    """
+    weighting = tuple(Weighting(np.ones(window.segments.speeds.size), (), _FIRST) for window in free.windows)
+    joint = _joint(free, weighting)
+    fit = JointFit(free, joint, fitted(joint, _with_roughness(joint, _started(joint, start or {}))), weighting)
+    for _ in range(_FULL_FITS):
+        weighting = _weightings(fit)
+        joint = _joint(free, weighting)
+        fit = JointFit(free, joint, fitted(joint, fit.parameters), weighting)
+    return fit
+
+
+def reweighted(fit: JointFit, weighting: tuple[Weighting, ...]) -> JointFit:
+    """Repeat a fit with the weights of another one, so that their likelihoods compare.
+
+    Parameters
+    ----------
+    fit
+        Fit whose parameters are the start.
+    weighting
+        Weights of the windows.
+    """
+    joint = _joint(fit.free, weighting)
+    return JointFit(fit.free, joint, fitted(joint, fit.parameters), weighting)
+
+
+def _joint(free: FreeVehicle, weighting: Sequence[Weighting]) -> JointModel:
+    """Return the joint model of weighted windows in usual speed classes."""
+    models = []
+    for window, weights in zip(free.windows, weighting, strict=True):
+        spectra = class_spectra(_limited(window, weights.amplitudes))
+        counted = weights.tempering * spectra.weights * without_lines(spectra, weights.lines)
+        tempered = replace(spectra, weights=counted)
+        models.append(window_model(tempered, window, free.draft, free.numbers, free.settings))
+    return joint_of(models)
+
+
+def _limited(window: WindowSpectra, amplitudes: Real) -> SegmentSpectra:
+    """Return the segments of a window with their amplitudes limited."""
+    return replace(window.segments, values=window.segments.values * amplitudes[:, None, None])
+
+
+def _weightings(fit: JointFit) -> tuple[Weighting, ...]:
+    """Return the weights of the windows that follow from a fit."""
+    settings, weighting = fit.free.settings, []
+    highest = highest_of_body(fit.free.draft.structure())
+    for number, (window, model) in enumerate(zip(fit.free.windows, fit.joint.models, strict=True)):
+        parameters = fit.joint.of_window(number, fit.parameters)
+        amplitudes = np.sqrt(segment_weights(model, parameters, window.segments))
+        lowest = 0.0 if window.kind == "rig" else _OVER_BODY * highest
+        lines = residual_lines(model, parameters, lowest=lowest) if settings.has_lines_masked else ()
+        spectra = class_spectra(_limited(window, amplitudes))
+        untempered = replace(spectra, weights=spectra.weights * without_lines(spectra, lines))
+        power = tempering(replace(model, spectra=untempered), parameters)
+        weighting.append(Weighting(amplitudes, lines, max(_WEAKEST, power)))
+    return tuple(weighting)
+
+
+def _started(joint: JointModel, known: Mapping[str, float]) -> Real:
+    """Return the start of a search with the parameters that are known."""
+    start = scaled_start(joint)
+    for number, name in enumerate(joint.names):
+        start[number] = known.get(name, start[number])
+    return start
+
+
+def _with_roughness(joint: JointModel, parameters: Real) -> Real:
+    """Return the parameters with the roughness of each speed class at the power of its data."""
+    parameters = parameters.copy()
+    for number, (model, rows) in enumerate(zip(joint.models, joint.rows, strict=True)):
+        levels = model.rows("class_roughness")
+        if levels.size:
+            fitted_matrices = model.matrix(joint.of_window(number, parameters))
+            ratio = np.einsum("cfij,cfji->c", np.linalg.inv(fitted_matrices), model.spectra.matrices).real
+            mean = ratio / (model.spectra.frequencies.size * len(model.layout.rows))
+            parameters[rows[levels]] = np.clip(np.log(np.maximum(mean, 1e-9)), -_ROUGHEST, _ROUGHEST)
+    return parameters
+
+
+def evaluated(free: FreeVehicle, fit: JointFit) -> float:
+    """Return the objective of windows at the parameters and weights of a fit, further parameters at their start."""
+    joint = _joint(free, fit.weighting)
+    return joint.objective(_started(joint, fit.values()))[0]

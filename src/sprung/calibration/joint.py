@@ -1,0 +1,179 @@
+"""Windows of one vehicle fitted together: what is the vehicle's is shared, what is the drive's is not."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sprung._arrays import Indices, Real
+from sprung._checks import freeze
+from sprung.errors import ParameterError
+from sprung.likelihood import Model
+from sprung.likelihood.spectra import OVERCOUNT
+from sprung.likelihood.whittle import TOO_FAR
+
+#: Largest number of steps of a search, and gain of a Newton step below which it ends.
+_MOST_STEPS, _SETTLED = 40, 0.03
+#: Damping of the first step of a search, its factor after a step that failed and after one that succeeded, and its end.
+_DAMPING, _MORE, _LESS, _STUCK = 1e-3, 10.0, 0.2, 1e8
+#: Longest step in standard deviations of the prior.
+_FARTHEST = 2.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class JointModel:
+    """Models of several windows with parameters in common.
+
+    Parameters
+    ----------
+    models
+        Model of each window.
+    rows
+        Number of the joint parameter that each parameter of each model is, shape (parameters of the model,) each.
+    names
+        Names of the joint parameters.
+    start, prior_std
+        Centre and standard deviation of their prior, shape (parameters,).
+
+    Notes
+    -----
+    Windows are independent given the parameters, so that the joint log likelihood is the sum of theirs; the prior of
+    a shared parameter counts once.
+
+    References
+    ----------
+    A. Gelman, J. B. Carlin, H. S. Stern, D. B. Dunson, A. Vehtari and D. B. Rubin, Bayesian Data Analysis, 3rd edition,
+    CRC Press, 2013, chapter 5 (hierarchical models: parameters of the population and of the groups).
+    """
+
+    models: tuple[Model, ...]
+    rows: tuple[Indices, ...]
+    names: tuple[str, ...]
+    start: Real
+    prior_std: Real
+
+    def __post_init__(self) -> None:
+        freeze(self, start=1, prior_std=1)
+
+    def objective(self, parameters: Real) -> tuple[float, Real]:
+        """Return minus the log likelihood of all windows, the prior included once, and its gradient."""
+        deviation = (parameters - self.start) / self.prior_std
+        value, gradient = float(deviation @ deviation) / 2, deviation / self.prior_std
+        for model, rows in zip(self.models, self.rows, strict=True):
+            own = parameters[rows]
+            of_window, slope = model.objective(own)
+            if of_window == TOO_FAR:
+                return TOO_FAR, np.zeros_like(parameters)
+            apart = (own - model.start) / model.prior_std
+            value += of_window - float(apart @ apart) / 2
+            np.add.at(gradient, rows, slope - apart / model.prior_std)
+        return value, gradient
+
+    def information(self, parameters: Real) -> Real:
+        """Return the Fisher information of all windows without the prior, shape (parameters, parameters)."""
+        information = np.zeros((parameters.size, parameters.size))
+        for model, rows in zip(self.models, self.rows, strict=True):
+            information[np.ix_(rows, rows)] += model.information(parameters[rows])
+        return information
+
+    def of_window(self, number: int, parameters: Real) -> Real:
+        """Return the parameters of one window's model."""
+        return np.asarray(parameters[self.rows[number]], dtype=np.float64)
+
+    def covariance(self, parameters: Real) -> Real:
+        """Return the covariance A (c I + P) A of the parameters, A = (I + P)^-1, c for the overlap of the segments."""
+        information, prior = self.information(parameters), np.diag(1 / self.prior_std**2)
+        bread = np.linalg.inv(information + prior)
+        return np.asarray(bread @ (OVERCOUNT * information + prior) @ bread, dtype=np.float64)
+
+    def log_evidence(self, parameters: Real) -> float:
+        """Return ln of the probability of the data, the parameters averaged over their prior; Laplace's approximation.
+
+        Notes
+        -----
+        With the objective l + p at its minimum, l the data's part, c = 19/9 for the overlap of the segments and
+        P = diag(1 / prior_std^2): -l / c - p - 1/2 ln det(I / c + P) + 1/2 ln det P, but for a constant of the data.
+
+        References
+        ----------
+        D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992), 415-447 (Occam factor).
+        """
+        deviation = (parameters - self.start) / self.prior_std
+        of_prior = float(deviation @ deviation) / 2
+        of_data = (self.objective(parameters)[0] - of_prior) / OVERCOUNT
+        scale = np.outer(self.prior_std, self.prior_std)
+        gain = np.eye(parameters.size) + scale * self.information(parameters) / OVERCOUNT
+        return -of_data - of_prior - float(np.linalg.slogdet(gain)[1]) / 2
+
+
+def joint_model(models: Sequence[Model], *, shared: Collection[str]) -> JointModel:
+    """Return the joint model of windows.
+
+    Parameters
+    ----------
+    models
+        Model of each window, at least one.
+    shared
+        Names of the parameters that all windows have in common; the others are each window's own.
+
+    Raises
+    ------
+    ParameterError
+        If there is no model.
+    """
+    if not models:
+        raise ParameterError("no window was given, but one is needed: give drives of the vehicle")
+    numbers: dict[str, int] = {}
+    start: list[float] = []
+    prior_std: list[float] = []
+    rows = []
+    for window, model in enumerate(models):
+        own = [name if name in shared else f"window_{window}.{name}" for name in model.names]
+        for name, centre, std in zip(own, model.start.tolist(), model.prior_std.tolist(), strict=True):
+            if name not in numbers:
+                numbers[name] = len(numbers)
+                start.append(centre)
+                prior_std.append(std)
+        rows.append(np.array([numbers[name] for name in own], dtype=np.intp))
+    return JointModel(tuple(models), tuple(rows), tuple(numbers), np.array(start), np.array(prior_std))
+
+
+def fitted(joint: JointModel, start: Real) -> Real:
+    """Return the joint parameters at which the likelihood is largest.
+
+    Parameters
+    ----------
+    joint
+        Windows with their data.
+    start
+        Parameters at which the search starts, shape (parameters,).
+
+    Notes
+    -----
+    Fisher scoring with the damping of Levenberg and Marquardt: each step solves
+    (I + P + damping diag(I + P)) step = -gradient. The derivatives of a step serve all windows, which is why few steps
+    are worth more here than cheap ones.
+
+    References
+    ----------
+    D. W. Marquardt, An algorithm for least-squares estimation of nonlinear parameters, Journal of the Society for
+    Industrial and Applied Mathematics 11 (1963), 431-441.
+    """
+    parameters, damping = start, _DAMPING
+    value, gradient = joint.objective(parameters)
+    for _ in range(_MOST_STEPS):
+        information = joint.information(parameters) + np.diag(1 / joint.prior_std**2)
+        while True:
+            step = -np.linalg.solve(information + damping * np.diag(np.diag(information)), gradient)
+            step *= min(1.0, _FARTHEST / np.max(np.abs(step) / joint.prior_std))
+            end, slope = joint.objective(parameters + step)
+            if end < value:
+                break
+            damping *= _MORE
+            if damping > _STUCK or -gradient @ step < _SETTLED:
+                return parameters
+        gain = value - end
+        parameters, value, gradient, damping = parameters + step, end, slope, damping * _LESS
+        if gain < _SETTLED:
+            break
+    return parameters

@@ -1,0 +1,96 @@
+"""What a calibration learnt: numbers of the vehicle with their uncertainty, and the misfit before and after."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sprung._arrays import Real
+from sprung._checks import freeze
+from sprung.vehicles import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedNumber:
+    """A number of the vehicle after calibration.
+
+    Parameters
+    ----------
+    name
+        Place of the number in the file, such as "front.tyre_stiffness", "acc_fl.x" or "speed_scale".
+    group
+        Kind of number: "components", "sides", "body", "wheels", "sensors", "mounted_masses", "modes", "speed".
+    unit
+        Unit of the values.
+    given
+        Value of the file; None if the file lacks it.
+    value, std
+        Learnt value and its standard deviation.
+    prior_std
+        Standard deviation before any data.
+    is_told
+        Whether the drives determine it: the data halve its standard deviation at least. The others stay near the given
+        value.
+    """
+
+    name: str
+    group: str
+    unit: str
+    given: float | None
+    value: float
+    std: float
+    prior_std: float
+    is_told: bool
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Calibration:
+    """A vehicle file completed from drives.
+
+    Parameters
+    ----------
+    vehicle
+        Completed vehicle.
+    learnt
+        Numbers that were free, told by the drives or not.
+    coordinates
+        Coordinates of the misfit.
+    frequencies
+        Frequencies of the misfit [Hz], shape (frequencies,).
+    misfit_before, misfit_after
+        Measured over fitted power less 1 in fits of the corners, averaged over the windows: with the file as given and
+        as completed; shape (coordinates, frequencies).
+    model_errors_before, model_errors_after
+        Model error of each window in these fits.
+    n_segments
+        Number of segments of each window.
+    notes
+        Remarks, one sentence each.
+    """
+
+    vehicle: Vehicle
+    learnt: tuple[CalibratedNumber, ...]
+    coordinates: tuple[str, ...]
+    frequencies: Real
+    misfit_before: Real
+    misfit_after: Real
+    model_errors_before: tuple[float, ...]
+    model_errors_after: tuple[float, ...]
+    n_segments: tuple[int, ...]
+    notes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self, frequencies=1, misfit_before=2, misfit_after=2)
+
+    @property
+    def n_windows(self) -> int:
+        """Number of windows."""
+        return len(self.n_segments)
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the completed file explains the windows better than the given one, by the median model error."""
+        return bool(np.median(self.model_errors_after) < np.median(self.model_errors_before))
+
+    def number(self, name: str) -> CalibratedNumber:
+        """Return a learnt number by its name; KeyError if it was not free."""
+        return {number.name: number for number in self.learnt}[name]

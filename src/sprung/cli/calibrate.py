@@ -1,0 +1,67 @@
+"""The command `sprung calibrate`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from sprung.cli.checks import check_file, check_folder, names
+from sprung.cli.options import INPUT, Channels, Figures, Files, Json, Minutes, SamplingRate, VehicleFile, option
+from sprung.cli.output import show, write_result
+from sprung.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from sprung.calibration import Calibration
+
+
+def calibrate(
+    files: Files,
+    *,
+    vehicle: VehicleFile,
+    out: Annotated[Path, option("V2.toml", "Completed vehicle file to write.")],
+    channels: Channels = None,
+    sampling_rate: SamplingRate = None,
+    window: Minutes = 10.0,
+    mounts: Annotated[int, option("N", "Largest number of masses on mounts to add.", min=0, panel=INPUT)] = 3,
+    modes: Annotated[
+        bool, option(None, "Add torsion and bending where the drives show them.", "--modes/--no-modes", panel=INPUT)
+    ] = True,
+    figures: Figures = None,
+    json: Json = None,
+) -> None:
+    """Complete a vehicle file with what healthy drives teach: sensors, wheels, masses on mounts, modes of the body."""
+    from sprung import tables
+    from sprung.calibration import CalibrationSettings
+    from sprung.calibration import calibrate as calibrated
+    from sprung.diagnosis import windows
+    from sprung.documents import calibration_document
+    from sprung.formats.records import read_records
+    from sprung.vehicles import read_vehicle, write_vehicle
+
+    check_file("--out", out, inputs=files)
+    check_file("--json", json, inputs=[*files, vehicle])
+    check_folder("--figures", figures)
+    description = read_vehicle(vehicle)
+    settings = CalibrationSettings(most_mounts=mounts, has_modes=modes)
+    with progress_bar() as report:
+        recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
+        parts = [part for _, part in windows(recordings, length=60 * window)]
+        report(f"calibrating on {len(parts)} windows", 0.5)
+        result = calibrated(parts, description, settings=settings)
+        paths = _draw(result, figures, ", ".join(path.name for path in files))
+    write_vehicle(result.vehicle, out)
+    if write_result(calibration_document(result), json):
+        sentences = tables.calibration_in_words(result)
+        show(tables.calibration_table(result), [*sentences, f"wrote {out}", *(f"wrote {path}" for path in paths)])
+
+
+def _draw(calibration: "Calibration", folder: Path | None, source: str) -> list[Path]:
+    """Write the figures and return their paths."""
+    if folder is None:
+        return []
+    from sprung.plotting.calibration import learnt_figure, misfit_figure
+    from sprung.plotting.saving import save
+
+    figures = {
+        "misfit": misfit_figure(calibration, source=source),
+        "learnt": learnt_figure(calibration, source=source),
+    }
+    return save(figures, folder)

@@ -1,0 +1,40 @@
+"""The document of a calibration, `sprung.calibration/1`."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from sprung._arrays import Real
+from sprung.calibration import CalibratedNumber, Calibration
+from sprung.documents.document import Document
+
+
+class CalibrationDocument(Document):
+    """What drives taught about a vehicle; the vehicle file itself is written next to it."""
+
+    schema_name: Literal["sprung.calibration/1"] = Field(alias="schema")
+    vehicle: str
+    learnt: tuple[CalibratedNumber, ...]
+    coordinates: tuple[str, ...]
+    frequencies: Real
+    misfit_before: Real
+    misfit_after: Real
+    model_errors_before: tuple[float, ...]
+    model_errors_after: tuple[float, ...]
+    n_segments: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+def calibration_document(calibration: Calibration) -> CalibrationDocument:
+    """Return a calibration as `sprung.calibration/1`.
+
+    Parameters
+    ----------
+    calibration
+        Vehicle completed from drives.
+    """
+    names = [name for name in CalibrationDocument.model_fields if name not in {"schema_name", "vehicle"}]
+    fields = {name: getattr(calibration, name) for name in names}
+    return CalibrationDocument.model_validate(
+        {"schema": "sprung.calibration/1", "vehicle": calibration.vehicle.name, **fields}
+    )

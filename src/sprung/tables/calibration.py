@@ -1,0 +1,35 @@
+"""Tables of a calibration."""
+
+from sprung.calibration import CalibratedNumber, Calibration
+from sprung.tables.table import Table, with_deviation
+
+#: Groups whose numbers are listed only where the drives determine them.
+_MINOR = {"sides", "sensors"}
+
+
+def calibration_table(calibration: Calibration) -> Table:
+    """Return the table of the numbers that drives taught, with what the file stated."""
+    rows = tuple(_row(number) for number in calibration.learnt if number.is_told or number.group not in _MINOR)
+    columns = ("number", "given", "learnt", "change", "from the drives")
+    return Table("Numbers of the vehicle file", columns, rows, n_words=1, caption="± standard deviation")
+
+
+def calibration_in_words(calibration: Calibration) -> list[str]:
+    """Return sentences on the misfit before and after, and the notes."""
+    before, after = (
+        ", ".join(f"{100 * error:.0f}" for error in errors)
+        for errors in (calibration.model_errors_before, calibration.model_errors_after)
+    )
+    return [f"model error of the windows: {before} % before, {after} % after", *calibration.notes]
+
+
+def _row(number: CalibratedNumber) -> tuple[str, ...]:
+    """Return one line of the table."""
+    unit = f" [{number.unit}]" if number.unit else ""
+    given = "–" if number.given is None else f"{number.given:.5g}"
+    change = ""
+    if number.given:
+        percent = f"{100 * (number.value / number.given - 1):+.1f} %"
+        change = f"{number.value - number.given:+.2g}" if number.unit in {"m", "s"} else percent
+    told = "yes" if number.is_told else "no"
+    return f"{number.name}{unit}", given, with_deviation(number.value, number.std), change, told

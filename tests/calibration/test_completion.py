@@ -1,0 +1,83 @@
+"""Calibration on simulated drives: sensor places, and what a complete file gets."""
+
+import numpy as np
+import pytest
+
+from sprung.calibration import CalibrationSettings, calibrate, chosen_windows, is_imperfect
+from sprung.errors import ParameterError
+from sprung.recording import Recording
+from sprung.simulation import RoadDrive, simulate_drive
+from sprung.vehicles import vehicle_from_text, vehicle_text
+
+
+@pytest.fixture(scope="module")
+def drive(hatchback):
+    """A linear drive of five minutes."""
+    return simulate_drive(hatchback, RoadDrive(duration=300.0, sampling_rate=120.0, snr=50.0), seed=3)
+
+
+def _apart(error):
+    """Errors without what no drive shows: a common shift ahead, and a common share of the distance to the middle."""
+    outwards = np.array([1.0, -1.0, 1.0, -1.0])
+    y = error[:, 1] * outwards
+    return np.column_stack([error[:, 0] - error[:, 0].mean(), y - y.mean()])
+
+
+@pytest.mark.slow
+def test_sensors_out_of_place_are_put_right(hatchback, drive) -> None:
+    places = np.array([sensor.position[:2] for sensor in hatchback.sensor])
+    wrong = places + np.array([[-0.08, 0.05], [0.1, 0.06], [0.07, -0.09], [-0.1, 0.04]])
+    sensors = tuple(
+        sensor.model_copy(update={"position": (*place, 0.0)})
+        for sensor, place in zip(hatchback.sensor, wrong.tolist(), strict=True)
+    )
+    given = hatchback.model_copy(update={"sensor": sensors})
+    settings = CalibrationSettings(most_mounts=0, has_modes=False)
+    calibration = calibrate([drive.recording], given, settings=settings)
+    learnt = np.array([sensor.position[:2] for sensor in calibration.vehicle.sensor])
+    error, given_error = _apart(learnt - places), _apart(wrong - places)
+    assert np.sqrt(np.mean(error**2)) < 0.25 * np.sqrt(np.mean(given_error**2))
+    assert calibration.number("acc_fl.x").is_told
+    text = vehicle_text(calibration.vehicle)
+    assert vehicle_from_text(text, source="text") == calibration.vehicle
+    assert {entry.name for entry in calibration.vehicle.learnt} == {
+        number.name for number in calibration.learnt if number.is_told
+    }
+
+
+@pytest.mark.slow
+def test_a_complete_file_stays_what_it_was(hatchback, drive) -> None:
+    calibration = calibrate([drive.recording], hatchback)
+    assert not calibration.vehicle.mounted_mass
+    assert not calibration.vehicle.flexible_mode
+    scores = [
+        (number.value - number.given) / number.std
+        for number in calibration.learnt
+        if number.is_told and number.group in {"sensors", "wheels", "speed"}
+    ]
+    assert np.sqrt(np.mean(np.square(scores))) < 2
+    assert max(calibration.model_errors_after) < 0.1
+
+
+def test_no_recording_is_refused(hatchback) -> None:
+    with pytest.raises(ParameterError, match="no window was given"):
+        calibrate([], hatchback)
+
+
+def test_windows_with_other_channels_are_refused(hatchback, drive) -> None:
+    names = [name for name in drive.recording.names if name != "acc_rr"]
+    other: Recording = drive.recording.select(names)
+    with pytest.raises(ParameterError, match="give windows with the same channels"):
+        calibrate([drive.recording, other], hatchback)
+
+
+def test_windows_are_spread_over_the_drives() -> None:
+    assert chosen_windows(3) == {0, 1, 2}
+    assert chosen_windows(31) == {0, 6, 12, 18, 24, 30}
+
+
+def test_a_file_is_imperfect_by_the_median_of_its_windows() -> None:
+    assert is_imperfect([0.02, 0.3, 0.4])
+    assert not is_imperfect([0.02, 0.03, 0.9])
+    assert not is_imperfect([])
+    assert is_imperfect([float("inf"), float("inf"), 0.02])

@@ -1,0 +1,86 @@
+"""Joint models: exact spectra of windows with different payloads in, what the windows share out."""
+
+import numpy as np
+import pytest
+
+from sprung.calibration.draft import explicit
+from sprung.calibration.joint import fitted, joint_model
+from sprung.calibration.numbers import component_numbers, file_numbers, sensor_numbers
+from sprung.calibration.windows import scaled_start
+from sprung.errors import ParameterError
+
+CHANNELS = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
+
+
+@pytest.fixture(scope="module")
+def places_and_lags(hatchback, exact_windows):
+    """Two windows with sensors out of place, late and of wrong gain; each with its own payload and road."""
+    draft = explicit(hatchback)
+    numbers = tuple(
+        number for number in sensor_numbers(draft, CHANNELS) if number.name.rpartition(".")[2] in {"x", "y", "delay"}
+    )
+    true = {
+        "acc_fl.x": 0.08, "acc_fr.x": -0.05, "acc_rl.x": 0.06, "acc_rr.x": -0.1,
+        "acc_fl.y": -0.06, "acc_fr.y": 0.05, "acc_rl.y": 0.09, "acc_rr.y": -0.03,
+        "acc_fl.delay": 2e-3, "acc_fr.delay": -1e-3, "acc_rl.delay": -3e-3, "acc_rr.delay": 2e-3,
+        "window_0.payload_mass": 0.1, "window_1.payload_mass": -0.05, "window_1.payload_y_moment": 0.04,
+        "window_1.waviness": 2.3, "delay": 0.02,
+    }  # fmt: skip
+    joint, parameters = exact_windows(hatchback, numbers, true)
+    return joint, parameters, true
+
+
+def test_places_and_lags_come_out_of_exact_spectra(places_and_lags) -> None:
+    joint, _, true = places_and_lags
+    end = dict(zip(joint.names, fitted(joint, scaled_start(joint)), strict=True))
+    for name in (name for name in true if name.endswith((".x", ".y"))):
+        assert end[name] == pytest.approx(true[name], abs=2e-4)
+    lags = [end[f"{channel}.delay"] - end["acc_fl.delay"] for channel in CHANNELS]  # a common one shows nowhere
+    assert lags == pytest.approx([true[f"{channel}.delay"] - 2e-3 for channel in CHANNELS], abs=2e-6)
+    assert end["delay"] == pytest.approx(0.02, abs=1e-5)
+    assert [end["window_0.payload_mass"], end["window_1.payload_mass"]] == pytest.approx([0.1, -0.05], abs=2e-3)
+
+
+def test_gradient_is_the_slope_of_the_objective(hatchback, exact_windows) -> None:
+    draft = explicit(hatchback)
+    numbers = (*component_numbers(draft, std=0.7), *file_numbers(draft, CHANNELS))
+    joint, parameters = exact_windows(hatchback, numbers, {})
+    generator = np.random.default_rng(1)
+    point = parameters + 0.1 * joint.prior_std * generator.standard_normal(parameters.size)
+    gradient = joint.objective(point)[1]
+    for _ in range(3):
+        direction = joint.prior_std * generator.standard_normal(point.size)
+        above, below = (joint.objective(point + step * direction)[0] for step in (1e-6, -1e-6))
+        assert gradient @ direction == pytest.approx((above - below) / 2e-6, rel=1e-4)
+
+
+def test_information_is_the_curvature_at_the_truth(places_and_lags) -> None:
+    joint, parameters, _ = places_and_lags
+    information = joint.information(parameters) + np.diag(1 / joint.prior_std**2)
+    for row in (0, 5, 8, joint.names.index("delay"), joint.names.index("window_1.payload_mass")):
+        step = 1e-4 * joint.prior_std[row] * np.eye(parameters.size)[row]
+        above, below = (joint.objective(parameters + sign * step)[1] for sign in (1, -1))
+        curvature = (above - below) / (2 * step[row])
+        assert curvature == pytest.approx(information[row], rel=1e-3, abs=1e-5 * np.abs(information[row]).max())
+
+
+def test_a_prior_that_windows_share_counts_once(places_and_lags) -> None:
+    joint, parameters, _ = places_and_lags
+    own = [model.objective(joint.of_window(number, parameters))[0] for number, model in enumerate(joint.models)]
+    shared = [row for row, name in enumerate(joint.names) if not name.startswith("window_")]
+    deviation = ((parameters - joint.start) / joint.prior_std)[shared]
+    assert joint.objective(parameters)[0] == pytest.approx(sum(own) - deviation @ deviation / 2, rel=1e-12)
+
+
+def test_windows_of_one_vehicle_add_their_information(places_and_lags) -> None:
+    joint, parameters, _ = places_and_lags
+    by_window = [model.information(joint.of_window(number, parameters)) for number, model in enumerate(joint.models)]
+    row = joint.names.index("acc_fl.x")
+    places = [int(np.flatnonzero(rows == row)[0]) for rows in joint.rows]
+    total = sum(information[place, place] for information, place in zip(by_window, places, strict=True))
+    assert joint.information(parameters)[row, row] == pytest.approx(total)
+
+
+def test_no_window_is_refused() -> None:
+    with pytest.raises(ParameterError, match="no window was given"):
+        joint_model([], shared=())
