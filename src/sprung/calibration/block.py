@@ -93,7 +93,8 @@ class FileNumbers(ParameterBlock):
             if change.stiffness is not None:
                 gradient[row] -= 2 * np.einsum("fij,fji->", gradients.fed_back, change.stiffness).real
             if change.drive is not None:
-                gradient[row] += 2 * np.einsum("fun,fnu->", gradients.forced, change.drive).real
+                wheels = gradients.forced[:, : change.drive.shape[-1]]
+                gradient[row] += 2 * np.einsum("fun,fnu->", wheels, change.drive).real
             if change.readings is not None:
                 gradient[row] -= 2 * np.einsum("fnk,fkn->", sensed, change.readings).real
         return gradient
@@ -108,7 +109,7 @@ class FileNumbers(ParameterBlock):
             if change.stiffness is not None:
                 dH -= L @ change.stiffness @ X
             if change.drive is not None:
-                dH += L @ change.drive
+                dH[..., : change.drive.shape[-1]] += L @ change.drive
             if change.readings is not None:
                 dH -= squared * (response.terms.reduction @ change.readings @ X)
             derivatives.append(response.change_by_transfer(dH))
