@@ -143,7 +143,7 @@ def _changes(
     """Derivatives of the matrices at the parameters of which `point` holds the bytes."""
     frequencies, base = np.frombuffer(grid), moved(draft, numbers, np.frombuffer(point))
     vehicle = base.structure()
-    of_sensors = _sensor_changes(base, draft, vehicle, numbers, channels, frequencies)
+    of_sensors = _sensor_changes(base, draft, numbers, channels, frequencies)
     return [
         of_sensors[number.name]
         if number.group == SENSORS
@@ -179,31 +179,30 @@ def _component_change(vehicle: Structure, number: VehicleNumber, frequencies: Re
 
 
 def _sensor_changes(
-    base: Draft,
-    given: Draft,
-    vehicle: Structure,
-    numbers: Sequence[VehicleNumber],
-    channels: tuple[str, ...],
-    frequencies: Real,
+    base: Draft, given: Draft, numbers: Sequence[VehicleNumber], channels: tuple[str, ...], frequencies: Real
 ) -> dict[str, _Change]:
     """Central differences by name; a field of all sensors is moved at once, as each changes its own channel alone."""
     changes = {}
     of_sensors = [number for number in numbers if number.group == SENSORS]
+    vehicle = base.structure()
     for field in sorted({number.field for number in of_sensors}):
         alike = [number for number in of_sensors if number.field == field]
-        readings = []
-        for sign in (1, -1):
-            end = base
-            for number in alike:
-                end = number.moved(end, sign * _STEP * number.std)
-            moving = vehicle if field in _STILL else end.structure()
-            readings.append(_readings(end, given, moving, channels, frequencies))
+        ends = [_all_moved(base, alike, sign * _STEP) for sign in (1, -1)]
+        above, below = (
+            _readings(end, given, vehicle if field in _STILL else end.structure(), channels, frequencies)
+            for end in ends
+        )
         for number in alike:
             row = channels.index(number.channel)
-            change = np.zeros_like(readings[0])
-            change[:, row] = (readings[0][:, row] - readings[1][:, row]) / (2 * _STEP * number.std)
+            change = np.zeros_like(above)
+            change[:, row] = (above[:, row] - below[:, row]) / (2 * _STEP * number.std)
             changes[number.name] = _Change(None, None, change)
     return changes
+
+
+def _all_moved(draft: Draft, numbers: Sequence[VehicleNumber], step: float) -> Draft:
+    """Return the draft with numbers moved by a step in standard deviations of their priors."""
+    return moved(draft, numbers, np.array([step * number.std for number in numbers]))
 
 
 def _structural_change(

@@ -15,9 +15,7 @@ _CHANCE = 1.06
 _UNCORRELATED = 0.1
 
 
-def segment_weights(
-    model: Model, parameters: Real, segments: SegmentSpectra, *, width: float = CLASS_WIDTH
-) -> Real:
+def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Real:
     """Return the weight of each segment: 1, or less for one far more powerful than the others, as on a pothole.
 
     Parameters
@@ -194,9 +192,7 @@ def _correlated_frequencies(misfit: Real) -> float:
     return reach
 
 
-def _whitened_segments(
-    model: Model, parameters: Real, segments: SegmentSpectra, width: float = CLASS_WIDTH
-) -> Complex:
+def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra, width: float = CLASS_WIDTH) -> Complex:
     """L^-1 y of each segment, S = L L^H the model's spectral matrix of its class."""
     factor = np.linalg.inv(np.linalg.cholesky(model.matrix(parameters)))
     numbers = speed_classes(segments.speeds, width=width)
