@@ -78,7 +78,7 @@ def _model(spectra: ClassSpectra, draft: Draft, numbers: tuple[VehicleNumber, ..
     nothing = SegmentSpectra(
         spectra.frequencies, np.zeros((0, spectra.frequencies.size, 4), complex), np.zeros(0), np.zeros(0), SEGMENT, 0
     )
-    return window_model(spectra, WindowSpectra(nothing, layout, "road"), draft, numbers, CornerSettings())
+    return window_model(spectra, WindowSpectra(nothing, layout, layout, "road"), draft, numbers, CornerSettings())
 
 
 def _classes(n_channels: int, *, count: float = 1e5, n_classes: int = 4) -> ClassSpectra:

@@ -27,8 +27,9 @@ def test_the_misfit_says_where_a_mass_is_and_at_which_frequency(hatchback, windo
     numbers = component_numbers(draft, std=0.2)
     joint = joint_of([window_of_data(replace(data, weights=data.weights / 1e3), draft, numbers)])
     fit = JointFit(FreeVehicle((), draft, numbers, CornerSettings()), joint, fitted(joint, scaled_start(joint)), ())
-    likely = likely_mount(fit)
+    likely, gain = likely_mount(fit)
     assert likely is not None
+    assert gain > 10
     assert likely.frequency == pytest.approx(frequency, rel=0.12)
     assert likely.x == pytest.approx(place, abs=0.3)
 
@@ -40,8 +41,7 @@ def test_a_complete_file_asks_for_no_mass(hatchback, window_of_data) -> None:
     data = replace(truth.spectra, matrices=truth.matrix(truth.start))
     joint = joint_of([window_of_data(data, draft, numbers)])
     fit = JointFit(FreeVehicle((), draft, numbers, CornerSettings()), joint, truth.start, ())
-    likely = likely_mount(fit)
-    assert likely is None or likely.mass == pytest.approx(0.02 * hatchback.body.mass)  # rounding, at the smallest mass
+    assert likely_mount(fit)[1] < 0.1
 
 
 def test_a_mass_on_rigid_mounts_leaves_the_vehicle_as_it_was(hatchback) -> None:

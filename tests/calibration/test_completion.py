@@ -34,7 +34,7 @@ def test_sensors_out_of_place_are_put_right(hatchback, drive) -> None:
     given = hatchback.model_copy(update={"sensor": sensors})
     settings = CalibrationSettings(most_mounts=0, has_modes=False)
     calibration = calibrate([drive.recording], given, settings=settings)
-    learnt = np.array([sensor.position[:2] for sensor in calibration.vehicle.sensor])
+    learnt = np.array([sensor.position or (np.nan,) * 3 for sensor in calibration.vehicle.sensor])[:, :2]
     error, given_error = _apart(learnt - places), _apart(wrong - places)
     assert np.sqrt(np.mean(error**2)) < 0.25 * np.sqrt(np.mean(given_error**2))
     assert calibration.number("acc_fl.x").is_told
@@ -53,7 +53,7 @@ def test_a_complete_file_stays_what_it_was(hatchback, drive) -> None:
     scores = [
         (number.value - number.given) / number.std
         for number in calibration.learnt
-        if number.is_told and number.group in {"sensors", "wheels", "speed"}
+        if number.given is not None and number.is_told and number.group in {"sensors", "wheels", "speed"}
     ]
     assert np.sqrt(np.mean(np.square(scores))) < 2
     assert max(calibration.model_errors_after) < 0.1
@@ -73,7 +73,7 @@ def test_windows_with_other_channels_are_refused(hatchback, drive) -> None:
 
 def test_windows_are_spread_over_the_drives() -> None:
     assert chosen_windows(3) == {0, 1, 2}
-    assert chosen_windows(31) == {0, 6, 12, 18, 24, 30}
+    assert chosen_windows(31) == {0, 15, 30}
 
 
 def test_a_file_is_imperfect_by_the_median_of_its_windows() -> None:

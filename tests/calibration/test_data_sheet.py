@@ -1,5 +1,7 @@
 """A vehicle file from a data sheet: sums and frequencies are those of the sheet."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,16 +10,22 @@ from sprung.calibration.data_sheet import tyre_size
 from sprung.errors import ParameterError
 from sprung.vehicles import parse_vehicle, structure, vehicle_from_text, vehicle_text
 
-SHEET = {"mass": 1350.0, "wheelbase": 2.65, "track": 1.5, "tyre": "205/55R16"}
+SHEET: dict[str, Any] = {"mass": 1350.0, "wheelbase": 2.65, "track": 1.5, "tyre": "205/55R16"}
+
+
+def stated(value: float | None) -> float:
+    """Return a value that a file must state."""
+    assert value is not None
+    return value
 
 
 def test_masses_and_centre_of_gravity_are_those_of_the_sheet() -> None:
     vehicle = described(DataSheet(**SHEET, front_share=0.6))
     front, rear = vehicle.axle
-    total = vehicle.body.mass + 2 * (front.unsprung_mass + rear.unsprung_mass)
+    total = vehicle.body.mass + 2 * (stated(front.unsprung_mass) + stated(rear.unsprung_mass))
     assert total == pytest.approx(1350, abs=0.1)
     assert front.x - rear.x == pytest.approx(2.65, abs=1e-3)
-    on_front = vehicle.body.mass * -rear.x / 2.65 + 2 * front.unsprung_mass
+    on_front = vehicle.body.mass * -rear.x / 2.65 + 2 * stated(front.unsprung_mass)
     assert on_front / total == pytest.approx(0.6, abs=1e-3)
 
 
@@ -25,7 +33,7 @@ def test_spring_and_tyre_together_have_the_ride_frequency() -> None:
     vehicle = described(DataSheet(**SHEET, ride_frequencies=(1.1, 1.5)))
     loads = vehicle.body.mass * np.array([-vehicle.axle[1].x, vehicle.axle[0].x]) / 2.65 / 2
     for axle, load, frequency in zip(vehicle.axle, loads, (1.1, 1.5), strict=True):
-        ride = 1 / (1 / axle.spring_stiffness + 1 / axle.tyre_stiffness)
+        ride = 1 / (1 / stated(axle.spring_stiffness) + 1 / stated(axle.tyre_stiffness))
         assert np.sqrt(ride / load) / (2 * np.pi) == pytest.approx(frequency, rel=1e-3)
 
 
@@ -42,7 +50,7 @@ def test_guesses_are_within_their_width_of_a_measured_car(hatchback) -> None:
 
 def test_a_description_is_a_vehicle_file() -> None:
     for sensors, n_outputs in (("corners", 4), ("imu", 3), ("travel", 4)):
-        vehicle = described(DataSheet(**SHEET, sensors=sensors))
+        vehicle = described(DataSheet(**{**SHEET, "sensors": sensors}))
         assert vehicle_from_text(vehicle_text(vehicle), source="text") == vehicle
         assert len(structure(vehicle).outputs.names) == n_outputs
         assert parse_vehicle(vehicle.model_dump(mode="json", exclude_defaults=True) | {"kind": "road"}) == vehicle

@@ -31,6 +31,7 @@ def calibration() -> Calibration:
         misfit_after=misfit / 5,
         model_errors_before=(0.3, 0.2),
         model_errors_after=(0.04, 0.05),
+        evidence_gain=120.0,
         n_segments=(200, 180),
         notes=("a mass of 150 kg",),
     )
@@ -59,7 +60,7 @@ def test_the_table_says_what_the_drives_told(calibration) -> None:
 def test_figures_show_both_misfits_and_the_numbers_that_were_told(calibration) -> None:
     axes = misfit_figure(calibration, source="drives").axes
     assert [panel.get_ylabel().split("\n")[0] for panel in axes] == ["bounce", "pitch", "roll"]
-    before, after = (line.get_ydata() for line in axes[0].lines[:2])
+    before, after = (np.asarray(line.get_ydata(), dtype=np.float64) for line in axes[0].lines[:2])
     assert before == pytest.approx(5 * after)
     labels = [label.get_text() for label in learnt_figure(calibration).axes[0].get_yticklabels()]
     assert labels == ["acc_fl.x"]

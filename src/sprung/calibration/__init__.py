@@ -1,24 +1,32 @@
 """Calibration: what belongs to a vehicle, from its data sheet and from healthy drives."""
 
 from sprung.calibration.completion import (
+    CALIBRATION_WINDOWS,
     CalibrationSettings,
     calibrate,
+    calibrated,
     calibrated_if_imperfect,
     chosen_windows,
     is_imperfect,
+    usable_spectra,
 )
 from sprung.calibration.data_sheet import DataSheet, described, tyre_stiffness
 from sprung.calibration.results import CalibratedNumber, Calibration
+from sprung.calibration.windows import WindowSpectra
 
 __all__ = [
+    "CALIBRATION_WINDOWS",
     "CalibratedNumber",
     "Calibration",
     "CalibrationSettings",
     "DataSheet",
+    "WindowSpectra",
     "calibrate",
+    "calibrated",
     "calibrated_if_imperfect",
     "chosen_windows",
     "described",
     "is_imperfect",
     "tyre_stiffness",
+    "usable_spectra",
 ]

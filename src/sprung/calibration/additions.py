@@ -12,7 +12,7 @@ from sprung.calibration.fitting import JointFit
 from sprung.calibration.joint import JointModel
 from sprung.likelihood import Model
 from sprung.likelihood.hermitian import real_coordinates
-from sprung.likelihood.spectra import through_window
+from sprung.likelihood.spectra import OVERCOUNT, through_window
 from sprung.likelihood.transfer import Transfer, transfer
 from sprung.vehicles import MountedMass, Vehicle, body_row
 from sprung.vehicles.models import modal_mass
@@ -35,8 +35,8 @@ class _Window:
     excess: Real
 
 
-def likely_mount(fit: JointFit) -> MountedMass | None:
-    """Return the mass on mounts that would lower the misfit of a fit most; None if none would.
+def likely_mount(fit: JointFit) -> tuple[MountedMass | None, float]:
+    """Return the mass on mounts that would lower the misfit of a fit most, and by how much; None if none would.
 
     Parameters
     ----------
@@ -48,7 +48,8 @@ def likely_mount(fit: JointFit) -> MountedMass | None:
     A mass m on mounts of frequency f0 and damping ratio z at a place of the body loads it like the dynamic mass
     m T(f), T = (1 + 2 i z f/f0) / (1 - (f/f0)^2 + 2 i z f/f0). For each of a grid of places and frequencies: the score
     u, derivative of the objective with respect to m at m = 0 while the body gives up the mass m, and its information
-    J, what all other parameters explain taken off. A Newton step is m = -u / J and gains u^2 / (2 J).
+    J, what all other parameters explain taken off. A Newton step is m = -u / J and gains u^2 / (2 J) in ln of the
+    likelihood, which is corrected for the overlap of the segments.
 
     References
     ----------
@@ -71,7 +72,7 @@ def likely_mount(fit: JointFit) -> MountedMass | None:
         if left > 0 and score < 0 and score**2 / left > most:
             mass = float(np.clip(-score / left, _LEAST * vehicle.body.mass, _MOST * vehicle.body.mass))
             best, most = candidate.model_copy(update={"mass": mass}), score**2 / left
-    return best
+    return best, most / 2 / OVERCOUNT
 
 
 def with_mount(draft: Draft, mount: MountedMass) -> Draft:

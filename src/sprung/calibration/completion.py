@@ -1,6 +1,6 @@
 """Completion of a vehicle file from healthy drives."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -10,20 +10,30 @@ from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.calibration.additions import likely_mount, with_mode, with_mount
 from sprung.calibration.draft import Draft, VehicleNumber, explicit, moved
-from sprung.calibration.fitting import FreeVehicle, JointFit, evaluated, joint_fit, reweighted
+from sprung.calibration.fitting import (
+    FreeVehicle,
+    JointFit,
+    evaluated,
+    expected_steps,
+    extended_fit,
+    joint_fit,
+    misfit_in,
+    reweighted,
+)
 from sprung.calibration.numbers import (
     COMPONENT_FIELDS,
     component_numbers,
     file_numbers,
     mode_numbers,
     mounted_numbers,
+    sensor_numbers,
     with_widths,
 )
-from sprung.calibration.results import CalibratedNumber, Calibration
+from sprung.calibration.results import CONVINCING, CalibratedNumber, Calibration
 from sprung.calibration.windows import DELAY, WindowSpectra, window_spectra
-from sprung.errors import ParameterError
-from sprung.likelihood import CornerFit, CornerSettings
-from sprung.likelihood.fitting import fit_windows
+from sprung.errors import DataError, ParameterError
+from sprung.likelihood import CornerSettings
+from sprung.likelihood.spectra import OVERCOUNT
 from sprung.recording import Recording
 from sprung.vehicles import Component, Vehicle, corner_names
 from sprung.vehicles.sections import FlexibleMode, LearntNumber
@@ -31,10 +41,12 @@ from sprung.vehicles.window import Window, window_of
 
 #: A number is told by the drives if they reduce its standard deviation to this share of the prior's or less.
 _TOLD = 0.5
-#: Median model error of windows above which a vehicle file is imperfect, and most windows for its calibration then.
-_IMPERFECT, _MOST_WINDOWS = 0.1, 6
-#: Gain in ln evidence from which a mass on mounts is added: far more than chance, as models are never perfect.
-_CONVINCING = 10.0
+#: Median model error of windows above which a vehicle file is imperfect.
+_IMPERFECT = 0.1
+#: Largest number of windows of a calibration that a baseline asks for.
+CALIBRATION_WINDOWS = 3
+#: Errors of sensors that matter: places [m], gains (ln), delays [s], direction cosines.
+_WRONG = {"x": 0.04, "y": 0.04, "scale": 0.03, "delay": 1.5e-3, "direction_x": 0.03, "direction_y": 0.03}
 #: Frequencies between which a mass is on mounts [Hz]: below it is part of the body, above it is fixed to it.
 _MOUNTS = (4.0, 30.0)
 #: Flexible modes that are tried: frequencies [Hz] and damping ratio.
@@ -109,24 +121,61 @@ def calibrate(
     settings = settings or CalibrationSettings()
     windows = [window_of(recording, vehicle) for recording in recordings]
     _check_alike(windows)
-    corners, draft = settings.corners, explicit(vehicle)
-    before = [fit_windows([window], settings=corners) for window in windows]
-    spectra = tuple(window_spectra(window, corners) for window in windows)
-    fit = joint_fit(_free(spectra, draft, corners, vehicle), start=_start(before))
+    return calibrated(tuple(window_spectra(window, settings.corners) for window in windows), vehicle, settings=settings)
+
+
+def calibrated(
+    windows: tuple[WindowSpectra, ...], vehicle: Vehicle, *, settings: CalibrationSettings | None = None
+) -> Calibration:
+    """Complete a vehicle file with what the spectra of healthy drives teach, as `calibrate`.
+
+    Parameters
+    ----------
+    windows
+        Spectra of windows with the same channels, at least one.
+    vehicle, settings
+        As for `calibrate`.
+    """
+    settings = settings or CalibrationSettings()
+    return _completion(as_given(windows, vehicle, settings.corners), vehicle, settings)
+
+
+def as_given(windows: tuple[WindowSpectra, ...], vehicle: Vehicle, corners: CornerSettings) -> JointFit:
+    """Fit springs, dampers and tyres alone, all else as the file states; this is what a calibration is compared with.
+
+    Parameters
+    ----------
+    windows
+        Spectra of windows.
+    vehicle
+        Vehicle as its file describes it.
+    corners
+        Choices of the fit.
+    """
+    draft = explicit(vehicle)
+    return joint_fit(FreeVehicle(windows, draft, _components(draft, corners), corners))
+
+
+def _completion(given: JointFit, vehicle: Vehicle, settings: CalibrationSettings) -> Calibration:
+    """Return the calibration that goes on from the fit of the vehicle as given."""
+    free = given.free
+    fit = extended_fit(given, _free(free.windows, free.draft, settings.corners, vehicle))
     fit, notes = _with_additions(fit, vehicle, settings)
     learnt = learnt_numbers(fit, vehicle)
-    complete = _with_sources(completed(fit), learnt, len(windows))
-    after = [fit_windows([window_of(recording, complete)], settings=corners) for recording in recordings]
+    before, after = ([misfit_in(one, k, window.rigid) for k, window in enumerate(free.windows)] for one in (given, fit))
+    frequencies = [window.segments.frequencies for window in free.windows]
+    n_segments = [window.segments.speeds.size for window in free.windows]
     return Calibration(
-        vehicle=complete,
+        vehicle=_with_sources(completed(fit), learnt, len(free.windows)),
         learnt=learnt,
-        coordinates=before[0].model.layout.coordinates,
-        frequencies=before[0].model.spectra.frequencies,
-        misfit_before=_mean_misfit(before),
-        misfit_after=_mean_misfit(after),
-        model_errors_before=tuple(one.model_error for one in before),
-        model_errors_after=tuple(one.model_error for one in after),
-        n_segments=tuple(one.n_segments for one in after),
+        coordinates=free.windows[0].rigid.coordinates,
+        frequencies=frequencies[0],
+        misfit_before=_mean_misfit([misfit for misfit, _ in before], frequencies, n_segments),
+        misfit_after=_mean_misfit([misfit for misfit, _ in after], frequencies, n_segments),
+        model_errors_before=tuple(error for _, error in before),
+        model_errors_after=tuple(error for _, error in after),
+        evidence_gain=_evidence_gain(fit, given),
+        n_segments=tuple(n_segments),
         notes=(*notes, *_notes(learnt)),
     )
 
@@ -142,45 +191,92 @@ def is_imperfect(model_errors: Sequence[float]) -> bool:
     return bool(model_errors) and float(np.median(model_errors)) > _IMPERFECT
 
 
-def chosen_windows(n_windows: int) -> frozenset[int]:
-    """Return the numbers of the windows to calibrate on: at most six, evenly spread over the drives."""
-    return frozenset(np.linspace(0, n_windows - 1, min(n_windows, _MOST_WINDOWS)).round().astype(int).tolist())
-
-
-def calibrated_if_imperfect(
-    recordings: Sequence[Recording], vehicle: Vehicle, *, model_errors: Sequence[float]
-) -> Calibration | None:
-    """Calibrate a vehicle file if it explains the windows of a baseline badly.
+def has_misplaced_sensors(given: JointFit) -> bool:
+    """Return whether other places, gains, directions or delays of the sensors would explain windows far better.
 
     Parameters
     ----------
-    recordings
-        Windows of healthy drives as read.
+    given
+        Fit of the vehicle as given (`as_given`).
+
+    Notes
+    -----
+    A misplaced sensor hardly raises the error of a fit of the corners: other springs and dampers, and the noise, take
+    it up. One Newton step of all numbers of the sensors (`expected_steps`) shows it: its gain is large, and it moves a
+    sensor farther than what the nonlinearity of suspensions moves it.
+    """
+    draft, corners = given.free.draft, given.free.settings
+    sensors = sensor_numbers(draft, given.free.windows[0].layout.names)
+    numbers = with_widths((*given.free.numbers, *sensors), draft)
+    steps, gain = expected_steps(FreeVehicle(given.free.windows, draft, numbers, corners), given)
+    largest = max((abs(steps[number.name]) / _WRONG[number.field] for number in sensors), default=0.0)
+    return gain > CONVINCING and largest > 1
+
+
+def chosen_windows(n_windows: int) -> frozenset[int]:
+    """Return the numbers of the windows to calibrate on: at most three, evenly spread over the drives."""
+    return frozenset(np.linspace(0, n_windows - 1, min(n_windows, CALIBRATION_WINDOWS)).round().astype(int).tolist())
+
+
+def calibrated_if_imperfect(
+    windows: tuple[WindowSpectra, ...], vehicle: Vehicle, *, model_errors: Sequence[float]
+) -> Calibration | None:
+    """Calibrate a vehicle file if it explains the windows of a baseline badly, or places sensors wrongly.
+
+    Parameters
+    ----------
+    windows
+        Spectra of windows of healthy drives with the same channels; about three.
     vehicle
         Vehicle as its file describes it.
     model_errors
-        Model error of each window, as for `is_imperfect`.
+        Model error of each window of the baseline, as for `is_imperfect`.
 
     Returns
     -------
     Calibration or None
         None if the file is good enough, or the completed file explains the windows no better.
-
-    Raises
-    ------
-    DataError, ParameterError
-        As raised by `calibrate`.
     """
-    if not is_imperfect(model_errors):
+    if not windows:
         return None
-    calibration = calibrate([recordings[number] for number in sorted(chosen_windows(len(recordings)))], vehicle)
+    settings = CalibrationSettings()
+    given = as_given(windows, vehicle, settings.corners)
+    if not (is_imperfect(model_errors) or has_misplaced_sensors(given)):
+        return None
+    calibration = _completion(given, vehicle, settings)
     return calibration if calibration.is_better else None
+
+
+def usable_spectra(recordings: Iterable[Recording], vehicle: Vehicle) -> tuple[WindowSpectra, ...]:
+    """Return the spectra of those windows that a calibration can use, with the channels of the first of them.
+
+    Parameters
+    ----------
+    recordings
+        Windows as read.
+    vehicle
+        Vehicle as its file describes it.
+    """
+    usable: list[WindowSpectra] = []
+    for recording in recordings:
+        try:
+            spectra = window_spectra(window_of(recording, vehicle), CornerSettings())
+        except (DataError, ParameterError):
+            continue
+        if not usable or spectra.layout.names == usable[0].layout.names:
+            usable.append(spectra)
+    return tuple(usable)
+
+
+def _components(draft: Draft, corners: CornerSettings) -> tuple[VehicleNumber, ...]:
+    """Return springs, dampers and tyres, as wide as the file states."""
+    return with_widths(component_numbers(draft, std=corners.prior_std), draft)
 
 
 def _free(spectra: tuple[WindowSpectra, ...], draft: Draft, corners: CornerSettings, given: Vehicle) -> FreeVehicle:
     """Return windows with all that is free of a vehicle."""
     numbers = (
-        *component_numbers(draft, std=corners.prior_std),
+        *_components(draft, corners),
         *mounted_numbers(draft, given=given),
         *mode_numbers(draft, given=given),
         *file_numbers(draft, spectra[0].layout.names),
@@ -197,12 +293,12 @@ def _with_additions(fit: JointFit, given: Vehicle, settings: CalibrationSettings
     if settings.has_modes:
         fit = _with_mode(fit, "torsion", given, notes)
     for _ in range(settings.most_mounts):
-        mount = likely_mount(fit)
-        if mount is None:
+        mount, promise = likely_mount(fit)
+        if mount is None or promise < CONVINCING:
             break
         richer, gain = _richer(fit, with_mount(fit.free.draft, mount), given)
         mount = completed(richer).mounted_mass[-1]
-        if gain < _CONVINCING or not _MOUNTS[0] < mount.frequency < _MOUNTS[1]:
+        if gain < CONVINCING or not _MOUNTS[0] < mount.frequency < _MOUNTS[1]:
             break
         fit = richer
         notes.append(
@@ -214,11 +310,13 @@ def _with_additions(fit: JointFit, given: Vehicle, settings: CalibrationSettings
 
 def _with_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle, notes: list[str]) -> JointFit:
     """Return the fit with a flexible mode of the body if the drives show it; a sentence on it is added to the notes."""
-    mode = None if shape in {mode.shape for mode in given.flexible_mode} else _likely_mode(fit, shape, given)
-    if mode is None:
+    mode, promise = None, 0.0
+    if shape not in {mode.shape for mode in given.flexible_mode}:
+        mode, promise = _likely_mode(fit, shape, given)
+    if mode is None or promise < CONVINCING:
         return fit
     richer, gain = _richer(fit, with_mode(fit.free.draft, mode), given)
-    if gain < _CONVINCING:
+    if gain < CONVINCING:
         return fit
     frequency = completed(richer).flexible_mode[-1].frequency
     notes.append(
@@ -228,38 +326,31 @@ def _with_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehic
     return richer
 
 
-def _likely_mode(fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle) -> FlexibleMode | None:
-    """Return the flexible mode that lowers the objective of a fit most, all else unchanged; None if none does."""
-    best, least = None, fit.joint.objective(fit.parameters)[0]
+def _likely_mode(
+    fit: JointFit, shape: Literal["torsion", "bending"], given: Vehicle
+) -> tuple[FlexibleMode | None, float]:
+    """Return the flexible mode that raises the likelihood of a fit most, all else unchanged, and the gain in ln."""
+    best, least = None, fit.joint.value(fit.parameters)
+    first = least
     for frequency in _MODE_FREQUENCIES:
         mode = FlexibleMode(shape=shape, frequency=frequency, damping_ratio=_MODE_DAMPING)
         draft = with_mode(fit.free.draft, mode)
         value = evaluated(_free(fit.free.windows, draft, fit.free.settings, given), fit)
         if value < least:
             best, least = mode, value
-    return best
+    return best, (first - least) / OVERCOUNT
 
 
 def _richer(fit: JointFit, draft: Draft, given: Vehicle) -> tuple[JointFit, float]:
     """Return the fit of a draft with one part more, and its gain in ln evidence under its own weights."""
-    richer = joint_fit(_free(fit.free.windows, draft, fit.free.settings, given), start=fit.values())
-    poorer = reweighted(fit, richer.weighting)
-    return richer, richer.joint.log_evidence(richer.parameters) - poorer.joint.log_evidence(poorer.parameters)
+    richer = extended_fit(fit, _free(fit.free.windows, draft, fit.free.settings, given))
+    return richer, _evidence_gain(richer, fit)
 
 
-def _start(fits: Sequence[CornerFit]) -> dict[str, float]:
-    """Return the joint parameters that usual fits of the windows give: components of the axles, payloads, roads."""
-    start: dict[str, float] = {}
-    for number, fit in enumerate(fits):
-        rows = fit.model.rows("noise", "class_roughness", "components")
-        for row in np.setdiff1d(np.arange(fit.parameters.size), rows):
-            start[f"window_{number}.{fit.model.names[row]}"] = float(fit.parameters[row])
-    kinds = {kind: name for name, (kind, _) in COMPONENT_FIELDS.items()}
-    ratios: dict[str, list[float]] = {}
-    for fit in fits:
-        for component, ratio in zip(fit.components, fit.log_ratios.tolist(), strict=True):
-            ratios.setdefault(f"{component.axle}.{kinds[component.kind]}", []).append(ratio)
-    return start | {name: float(np.mean(values)) for name, values in ratios.items()}
+def _evidence_gain(fit: JointFit, poorer: JointFit) -> float:
+    """Return the gain in ln evidence of a fit over one with fewer parameters, under the weights of the former."""
+    poorer = reweighted(poorer, fit.weighting)
+    return fit.joint.log_evidence(fit.parameters) - poorer.joint.log_evidence(poorer.parameters)
 
 
 def _check_alike(windows: Sequence[Window]) -> None:
@@ -275,11 +366,13 @@ def _check_alike(windows: Sequence[Window]) -> None:
             )
 
 
-def _mean_misfit(fits: Sequence[CornerFit]) -> Real:
+def _mean_misfit(misfits: Sequence[Real], frequencies: Sequence[Real], n_segments: Sequence[int]) -> Real:
     """Return the misfit of all windows, averaged by their numbers of segments, shape (coordinates, frequencies)."""
-    frequencies = fits[0].model.spectra.frequencies
-    misfits = [[np.interp(frequencies, fit.model.spectra.frequencies, row) for row in fit.misfit] for fit in fits]
-    return np.average(misfits, axis=0, weights=[fit.n_segments for fit in fits])
+    alike = [
+        [np.interp(frequencies[0], own, row) for row in misfit]
+        for misfit, own in zip(misfits, frequencies, strict=True)
+    ]
+    return np.asarray(np.average(alike, axis=0, weights=n_segments), dtype=np.float64)
 
 
 def learnt_numbers(fit: JointFit, vehicle: Vehicle) -> tuple[CalibratedNumber, ...]:

@@ -9,13 +9,16 @@ from sprung._arrays import Real
 from sprung.calibration.draft import Draft, VehicleNumber
 from sprung.calibration.joint import JointModel, fitted
 from sprung.calibration.windows import WindowSpectra, joint_of, scaled_start, window_model
-from sprung.likelihood import CornerSettings, SegmentSpectra, SpectralLine, class_spectra, residual_lines
+from sprung.likelihood import CornerSettings, RigidLayout, SegmentSpectra, SpectralLine, class_spectra, residual_lines
 from sprung.likelihood.masked_lines import without_lines
-from sprung.likelihood.uncertainty import segment_weights, tempering
+from sprung.likelihood.spectra import OVERCOUNT
+from sprung.likelihood.uncertainty import excess_power, segment_weights, tempering
 from sprung.likelihood.vehicle import highest_of_body
 
 #: Tempering of the first fit, and number of fits after it.
 _FIRST, _FULL_FITS = 0.1, 2
+#: Width of the speed classes: what is learnt of a vehicle needs none as narrow as a fit of the corners.
+_WIDTH = 0.1
 #: Lowest frequency at which lines are sought over that of the highest mode of the body.
 _OVER_BODY = 1.5
 #: Largest ln of the roughness of a class over the common one at the start.
@@ -116,6 +119,25 @@ def joint_fit(free: FreeVehicle, *, start: Mapping[str, float] | None = None) ->
     return fit
 
 
+def extended_fit(fit: JointFit, free: FreeVehicle) -> JointFit:
+    """Fit the same windows with more that is free, or with another part, from the end of a fit.
+
+    Parameters
+    ----------
+    fit
+        Fit with which the search starts.
+    free
+        The same windows, and all that is free of the vehicle.
+
+    Notes
+    -----
+    First under the weights of `fit`, then under those that follow.
+    """
+    joint = _joint(free, fit.weighting)
+    rough = JointFit(free, joint, fitted(joint, _started(joint, fit.values())), fit.weighting)
+    return reweighted(rough, _weightings(rough))
+
+
 def reweighted(fit: JointFit, weighting: tuple[Weighting, ...]) -> JointFit:
     """Repeat a fit with the weights of another one, so that their likelihoods compare.
 
@@ -134,7 +156,7 @@ def _joint(free: FreeVehicle, weighting: Sequence[Weighting]) -> JointModel:
     """Return the joint model of weighted windows in usual speed classes."""
     models = []
     for window, weights in zip(free.windows, weighting, strict=True):
-        spectra = class_spectra(_limited(window, weights.amplitudes))
+        spectra = class_spectra(_limited(window, weights.amplitudes), width=_WIDTH)
         counted = weights.tempering * spectra.weights * without_lines(spectra, weights.lines)
         tempered = replace(spectra, weights=counted)
         models.append(window_model(tempered, window, free.draft, free.numbers, free.settings))
@@ -152,10 +174,10 @@ def _weightings(fit: JointFit) -> tuple[Weighting, ...]:
     highest = highest_of_body(fit.free.draft.structure())
     for number, (window, model) in enumerate(zip(fit.free.windows, fit.joint.models, strict=True)):
         parameters = fit.joint.of_window(number, fit.parameters)
-        amplitudes = np.sqrt(segment_weights(model, parameters, window.segments))
+        amplitudes = np.sqrt(segment_weights(model, parameters, window.segments, width=_WIDTH))
         lowest = 0.0 if window.kind == "rig" else _OVER_BODY * highest
         lines = residual_lines(model, parameters, lowest=lowest) if settings.has_lines_masked else ()
-        spectra = class_spectra(_limited(window, amplitudes))
+        spectra = class_spectra(_limited(window, amplitudes), width=_WIDTH)
         untempered = replace(spectra, weights=spectra.weights * without_lines(spectra, lines))
         power = tempering(replace(model, spectra=untempered), parameters)
         weighting.append(Weighting(amplitudes, lines, max(_WEAKEST, power)))
@@ -186,4 +208,66 @@ def _with_roughness(joint: JointModel, parameters: Real) -> Real:
 def evaluated(free: FreeVehicle, fit: JointFit) -> float:
     """Return the objective of windows at the parameters and weights of a fit, further parameters at their start."""
     joint = _joint(free, fit.weighting)
-    return joint.objective(_started(joint, fit.values()))[0]
+    return joint.value(_started(joint, fit.values()))
+
+
+def expected_steps(free: FreeVehicle, fit: JointFit) -> tuple[dict[str, float], float]:
+    """Return what one Newton step of the parameters beyond those of a fit would change, and its gain.
+
+    Parameters
+    ----------
+    free
+        The windows of the fit, with more that is free.
+    fit
+        Fit at whose end the step is taken.
+
+    Returns
+    -------
+    dict, float
+        Step of each number of the vehicle file, and gain in ln of the likelihood, corrected for overlap.
+
+    Notes
+    -----
+    The score test: with the gradient g and the information J, prior included, the step is -J^-1 g and gains
+    g^T J^-1 g / 2. No fit with the further parameters is needed.
+
+    References
+    ----------
+    C. R. Rao, Large sample tests of statistical hypotheses concerning several parameters with applications to problems
+    of estimation, Proceedings of the Cambridge Philosophical Society 44 (1948), 50-57.
+    """
+    joint = _joint(free, fit.weighting)
+    parameters = _started(joint, fit.values())
+    gradient = joint.objective(parameters)[1]
+    known = np.isin(joint.names, fit.joint.names)
+    gradient[known] = 0.0  # the fit is at its optimum
+    precision = joint.information(parameters) + np.diag(1 / joint.prior_std**2)
+    step = -np.linalg.solve(precision, gradient)
+    names = {number.name for number in free.numbers}
+    steps = {name: float(own) for name, own in zip(joint.names, step, strict=True) if name in names}
+    return steps, float(-gradient @ step) / 2 / OVERCOUNT
+
+
+def misfit_in(fit: JointFit, number: int, layout: RigidLayout) -> tuple[Real, float]:
+    """Return measured over fitted power of a window less 1 in the coordinates of a layout, and the model error.
+
+    Parameters
+    ----------
+    fit
+        Joint fit, in all channels.
+    number
+        Number of the window.
+    layout
+        Combinations of the same channels.
+
+    Returns
+    -------
+    ndarray, float
+        Misfit averaged over the classes, shape (coordinates, frequencies); RMS of it in excess of chance.
+    """
+    model = fit.joint.models[number]
+    to_layout = layout.reduction @ np.linalg.inv(model.layout.reduction)
+    fitted_matrices = to_layout @ model.matrix(fit.joint.of_window(number, fit.parameters)) @ to_layout.T
+    spectra = replace(model.spectra, matrices=to_layout @ model.spectra.matrices @ to_layout.T)
+    misfit, excess = excess_power(fitted_matrices, spectra)
+    return misfit, float(np.sqrt(max(0.0, excess)))

@@ -10,7 +10,7 @@ from sprung._checks import freeze
 from sprung.errors import ParameterError
 from sprung.likelihood import Model
 from sprung.likelihood.spectra import OVERCOUNT
-from sprung.likelihood.whittle import TOO_FAR
+from sprung.likelihood.whittle import TOO_FAR, minus_log_likelihood
 
 #: Largest number of steps of a search, and gain of a Newton step below which it ends.
 _MOST_STEPS, _SETTLED = 40, 0.03
@@ -68,6 +68,17 @@ class JointModel:
             value += of_window - float(apart @ apart) / 2
             np.add.at(gradient, rows, slope - apart / model.prior_std)
         return value, gradient
+
+    def value(self, parameters: Real) -> float:
+        """Return the objective without its gradient."""
+        deviation = (parameters - self.start) / self.prior_std
+        value = float(deviation @ deviation) / 2
+        for model, rows in zip(self.models, self.rows, strict=True):
+            try:
+                value += minus_log_likelihood(model.matrix(parameters[rows]), model.spectra)[0]
+            except np.linalg.LinAlgError:
+                return TOO_FAR
+        return value
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information of all windows without the prior, shape (parameters, parameters)."""

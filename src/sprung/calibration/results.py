@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from sprung._arrays import Real
 from sprung._checks import freeze
 from sprung.vehicles import Vehicle
+
+#: Gain in ln evidence that counts as an improvement: far more than chance, as models are never perfect.
+CONVINCING = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +54,16 @@ class Calibration:
     learnt
         Numbers that were free, told by the drives or not.
     coordinates
-        Coordinates of the misfit.
+        Coordinates of the misfit, before and after: what the vehicle of the given file explains.
     frequencies
         Frequencies of the misfit [Hz], shape (frequencies,).
     misfit_before, misfit_after
-        Measured over fitted power less 1 in fits of the corners, averaged over the windows: with the file as given and
-        as completed; shape (coordinates, frequencies).
+        Measured over fitted power less 1 in joint fits of the windows, averaged over them: with springs, dampers and
+        tyres free and all else as given, and as completed; shape (coordinates, frequencies).
     model_errors_before, model_errors_after
         Model error of each window in these fits.
+    evidence_gain
+        Gain in ln evidence of the completed file over the given one, in all channels of all windows.
     n_segments
         Number of segments of each window.
     notes
@@ -75,6 +78,7 @@ class Calibration:
     misfit_after: Real
     model_errors_before: tuple[float, ...]
     model_errors_after: tuple[float, ...]
+    evidence_gain: float
     n_segments: tuple[int, ...]
     notes: tuple[str, ...]
 
@@ -88,8 +92,8 @@ class Calibration:
 
     @property
     def is_better(self) -> bool:
-        """Whether the completed file explains the windows better than the given one, by the median model error."""
-        return bool(np.median(self.model_errors_after) < np.median(self.model_errors_before))
+        """Whether the completed file explains the windows better than the given one, far beyond chance."""
+        return self.evidence_gain > CONVINCING
 
     def number(self, name: str) -> CalibratedNumber:
         """Return a learnt number by its name; KeyError if it was not free."""

@@ -20,6 +20,9 @@ from sprung.likelihood import (
     segment_spectra,
     vehicle_model,
 )
+from sprung.likelihood.fitting import FitSetup
+from sprung.likelihood.spectra import segment_speeds, steady_segments
+from sprung.likelihood.speed_delay import DELAYS, speed_delay
 from sprung.likelihood.vehicle import Kind, usual_choices, with_sensors
 from sprung.vehicles.window import Window
 
@@ -42,12 +45,15 @@ class WindowSpectra:
         Spectra of the segments; the coordinates are the channels.
     layout
         Channels.
+    rigid
+        Combinations of the channels that the vehicle of the file explains.
     kind
         Excitation of the wheels.
     """
 
     segments: SegmentSpectra
     layout: RigidLayout
+    rigid: RigidLayout
     kind: Kind
 
 
@@ -70,7 +76,8 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
 
     Notes
     -----
-    A fit of the corners leaves out what a rigid vehicle cannot explain; here it shows where sensors are.
+    A fit of the corners leaves out what a rigid vehicle cannot explain; here it shows where sensors are. A speed
+    channel that is late is corrected, as there.
     """
     kind: Kind = settings.kind or window.vehicle.kind
     if window.speed is None and kind != "rig":
@@ -79,10 +86,17 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
             "record it"
         )
     motion = window.motion
-    layout = of_all_channels(rigid_layout(with_sensors(window.structure, motion.names)))
+    rigid = rigid_layout(with_sensors(window.structure, motion.names))
+    layout = of_all_channels(rigid)
     band, length = usual_choices(window.vehicle, window.structure, settings, motion.sampling_rate)
-    speed = None if kind == "rig" else window.speed
-    return WindowSpectra(segment_spectra([motion], layout, speed=speed, band=band, segment_length=length), layout, kind)
+    segments = segment_spectra([motion], layout, speed=None, band=band, segment_length=length)
+    if kind == "rig" or window.speed is None:
+        return WindowSpectra(segments, layout, rigid, kind)
+    setup = FitSetup(window.vehicle, window.structure, layout, settings, kind)
+    moving = np.array([segment_speeds([motion], window.speed, length, delay=delay) for delay in DELAYS])
+    late = speed_delay(segments, moving[:, 0], moving[:, 1], lambda speeds: setup.at_speeds(segments, speeds)).value
+    speeds = segment_speeds([motion], window.speed, length, delay=late)
+    return WindowSpectra(steady_segments(segments, *speeds), layout, rigid, kind)
 
 
 def of_all_channels(layout: RigidLayout) -> RigidLayout:

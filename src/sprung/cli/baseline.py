@@ -36,7 +36,7 @@ def baseline(
         bool | None,
         option(
             None,
-            "Complete the vehicle file first. Default: where it fits badly.",
+            "Complete the vehicle file first. Default: where it fits badly or sensors are out of place.",
             "--calibrate/--no-calibrate",
             panel=INPUT,
         ),
@@ -55,6 +55,7 @@ def baseline(
     check_file("--json", json, inputs=[*files, vehicle])
     description = read_vehicle(vehicle)
     before = None if previous is None else baseline_of(description, previous)
+    description = completed_vehicle(description, before)
     with progress_bar() as report:
 
         def parts() -> "Iterator[tuple[float, Recording]]":
@@ -66,8 +67,9 @@ def baseline(
             observations = observed(parts(), calibration.vehicle, report=report)
     least = LEAST_WINDOWS if least_windows is None else least_windows
     learnt = learn(observations, reason=reason.strip() or "first learning", previous=before, least_windows=least)
-    if calibration is not None:
-        learnt = replace(learnt, vehicle_file=vehicle_text(calibration.vehicle))
+    if calibration is not None or (before is not None and before.vehicle_file):
+        complete = description if calibration is None else calibration.vehicle
+        learnt = replace(learnt, vehicle_file=vehicle_text(complete))
     write_baseline(learnt, out)
     if write_result(baseline_document(learnt), json):
         sentences = tables.baseline_in_words(learnt, n_windows=len(observations))
@@ -83,14 +85,16 @@ def _calibration(
     is_wanted: bool | None,
 ) -> "Calibration | None":
     """Return the calibration of a vehicle file: as wanted, or where it explains the windows badly."""
-    from sprung.calibration import calibrate, chosen_windows, is_imperfect
+    from sprung.calibration import calibrate, calibrated_if_imperfect, chosen_windows, usable_spectra
 
-    errors = [one.conditions.get("model_error", math.inf) for one in observations]
-    if not (is_imperfect(errors) if is_wanted is None else is_wanted):
+    if is_wanted is False:
         return None
+    errors = [one.conditions.get("model_error", math.inf) for one in observations]
     chosen = chosen_windows(len(errors))
-    calibration = calibrate([part for number, (_, part) in enumerate(parts()) if number in chosen], vehicle)
-    return calibration if is_wanted or calibration.is_better else None
+    recordings = (part for number, (_, part) in enumerate(parts()) if number in chosen)
+    if is_wanted:
+        return calibrate(list(recordings), vehicle)
+    return calibrated_if_imperfect(usable_spectra(recordings, vehicle), vehicle, model_errors=errors)
 
 
 def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":

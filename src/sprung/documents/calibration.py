@@ -21,6 +21,7 @@ class CalibrationDocument(Document):
     misfit_after: Real
     model_errors_before: tuple[float, ...]
     model_errors_after: tuple[float, ...]
+    evidence_gain: float
     n_segments: tuple[int, ...]
     notes: tuple[str, ...]
 

@@ -20,7 +20,8 @@ def calibration_in_words(calibration: Calibration) -> list[str]:
         ", ".join(f"{100 * error:.0f}" for error in errors)
         for errors in (calibration.model_errors_before, calibration.model_errors_after)
     )
-    return [f"model error of the windows: {before} % before, {after} % after", *calibration.notes]
+    gain = f"gain in ln evidence over the given file: {calibration.evidence_gain:.0f}"
+    return [f"model error of the windows: {before} % before, {after} % after", gain, *calibration.notes]
 
 
 def _row(number: CalibratedNumber) -> tuple[str, ...]:
