@@ -14,7 +14,11 @@ __version__ = "0.1.0"
 # Public names by module. A module is imported when one of its names is first used, so that `import sprung` stays cheap;
 # the types of the names are in `__init__.pyi`.
 _NAMES = {
-    "diagnosis": "Baseline Diagnosis Finding Observation SensorFault diagnose learn observe windows",
+    "calibration": "Calibration CalibrationSettings DataSheet calibrate described",
+    "diagnosis": (
+        "Baseline Diagnosis Finding Observation SensorFault TypeBaseline detectable diagnose learn learn_type observe "
+        "rank_fleet windows"
+    ),
     "documents": (
         "CornersDocument DiagnosisDocument Document IdentificationDocument TruthDocument json_schema read_baseline "
         "read_corners read_diagnosis read_document read_identification read_inspections read_truth write_baseline "
@@ -32,8 +36,8 @@ _NAMES = {
     "signals.inspection": "Inspection inspect",
     "signals.spectrum": "SpectralMatrix",
     "simulation": (
-        "DriveSettings Payload RailDrive RigRun RoadConditions RoadDrive SimulatedDrive SuspensionConditions simulate "
-        "simulate_drive usual_excitation"
+        "Deviations DriveSettings Driving PartScatter Payload RailDrive RigRun RoadConditions RoadDrive SensorErrors "
+        "SimulatedDrive SuspensionConditions Wear WheelOrders simulate simulate_drive usual_excitation"
     ),
     "vehicles": (
         "Chain Component Fault Quarter Structure Vehicle parse_fault read_description read_vehicle structure "

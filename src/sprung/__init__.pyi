@@ -87,3 +87,18 @@ from sprung.vehicles import write_vehicle as write_vehicle
 
 __all__: list[str]
 __version__: str
+from sprung.calibration import Calibration as Calibration
+from sprung.calibration import CalibrationSettings as CalibrationSettings
+from sprung.calibration import DataSheet as DataSheet
+from sprung.calibration import calibrate as calibrate
+from sprung.calibration import described as described
+from sprung.diagnosis import TypeBaseline as TypeBaseline
+from sprung.diagnosis import detectable as detectable
+from sprung.diagnosis import learn_type as learn_type
+from sprung.diagnosis import rank_fleet as rank_fleet
+from sprung.simulation import Deviations as Deviations
+from sprung.simulation import Driving as Driving
+from sprung.simulation import PartScatter as PartScatter
+from sprung.simulation import SensorErrors as SensorErrors
+from sprung.simulation import Wear as Wear
+from sprung.simulation import WheelOrders as WheelOrders

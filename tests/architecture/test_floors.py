@@ -15,7 +15,7 @@ FLOORS = (
     ("formats", "signals"),
     ("vehicles",),
     ("excitation", "identification", "likelihood"),
-    ("simulation", "diagnosis"),
+    ("simulation", "diagnosis", "calibration"),
     ("documents", "tables"),
     ("plotting", "storage", "link", "alerting"),
     ("reproduce", "monitor", "box"),
