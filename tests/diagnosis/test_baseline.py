@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sprung.diagnosis import SensorFault, diagnose, learn, nominal_baseline
+from sprung.diagnosis import SensorFault, diagnose, learn, nominal_type
 from sprung.diagnosis.baseline import units_of
 from sprung.errors import ParameterError
 
@@ -21,7 +21,7 @@ def test_a_file_that_explains_its_windows_badly_is_noted(healthy, baseline) -> N
 
 def test_a_window_that_the_vehicle_file_explains_badly_is_not_compared_with_it(healthy) -> None:
     (one,) = healthy(1)
-    nominal = nominal_baseline(one.components, vehicle="car")
+    nominal = nominal_type(one.components, name="car").baseline([one])
     bad = replace(one, conditions={"model_error": 0.2})
     assert nominal.accepts(one)
     assert not nominal.accepts(bad)

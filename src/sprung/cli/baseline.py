@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.checks import check_file, names
-from sprung.cli.options import INPUT, Channels, Files, Json, Minutes, SamplingRate, VehicleFile, option
+from sprung.cli.options import INPUT, Channels, Files, Json, Minutes, SamplingRate, TypeFile, VehicleFile, option
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
     from sprung.calibration import Calibration
-    from sprung.diagnosis import Baseline, Observation
+    from sprung.diagnosis import Baseline, Observation, TypeBaseline
     from sprung.recording import Recording
     from sprung.vehicles import Vehicle
 
@@ -27,7 +27,10 @@ def baseline(
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     window: Minutes = 10.0,
-    least_windows: Annotated[int | None, option("N", "Least number of usable windows (6).", "--windows", min=2)] = None,
+    least_windows: Annotated[
+        int | None, option("N", "Least number of usable windows (6; 2 with --type).", "--windows", min=2)
+    ] = None,
+    of_type: TypeFile = None,
     previous: Annotated[Path | None, option("B.json", "Baseline to replace, such as after maintenance.")] = None,
     reason: Annotated[
         str, option("TEXT", "Reason for learning, such as 'new dampers'; required with --previous.", show_default=False)
@@ -45,15 +48,19 @@ def baseline(
 ) -> None:
     """Learn the baseline of a vehicle from drives while it is healthy."""
     from sprung import tables
-    from sprung.diagnosis import LEAST_WINDOWS, learn
+    from sprung.diagnosis import learn
     from sprung.documents import baseline_document, write_baseline
     from sprung.vehicles import read_vehicle, vehicle_text
 
     if previous is not None and not reason.strip():
         raise ParameterError("--previous requires --reason TEXT, such as 'new dampers'")
-    check_file("--out", out, inputs=[*files, vehicle])
-    check_file("--json", json, inputs=[*files, vehicle])
+    if of_type is not None and calibrate:
+        raise ParameterError("--calibrate changes the vehicle file that the type's baseline is of: leave out one")
+    inputs = [*files, vehicle, *filter(None, (of_type,))]
+    check_file("--out", out, inputs=inputs)
+    check_file("--json", json, inputs=inputs)
     description = read_vehicle(vehicle)
+    type_baseline = None if of_type is None else type_of(description, of_type)
     before = None if previous is None else baseline_of(description, previous)
     description = completed_vehicle(description, before)
     with progress_bar() as report:
@@ -62,11 +69,16 @@ def baseline(
             return windows_of(files, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report)
 
         observations = observed(parts(), description, report=report)
-        calibration = _calibration(parts, description, observations, is_wanted=calibrate)
+        calibration = _calibration(parts, description, observations, is_wanted=calibrate if of_type is None else False)
         if calibration is not None:
             observations = observed(parts(), calibration.vehicle, report=report)
-    least = LEAST_WINDOWS if least_windows is None else least_windows
-    learnt = learn(observations, reason=reason.strip() or "first learning", previous=before, least_windows=least)
+    learnt = learn(
+        observations,
+        reason=reason.strip() or "first learning",
+        previous=before,
+        type_baseline=type_baseline,
+        least_windows=least_windows,
+    )
     if calibration is not None or (before is not None and before.vehicle_file):
         complete = description if calibration is None else calibration.vehicle
         learnt = replace(learnt, vehicle_file=vehicle_text(complete))
@@ -108,6 +120,19 @@ def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":
             f"{vehicle.name!r}: give a baseline of {vehicle.name!r}, or learn one with `sprung baseline`"
         )
     return baseline
+
+
+def type_of(vehicle: "Vehicle", path: Path) -> "TypeBaseline":
+    """Read the baseline of a vehicle's type; that of another type is refused."""
+    from sprung.documents import read_type_baseline
+
+    type_baseline = read_type_baseline(path)
+    if type_baseline.name != vehicle.name:
+        raise ParameterError(
+            f"{path} is the baseline of the type {type_baseline.name!r}, but the vehicle file describes "
+            f"{vehicle.name!r}: give that of {vehicle.name!r}, or learn one with `sprung fleet`"
+        )
+    return type_baseline
 
 
 def completed_vehicle(vehicle: "Vehicle", baseline: "Baseline | None") -> "Vehicle":

@@ -3,12 +3,23 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.baseline import baseline_of, completed_vehicle, observed, windows_of
+from sprung.cli.baseline import baseline_of, completed_vehicle, observed, type_of, windows_of
 from sprung.cli.checks import check_file, check_folder
-from sprung.cli.options import INPUT, Channels, Figures, Files, Json, Minutes, SamplingRate, VehicleFile, option
+from sprung.cli.options import (
+    INPUT,
+    Channels,
+    Figures,
+    Files,
+    Json,
+    Minutes,
+    SamplingRate,
+    TypeFile,
+    VehicleFile,
+    option,
+)
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
-from sprung.errors import DataError
+from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,9 +35,10 @@ def diagnose(
         Path | None,
         option(
             "B.json",
-            "Baseline from sprung baseline. Default: left against right and the vehicle file, with wide limits.",
+            "Baseline from sprung baseline. Default: that of --type, or left against right, with wide limits.",
         ),
     ] = None,
+    of_type: TypeFile = None,
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     window: Minutes = 10.0,
@@ -41,17 +53,24 @@ def diagnose(
     from sprung.documents import diagnosis_document
     from sprung.vehicles import read_vehicle
 
-    check_file("--json", json, inputs=[*files, vehicle, *([baseline] if baseline else [])])
+    check_file("--json", json, inputs=[*files, vehicle, *filter(None, (baseline, of_type))])
     check_folder("--figures", figures)
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
+    if baseline is not None and of_type is not None:
+        raise ParameterError("--type compares a vehicle that has no baseline: give it or --baseline, not both")
     description = read_vehicle(vehicle)
+    type_baseline = None if of_type is None else type_of(description, of_type)
     normal = None if baseline is None else baseline_of(description, baseline)
     description = completed_vehicle(description, normal)
     with progress_bar() as report:
         parts = windows_of(files, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report)
         observations = observed(parts, description, report=report)
         result = diagnosis.diagnose(
-            observations, normal, false_alarms=false_alarms, windows_per_day=hours_per_day * 60 / window
+            observations,
+            normal,
+            type_baseline=type_baseline,
+            false_alarms=false_alarms,
+            windows_per_day=hours_per_day * 60 / window,
         )
         changes = [
             change

@@ -1,7 +1,7 @@
 """From windows of driving to findings: sensor checks, baseline, change tests, localisation, advice."""
 
 from sprung.diagnosis.assessment import diagnose, diagnosis_of
-from sprung.diagnosis.baseline import Baseline, nominal_baseline
+from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import (
     INTERVAL_95,
     Candidate,
@@ -75,7 +75,6 @@ __all__ = [
     "learn_residuals",
     "learn_type",
     "mode_changes",
-    "nominal_baseline",
     "nominal_type",
     "observe",
     "observe_window",

@@ -53,7 +53,8 @@ def diagnose(
     Raises
     ------
     ParameterError
-        If a number is out of range, or the windows are of several vehicles or of another one than the baseline.
+        If a number is out of range, or the windows are of several vehicles, of another one than the baseline, or of
+        other components than the type's.
 
     Notes
     -----
@@ -73,6 +74,8 @@ def diagnose(
         if first is None:
             return _inconclusive(every, false_alarms)
         of_type = nominal_type(first.components, name=vehicle) if type_baseline is None else type_baseline
+        if not any(observation.components == of_type.components for observation in every):
+            raise ParameterError("the components differ from those of the type's baseline: fit the same ones")
         detector: ChangeDetector | TypeDetector = TypeDetector(
             of_type, false_alarms=false_alarms, windows_per_day=windows_per_day
         )

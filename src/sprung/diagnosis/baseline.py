@@ -23,10 +23,6 @@ _SLOPES_TOGETHER = {"payload": 0.05, "roughness": 0.05, "speed": 0.05, "temperat
 #: Model error of the windows above which a note states that the vehicle file is in error, and up to which values can be
 #: compared with the vehicle file itself.
 _IMPERFECT, _TRUSTED = 0.25, 0.15
-#: Degrees of freedom of each pair of components of a new vehicle.
-_DEGREES = 2.0
-#: Standard deviations of a new vehicle about its file: left against right, front against rear.
-_UNLIKE, _UNLIKE_ENDS = 0.04, 0.15
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -114,6 +110,12 @@ class Baseline:
             object.__setattr__(self, name, values)
 
     @property
+    def doubt(self) -> Real:
+        """Covariance of `mean` about the vehicle's own one, shape (components, components)."""
+        size = len(self.components)
+        return np.asarray(np.linalg.inv(self.information)[:size, :size], dtype=np.float64)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Limits of the baseline, one sentence each."""
         if self.n_windows == 0:
@@ -192,40 +194,6 @@ def vehicle_of(observations: Iterable[Observation]) -> str:
     if len(names) > 1:
         raise ParameterError(f"the windows are of the vehicles {', '.join(names)}: give those of one")
     return names[0] if names else ""
-
-
-def nominal_baseline(components: tuple[Component, ...], *, vehicle: str) -> Baseline:
-    """Return the baseline of a vehicle without any window: its file, with left like right, and wide limits.
-
-    Parameters
-    ----------
-    components
-        Springs, dampers and tyres of the windows to compare.
-    vehicle
-        Name of the vehicle.
-    """
-    pairs, ends, _ = directions(components)
-    size = len(components)
-    covariance = _UNLIKE**2 * pairs.T @ pairs / 2 + _UNLIKE_ENDS**2 * ends.T @ ends + 1e-8 * np.eye(size)
-    nuisance = usual_nuisance(components, USUAL_ENDS)
-    of_mean = np.asarray(np.linalg.inv(covariance + nuisance), dtype=np.float64)
-    return Baseline(
-        vehicle=vehicle,
-        components=components,
-        mean=np.zeros(size),
-        covariance=covariance,
-        reported=covariance,
-        slopes=np.zeros((size, len(CONDITIONS))),
-        middle={},
-        ranges={},
-        nuisance=nuisance,
-        information=prior_information(components, of_mean),
-        degrees=_DEGREES * len(pairs),
-        n_windows=0,
-        n_refused=0,
-        version=0,
-        reason="the vehicle file only",
-    )
 
 
 def prior_information(components: tuple[Component, ...], of_mean: Real, *, of_slopes: float = 1.0) -> Real:

@@ -449,12 +449,15 @@ class RankedVehicle:
     detection
         Evidence that it deviates from the others, and of what.
     is_discovery
-        Whether it is among the vehicles that have changed, see `rank_fleet`.
+        Whether it is among the vehicles that deviate, see `rank_fleet`.
+    n_windows
+        Number of windows compared.
     """
 
     vehicle: str
     detection: Detection
     is_discovery: bool
+    n_windows: int
 
 
 def rank_fleet(windows: Mapping[str, Iterable[Observation]], *, rate: float = 0.05) -> tuple[RankedVehicle, ...]:
@@ -505,7 +508,7 @@ def rank_fleet(windows: Mapping[str, Iterable[Observation]], *, rate: float = 0.
         detections[vehicle] = Detection(times, np.array([evidence]), evidence, threshold, candidates, None, least)
     chosen = false_discoveries([detection.e_value for detection in detections.values()], rate=rate)
     ranked = [
-        RankedVehicle(vehicle, detection, number in chosen)
+        RankedVehicle(vehicle, detection, number in chosen, len(usable[vehicle]))
         for number, (vehicle, detection) in enumerate(detections.items())
     ]
     return tuple(sorted(ranked, key=lambda one: -one.detection.e_value))

@@ -20,6 +20,7 @@ from sprung.documents.diagnosis import (
     write_diagnosis,
 )
 from sprung.documents.document import Document, document_text, write_document
+from sprung.documents.fleet import FleetDocument, fleet_document
 from sprung.documents.identification import (
     IdentificationDocument,
     identification_document,
@@ -39,6 +40,13 @@ from sprung.documents.recordings import (
     write_truth,
 )
 from sprung.documents.schemas import DOCUMENTS, json_schema, read_document, write_json_schemas
+from sprung.documents.type_baseline import (
+    TypeBaselineDocument,
+    read_type_baseline,
+    type_baseline_document,
+    type_baseline_from_document,
+    write_type_baseline,
+)
 
 __all__ = [
     "DOCUMENTS",
@@ -49,10 +57,12 @@ __all__ = [
     "CornersDocument",
     "DiagnosisDocument",
     "Document",
+    "FleetDocument",
     "IdentificationDocument",
     "InspectionDocument",
     "ReproductionDocument",
     "TruthDocument",
+    "TypeBaselineDocument",
     "VehiclesDocument",
     "baseline_document",
     "baseline_from_document",
@@ -62,6 +72,7 @@ __all__ = [
     "diagnosis_document",
     "document_text",
     "finding_document",
+    "fleet_document",
     "identification_document",
     "inspection_document",
     "json_schema",
@@ -75,7 +86,10 @@ __all__ = [
     "read_identification",
     "read_inspections",
     "read_truth",
+    "read_type_baseline",
     "truth_document",
+    "type_baseline_document",
+    "type_baseline_from_document",
     "write_baseline",
     "write_corners",
     "write_diagnosis",
@@ -84,4 +98,5 @@ __all__ = [
     "write_inspections",
     "write_json_schemas",
     "write_truth",
+    "write_type_baseline",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from sprung._arrays import Real
-from sprung.diagnosis import Baseline, ResidualReference, detectable
+from sprung.diagnosis import Baseline, ResidualReference, TypeBaseline, detectable
 from sprung.diagnosis.baseline import CONDITIONS
 from sprung.documents.document import Document, Pair, checked, read_fields, write_document
 from sprung.errors import FormatError, ParameterError
@@ -62,19 +62,11 @@ def baseline_document(baseline: Baseline) -> BaselineDocument:
     baseline
         Learnt from windows of a healthy vehicle.
     """
-    conditions = {
-        name: {
-            "middle": baseline.middle.get(name),
-            "range": baseline.ranges.get(name),
-            "slopes": baseline.slopes[:, column],
-        }
-        for column, name in enumerate(CONDITIONS)
-    }
     return BaselineDocument.model_validate(
         {
             "schema": "sprung.baseline/1",
             **{name: getattr(baseline, name) for name in _alike()},
-            "conditions": conditions,
+            "conditions": conditions_document(baseline),
             "detectable": {
                 str(count): {str(part): loss for part, loss in detectable(baseline, n_windows=count).items()}
                 for count in FURTHER_WINDOWS
@@ -100,19 +92,43 @@ def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, so
     """
     if not isinstance(document, BaselineDocument):
         document = checked(BaselineDocument, document, source=source)
-    conditions = document.conditions
-    missing = [name for name in CONDITIONS if name not in conditions]
-    if missing:
-        raise FormatError(f"{source} lacks the condition {missing[0]!r}: learn the baseline again")
     try:
         return Baseline(
             **{name: getattr(document, name) for name in _alike()},
-            slopes=np.array([conditions[name].slopes for name in CONDITIONS]).T,
-            middle={name: condition.middle for name, condition in conditions.items() if condition.middle is not None},
-            ranges={name: condition.range for name, condition in conditions.items() if condition.range is not None},
+            **conditions_from_document(document.conditions, source=source),
         )
     except (ParameterError, ValueError) as error:
         raise FormatError(f"{source}: {error}") from None
+
+
+def conditions_document(baseline: Baseline | TypeBaseline) -> dict[str, dict[str, Any]]:
+    """Return the dependence on each condition, of `BY_CONDITION`."""
+    return {
+        name: {
+            "middle": baseline.middle.get(name),
+            "range": baseline.ranges.get(name),
+            "slopes": baseline.slopes[:, column],
+        }
+        for column, name in enumerate(CONDITIONS)
+    }
+
+
+def conditions_from_document(conditions: Mapping[str, ConditionDocument], *, source: str) -> dict[str, Any]:
+    """Return the fields of `BY_CONDITION` from the dependence on each condition.
+
+    Raises
+    ------
+    FormatError
+        If a condition is missing.
+    """
+    missing = [name for name in CONDITIONS if name not in conditions]
+    if missing:
+        raise FormatError(f"{source} lacks the condition {missing[0]!r}: learn the baseline again")
+    return {
+        "slopes": np.array([conditions[name].slopes for name in CONDITIONS]).T,
+        "middle": {name: condition.middle for name, condition in conditions.items() if condition.middle is not None},
+        "ranges": {name: condition.range for name, condition in conditions.items() if condition.range is not None},
+    }
 
 
 def write_baseline(baseline: Baseline, path: str | Path) -> None:

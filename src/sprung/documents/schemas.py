@@ -13,9 +13,11 @@ from sprung.documents.calibration import CalibrationDocument
 from sprung.documents.corners import CornersDocument
 from sprung.documents.diagnosis import DiagnosisDocument
 from sprung.documents.document import Document, checked, read_fields, schema_of
+from sprung.documents.fleet import FleetDocument
 from sprung.documents.identification import IdentificationDocument
 from sprung.documents.monitoring import AlertHistoryDocument, AlertsDocument, ReproductionDocument, VehiclesDocument
 from sprung.documents.recordings import InspectionDocument, TruthDocument
+from sprung.documents.type_baseline import TypeBaselineDocument
 from sprung.errors import FormatError, ParameterError
 
 _KINDS: tuple[type[Document], ...] = (
@@ -25,10 +27,12 @@ _KINDS: tuple[type[Document], ...] = (
     CalibrationDocument,
     CornersDocument,
     DiagnosisDocument,
+    FleetDocument,
     IdentificationDocument,
     InspectionDocument,
     ReproductionDocument,
     TruthDocument,
+    TypeBaselineDocument,
     VehiclesDocument,
 )
 #: Published documents by the name of their schema.

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
-from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation, nominal_baseline
+from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation
 from sprung.errors import ParameterError
 from sprung.plotting.corners import corner_bars
 from sprung.plotting.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
@@ -82,34 +82,32 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     diagnosis
         Diagnosis with at least one conclusive window.
     baseline
-        Baseline of the vehicle; None: its vehicle file.
+        Baseline of the vehicle; None: that of the diagnosis, which is of its type or its vehicle file.
 
     Raises
     ------
     ParameterError
         If no window was conclusive.
     """
-    detection = diagnosis.detection
-    if detection is None:
+    normal = baseline or diagnosis.baseline
+    if diagnosis.detection is None or normal is None:
         raise ParameterError("the diagnosis has no conclusive window, but changes of corners need one: add windows")
     conclusive = _witnesses(diagnosis)
     since = diagnosis.findings[0].since if diagnosis.findings else conclusive[0].time
     conclusive = [window for window in conclusive if window.time >= since]
-    normal = baseline or nominal_baseline(conclusive[0].components, vehicle="")
     mean = np.mean([normal.residual(window) for window in conclusive], axis=0)
     own = np.mean([window.covariance for window in conclusive], axis=0) / len(conclusive)
-    if normal.n_windows:
+    if normal.version:
         own = normal.covariance * (1 / len(conclusive) + 1 / normal.n_windows)
     # Common effects such as that of a payload may persist: averaging over windows does not remove them.
-    spread = own + normal.nuisance
-    against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
+    spread = own + normal.nuisance + _between(normal)
     return corner_bars(
         normal.components,
         mean,
         np.sqrt(np.diag(spread)),
         is_identifiable=np.ones(len(mean), dtype=np.bool_),
         heading=(
-            f"Corners against {against}: mean of {len(conclusive)} windows since {since / 60:.0f} min",
+            f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {since / 60:.0f} min",
             "95 % intervals: thick: independent scatter; thin: with common effects such as payload",
         ),
         by_chance=np.sqrt(np.diag(own)),
@@ -124,7 +122,7 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     diagnosis
         Diagnosis with at least one conclusive window.
     baseline
-        Baseline of the vehicle; None: its vehicle file.
+        Baseline of the vehicle; None: that of the diagnosis, which is of its type or its vehicle file.
 
     Raises
     ------
@@ -137,21 +135,21 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     the vehicle file, without one); the grey band holds 95 % of usual single windows, the darker one without the
     scatter that corners share.
     """
-    if diagnosis.detection is None:
+    normal = baseline or diagnosis.baseline
+    if diagnosis.detection is None or normal is None:
         raise ParameterError("the diagnosis has no conclusive window, but trends need one: add windows")
     conclusive = _witnesses(diagnosis)
-    normal = baseline or nominal_baseline(conclusive[0].components, vehicle="")
     components = normal.components
     corners = list(dict.fromkeys(component.corner for component in components))
-    against = "the vehicle file" if baseline is None else f"baseline {normal.version}"
     what = "Components over time against the vehicle file, with 95 % intervals"
-    where = f"Grey: 95 % of usual windows by {against}; darker: without common effects"
+    where = f"Grey: 95 % of usual windows by {_name(normal)}; darker: without common effects"
     figure = new_figure(what, where, width=max(9.5, 2.4 * len(corners)), height=7)
     panels = figure.subplots(len(_KINDS), len(corners), sharex=True, sharey="row", squeeze=False)
     minutes = np.array([window.time for window in conclusive]) / 60
     values = np.array([normal.mean + normal.residual(window) for window in conclusive])
     bars = HALF_WIDTH_95 * np.sqrt([np.diag(window.covariance) for window in conclusive])
-    own, usual = (HALF_WIDTH_95 * np.sqrt(np.diag(c)) for c in (normal.covariance, normal.covariance + normal.nuisance))
+    whole = normal.covariance + normal.nuisance + _between(normal)
+    own, usual = (HALF_WIDTH_95 * np.sqrt(np.diag(covariance)) for covariance in (normal.covariance, whole))
     for line, kind in zip(panels, _KINDS, strict=True):
         line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
         for axes, corner in zip(line, corners, strict=True):
@@ -191,6 +189,18 @@ def _draw_onset(axes: Axes, finding: Finding, minutes: Real, values: Real) -> No
         label = f"{100 * finding.trend.per_hour:+.1f} % per hour"
         axes.plot(minutes[later], _percent(trend), color=MODE_COLOURS[1], linewidth=1.5, linestyle="--", label=label)
     axes.legend(fontsize=SMALL, frameon=False)
+
+
+def _name(normal: Baseline) -> str:
+    """Return what windows are compared with, in words."""
+    if normal.version:
+        return f"baseline {normal.version}"
+    return "the type" if normal.n_windows else "the vehicle file"
+
+
+def _between(normal: Baseline) -> Real:
+    """Return the covariance between vehicles, of a baseline that is not the vehicle's own."""
+    return normal.doubt if normal.version == 0 else np.zeros_like(normal.covariance)
 
 
 def _witnesses(diagnosis: Diagnosis) -> list[Observation]:

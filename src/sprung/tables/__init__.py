@@ -12,6 +12,7 @@ from sprung.tables.diagnosis import (
     trend_in_words,
     why_inconclusive,
 )
+from sprung.tables.fleet import fleet_tables, type_in_words
 from sprung.tables.identification import (
     harmonics_table,
     identification_in_words,
@@ -39,6 +40,7 @@ __all__ = [
     "diagnosis_in_words",
     "diagnosis_tables",
     "fitted_modes_table",
+    "fleet_tables",
     "harmonics_table",
     "hypotheses_table",
     "identification_in_words",
@@ -55,6 +57,7 @@ __all__ = [
     "time_in_words",
     "trend_in_words",
     "true_modes_table",
+    "type_in_words",
     "vehicles_table",
     "why_inconclusive",
     "why_none",

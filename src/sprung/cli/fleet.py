@@ -1,0 +1,83 @@
+"""The command `sprung fleet`."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sprung.cli.checks import check_file
+from sprung.cli.options import OUTPUT, Json, option
+from sprung.cli.output import show, write_result
+from sprung.errors import DataError, ParameterError
+
+if TYPE_CHECKING:
+    from sprung.diagnosis import Observation
+
+
+def fleet(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CAR.json",
+            help=(
+                "Results of sprung diagnose --json, one for each vehicle, made with one vehicle file. The name of the "
+                "file is that of the vehicle; files of one name in several folders are of one vehicle."
+            ),
+            show_default=False,
+        ),
+    ],
+    *,
+    out: Annotated[
+        Path | None,
+        option("T.json", "Write the baseline of the type, for --type of sprung baseline and diagnose.", panel=OUTPUT),
+    ] = None,
+    rate: Annotated[float, option("SHARE", "Expected share of sound vehicles among those said to deviate.")] = 0.05,
+    json: Json = None,
+) -> None:
+    """Compare the vehicles of a type with each other, and learn what is normal for the type."""
+    from sprung import tables
+    from sprung.diagnosis import learn_type, rank_fleet
+    from sprung.documents import fleet_document, write_type_baseline
+
+    check_file("--out", out, inputs=files)
+    check_file("--json", json, inputs=files)
+    windows = _windows_by_vehicle(files)
+    of_type = learn_type(windows)
+    notes = [f"{vehicle} has no usable window" for vehicle, own in windows.items() if not _has_usable(own)]
+    try:
+        rankings = {of_type.name: rank_fleet(windows, rate=rate)}
+    except DataError as error:
+        if out is None:
+            raise
+        rankings, notes = {}, [*notes, f"not ranked: {error}"]
+    if out is not None:
+        write_type_baseline(of_type, out)
+    document = fleet_document(rankings, rate=rate, notes=notes)
+    if write_result(document, json):
+        written = [] if out is None else [f"wrote {out}"]
+        show(*tables.fleet_tables(document.as_json()), [tables.type_in_words(of_type), *notes, *written])
+
+
+def _windows_by_vehicle(files: list[Path]) -> "Mapping[str, list[Observation]]":
+    """Return the windows of each vehicle, all of one type."""
+    from sprung.documents import read_diagnosis
+
+    windows: dict[str, list[Observation]] = {}
+    types: dict[str, Path] = {}
+    for path in files:
+        document = read_diagnosis(path)
+        if document.vehicle is not None:
+            types.setdefault(document.vehicle, path)
+        own = windows.setdefault(path.stem, [])
+        own += [replace(window, vehicle=document.vehicle or "") for window in document.windows]
+    if len(types) > 1:
+        cases = ", ".join(f"{name!r} ({path})" for name, path in types.items())
+        raise ParameterError(f"the files are of the types {cases}: give those of one type")
+    return windows
+
+
+def _has_usable(windows: "list[Observation]") -> bool:
+    """Return whether any window can be compared."""
+    return any(window.is_conclusive and not window.sensor_faults for window in windows)

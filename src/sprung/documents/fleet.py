@@ -1,0 +1,72 @@
+"""The document of a fleet, `sprung.fleet/1`: vehicles of a type, ranked by how much each deviates from the others."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
+
+from pydantic import Field
+
+from sprung.diagnosis import RankedVehicle
+from sprung.documents.document import Document, Pair
+
+
+class RankedEntry(Document):
+    """A vehicle against the others of its type; `part` is the most likely place of its deviation."""
+
+    vehicle: str
+    windows: int
+    p_value: float
+    deviates: bool
+    part: str
+    change: float | None
+    interval: Pair | None
+
+
+class RankingEntry(Document):
+    """The vehicles of a type, the most deviating first."""
+
+    name: str
+    vehicles: tuple[RankedEntry, ...]
+
+
+class FleetDocument(Document):
+    """Rankings of the vehicles of each type."""
+
+    schema_name: Literal["sprung.fleet/1"] = Field(alias="schema")
+    rate: float
+    types: tuple[RankingEntry, ...]
+    notes: tuple[str, ...]
+
+
+def fleet_document(
+    rankings: Mapping[str, Sequence[RankedVehicle]], *, rate: float, notes: Iterable[str] = ()
+) -> FleetDocument:
+    """Return rankings as `sprung.fleet/1`.
+
+    Parameters
+    ----------
+    rankings
+        Result of `sprung.diagnosis.rank_fleet` for each type, by its name.
+    rate
+        Expected share of sound vehicles among those that are said to deviate.
+    notes
+        Sentences about types and vehicles that are not ranked.
+    """
+    types = [{"name": name, "vehicles": list(map(_entry, ranked))} for name, ranked in rankings.items()]
+    return FleetDocument.model_validate(
+        {"schema": "sprung.fleet/1", "rate": rate, "types": types, "notes": list(notes)}
+    )
+
+
+def _entry(ranked: RankedVehicle) -> dict[str, object]:
+    """Return a vehicle with what may be different in it."""
+    best = ranked.detection.candidates[0]
+    return {
+        "vehicle": ranked.vehicle,
+        "windows": ranked.n_windows,
+        "p_value": math.exp(-ranked.detection.e_value),
+        "deviates": ranked.is_discovery,
+        "part": best.hypothesis.name,
+        "change": best.change,
+        "interval": best.interval,
+    }

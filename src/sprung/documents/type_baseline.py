@@ -1,0 +1,114 @@
+"""The document of the baseline of a type of vehicles, `sprung.type_baseline/1`."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from sprung._arrays import Real
+from sprung.diagnosis import TypeBaseline
+from sprung.documents.baseline import BY_CONDITION, ConditionDocument, conditions_document, conditions_from_document
+from sprung.documents.document import Document, checked, read_fields, write_document
+from sprung.errors import FormatError, ParameterError
+from sprung.vehicles import Component
+
+
+class TypeBaselineDocument(Document):
+    """Normal state of the vehicles of a type, as a file holds it."""
+
+    schema_name: Literal["sprung.type_baseline/1"] = Field(alias="schema")
+    name: str
+    n_vehicles: int = Field(ge=0)
+    n_windows: int = Field(ge=0)
+    components: tuple[Component, ...]
+    mean: Real
+    between: Real
+    scales: Real
+    ends: dict[str, float]
+    together: dict[str, float]
+    is_warm: bool
+    degrees: float = Field(gt=0)
+    conditions: dict[str, ConditionDocument]
+
+
+def type_baseline_document(type_baseline: TypeBaseline) -> TypeBaselineDocument:
+    """Return the baseline of a type as `sprung.type_baseline/1`.
+
+    Parameters
+    ----------
+    type_baseline
+        Learnt from several vehicles of the type.
+    """
+    return TypeBaselineDocument.model_validate(
+        {
+            "schema": "sprung.type_baseline/1",
+            **{name: getattr(type_baseline, name) for name in _alike()},
+            "conditions": conditions_document(type_baseline),
+        }
+    )
+
+
+def type_baseline_from_document(
+    document: TypeBaselineDocument | Mapping[str, Any], *, source: str = "the baseline of the type"
+) -> TypeBaseline:
+    """Return the baseline of a type of a document.
+
+    Parameters
+    ----------
+    document
+        Document, or its fields.
+    source
+        Name of the document in messages.
+
+    Raises
+    ------
+    FormatError
+        If it is not the document of the baseline of a type.
+    """
+    if not isinstance(document, TypeBaselineDocument):
+        document = checked(TypeBaselineDocument, document, source=source)
+    try:
+        return TypeBaseline(
+            **{name: getattr(document, name) for name in _alike()},
+            **conditions_from_document(document.conditions, source=source),
+        )
+    except (ParameterError, ValueError) as error:
+        raise FormatError(f"{source}: {error}") from None
+
+
+def write_type_baseline(type_baseline: TypeBaseline, path: str | Path) -> None:
+    """Write the baseline of a type as a JSON file, `sprung.type_baseline/1`; reading it gives an equal one.
+
+    Parameters
+    ----------
+    type_baseline
+        Learnt from several vehicles of the type.
+    path
+        File to write; an existing one is replaced.
+    """
+    write_document(type_baseline_document(type_baseline), path)
+
+
+def read_type_baseline(path: str | Path) -> TypeBaseline:
+    """Read the baseline of a type from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_type_baseline` or `sprung fleet` wrote.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read.
+    FormatError
+        If it holds something else.
+    """
+    return type_baseline_from_document(read_fields(path), source=str(path))
+
+
+def _alike() -> list[str]:
+    """Return the fields of the baseline of a type that its document holds unchanged."""
+    return [field.name for field in fields(TypeBaseline) if field.name not in BY_CONDITION]
