@@ -262,3 +262,11 @@ def test_every_field_is_documented_with_an_example(sprung, store, words):
     assert fields(example) == fields(document)
     named = re.findall(r"`(?:\w+\[\]\.)?(\w+)`", " ".join(re.findall(r"^\| (`[^|]*) \|", section, re.MULTILINE)))
     assert fields(document) - {"schema", "alerts", "history", "vehicles"} == set(named)
+
+
+def test_a_fleet_of_the_monitor_is_ranked(sprung, store):
+    assert sprung("vehicles", "rank", "--store", store, "--json", "-").document()["types"] == []
+    assert "no vehicles yet" in sprung("vehicles", "rank", "--store", store).out
+    refused = sprung("vehicles", "rank", "--store", store, "--rate", "2")
+    assert refused.code == 2
+    assert "rate" in refused.err

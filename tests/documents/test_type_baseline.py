@@ -67,7 +67,7 @@ def test_other_documents_are_not_a_type(of_type, change, message) -> None:
 
 
 def test_a_ranking_names_vehicle_part_and_size(vehicles, check_document) -> None:
-    document = fleet_document({"car": rank_fleet(vehicles)}, rate=0.05, notes=("a note",)).as_json()
+    document = fleet_document([("car", rank_fleet(vehicles))], rate=0.05, notes=("a note",)).as_json()
     check_document(document)
     (ranking,) = document["types"]
     first, second = ranking["vehicles"][:2]

@@ -3,15 +3,22 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sprung.alerting import AlertSettings
-from sprung.monitor import AlertBook, MonitorSettings, Opening, Outcome, Site, VehicleStatus, Workers
+from sprung.diagnosis import Observation
+from sprung.documents import observation_document
+from sprung.monitor import AlertBook, MonitorSettings, Observed, Opening, Outcome, Site, VehicleStatus, Workers
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.ledger import Ledger
-from sprung.storage import StoredFrame, open_store
+from sprung.recording import Channel, Recording
+from sprung.storage import Progress, StoredFrame, open_store
+from sprung.vehicles import Component, read_vehicle, vehicle_text
 
 NOW = 1_795_219_200_000_000_000
+SPRINGS = (Component("front_left", "spring"), Component("front_right", "spring"))
+WINDOW = Observation(NOW / 1e9, SPRINGS, np.zeros(2), 1e-4 * np.eye(2), {}, {}, ())
 
 
 class Played(Workers):
@@ -148,3 +155,22 @@ def test_a_request_to_learn_goes_with_the_next_job(dispatch, workers, store) -> 
     assert workers.jobs == [("car-1", [b"0"], "new dampers")]
     dispatch.settle(done("car-1", 1, b"state"))
     assert store.requests.open_commands() == []
+
+
+def test_a_learning_vehicle_is_opened_with_the_type_of_the_others(dispatch, workers, store) -> None:
+    """After each of its windows, from the state just stored, and no longer once it has a baseline."""
+    text = vehicle_text(read_vehicle("zafira"))
+    for number in range(5):
+        store.inbox.put_vehicle(f"car-{number}", configuration="c", description=text, channels=[["a", ""]], now=NOW)
+        store.inbox.add_frames([StoredFrame(f"car-{number}", 1, 0, NOW, b"")], now=NOW)
+        entry = (0, NOW, observation_document(WINDOW))
+        store.results.commit(Progress(f"car-{number}", 1, done_seq=0, observations=(entry,)))
+    arrive(store, dispatch, "car-0", 1, 4)
+    event = Observed(0, Recording(np.zeros((1, 2)), 1.0, (Channel("a"),), NOW), WINDOW, None, None)
+    for is_learning in (True, False):
+        dispatch.give()
+        of_type = workers.opened["car-0"].type_baseline
+        assert of_type is not None
+        assert (of_type.name, of_type.n_vehicles) == ("zafira", 4)
+        dispatch.settle(Outcome("car-0", 1, (event,), b"state", VehicleStatus(is_learning=is_learning)))
+        assert workers.is_open("car-0") is not is_learning

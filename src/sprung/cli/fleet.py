@@ -47,11 +47,11 @@ def fleet(
     of_type = learn_type(windows)
     notes = [f"{vehicle} has no usable window" for vehicle, own in windows.items() if not _has_usable(own)]
     try:
-        rankings = {of_type.name: rank_fleet(windows, rate=rate)}
+        rankings = [(of_type.name, rank_fleet(windows, rate=rate))]
     except DataError as error:
         if out is None:
             raise
-        rankings, notes = {}, [*notes, f"not ranked: {error}"]
+        rankings, notes = [], [*notes, f"not ranked: {error}"]
     if out is not None:
         write_type_baseline(of_type, out)
     document = fleet_document(rankings, rate=rate, notes=notes)

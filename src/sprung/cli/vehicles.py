@@ -21,7 +21,7 @@ VehicleName = Annotated[str, typer.Argument(metavar="ID", help="Name of the vehi
 
 @application.callback()
 def vehicles(context: typer.Context, *, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
-    """List the monitored vehicles; sub-commands request a new baseline, or samples from a box."""
+    """List the monitored vehicles; sub-commands rank them, or request a new baseline or samples from a box."""
     check_options_follow(context)
     if context.invoked_subcommand is None:
         list_vehicles(store=store, json=json)
@@ -34,6 +34,23 @@ def list_vehicles(*, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None
 
     with existing_store(store) as opened:
         _print_vehicles(opened, json, [open_request_in_words(row) for row in opened.requests.open_commands()])
+
+
+@application.command()
+def rank(
+    *,
+    rate: Annotated[float, option("SHARE", "Expected share of sound vehicles among those said to deviate.")] = 0.05,
+    store: StoreUrl = DEFAULT_STORE,
+    json: Json = None,
+) -> None:
+    """Rank the vehicles of each type (same vehicle file) by how much they deviate from the others."""
+    from sprung import tables
+    from sprung.monitor.desk import ranking_document
+
+    with existing_store(store) as opened:
+        document = ranking_document(opened, rate=rate)
+    if write_result(document, json):
+        show(*tables.fleet_tables(document), document["notes"] or ([] if document["types"] else ["no vehicles yet"]))
 
 
 @application.command()

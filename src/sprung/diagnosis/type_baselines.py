@@ -492,6 +492,7 @@ def rank_fleet(windows: Mapping[str, Iterable[Observation]], *, rate: float = 0.
     Y. Benjamini, Y. Hochberg, Controlling the false discovery rate: a practical and powerful approach to multiple
     testing, Journal of the Royal Statistical Society B 57 (1995) 289-300.
     """
+    check_number("rate", rate, above=0, at_most=1)
     usable = _usable(windows)
     if len(usable) <= LEAST_VEHICLES:
         raise DataError(

@@ -1,7 +1,7 @@
 """The document of a fleet, `sprung.fleet/1`: vehicles of a type, ranked by how much each deviates from the others."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 from pydantic import Field
@@ -39,20 +39,20 @@ class FleetDocument(Document):
 
 
 def fleet_document(
-    rankings: Mapping[str, Sequence[RankedVehicle]], *, rate: float, notes: Iterable[str] = ()
+    rankings: Iterable[tuple[str, Sequence[RankedVehicle]]], *, rate: float, notes: Iterable[str] = ()
 ) -> FleetDocument:
     """Return rankings as `sprung.fleet/1`.
 
     Parameters
     ----------
     rankings
-        Result of `sprung.diagnosis.rank_fleet` for each type, by its name.
+        Name of each type, and the result of `sprung.diagnosis.rank_fleet`.
     rate
         Expected share of sound vehicles among those that are said to deviate.
     notes
         Sentences about types and vehicles that are not ranked.
     """
-    types = [{"name": name, "vehicles": list(map(_entry, ranked))} for name, ranked in rankings.items()]
+    types = [{"name": name, "vehicles": list(map(_entry, ranked))} for name, ranked in rankings]
     return FleetDocument.model_validate(
         {"schema": "sprung.fleet/1", "rate": rate, "types": types, "notes": list(notes)}
     )

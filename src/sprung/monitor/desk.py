@@ -21,8 +21,10 @@ from sprung.alerting import (
     state_name,
     unshelved,
 )
+from sprung.documents import fleet_document
 from sprung.errors import ParameterError
 from sprung.monitor.alert_book import AlertBook, alert_of
+from sprung.monitor.fleets import rankings
 from sprung.storage import AlertRow, Store
 
 
@@ -160,6 +162,25 @@ def vehicles_document(store: Store) -> dict[str, Any]:
     """Return summaries of all vehicles as `sprung.vehicles/1`, by name."""
     vehicles = [vehicle_summary(store, row.vehicle, row.last_seen) for row in store.inbox.vehicles()]
     return {"schema": "sprung.vehicles/1", "vehicles": vehicles}
+
+
+def ranking_document(store: Store, *, rate: float = 0.05) -> dict[str, Any]:
+    """Return the vehicles of each type as `sprung.fleet/1`, by how much their last windows deviate from the others'.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    rate
+        Expected share of sound vehicles among those that are said to deviate, above 0 and up to 1.
+
+    Raises
+    ------
+    ParameterError
+        If the rate is not above 0 and at most 1.
+    """
+    ranked, notes = rankings(store, rate=rate)
+    return fleet_document(ranked, rate=rate, notes=notes).as_json()
 
 
 def vehicle_summary(store: Store, vehicle: str, last_seen: int) -> dict[str, Any]:

@@ -4,7 +4,8 @@ import logging
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-from sprung.monitor.engine import MonitorSettings
+from sprung.monitor.engine import MonitorSettings, Observed
+from sprung.monitor.fleets import has_type, type_of_others
 from sprung.monitor.ledger import Ledger
 from sprung.monitor.streams import Stream
 from sprung.monitor.workers import Opening, Outcome, VehicleStatus, Workers
@@ -175,7 +176,9 @@ class Dispatch:
         if snapshot is not None:
             self._finish_boots(vehicle, snapshot.boot)
         state = None if snapshot is None else snapshot.document
-        self._workers.open(Opening(vehicle, row.description, dict(row.channels), state, self._settings))
+        status = self._statuses.get(vehicle)
+        of_type = type_of_others(self._store, vehicle) if status is None or status.is_learning else None
+        self._workers.open(Opening(vehicle, row.description, dict(row.channels), state, self._settings, of_type))
         return True
 
     def _commit(self, outcome: Outcome, taken: Sequence[StoredFrame]) -> None:
@@ -193,6 +196,10 @@ class Dispatch:
         self._statuses[vehicle] = outcome.status
         if taken:
             stream.dispatched[boot] = seq
+        is_window = any(isinstance(event, Observed) for event in outcome.events)
+        if is_window and outcome.status.is_learning and has_type(self._store, vehicle):
+            # Opened again, from the state just stored, with the baseline of its type as it is now.
+            self._workers.close_vehicle(vehicle)
 
     def _finish_boots(self, vehicle: str, boot: int) -> None:
         """Remove the frames of boots before that of the stored state, which covers them."""

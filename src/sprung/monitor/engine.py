@@ -14,6 +14,8 @@ from sprung.diagnosis import (
     Diagnosis,
     Observation,
     ResidualStatistics,
+    TypeBaseline,
+    TypeDetector,
     diagnosis_of,
     learn,
     observe_window,
@@ -24,6 +26,8 @@ from sprung.documents import (
     mode_documents,
     observation_document,
     observation_from_document,
+    type_baseline_document,
+    type_baseline_from_document,
 )
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.identification import METHODS, IdentificationSettings
@@ -35,6 +39,12 @@ from sprung.vehicles import Vehicle
 STATE = "sprung.vehicle-monitor/1"
 #: Shortest stretch of a window that modes are identified from [s].
 _SHORTEST = 120.0
+#: Reason of the first baseline, and note while a vehicle that deviates from its type is not learnt from.
+_FIRST = "first learning"
+_DEVIATES = (
+    "no baseline is learnt while the vehicle deviates from its type: inspect it, then request one with sprung "
+    "vehicles learn"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +124,8 @@ class Observed:
     observation
         Estimates and conditions of the window.
     diagnosis
-        Diagnosis of the windows since the baseline; None while it is being learnt.
+        Diagnosis of the windows since the baseline; while it is being learnt, of these windows against the vehicle's
+        type, or None where that is unknown.
     baseline
         Baseline learnt with this window as its last one; None otherwise.
     """
@@ -140,6 +151,9 @@ class VehicleMonitor:
         Settings of the monitoring; None: windows of ten minutes, a baseline from twelve of them.
     baseline
         Baseline learnt before; None: one is learnt from the first windows.
+    type_baseline
+        Baseline of the vehicle's type: until the vehicle has a baseline its windows are compared with it, and it is the
+        prior of that baseline. None: unknown.
 
     Notes
     -----
@@ -148,7 +162,8 @@ class VehicleMonitor:
 
     Windows hold a fixed number of samples in order of arrival, independent of the division into blocks, and are
     processed by the functions that process recordings: `observe_window`, `learn`, `ChangeDetector` and `diagnosis_of`.
-    Score, decision and learning are separate: only `learn_again` starts a second learning.
+    Score, decision and learning are separate: only `learn_again` starts a second learning. A vehicle that deviates from
+    its type gets no first baseline until `learn_again`: its fault would be normal from then on.
 
     Memory: the samples of one window, and 96 observations of about 4 kB each with four outputs and twelve components.
     While a baseline is learnt, an observation also holds the correlations of its segments for the residual test (170 kB
@@ -156,12 +171,18 @@ class VehicleMonitor:
     """
 
     def __init__(
-        self, vehicle: Vehicle, *, settings: MonitorSettings | None = None, baseline: Baseline | None = None
+        self,
+        vehicle: Vehicle,
+        *,
+        settings: MonitorSettings | None = None,
+        baseline: Baseline | None = None,
+        type_baseline: TypeBaseline | None = None,
     ) -> None:
         self._vehicle = vehicle
         self._settings = settings or MonitorSettings()
         self._baseline = baseline
-        self._reason = "first learning"
+        self._type = type_baseline
+        self._reason = _FIRST
         self._blocks: list[Block] = []
         self._n_samples = 0
         self._n_windows = 0
@@ -184,6 +205,16 @@ class VehicleMonitor:
         return self._baseline
 
     @property
+    def type_baseline(self) -> TypeBaseline | None:
+        """Normal state of the vehicles of its type; None if unknown."""
+        return self._type
+
+    @property
+    def is_learning(self) -> bool:
+        """Whether the windows are collected for a baseline."""
+        return self._detector is None
+
+    @property
     def learning(self) -> tuple[int, int]:
         """Number of windows for the next baseline so far, and number needed; equal if nothing is being learnt."""
         needed = self._settings.learning_windows
@@ -194,7 +225,7 @@ class VehicleMonitor:
 
     @property
     def diagnosis(self) -> Diagnosis | None:
-        """Diagnosis of the windows since the baseline; None while it is being learnt."""
+        """Diagnosis of the windows since the baseline; while it is being learnt, against the type, if that is known."""
         return self._diagnosis
 
     @property
@@ -275,6 +306,7 @@ class VehicleMonitor:
             "reason": self._reason,
             "is_learning": self._detector is None,
             "baseline": None if self._baseline is None else baseline_document(self._baseline).as_json(),
+            "type": None if self._type is None else type_baseline_document(self._type).as_json(),
             "n_windows": self._n_windows,
             "n_identified": self._n_identified,
             "observations": [observation_document(observation) for observation in self.observations],
@@ -287,7 +319,9 @@ class VehicleMonitor:
         }
 
     @classmethod
-    def from_state(cls, vehicle: Vehicle, state: Mapping[str, Any]) -> "VehicleMonitor":
+    def from_state(
+        cls, vehicle: Vehicle, state: Mapping[str, Any], *, type_baseline: TypeBaseline | None = None
+    ) -> "VehicleMonitor":
         """Return a monitor that continues from a state.
 
         Parameters
@@ -296,6 +330,8 @@ class VehicleMonitor:
             Vehicle with its sensors.
         state
             State from `state`.
+        type_baseline
+            Baseline of the vehicle's type from now on; None: that of the state.
 
         Raises
         ------
@@ -309,6 +345,7 @@ class VehicleMonitor:
         try:
             monitor = cls(vehicle, settings=MonitorSettings(**state["settings"]))
             monitor._baseline = None if state["baseline"] is None else baseline_from_document(dict(state["baseline"]))
+            monitor._type = type_baseline or _restored_type(state.get("type"))
             monitor._reason = state["reason"]
             monitor._n_windows, monitor._n_identified = state["n_windows"], state["n_identified"]
             statistics = state.get("residuals", [None] * len(state["observations"]))
@@ -318,6 +355,7 @@ class VehicleMonitor:
             ]
             if state["is_learning"] or monitor._baseline is None:
                 monitor._learning = observations
+                monitor._diagnosis = monitor._against_type()
             else:
                 monitor._resume(monitor._baseline, observations, list(state["evidence"]))
             monitor._modes, monitor._note = tuple(state["modes"]), state["note"]
@@ -387,34 +425,66 @@ class VehicleMonitor:
         self._note = observation.reason
         learnt: Baseline | None = None
         if self._detector is None:
-            learnt = self._learn(observation)
+            self._learning = [*self._learning, observation][-self._settings.most_windows :]
+            self._diagnosis = diagnosis = self._against_type()
+            learnt = self._learn()
         else:
             self._detector.update(observation.without_segments())
-            self._diagnosis = diagnosis_of(self._detector)
+            self._diagnosis = diagnosis = diagnosis_of(self._detector)
         if not self._note and self._baseline is not None:
             self._note = " ".join(self._baseline.notes)
-        return Observed(number, recording, observation.without_segments(), self._diagnosis, learnt)
+        return Observed(number, recording, observation.without_segments(), diagnosis, learnt)
 
     def _restored_observation(self, observation: Observation, residuals: ResidualStatistics | None) -> Observation:
         """Return an observation with the parts that its document does not hold."""
         return replace(observation, vehicle=self._vehicle.name, residuals=residuals)
 
-    def _learn(self, observation: Observation) -> Baseline | None:
-        """Return the baseline if this was the last window needed for it."""
-        self._learning = [*self._learning, observation][-self._settings.most_windows :]
+    def _known_type(self) -> TypeBaseline | None:
+        """Return the baseline of the type, if it has the components of a window."""
+        if self._type is None or not any(one.components == self._type.components for one in self._learning):
+            return None
+        return self._type
+
+    def _against_type(self) -> Diagnosis | None:
+        """Return the diagnosis of the windows so far against the vehicle's type; None if that is unknown."""
+        of_type = self._known_type()
+        if of_type is None:
+            return None
+        settings = self._detection_settings()
+        detector = TypeDetector(
+            of_type, false_alarms=settings["false_alarms"], windows_per_day=settings["windows_per_day"]
+        )
+        for observation in self._learning:
+            detector.update(observation.without_segments())
+        return diagnosis_of(detector)
+
+    def _learn(self) -> Baseline | None:
+        """Return the baseline if the last window was the last one needed for it."""
         have, needed = self.learning
         if have < needed:
             return None
+        if self._reason == _FIRST and self._diagnosis is not None and self._diagnosis.findings:
+            self._note = _DEVIATES
+            return None
         try:
             learnt = learn(
-                self._learning, reason=self._reason, previous=self._baseline, least_windows=max(2, needed // 2)
+                self._learning,
+                reason=self._reason,
+                previous=self._baseline,
+                type_baseline=self._known_type(),
+                least_windows=max(2, needed // 2),
             )
         except DataError as error:
             self._note = str(error)
             return None
         self._baseline = baseline_from_document(baseline_document(learnt).as_json())
-        self._learning, self._detector = [], self._new_detector(self._baseline)
+        self._learning, self._detector, self._diagnosis = [], self._new_detector(self._baseline), None
         return learnt
+
+
+def _restored_type(document: Mapping[str, Any] | None) -> TypeBaseline | None:
+    """Return the baseline of a type of its document, if there is one."""
+    return None if document is None else type_baseline_from_document(dict(document))
 
 
 def _are_alike(block: Block, last: Block) -> bool:

@@ -7,6 +7,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple
 
 from sprung._checks import required
+from sprung.diagnosis import TypeBaseline
 from sprung.errors import SprungError
 from sprung.link import decode, frame_block
 from sprung.monitor.engine import Event, MonitorSettings, Observed, VehicleMonitor
@@ -24,12 +25,15 @@ class VehicleStatus(NamedTuple):
         Number of windows usable for the baseline so far, and needed; equal where nothing is being learnt.
     note
         Reason why the vehicle cannot be assessed at present; empty if it can.
+    is_learning
+        Whether windows are collected for a baseline.
     """
 
     share: float = 0.0
     n_learnt: int = 0
     n_needed: int = 0
     note: str = ""
+    is_learning: bool = False
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -48,6 +52,8 @@ class Opening:
         State to continue from, in CBOR; None: start from scratch.
     settings
         Settings of a vehicle that starts from scratch.
+    type_baseline
+        Baseline of the vehicle's type; None: that of the state, if it has one.
     """
 
     vehicle: str
@@ -55,6 +61,7 @@ class Opening:
     quantities: Mapping[str, str]
     state: bytes | None
     settings: MonitorSettings
+    type_baseline: TypeBaseline | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -262,8 +269,11 @@ def open_monitor(opening: Opening) -> tuple[VehicleMonitor, dict[str, str]]:
     """
     vehicle = vehicle_from_text(opening.description, source=f"the vehicle file of {opening.vehicle}")
     if opening.state is None:
-        return VehicleMonitor(vehicle, settings=opening.settings), dict(opening.quantities)
-    return VehicleMonitor.from_state(vehicle, _cbor().loads(opening.state)), dict(opening.quantities)
+        fresh = VehicleMonitor(vehicle, settings=opening.settings, type_baseline=opening.type_baseline)
+        return fresh, dict(opening.quantities)
+    state = _cbor().loads(opening.state)
+    monitor = VehicleMonitor.from_state(vehicle, state, type_baseline=opening.type_baseline)
+    return monitor, dict(opening.quantities)
 
 
 def analyse(
@@ -305,7 +315,7 @@ def analyse(
                 break
     except Exception as error:  # an error in one vehicle must not stop the others
         return Outcome(vehicle, consumed, (), None, VehicleStatus(), f"{type(error).__name__}: {error}")
-    status = VehicleStatus(monitor.buffered, *monitor.learning, monitor.note)
+    status = VehicleStatus(monitor.buffered, *monitor.learning, monitor.note, monitor.is_learning)
     return Outcome(vehicle, consumed, tuple(events), _cbor().dumps(monitor.state()) if is_changed else None, status)
 
 

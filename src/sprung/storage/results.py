@@ -47,9 +47,11 @@ class Results:
             if progress.snapshot is not None:
                 self._put_snapshot(connection, progress, progress.snapshot)
 
-    def observations(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
-        """Return the observations of a vehicle in order of time, from `since` on, at most the last `limit`."""
-        return self._entries(OBSERVATIONS, vehicle, since, limit)
+    def observations(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the observations of a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
+        return self._entries(OBSERVATIONS, vehicle, since, limit, until=until)
 
     def modes(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
         """Return the modes of a vehicle in order of time, from `since` on, at most the last `limit`."""
@@ -83,13 +85,17 @@ class Results:
         is_behind = and_(SNAPSHOTS.c.boot == progress.boot, SNAPSHOTS.c.seq > progress.done_seq)
         connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=values, where=not_(is_behind)))
 
-    def _entries(self, table: Table, vehicle: str, since: int | None, limit: int | None) -> list[Entry]:
+    def _entries(
+        self, table: Table, vehicle: str, since: int | None, limit: int | None, *, until: int | None = None
+    ) -> list[Entry]:
         """Return documents in order of time."""
         newest_first = (column.desc() for column in (table.c.t0, *reversed(table.primary_key.columns)))
         columns = (table.c[name] for name in Entry.__dataclass_fields__)
         query = select(*columns).where(table.c.vehicle == vehicle).order_by(*newest_first).limit(limit)
         if since is not None:
             query = query.where(table.c.t0 >= since)
+        if until is not None:
+            query = query.where(table.c.t0 <= until)
         with self._database.reading() as connection:
             return [Entry(**row) for row in reversed(connection.execute(query).mappings().all())]
 

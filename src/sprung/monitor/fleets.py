@@ -1,0 +1,137 @@
+"""Vehicles of one type in the store: the baseline of their type, and how much each deviates from the others.
+
+Vehicles are of one type if their vehicle files say the same, apart from the name: estimates are relative to the nominal
+values of the file, and compare only then.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+
+from sprung._checks import check_number
+from sprung.diagnosis import LEARNING_WINDOWS, Observation, RankedVehicle, TypeBaseline, learn_type, rank_fleet
+from sprung.diagnosis.type_baselines import LEAST_VEHICLES
+from sprung.documents import observation_from_document
+from sprung.errors import DataError, SprungError
+from sprung.storage import BaselineRow, Entry, Store
+from sprung.vehicles import vehicle_from_text, vehicle_text
+
+#: Largest number of vehicles that the baseline of a type is learnt from.
+_MOST_VEHICLES = 50
+
+
+def vehicles_by_type(store: Store) -> dict[str, list[str]]:
+    """Return the vehicles of each type, by the text of its vehicle file; vehicles without a valid one are left out."""
+    types: dict[str, list[str]] = {}
+    for row in store.inbox.vehicles():
+        if text := _type_text(row.description):
+            types.setdefault(text, []).append(row.vehicle)
+    return types
+
+
+def others_of_type(store: Store, vehicle: str) -> list[str]:
+    """Return the other vehicles of the type of a vehicle."""
+    group: list[str] = next((own for own in vehicles_by_type(store).values() if vehicle in own), [])
+    return [other for other in group if other != vehicle]
+
+
+def has_type(store: Store, vehicle: str) -> bool:
+    """Return whether there are enough other vehicles of its type to learn a baseline of the type from."""
+    return len(others_of_type(store, vehicle)) >= LEAST_VEHICLES
+
+
+def type_of_others(store: Store, vehicle: str) -> TypeBaseline | None:
+    """Return the baseline of the type of a vehicle, learnt from the other vehicles; None if there are too few.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    vehicle
+        Name of the vehicle.
+
+    Notes
+    -----
+    Each vehicle takes part with the windows that its own baseline was learnt from, so that a later change does not
+    count as normal, or with its last windows before it has one.
+    """
+    others = others_of_type(store, vehicle)[:_MOST_VEHICLES]
+    if len(others) < LEAST_VEHICLES:
+        return None
+    try:
+        return learn_type({other: _normal_windows(store, other) for other in others}, name=_name(store, vehicle))
+    except DataError:
+        return None
+
+
+def rankings(store: Store, *, rate: float) -> tuple[list[tuple[str, tuple[RankedVehicle, ...]]], list[str]]:
+    """Return the name and the ranking of each type by its vehicles' last windows, and notes on what is not ranked.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    rate
+        Expected share of sound vehicles among the discoveries, above 0 and up to 1.
+
+    Raises
+    ------
+    ParameterError
+        If the rate is not above 0 and at most 1.
+    """
+    check_number("rate", rate, above=0, at_most=1)
+    ranked, notes = [], []
+    for vehicles in vehicles_by_type(store).values():
+        name = _name(store, vehicles[0])
+        calibrated = [vehicle for vehicle in vehicles if _is_calibrated(store.results.baselines(vehicle))]
+        notes += [f"{vehicle} is not ranked: a calibration completed its vehicle file" for vehicle in calibrated]
+        windows = {vehicle: _last_windows(store, vehicle) for vehicle in vehicles if vehicle not in calibrated}
+        try:
+            ranked.append((name, rank_fleet(windows, rate=rate)))
+        except DataError as error:
+            notes.append(f"vehicles of the type {name} are not ranked: {error}")
+    return ranked, notes
+
+
+@lru_cache(maxsize=1024)
+def _type_text(description: str) -> str:
+    """Return the text of a vehicle file without the vehicle's name; empty if it is not valid."""
+    try:
+        vehicle = vehicle_from_text(description, source="the vehicle file")
+    except SprungError:
+        return ""
+    return vehicle_text(vehicle.model_copy(update={"name": "type"}))
+
+
+def _name(store: Store, vehicle: str) -> str:
+    """Return the name in the file of a vehicle."""
+    row = store.inbox.vehicle(vehicle)
+    return "" if row is None else vehicle_from_text(row.description, source="the vehicle file").name
+
+
+def _normal_windows(store: Store, vehicle: str) -> list[Observation]:
+    """Return the windows of a vehicle's baseline, or the last ones if it has none."""
+    baselines = store.results.baselines(vehicle)
+    if _is_calibrated(baselines):
+        return []
+    taught = baselines[-1].document.get("taught", []) if baselines else []
+    if not taught:
+        return _last_windows(store, vehicle)
+    since, until = (round(1e9 * end) for end in (min(taught) - 1, max(taught) + 1))
+    times = set(taught)
+    every = _observations(store.results.observations(vehicle, since=since, until=until))
+    return [observation for observation in every if observation.time in times]
+
+
+def _last_windows(store: Store, vehicle: str) -> list[Observation]:
+    """Return the last windows of a vehicle."""
+    return _observations(store.results.observations(vehicle, limit=LEARNING_WINDOWS))
+
+
+def _observations(entries: list[Entry]) -> list[Observation]:
+    """Return the observations in rows of the store, without the statistics of the residual test."""
+    return [replace(observation_from_document(entry.document), vehicle="") for entry in entries]
+
+
+def _is_calibrated(baselines: list[BaselineRow]) -> bool:
+    """Return whether windows are in terms of a vehicle file that a calibration completed for this vehicle alone."""
+    return bool(baselines) and bool(baselines[-1].document.get("vehicle_file"))
