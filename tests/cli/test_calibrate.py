@@ -4,8 +4,10 @@ import json
 
 import pytest
 
+from sprung.calibration.additions import with_mount
+from sprung.calibration.draft import explicit
 from sprung.cli import main
-from sprung.vehicles import read_vehicle
+from sprung.vehicles import MountedMass, Vehicle, read_vehicle, vehicle_from_text, write_vehicle
 
 SHEET = ["--mass", "1350", "--wheelbase", "2.65", "--track", "1.5", "--tyre", "205/55R16"]
 
@@ -37,3 +39,33 @@ def test_a_file_is_completed_and_every_command_reads_it(tmp_path) -> None:
     assert json.loads(json_file.read_text())["schema"] == "sprung.calibration/1"
     assert read_vehicle(out).learnt
     assert main(["corners", str(drive), "--vehicle", str(out)]) == 0
+
+
+@pytest.mark.slow
+def test_a_baseline_learns_an_engine_that_the_file_lacks_and_diagnose_uses_it(tmp_path) -> None:
+    car = read_vehicle("zafira")
+    assert isinstance(car, Vehicle)
+    engine = MountedMass(mass=180.0, x=1.2, frequency=11.0, damping_ratio=0.08)
+    with_engine, file = tmp_path / "true.toml", tmp_path / "car.toml"
+    write_vehicle(with_mount(explicit(car), engine).vehicle, with_engine)
+    write_vehicle(car, file)
+    drives = {"healthy": ["--seed", "1"], "faulty": ["--seed", "2", "--fault", "front_left.spring=-0.4"]}
+    for name, words in drives.items():
+        options = ["--minutes", "15", "--sampling-rate", "100", "--snr", "50", *words]
+        assert (
+            main(["simulate", "road", "--vehicle", str(with_engine), *options, "--out", f"{tmp_path / name}.npz"]) == 0
+        )
+    window, out = ["--window", "5"], tmp_path / "B.json"
+    words = [f"{tmp_path / 'healthy'}.npz", "--vehicle", str(file), *window]
+    assert main(["baseline", *words, "--windows", "3", "--out", str(out)]) == 0
+    completed = vehicle_from_text(json.loads(out.read_text())["vehicle_file"], source="baseline")
+    assert isinstance(completed, Vehicle)
+    (mount,) = completed.mounted_mass
+    assert mount.frequency == pytest.approx(11.0, abs=0.3)
+    assert mount.mass == pytest.approx(180.0, rel=0.15)
+    said = tmp_path / "diagnosis.json"
+    words = [f"{tmp_path / 'faulty'}.npz", "--vehicle", str(file), *window, "--baseline", str(out)]
+    assert main(["diagnose", *words, "--json", str(said)]) in {0, 3}
+    diagnosis = json.loads(said.read_text())
+    assert [finding["component"] for finding in diagnosis["findings"]] == ["spring"]
+    assert max(each["conditions"]["model_error"] for each in diagnosis["observations"]) < 0.15

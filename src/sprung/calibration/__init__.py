@@ -12,7 +12,7 @@ from sprung.calibration.completion import (
 )
 from sprung.calibration.data_sheet import DataSheet, described, tyre_stiffness
 from sprung.calibration.results import CalibratedNumber, Calibration
-from sprung.calibration.windows import WindowSpectra
+from sprung.calibration.windows import WindowSpectra, window_layouts
 
 __all__ = [
     "CALIBRATION_WINDOWS",
@@ -29,4 +29,5 @@ __all__ = [
     "is_imperfect",
     "tyre_stiffness",
     "usable_spectra",
+    "window_layouts",
 ]

@@ -24,6 +24,7 @@ from sprung.likelihood.fitting import FitSetup
 from sprung.likelihood.spectra import segment_speeds, steady_segments
 from sprung.likelihood.speed_delay import DELAYS, speed_delay
 from sprung.likelihood.vehicle import Kind, usual_choices, with_sensors
+from sprung.vehicles import Vehicle, structure
 from sprung.vehicles.window import Window
 
 #: Groups of parameters of a usual fit that the numbers of the file replace.
@@ -86,8 +87,7 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
             "record it"
         )
     motion = window.motion
-    rigid = rigid_layout(with_sensors(window.structure, motion.names))
-    layout = of_all_channels(rigid)
+    layout, rigid = window_layouts(window.vehicle, motion.names)
     band, length = usual_choices(window.vehicle, window.structure, settings, motion.sampling_rate)
     segments = segment_spectra([motion], layout, speed=None, band=band, segment_length=length)
     if kind == "rig" or window.speed is None:
@@ -97,6 +97,25 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
     late = speed_delay(segments, moving[:, 0], moving[:, 1], lambda speeds: setup.at_speeds(segments, speeds)).value
     speeds = segment_speeds([motion], window.speed, length, delay=late)
     return WindowSpectra(steady_segments(segments, *speeds), layout, rigid, kind)
+
+
+def window_layouts(vehicle: Vehicle, channels: tuple[str, ...]) -> tuple[RigidLayout, RigidLayout]:
+    """Return the layouts of all channels, and of what the vehicle of the file explains in them.
+
+    Parameters
+    ----------
+    vehicle
+        Vehicle as its file describes it.
+    channels
+        Names of the channels that were recorded.
+
+    Raises
+    ------
+    ParameterError
+        If no sensor observes a motion of the vehicle.
+    """
+    rigid = rigid_layout(with_sensors(structure(vehicle), channels))
+    return of_all_channels(rigid), rigid
 
 
 def of_all_channels(layout: RigidLayout) -> RigidLayout:

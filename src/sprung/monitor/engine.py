@@ -32,9 +32,10 @@ from sprung.documents import (
 from sprung.errors import DataError, ParameterError, SprungError
 from sprung.identification import METHODS, IdentificationSettings
 from sprung.link import Block, joined
+from sprung.monitor.completion import Completion
 from sprung.recording import Channel, Gap, Recording
 from sprung.signals.harmonics import Harmonic, harmonic_from_dict
-from sprung.vehicles import Vehicle
+from sprung.vehicles import Vehicle, vehicle_from_text, vehicle_text
 
 STATE = "sprung.vehicle-monitor/1"
 #: Shortest stretch of a window that modes are identified from [s].
@@ -65,6 +66,8 @@ class MonitorSettings:
         Rate of false alarms per vehicle and day of driving, and hours of driving in a day.
     most_windows
         Largest number of most recent windows in a diagnosis, at least `learning_windows`.
+    calibrate
+        Whether the vehicle file is calibrated on the first windows of a learning; None: where it is imperfect.
 
     Raises
     ------
@@ -79,6 +82,7 @@ class MonitorSettings:
     false_alarms: float = 1e-3
     hours_per_day: float = 8.0
     most_windows: int = 96
+    calibrate: bool | None = None
 
     def __post_init__(self) -> None:
         check_number("window", self.window, at_least=60, at_most=7200)
@@ -168,6 +172,10 @@ class VehicleMonitor:
     Memory: the samples of one window, and 96 observations of about 4 kB each with four outputs and twelve components.
     While a baseline is learnt, an observation also holds the correlations of its segments for the residual test (170 kB
     in ten minutes): 2 MB with twelve windows, released when it is learnt.
+
+    The first three windows of a learning decide whether the vehicle file is calibrated (`Completion`). If so, the
+    learning begins anew with the windows that follow, in terms of the completed file, which the baseline keeps and
+    which serves from then on.
     """
 
     def __init__(
@@ -178,10 +186,13 @@ class VehicleMonitor:
         baseline: Baseline | None = None,
         type_baseline: TypeBaseline | None = None,
     ) -> None:
-        self._vehicle = vehicle
+        self._vehicle = self._given = vehicle
         self._settings = settings or MonitorSettings()
         self._baseline = baseline
         self._type = type_baseline
+        if baseline is not None and baseline.vehicle_file:
+            self._vehicle = vehicle_from_text(baseline.vehicle_file, source="the vehicle file of the baseline")
+        self._completion = Completion(is_wanted=self._settings.calibrate)
         self._reason = _FIRST
         self._blocks: list[Block] = []
         self._n_samples = 0
@@ -196,7 +207,7 @@ class VehicleMonitor:
 
     @property
     def vehicle(self) -> Vehicle:
-        """Vehicle as its file describes it."""
+        """Vehicle as its file describes it, or as completed by calibration."""
         return self._vehicle
 
     @property
@@ -296,6 +307,7 @@ class VehicleMonitor:
             raise ParameterError("a new baseline needs a reason, such as 'new dampers'")
         self._reason = reason.strip()
         self._learning, self._detector, self._diagnosis = [], None, None
+        self._completion = Completion(is_wanted=self._settings.calibrate)
 
     def state(self) -> dict[str, Any]:
         """Return everything that is needed to continue, as plain values and bytes."""
@@ -314,6 +326,8 @@ class VehicleMonitor:
             "evidence": [] if self._detector is None else self._detector.evidence.tolist(),
             "modes": list(self._modes),
             "note": self._note,
+            "completed": vehicle_text(self._vehicle) if self._vehicle is not self._given else "",
+            "completion": self._completion.state(),
             "harmonics": None if self._harmonics is None else [asdict(line) for line in self._harmonics],
             "blocks": [_stored(block) for block in self._blocks],
         }
@@ -347,6 +361,12 @@ class VehicleMonitor:
             monitor._baseline = None if state["baseline"] is None else baseline_from_document(dict(state["baseline"]))
             monitor._type = type_baseline or _restored_type(state.get("type"))
             monitor._reason = state["reason"]
+            if state.get("completed"):
+                monitor._vehicle = vehicle_from_text(state["completed"], source="the saved state")
+            if "completion" in state:
+                monitor._completion = Completion.from_state(
+                    state["completion"], monitor._vehicle, is_wanted=monitor._settings.calibrate
+                )
             monitor._n_windows, monitor._n_identified = state["n_windows"], state["n_identified"]
             statistics = state.get("residuals", [None] * len(state["observations"]))
             observations = [
@@ -425,7 +445,8 @@ class VehicleMonitor:
         self._note = observation.reason
         learnt: Baseline | None = None
         if self._detector is None:
-            self._learning = [*self._learning, observation][-self._settings.most_windows :]
+            if not self._complete_file(recording, observation):
+                self._learning = [*self._learning, observation][-self._settings.most_windows :]
             self._diagnosis = diagnosis = self._against_type()
             learnt = self._learn()
         else:
@@ -440,8 +461,12 @@ class VehicleMonitor:
         return replace(observation, vehicle=self._vehicle.name, residuals=residuals)
 
     def _known_type(self) -> TypeBaseline | None:
-        """Return the baseline of the type, if it has the components of a window."""
-        if self._type is None or not any(one.components == self._type.components for one in self._learning):
+        """Return the baseline of the type, if it is of the given file and has the components of a window."""
+        if (
+            self._type is None
+            or self._vehicle is not self._given
+            or not any(one.components == self._type.components for one in self._learning)
+        ):
             return None
         return self._type
 
@@ -457,6 +482,21 @@ class VehicleMonitor:
         for observation in self._learning:
             detector.update(observation.without_segments())
         return diagnosis_of(detector)
+
+    def _complete_file(self, recording: Recording, observation: Observation) -> bool:
+        """Return whether the file was calibrated with this window, so that learning begins anew with the next one."""
+        if not self._completion.is_open:
+            return False
+        have, needed = self.learning
+        is_last = have + (observation.is_conclusive and not observation.sensor_faults) >= needed
+        calibration = self._completion.update(recording, observation, self._vehicle, is_last=is_last)
+        if calibration is None:
+            return False
+        # Same as after a restart: numbers as they are written.
+        self._vehicle = vehicle_from_text(vehicle_text(calibration.vehicle), source="the calibrated vehicle file")
+        self._learning = []
+        self._note = " ".join(["the vehicle file was calibrated; learning begins anew", *calibration.notes])
+        return True
 
     def _learn(self) -> Baseline | None:
         """Return the baseline if the last window was the last one needed for it."""
@@ -477,6 +517,8 @@ class VehicleMonitor:
         except DataError as error:
             self._note = str(error)
             return None
+        if self._vehicle is not self._given:
+            learnt = replace(learnt, vehicle_file=vehicle_text(self._vehicle))
         self._baseline = baseline_from_document(baseline_document(learnt).as_json())
         self._learning, self._detector, self._diagnosis = [], self._new_detector(self._baseline), None
         return learnt

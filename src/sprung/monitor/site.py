@@ -41,9 +41,12 @@ class Watch(_Table):
         _MONITOR.false_alarms, gt=0, description="rate of false alarms of a vehicle per day of driving"
     )
     hours_per_day: float = Field(_MONITOR.hours_per_day, gt=0, le=24, description="hours of driving in a day")
+    calibrate: bool | None = Field(
+        None, description="whether vehicle files are calibrated before a baseline is learnt; left out: imperfect ones"
+    )
     workers: int = Field(1, ge=1, le=256, description="processes that analyse")
     seconds_per_job: float = Field(
-        60.0, gt=0, description="longest time of a job [s]; one that takes longer is stopped, which is an alert"
+        180.0, gt=0, description="longest time of a job [s]; one that takes longer is stopped, which is an alert"
     )
 
     @property
@@ -56,6 +59,7 @@ class Watch(_Table):
             learning_windows=self.learning_windows,
             false_alarms=self.false_alarms_per_day,
             hours_per_day=self.hours_per_day,
+            calibrate=self.calibrate,
             most_windows=max(_MONITOR.most_windows, self.learning_windows),
         )
 

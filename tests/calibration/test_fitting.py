@@ -1,0 +1,90 @@
+"""Joint fits: steps that the score test expects, and misfits in the coordinates of a file."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from sprung.calibration.completion import has_misplaced_sensors
+from sprung.calibration.draft import Draft, explicit
+from sprung.calibration.fitting import FreeVehicle, JointFit, Weighting, expected_steps, misfit_in
+from sprung.calibration.joint import fitted
+from sprung.calibration.numbers import component_numbers, sensor_numbers
+from sprung.calibration.windows import WindowSpectra, joint_of, scaled_start
+from sprung.likelihood import CornerSettings, Model, SegmentSpectra, class_spectra, rigid_layout
+
+CHANNELS = ("acc_fl", "acc_fr", "acc_rl", "acc_rr")
+
+
+def segments_of(model: Model, parameters: np.ndarray, count: int, rng: np.random.Generator) -> SegmentSpectra:
+    """Random segments of a model, the same number at each of its speeds."""
+    spectra = model.spectra
+    factors = np.linalg.cholesky(model.matrix(parameters))
+    shape = (count, *factors.shape[:2], factors.shape[-1])
+    white = (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
+    values = np.einsum("cfij,scfj->scfi", factors, white).reshape(-1, *shape[2:])
+    speeds = np.tile(spectra.speeds, count)
+    return SegmentSpectra(spectra.frequencies, values, speeds, np.full(speeds.size, 0.02), spectra.segment_length, 0)
+
+
+@pytest.fixture(scope="module")
+def fitted_as_given(hatchback, window_of_data):
+    """Return a function that makes the fit of a file whose sensors are where they were, or one is farther ahead."""
+
+    @cache
+    def fit(shift: float) -> JointFit:
+        draft = explicit(hatchback)
+        x, y, _ = hatchback.sensor[0].position
+        true = draft.with_sensor("acc_fl", position=(x + shift, y, 0.0))
+        numbers = component_numbers(draft, std=0.7)
+        truth = window_of_data(None, true, numbers)
+        parameters = truth.start.copy()
+        parameters[truth.rows("noise")] = np.log(1e-3)
+        segments = segments_of(truth, parameters, 60, np.random.default_rng(4))
+        joint = joint_of([window_of_data(class_spectra(segments, width=0.1), draft, numbers)])
+        end = fitted(joint, scaled_start(joint))
+        layout = rigid_layout(draft.structure())
+        window = WindowSpectra(segments, joint.models[0].layout, layout, "road")
+        weighting = (Weighting(np.ones(segments.speeds.size), (), 1.0),)
+        return JointFit(FreeVehicle((window,), draft, numbers, CornerSettings()), joint, end, weighting)
+
+    return fit
+
+
+def steps_of(fit: JointFit) -> tuple[dict[str, float], float]:
+    draft: Draft = fit.free.draft
+    free = replace(fit.free, numbers=(*fit.free.numbers, *sensor_numbers(draft, CHANNELS)))
+    return expected_steps(free, fit)
+
+
+def test_one_step_shows_a_sensor_that_is_not_where_the_file_says(fitted_as_given) -> None:
+    fit = fitted_as_given(0.1)
+    steps, gain = steps_of(fit)
+    assert gain > 100
+    assert max((name for name in steps if name.endswith((".x", ".y"))), key=lambda name: abs(steps[name])) == "acc_fl.x"
+    assert steps["acc_fl.x"] == pytest.approx(0.1, abs=0.04)
+    assert has_misplaced_sensors(fit)
+
+
+def test_sensors_in_place_are_left_there(fitted_as_given) -> None:
+    fit = fitted_as_given(0.0)
+    steps, gain = steps_of(fit)
+    assert gain < 15
+    assert max(abs(steps[f"{channel}.x"]) for channel in CHANNELS) < 0.02
+    assert not has_misplaced_sensors(fit)
+
+
+def test_the_misfit_is_that_of_the_coordinates_asked_for(fitted_as_given) -> None:
+    fit = fitted_as_given(0.0)
+    (window,) = fit.free.windows
+    misfit, error = misfit_in(fit, 0, window.rigid)
+    assert misfit.shape == (3, window.segments.frequencies.size)
+    assert error < 0.05
+    own, _ = misfit_in(fit, 0, window.layout)
+    assert own.shape == (4, window.segments.frequencies.size)
+    model = fit.joint.models[0]
+    ratio = (
+        np.einsum("cfii->if", model.spectra.matrices).real / np.einsum("cfii->if", model.matrix(fit.parameters)).real
+    )
+    assert own.mean() == pytest.approx((ratio - 1).mean(), abs=0.05)
