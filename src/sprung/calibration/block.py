@@ -1,5 +1,6 @@
 """Numbers of a vehicle file as a block of parameters of its likelihood."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar, NamedTuple
@@ -15,6 +16,8 @@ from sprung.vehicles import Structure
 
 #: Step of the numerical derivatives over the standard deviation of the prior.
 _STEP = 1e-4
+#: Fields of a sensor that leave its reading of motion as it is.
+_STILL = frozenset({"scale", "delay"})
 
 
 class _Change(NamedTuple):
@@ -93,7 +96,8 @@ class FileNumbers(ParameterBlock):
             if change.stiffness is not None:
                 gradient[row] -= 2 * np.einsum("fij,fji->", gradients.fed_back, change.stiffness).real
             if change.drive is not None:
-                gradient[row] += 2 * np.einsum("fun,fnu->", gradients.forced, change.drive).real
+                wheels = gradients.forced[:, : change.drive.shape[-1]]
+                gradient[row] += 2 * np.einsum("fun,fnu->", wheels, change.drive).real
             if change.readings is not None:
                 gradient[row] -= 2 * np.einsum("fnk,fkn->", sensed, change.readings).real
         return gradient
@@ -108,7 +112,7 @@ class FileNumbers(ParameterBlock):
             if change.stiffness is not None:
                 dH -= L @ change.stiffness @ X
             if change.drive is not None:
-                dH += L @ change.drive
+                dH[..., : change.drive.shape[-1]] += L @ change.drive
             if change.readings is not None:
                 dH -= squared * (response.terms.reduction @ change.readings @ X)
             derivatives.append(response.change_by_transfer(dH))
@@ -136,24 +140,88 @@ class FileNumbers(ParameterBlock):
 def _changes(
     draft: Draft, numbers: tuple[VehicleNumber, ...], channels: tuple[str, ...], point: bytes, grid: bytes
 ) -> list[_Change]:
-    """Central differences of the matrices at the parameters of which `point` holds the bytes."""
+    """Derivatives of the matrices at the parameters of which `point` holds the bytes."""
     frequencies, base = np.frombuffer(grid), moved(draft, numbers, np.frombuffer(point))
-    changes = []
-    for number in numbers:
-        step = _STEP * number.std
-        ends = [number.moved(base, sign * step) for sign in (1, -1)]
-        vehicles = [end.structure() for end in ends]
-        readings = [
-            _readings(end, draft, vehicle, channels, frequencies) for end, vehicle in zip(ends, vehicles, strict=True)
-        ]
-        of_sensors = _difference(*readings, step=2 * step)
-        if number.group == SENSORS:
-            changes.append(_Change(None, None, of_sensors))
+    vehicle = base.structure()
+    of_sensors = _sensor_changes(base, draft, vehicle, numbers, channels, frequencies)
+    return [
+        of_sensors[number.name]
+        if number.group == SENSORS
+        else _component_change(vehicle, number, frequencies)
+        if number.components
+        else _structural_change(base, draft, number, channels, frequencies)
+        for number in numbers
+    ]
+
+
+def _component_change(vehicle: Structure, number: VehicleNumber, frequencies: Real) -> _Change:
+    """Derivatives with respect to ln of the components of a number: those of their elements alone."""
+    s = _s(frequencies)
+    size, n_inputs = vehicle.elongations.shape[1], vehicle.feet.shape[1]
+    stiffness = np.zeros((s.size, size, size), dtype=np.complex128)
+    drive = np.zeros((s.size, size, n_inputs), dtype=np.complex128)
+    for element, foot in zip(vehicle.elements, vehicle.feet, strict=True):
+        of_stiffness, of_damping = (component in number.components for component in element.components)
+        if not (of_stiffness or of_damping):
             continue
-        (above, drive_above), (below, drive_below) = (_dynamics(vehicle, frequencies) for vehicle in vehicles)
-        of_stiffness = _difference(above, below, step=2 * step)
-        changes.append(_Change(of_stiffness, _difference(drive_above, drive_below, step=2 * step), of_sensors))
+        above, below = (
+            replace(
+                element,
+                stiffness=element.stiffness * (1 + sign * _STEP * of_stiffness),
+                damping=element.damping * (1 + sign * _STEP * of_damping),
+            ).dynamic_stiffness(s)
+            for sign in (1, -1)
+        )
+        pulled = ((above - below) / (2 * _STEP))[:, None, None] * element.elongation[:, None]
+        stiffness += pulled * element.elongation
+        drive += pulled * foot
+    return _Change(stiffness, drive if drive.any() else None, None)
+
+
+def _sensor_changes(
+    base: Draft,
+    given: Draft,
+    vehicle: Structure,
+    numbers: Sequence[VehicleNumber],
+    channels: tuple[str, ...],
+    frequencies: Real,
+) -> dict[str, _Change]:
+    """Central differences by name; a field of all sensors is moved at once, as each changes its own channel alone."""
+    changes = {}
+    of_sensors = [number for number in numbers if number.group == SENSORS]
+    for field in sorted({number.field for number in of_sensors}):
+        alike = [number for number in of_sensors if number.field == field]
+        readings = []
+        for sign in (1, -1):
+            end = base
+            for number in alike:
+                end = number.moved(end, sign * _STEP * number.std)
+            moving = vehicle if field in _STILL else end.structure()
+            readings.append(_readings(end, given, moving, channels, frequencies))
+        for number in alike:
+            row = channels.index(number.channel)
+            change = np.zeros_like(readings[0])
+            change[:, row] = (readings[0][:, row] - readings[1][:, row]) / (2 * _STEP * number.std)
+            changes[number.name] = _Change(None, None, change)
     return changes
+
+
+def _structural_change(
+    base: Draft, given: Draft, number: VehicleNumber, channels: tuple[str, ...], frequencies: Real
+) -> _Change:
+    """Central differences of a vehicle that is built anew."""
+    step = _STEP * number.std
+    ends = [number.moved(base, sign * step) for sign in (1, -1)]
+    vehicles = [end.structure() for end in ends]
+    readings = (
+        _readings(end, given, vehicle, channels, frequencies) for end, vehicle in zip(ends, vehicles, strict=True)
+    )
+    (above, drive_above), (below, drive_below) = (_dynamics(vehicle, frequencies) for vehicle in vehicles)
+    return _Change(
+        _difference(above, below, step=2 * step),
+        _difference(drive_above, drive_below, step=2 * step),
+        _difference(*readings, step=2 * step),
+    )
 
 
 def _difference(above: Complex, below: Complex, *, step: float) -> Complex | None:

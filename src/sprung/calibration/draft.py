@@ -90,6 +90,10 @@ class VehicleNumber:
         Value in a draft; draft with another value.
     unit
         Unit of the value.
+    components
+        Components of corners that it multiplies, if that is all it changes.
+    channel
+        Channel of the sensor that it belongs to; empty for others.
     """
 
     name: str
@@ -99,6 +103,13 @@ class VehicleNumber:
     get: Callable[[Draft], float]
     put: Callable[[Draft, float], Draft]
     unit: str = ""
+    components: tuple[Component, ...] = ()
+    channel: str = ""
+
+    @property
+    def field(self) -> str:
+        """Last part of the name, such as "x"."""
+        return self.name.rpartition(".")[2]
 
     def moved(self, draft: Draft, parameter: float) -> Draft:
         """Return the draft with the number moved by a parameter."""

@@ -47,12 +47,12 @@ def _axle_components(draft: Draft, index: int, std: float) -> Iterator[VehicleNu
     for name, (kind, unit) in COMPONENT_FIELDS.items():
         if not getattr(draft.vehicle.axle[index], name):
             continue
-        yield _entry(("axle", index, name), f"{left.removesuffix('_left')}.{name}", std=std, unit=unit)
-        for corner in (left, right):
-            component = Component(corner, kind)
-            yield VehicleNumber(
-                str(component), "sides", _SIDE, True, partial(_factor, component), partial(_with_factor, component)
-            )
+        both = Component(left, kind), Component(right, kind)
+        of_axle = _entry(("axle", index, name), f"{left.removesuffix('_left')}.{name}", std=std, unit=unit)
+        yield replace(of_axle, components=both)
+        for component in both:
+            get, put = partial(_factor, component), partial(_with_factor, component)
+            yield VehicleNumber(str(component), "sides", _SIDE, True, get, put, components=(component,))
 
 
 def file_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, ...]:
@@ -138,7 +138,7 @@ def sensor_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber
                 f"{name}.delay", "sensors", _DELAY, False, partial(_delay, name), partial(_with_delay, name), "s"
             )
         )
-    return tuple(numbers)
+    return tuple(replace(number, channel=number.name.rpartition(".")[0]) for number in numbers)
 
 
 def _body(draft: Draft) -> Iterator[VehicleNumber]:

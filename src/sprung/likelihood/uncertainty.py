@@ -4,7 +4,7 @@ import numpy as np
 
 from sprung._arrays import Complex, Real
 from sprung.likelihood.hermitian import real_coordinates
-from sprung.likelihood.spectra import OVERCOUNT, SegmentSpectra, speed_classes
+from sprung.likelihood.spectra import CLASS_WIDTH, OVERCOUNT, ClassSpectra, SegmentSpectra, speed_classes
 from sprung.likelihood.whittle import Model
 
 #: A segment counts for at most this many times the median power.
@@ -15,7 +15,9 @@ _CHANCE = 1.06
 _UNCORRELATED = 0.1
 
 
-def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
+def segment_weights(
+    model: Model, parameters: Real, segments: SegmentSpectra, *, width: float = CLASS_WIDTH
+) -> Real:
     """Return the weight of each segment: 1, or less for one far more powerful than the others, as on a pothole.
 
     Parameters
@@ -26,6 +28,8 @@ def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra) ->
         Parameters of the model.
     segments
         Spectra of the segments.
+    width
+        Width of the speed classes of the model's data, as for `class_spectra`.
 
     Returns
     -------
@@ -42,8 +46,8 @@ def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra) ->
     P. J. Huber, Robust estimation of a location parameter, Annals of Mathematical Statistics 35 (1964), 73-101 (weights
     that are inversely proportional to the size of an outlier).
     """
-    squares = np.mean(np.abs(_whitened_segments(model, parameters, segments)) ** 2, axis=2)
-    is_used = model.spectra.weights[speed_classes(segments.speeds)] > 0
+    squares = np.mean(np.abs(_whitened_segments(model, parameters, segments, width)) ** 2, axis=2)
+    is_used = model.spectra.weights[speed_classes(segments.speeds, width=width)] > 0
     power = np.sum(squares * is_used, axis=1) / np.maximum(is_used.sum(axis=1), 1)
     return np.minimum(1.0, _MOST_POWER * np.median(power) / power)
 
@@ -117,9 +121,26 @@ def power_misfit(model: Model, parameters: Real) -> tuple[Real, float]:
     P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Transactions on Audio and
     Electroacoustics AU-15 (1967), 70-73 (variance of the mean of overlapping segments).
     """
-    fitted = np.einsum("cfii->cif", model.matrix(parameters)).real
-    measured = np.einsum("cfii->cif", model.spectra.matrices).real
-    counts = (model.spectra.counts[:, None] * (model.spectra.weights > 0))[:, None, :]
+    return excess_power(model.matrix(parameters), model.spectra)
+
+
+def excess_power(matrices: Complex, spectra: ClassSpectra) -> tuple[Real, float]:
+    """Return measured over fitted power less 1, and its mean square beyond chance, as `power_misfit`.
+
+    Parameters
+    ----------
+    matrices
+        Fitted spectral matrices, shape of `spectra.matrices`.
+    spectra
+        Measured ones.
+
+    References
+    ----------
+    As for `power_misfit`.
+    """
+    fitted = np.einsum("cfii->cif", matrices).real
+    measured = np.einsum("cfii->cif", spectra.matrices).real
+    counts = (spectra.counts[:, None] * (spectra.weights > 0))[:, None, :]
     total = counts.sum(axis=0)
     misfit = np.sum(counts * (measured / fitted - 1), axis=0) / np.maximum(total, 1.0)
     return misfit, float(np.mean(misfit[:, total[0] > 0] ** 2) - np.mean(_CHANCE / total[total > 0]))
@@ -173,10 +194,12 @@ def _correlated_frequencies(misfit: Real) -> float:
     return reach
 
 
-def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra) -> Complex:
+def _whitened_segments(
+    model: Model, parameters: Real, segments: SegmentSpectra, width: float = CLASS_WIDTH
+) -> Complex:
     """L^-1 y of each segment, S = L L^H the model's spectral matrix of its class."""
     factor = np.linalg.inv(np.linalg.cholesky(model.matrix(parameters)))
-    numbers = speed_classes(segments.speeds)
+    numbers = speed_classes(segments.speeds, width=width)
     return np.einsum("sfij,sfj->sfi", factor[numbers], segments.values)
 
 
