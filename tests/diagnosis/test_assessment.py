@@ -228,6 +228,16 @@ def test_without_a_baseline_limits_are_wide(faulty) -> None:
     assert diagnose(faulty(3, {"front_left.spring": -0.05}, before=0)).findings == ()
 
 
+def test_without_a_baseline_what_no_part_explains_is_the_vehicle_file(faulty) -> None:
+    """A file with another car's numbers: all over the place, and the same from the first window on."""
+    change = {"front_left.spring": 0.6, "front_right.damper": -0.5, "rear_left.tyre": 0.5, "rear_right.damper": 0.7}
+    found = diagnose(faulty(3, change, before=0))
+    assert found.detection is not None
+    assert found.detection.is_alert
+    assert (found.findings, found.verdict) == ((), "inconclusive")
+    assert any("does not describe this vehicle" in doubt for doubt in found.doubts)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["front_right.tyre=-0.3", "rear_left.damper=-0.1"])
 def test_simulated_drives(fault) -> None:

@@ -45,6 +45,28 @@ def test_a_component_is_identifiable_where_the_data_halve_its_prior(model) -> No
     assert np.flatnonzero(~fit_of(model, model.start, std).is_identifiable).tolist() == [5]
 
 
+@pytest.mark.parametrize(
+    ("factors", "implausible", "uneven"),
+    [
+        ({"front_left.tyre": 2.0, "front_right.tyre": 1.8}, {"front tyres": np.sqrt(3.6)}, {}),
+        ({"rear_left.spring": 0.5, "rear_right.spring": 0.5}, {"rear springs": 0.5}, {}),
+        ({"rear_left.damper": 0.5, "rear_right.damper": 0.5}, {}, {}),  # worn
+        ({"rear_left.tyre": 0.5}, {}, {"rear tyres": 0.5}),
+        ({"rear_left.tyre": 1.48, "rear_right.tyre": 0.48}, {}, {"rear tyres": 1.48 / 0.48}),
+        ({"front_left.spring": 1.3, "front_right.spring": 1.3}, {}, {}),
+    ],
+)
+def test_values_that_no_car_of_the_file_has(model, factors, implausible, uneven) -> None:
+    parameters = model.start.copy()
+    for name, factor in factors.items():
+        parameters[model.names.index(name)] = np.log(factor)
+    fit = fit_of(model, parameters, 0.1 * model.prior_std)
+    assert fit.implausible_axles == pytest.approx(implausible)
+    assert fit.uneven_axles == pytest.approx(uneven)
+    unsure = fit_of(model, parameters, model.prior_std)
+    assert (unsure.implausible_axles, unsure.uneven_axles) == ({}, {})
+
+
 def test_modes_are_those_of_a_vehicle_with_the_fault(soft, car) -> None:
     expected = with_faults(structure(car), [parse_fault("front_left.spring=-0.3")]).modes()
     np.testing.assert_allclose(soft.modes().poles, expected.poles, rtol=1e-9)

@@ -49,6 +49,14 @@ def test_a_speed_in_time_has_no_delay(model_at) -> None:
     assert speed_delay(segments, speeds, spreads, model_at).value == 0.0
 
 
+@pytest.mark.parametrize("true_delay", [-1.2, 4.5])
+def test_a_likelihood_that_rises_to_the_end_of_the_delays_says_nothing(model_at, true_delay) -> None:
+    """No delay in the range fits: the model is wrong, or the speed is."""
+    segments, speeds, spreads = drawn(model_at, true_delay)
+    delay = speed_delay(segments, speeds, spreads, model_at)
+    assert (delay.value, delay.std) == (0.0, 1.0)
+
+
 def test_a_steady_speed_says_nothing(model_at) -> None:
     segments, speeds, spreads = drawn(model_at, 1.0, acceleration=0.0)
     delay = speed_delay(segments, speeds, spreads, model_at)

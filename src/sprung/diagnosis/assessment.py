@@ -23,6 +23,11 @@ _MOSTLY = 0.8
 #: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the vehicle file:
 #: standard deviation. The second part of a pair must change by three standard deviations of this and of chance.
 _LEAK, _CLEARLY = 0.1, 3.0
+#: Doubt where windows differ from a vehicle file, without a baseline, and no part explains it.
+_OTHER_VEHICLE = (
+    "the windows differ from the vehicle file in a way that no single part explains: the file does not describe this "
+    "vehicle; calibrate it on healthy drives, or learn a baseline"
+)
 #: Margin around the range of a condition in the baseline, relative to that range, within which a window is comparable.
 _ROOM = 0.5
 
@@ -96,7 +101,8 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
 
     Notes
     -----
-    If the baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
+    Without a baseline, a difference that no part explains is the vehicle file's: it is a doubt and no finding. If the
+    baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
     note states this second opinion, and whether it disagrees. Without findings, the diagnosis is inconclusive if it
     does, if there is no baseline, or if the loss of a fifth of some part would not have been found.
     """
@@ -104,11 +110,18 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
     if not any(observation.is_conclusive for observation in every):
         return _inconclusive(every, detector.false_alarms)
     compared = [observation for observation in every if baseline.accepts(observation)]
-    is_changed = detection is not None and detection.is_alert
-    findings = _findings(detection, compared, baseline) if detection is not None and is_changed else ()
+    is_alert = detection is not None and detection.is_alert
+    findings = _findings(detection, compared, baseline) if detection is not None and is_alert else ()
+    is_other = baseline.n_windows == 0 and any(finding.component == "unmodelled" for finding in findings)
+    findings = () if is_other else findings
+    is_changed = bool(findings)
     tests = _residual_tests(every, baseline)
     opinion = _second_opinion(tests, is_changed=is_changed)
-    doubts = (*_doubts(baseline, detection), *(opinion if _is_contradicted(tests) else ()))
+    doubts = (
+        *_doubts(baseline, detection),
+        *((_OTHER_VEHICLE,) if is_other else ()),
+        *(opinion if _is_contradicted(tests) else ()),
+    )
     notes = (
         *_inconclusive_notes(every),
         *_exclusion_notes(every, baseline),

@@ -12,6 +12,9 @@ from sprung.vehicles import Component, ExactModes, Structure
 
 #: A parameter is identifiable if the data reduce the standard deviation of its prior to this share or less.
 IDENTIFIABLE = 0.5
+#: Factor between a fitted spring or tyre and its nominal value, on both sides of an axle, that no car of the vehicle
+#: file has; and between left and right.
+_IMPLAUSIBLE = 1.5
 #: Step of the numerical derivatives of the modes, over the standard deviation of the prior.
 _STEP = 1e-4
 
@@ -86,6 +89,45 @@ class CornerFit:
     def is_identifiable(self) -> Booleans:
         """Whether the data determine each component; estimates of the others stay near nominal."""
         return self.log_ratios_std < IDENTIFIABLE * self.model.prior_std[self.model.rows("components")]
+
+    @property
+    def implausible_axles(self) -> dict[str, float]:
+        """Springs and tyres that are implausible on both sides of an axle, such as "front tyres": value over nominal.
+
+        Notes
+        -----
+        Geometric mean of both sides, where it is beyond a factor 1.5 by more than its standard deviation. Faults are
+        seldom on both sides, and worn dampers are: springs and tyres of other values mean another vehicle than the
+        file's, or a file that lacks something. Left out are axles of which one side is not fitted.
+        """
+        return self._beyond(("spring", "tyre"), weights=(0.5, 0.5))
+
+    @property
+    def uneven_axles(self) -> dict[str, float]:
+        """Components that differ from left to right beyond makers' scatter, such as "rear dampers": left over right.
+
+        Notes
+        -----
+        Where the ratio is beyond a factor 1.5 by more than its standard deviation: a fault, or an error of the model.
+        """
+        return self._beyond(("spring", "damper", "tyre"), weights=(1.0, -1.0))
+
+    def _beyond(self, kinds: tuple[str, ...], *, weights: tuple[float, float]) -> dict[str, float]:
+        """Return exp of a sum of left and right ln ratios for the axles where it is implausible."""
+        rows: dict[str, list[int]] = {}
+        for row, component in enumerate(self.components):
+            if component.kind in kinds:
+                rows.setdefault(f"{component.axle} {component.kind}s", []).append(row)
+        beyond = {}
+        for name, pair in rows.items():
+            if len(pair) != len(weights):
+                continue
+            weight = np.array(weights)
+            covariance = self.covariance[np.ix_(*2 * (self.model.rows("components")[pair],))]
+            size, std = float(weight @ self.log_ratios[pair]), float(np.sqrt(weight @ covariance @ weight))
+            if abs(size) > np.log(_IMPLAUSIBLE) + std:
+                beyond[name] = float(np.exp(size))
+        return beyond
 
     @property
     def inputs(self) -> dict[str, float]:

@@ -394,6 +394,7 @@ def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
             "moving part that the vehicle file lacks; trust contrasts between corners and against a baseline more than "
             "the values"
         )
+    notes += _implausibility_notes(fit)
     if lines:
         places = ", ".join(
             f"{line.place:.3g} {'per m' if line.follows_speed else 'Hz'}" for line in lines[:_MOST_NAMED]
@@ -405,3 +406,20 @@ def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
             f"{fit.n_rejected} of {fit.n_rejected + fit.n_segments} segments were too slow or of changing speed"
         )
     return tuple(notes)
+
+
+def _implausibility_notes(fit: CornerFit) -> list[str]:
+    """Return notes on values that no vehicle of the file has; left and right count where the model is imperfect."""
+    notes = []
+    if fit.implausible_axles:
+        values = ", ".join(f"{name} {ratio:.2g} times the file's" for name, ratio in fit.implausible_axles.items())
+        notes.append(
+            f"implausible values: {values} on both sides; calibrate the vehicle file on healthy drives, or complete it"
+        )
+    if fit.uneven_axles and fit.model_error > _IMPERFECT:
+        values = ", ".join(f"{name} {ratio:.2g}" for name, ratio in fit.uneven_axles.items())
+        notes.append(
+            f"left over right beyond makers' scatter: {values}; a fault, or what the vehicle file lacks: compare with "
+            "a baseline"
+        )
+    return notes
