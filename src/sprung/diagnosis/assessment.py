@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from sprung.diagnosis.baseline import Baseline, vehicle_of
+from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
 from sprung.diagnosis.observation import Observation
@@ -23,8 +23,9 @@ _MOSTLY = 0.8
 #: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the vehicle file:
 #: standard deviation. The second part of a pair must change by three standard deviations of this and of chance.
 _LEAK, _CLEARLY = 0.1, 3.0
-#: Margin around the range of a condition in the baseline, relative to that range, within which a window is comparable.
-_ROOM = 0.5
+#: Margin around the range of a condition in the baseline within which a window is comparable, relative to that range,
+#: and its least size in units of the condition.
+_ROOM, _LEAST_ROOM = 0.5, 0.2
 
 
 def diagnose(
@@ -94,8 +95,10 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
     Notes
     -----
     If the baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
-    note states this second opinion, and whether it disagrees. Without findings, the diagnosis is inconclusive if it
-    does, if there is no baseline, or if the loss of a fifth of some part would not have been found.
+    note states this second opinion, and whether it disagrees. The residuals depend on the conditions, which this test
+    does not model: windows far from the conditions of the baseline are not tested. Without findings, the diagnosis is
+    inconclusive if the second opinion disagrees, if there is no baseline, or if the loss of a fifth of some part would
+    not have been found.
     """
     every, baseline, detection = detector.observations, detector.baseline, detector.detection
     if not any(observation.is_conclusive for observation in every):
@@ -154,14 +157,16 @@ def _distinct_faults(observations: Sequence[Observation]) -> tuple[SensorFault, 
 
 
 def _residual_tests(observations: Sequence[Observation], baseline: Baseline) -> dict[float, ResidualTest]:
-    """Return the residual tests of the windows with sound sensors and the reference's channels, by time."""
+    """Return the residual tests of windows with sound sensors, the reference's channels and known conditions."""
     reference = baseline.residuals
     if reference is None:
         return {}
     return {
         observation.time: residual_test(reference, observation.residuals)
         for observation in observations
-        if observation.residuals is not None and observation.residuals.is_like(reference)
+        if observation.residuals is not None
+        and observation.residuals.is_like(reference)
+        and not any(_is_far(baseline, name, observation) for name in baseline.ranges)
     }
 
 
@@ -297,14 +302,20 @@ def _condition_notes(baseline: Baseline, observations: Sequence[Observation]) ->
     """Return notes on conditions that are far from those of the baseline."""
     notes = []
     for name, (low, high) in baseline.ranges.items():
-        scale = np.log if name == "roughness" else float
-        room = _ROOM * (scale(high) - scale(low))
-        lowest, highest = scale(low) - room, scale(high) + room
-        values = [observation.conditions[name] for observation in observations if name in observation.conditions]
-        n_outside = sum(not lowest <= scale(value) <= highest for value in values)
+        n_outside = sum(_is_far(baseline, name, observation) for observation in observations)
         if n_outside:
             notes.append(
                 f"{n_outside} of {len(observations)} windows have a {name} far from that of the baseline's windows "
                 f"({low:.3g} to {high:.3g}): learn it again with such drives"
             )
     return notes
+
+
+def _is_far(baseline: Baseline, name: str, observation: Observation) -> bool:
+    """Return whether a condition of a window is known and far from those of the baseline's windows."""
+    if name not in observation.conditions:
+        return False
+    scale = np.log if name == "roughness" else float
+    low, high, value = (scale(one) for one in (*baseline.ranges[name], observation.conditions[name]))
+    room = max(_ROOM * (high - low), _LEAST_ROOM * CONDITIONS[name])
+    return not low - room <= value <= high + room
