@@ -7,7 +7,7 @@ import numpy as np
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
-from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import DIFFERENT, ResidualTest, residual_test
 from sprung.diagnosis.sensors import SensorFault
 from sprung.diagnosis.trends import current_sizes, trend
@@ -301,7 +301,8 @@ def _evidence_notes(detection: Detection) -> list[str]:
 def _condition_notes(baseline: Baseline, observations: Sequence[Observation]) -> list[str]:
     """Return notes on conditions that are far from those of the baseline."""
     notes = []
-    for name, (low, high) in baseline.ranges.items():
+    for name in (name for name in CONDITIONS if name in baseline.ranges):
+        low, high = baseline.ranges[name]
         n_outside = sum(_is_far(baseline, name, observation) for observation in observations)
         if n_outside:
             notes.append(
@@ -317,5 +318,5 @@ def _is_far(baseline: Baseline, name: str, observation: Observation) -> bool:
         return False
     scale = np.log if name == "roughness" else float
     low, high, value = (scale(one) for one in (*baseline.ranges[name], observation.conditions[name]))
-    room = max(_ROOM * (high - low), _LEAST_ROOM * CONDITIONS[name])
+    room = max(_ROOM * (high - low), _LEAST_ROOM * (CONDITIONS | LAYOUT_CONDITIONS)[name])
     return not low - room <= value <= high + room

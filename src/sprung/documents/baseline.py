@@ -70,6 +70,11 @@ def baseline_document(baseline: Baseline) -> BaselineDocument:
         }
         for column, name in enumerate(CONDITIONS)
     }
+    conditions |= {
+        name: {"middle": None, "range": baseline.ranges[name], "slopes": np.zeros(len(baseline.components))}
+        for name in baseline.ranges
+        if name not in conditions
+    }
     return BaselineDocument.model_validate(
         {
             "schema": "sprung.baseline/1",
