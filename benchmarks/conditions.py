@@ -2,9 +2,10 @@
 
 Every condition is simulated on drives of ten minutes (nonlinear force laws, potholes, roads A to D, payloads on the
 centre line, 0 to 40 degrees). A baseline is learnt from ordinary drives of the same vehicle and sensors, but without
-the load, the road or the driving that the condition is about; then windows without and with faults are diagnosed.
-Shares have exact 95 % intervals (Clopper and Pearson). What windows say is kept in a folder, by the code that said it:
-a second run with more windows continues, a run of other code begins anew.
+the load, the road or the driving that the condition is about, as `sprung baseline` does: a vehicle file that explains
+these drives badly is calibrated on them first. Then windows without and with faults are diagnosed. Shares have exact
+95 % intervals (Clopper and Pearson). Drives, calibrations and observations are kept in a folder, each by the code that
+made it: a second run with more windows continues, and a run of other code repeats only what that code decides.
 
     python -m benchmarks.conditions                          all rows, 8 windows of each kind
     python -m benchmarks.conditions load tracks --windows 40
@@ -17,12 +18,14 @@ import hashlib
 import json
 import math
 import os
+import pickle
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import TypeVar
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -30,10 +33,11 @@ import numpy as np
 from benchmarks.detection import binomial_interval
 
 import sprung
+from sprung.calibration import calibrated_if_imperfect
 from sprung.diagnosis import Baseline, Observation, diagnose, learn, observe_window
-from sprung.documents import observation_document, observation_from_document
 from sprung.errors import DataError
 from sprung.excitation import Potholes
+from sprung.recording import Recording
 from sprung.simulation import (
     FEW_POTHOLES,
     REALISTIC_FORCE_LAWS,
@@ -53,10 +57,12 @@ from sprung.simulation import (
 )
 from sprung.simulation.truth import plain
 from sprung.vehicles import Component, Fault, FlexibleMode, MountedMass, Sensor, Vehicle, read_vehicle, structure
-from sprung.vehicles.files import vehicle_text
+from sprung.vehicles.files import vehicle_from_text, vehicle_text
 
-#: Packages whose code decides what a window says.
-CODE = ("diagnosis", "excitation", "likelihood", "recording.py", "signals", "simulation", "vehicles", "calibration")
+#: Code that decides the samples of a drive, what a window says, and how a vehicle file is completed.
+DRIVES = ("excitation", "recording.py", "signals", "simulation", "vehicles")
+OBSERVATIONS = (*DRIVES, "likelihood", "diagnosis/observation.py", "diagnosis/residuals.py", "diagnosis/sensors")
+CALIBRATIONS = (*OBSERVATIONS, "calibration")
 KINDS = ("spring", "damper", "tyre")
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 #: Healthy or faulty windows of one individual before the next one has its turn.
@@ -65,6 +71,7 @@ PER_INDIVIDUAL = 24
 SAMPLING_RATE = 100.0
 
 Change = Callable[[RoadDrive], RoadDrive]
+Result = TypeVar("Result")
 
 
 def same(drive: RoadDrive) -> RoadDrive:
@@ -95,13 +102,13 @@ class Study:
     vehicle: Vehicle
     n_learning: int
     folder: Path
-    code: str
 
 
-def code_version() -> str:
-    """Return the digest of the code that simulates and fits."""
+@lru_cache
+def code_version(names: tuple[str, ...]) -> str:
+    """Return the digest of files and packages of the source."""
     source = Path(sprung.__file__).parent
-    files = sorted(path for name in CODE for path in [source / name, *(source / name).rglob("*.py")] if path.is_file())
+    files = sorted(path for name in names for path in [source / name, *(source / name).rglob("*.py")] if path.is_file())
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:16]
 
 
@@ -269,8 +276,9 @@ ROWS = (
 
 @dataclass(frozen=True)
 class Seen:
-    """What a window says, and what is true of it."""
+    """What a window says in terms of a vehicle file, and what is true of it."""
 
+    vehicle: Vehicle
     observation: Observation
     truth: dict
 
@@ -285,28 +293,61 @@ class Verdict:
     seen: tuple[Seen, ...]
     alarm_at: int | None = None
     error: str = ""
+    verdict: str = ""
+    n_different: int = 0  # windows that differ by the residual test
+    n_tested: int = 0
 
 
-def window(study: Study, drive: RoadDrive, seed: Sequence[int], time: float) -> Seen:
-    """Return what a window says; kept on disk by code, vehicle and drive."""
-    asked = [study.code, vehicle_text(study.vehicle), plain(drive), list(seed), time]
-    path = study.folder / f"{hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:24]}.json.gz"
-    if path.exists():
-        kept = json.loads(gzip.decompress(path.read_bytes()))
-        return Seen(observation_from_document(kept["observation"]), kept["truth"])
-    run = simulate_drive(study.vehicle, drive, seed=list(seed))
-    observation = observe_window(run.recording, study.vehicle, time=time)
-    truth = {key: run.truth[key] for key in ("components", "faults")} | {"body": run.truth["conditions"]["body"]}
-    text = json.dumps({"observation": observation_document(observation), "truth": truth})
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.with_suffix(f".{os.getpid()}").write_bytes(gzip.compress(text.encode()))
-    path.with_suffix(f".{os.getpid()}").rename(path)
-    return Seen(observation_from_document(json.loads(text)["observation"]), truth)
+def kept(study: Study, names: tuple[str, ...], asked: object, make: Callable[[], Result]) -> Result:
+    """Return what a function makes of something; kept on disk by the code that decides it."""
+    name = hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:24]
+    path = study.folder / code_version(names) / f"{name}.pickle.gz"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.with_suffix(f".{os.getpid()}").write_bytes(gzip.compress(pickle.dumps(make()), compresslevel=1))
+        path.with_suffix(f".{os.getpid()}").rename(path)
+    return pickle.loads(gzip.decompress(path.read_bytes()))
+
+
+def driven(study: Study, drive: RoadDrive, seed: Sequence[int]) -> tuple[Recording, dict]:
+    """Return the recording of a drive and what is true of it."""
+
+    def make() -> tuple[Recording, dict]:
+        run = simulate_drive(study.vehicle, drive, seed=list(seed))
+        truth = {key: run.truth[key] for key in ("components", "faults")} | {"body": run.truth["conditions"]["body"]}
+        return run.recording, truth
+
+    return kept(study, DRIVES, [vehicle_text(study.vehicle), plain(drive), list(seed)], make)
+
+
+def window(study: Study, vehicle: Vehicle, drive: RoadDrive, seed: Sequence[int], time: float) -> Seen:
+    """Return what a drive says in terms of a vehicle file, its own or a completed one."""
+
+    def make() -> tuple[Observation, dict]:
+        recording, truth = driven(study, drive, seed)
+        return observe_window(recording, vehicle, time=time), truth
+
+    asked = [vehicle_text(study.vehicle), vehicle_text(vehicle), plain(drive), list(seed), time]
+    return Seen(vehicle, *kept(study, OBSERVATIONS, asked, make))
+
+
+def completed(study: Study, drives: Sequence[tuple[RoadDrive, tuple[int, ...]]], seen: Sequence[Seen]) -> Vehicle:
+    """Return the vehicle file completed from drives where it explains them badly."""
+
+    def make() -> str:
+        errors = [one.observation.conditions.get("model_error", math.inf) for one in seen]
+        recordings = [driven(study, *drive)[0] for drive in drives]
+        calibration = calibrated_if_imperfect(recordings, study.vehicle, model_errors=errors)
+        return "" if calibration is None else vehicle_text(calibration.vehicle)
+
+    asked = [vehicle_text(study.vehicle), [[plain(drive), list(seed)] for drive, seed in drives]]
+    text = kept(study, CALIBRATIONS, asked, make)
+    return vehicle_from_text(text, source="the calibration") if text else study.vehicle
 
 
 @lru_cache(maxsize=4)
-def learnt(study: Study, name: tuple[str, str], individual: int) -> Baseline:
-    """Return the baseline of a vehicle in the state of the group with a row and a label.
+def learnt(study: Study, name: tuple[str, str], individual: int) -> tuple[Vehicle, Baseline]:
+    """Return the file and the baseline of a vehicle in the state of the group with a row and a label.
 
     Raises
     ------
@@ -314,11 +355,15 @@ def learnt(study: Study, name: tuple[str, str], individual: int) -> Baseline:
         If too few windows are usable.
     """
     group = named_group(study, name)
-    windows = [
-        window(study, group.state(ordinary(individual, "learning", k)), (individual, 1, k), 600.0 * k)
-        for k in range(study.n_learning)
+    drives = [
+        (group.state(ordinary(individual, "learning", number)), (individual, 1, number))
+        for number in range(study.n_learning)
     ]
-    return learn([seen.observation for seen in windows])
+    seen = [window(study, study.vehicle, *drive, 600.0 * number) for number, drive in enumerate(drives)]
+    vehicle = completed(study, drives, seen)
+    if vehicle is not study.vehicle:
+        seen = [window(study, vehicle, *drive, 600.0 * number) for number, drive in enumerate(drives)]
+    return vehicle, learn([one.observation for one in seen])
 
 
 def judged(study: Study, group: Group, number: int) -> Verdict:
@@ -326,10 +371,10 @@ def judged(study: Study, group: Group, number: int) -> Verdict:
     individual = number if group.is_new_car else number // PER_INDIVIDUAL
     faults = group.faults(number)
     expected = tuple(str(fault.component) for fault in faults)
-    baseline = None
+    vehicle, baseline = study.vehicle, None
     if group.has_baseline:
         try:
-            baseline = learnt(study, (group.row, group.label), individual)
+            vehicle, baseline = learnt(study, (group.row, group.label), individual)
         except DataError as error:
             return Verdict((), expected, (), (), error=str(error))
     seen = []
@@ -340,7 +385,7 @@ def judged(study: Study, group: Group, number: int) -> Verdict:
         if group.is_sequence:
             drive = with_deviations(drive, wear=wear, n_drives=k + 1)
         seed = (individual, 2, zlib.crc32(group.label.encode()), number, k)
-        seen.append(window(study, drive, seed, 600.0 * (1000 + k)))
+        seen.append(window(study, vehicle, drive, seed, 600.0 * (1000 + k)))
     diagnosis = diagnose([one.observation for one in seen], baseline)
     named = tuple(f"{finding.corner}.{finding.component}" for finding in diagnosis.findings)
     true = seen[-1].truth["faults"]
@@ -351,17 +396,22 @@ def judged(study: Study, group: Group, number: int) -> Verdict:
     )
     alarm = None if diagnosis.detection is None else diagnosis.detection.first_alert
     alarm_at = None if alarm is None else round(alarm / 600.0) - 1000
-    return Verdict(named, expected or (tuple(true) if group.is_sequence else ()), sizes, tuple(seen), alarm_at)
+    return Verdict(
+        *(named, expected or (tuple(true) if group.is_sequence else ()), sizes, tuple(seen), alarm_at),
+        verdict=diagnosis.verdict,
+        n_different=sum(test.is_different for test in diagnosis.residual_tests.values()),
+        n_tested=len(diagnosis.residual_tests),
+    )
 
 
-def log_errors(study: Study, seen: Sequence[Seen]) -> dict[str, list[tuple[float, float]]]:
+def log_errors(seen: Sequence[Seen]) -> dict[str, list[tuple[float, float]]]:
     """Return errors of ln values, and their stated standard deviations: left over right by kind, and all springs."""
-    nominal = structure(study.vehicle).components()
     errors: dict[str, list[tuple[float, float]]] = {kind: [] for kind in (*KINDS, "springs")}
     for one in seen:
         observation = one.observation
         if not observation.is_conclusive:
             continue
+        nominal = structure(one.vehicle).components()
         rows = {component: row for row, component in enumerate(observation.components)}
         truth = {
             c: math.log(one.truth["components"][c.corner][c.kind]["value"] / nominal[c]) for c in observation.components
@@ -395,17 +445,18 @@ def share(count: int, total: int) -> str:
 
 
 HEADER = (
-    *("row", "condition", "goal", "alarms", "right part", "right corner", "refused"),
+    *("row", "condition", "goal", "alarms", "right part", "right corner", "inconclusive"),
+    *("differ by residuals", "refused"),
     *("left/right: springs, dampers, tyres, %", "covered, %", "springs, %", "covered, %", "payload, kg"),
     *("model error", "remarks"),
 )
 
 
-def line(study: Study, group: Group, verdicts: Sequence[Verdict]) -> tuple[str, ...]:
+def line(group: Group, verdicts: Sequence[Verdict]) -> tuple[str, ...]:
     """Return the row of a group in the table."""
     learnt = [verdict for verdict in verdicts if not verdict.error]
     seen = [one for verdict in learnt for one in verdict.seen]
-    errors = log_errors(study, seen)
+    errors = log_errors(seen)
     alarms = sum(bool(verdict.named) for verdict in learnt)
     right = sum(bool(verdict.expected) and is_right(verdict) for verdict in learnt)
     corners = sum(
@@ -414,7 +465,7 @@ def line(study: Study, group: Group, verdicts: Sequence[Verdict]) -> tuple[str, 
     )
     fine = [one for one in seen if one.observation.is_conclusive]
     payload = [
-        one.observation.conditions["payload"] - (one.truth["body"]["mass"] - study.vehicle.body.mass)
+        one.observation.conditions["payload"] - (one.truth["body"]["mass"] - one.vehicle.body.mass)
         for one in fine
         if "payload" in one.observation.conditions
     ]
@@ -427,6 +478,8 @@ def line(study: Study, group: Group, verdicts: Sequence[Verdict]) -> tuple[str, 
         share(alarms, len(learnt)),
         share(right, len(learnt)) if has_faults else "",
         share(corners, len(learnt)) if has_faults else "",
+        share(sum(verdict.verdict == "inconclusive" for verdict in learnt), len(learnt)),
+        share(sum(verdict.n_different for verdict in learnt), sum(verdict.n_tested for verdict in learnt)),
         share(len(seen) - len(fine), len(seen)),
         ", ".join(rms(errors[kind]) for kind in KINDS),
         covered(pairs),
@@ -451,6 +504,8 @@ def remarks(group: Group, verdicts: Sequence[Verdict]) -> str:
     failed = [verdict.error for verdict in verdicts if verdict.error]
     if failed:
         words.append(f"{len(failed)} not learnt: {failed[0]}")
+    if any(one.vehicle.learnt for verdict in verdicts for one in verdict.seen):
+        words.append("file calibrated")
     sizes = [size for verdict in verdicts for size in verdict.sizes]
     if sizes:
         words.append(
@@ -486,7 +541,7 @@ def remarks(group: Group, verdicts: Sequence[Verdict]) -> str:
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     option = arguments.add_argument
-    option("rows", nargs="*", metavar="ROW", help=f"of the table: {', '.join(ROWS)} (default: all)")
+    option("rows", nargs="*", metavar="ROW", help=f"of the table, in this order: {', '.join(ROWS)} (default: all)")
     option("--windows", type=int, default=8, metavar="N", help="diagnoses of each kind (default: 8)")
     option("--learning", type=int, default=12, metavar="N", help="windows of a baseline, at least 6 (default: 12)")
     option(
@@ -503,7 +558,7 @@ def main() -> None:
         type=Path,
         default=Path.home() / ".cache" / "sprung-conditions",
         metavar="DIR",
-        help="folder of what windows said (default: ~/.cache/sprung-conditions)",
+        help="folder of drives and observations (default: ~/.cache/sprung-conditions)",
     )
     option("--out", type=Path, metavar="FILE", help="write the table to this file, too (Markdown)")
     given = arguments.parse_args()
@@ -513,21 +568,21 @@ def main() -> None:
     vehicle = read_vehicle(given.vehicle)
     thermometer = Sensor(channel="temperature", quantity="temperature", unit="degC")
     vehicle = vehicle.model_copy(update={"sensor": (*vehicle.sensor, thermometer)})
-    study = Study(vehicle, given.learning, given.cache, code_version())
+    study = Study(vehicle, given.learning, given.cache)
     lines = [
         f"`python -m benchmarks.conditions`, {vehicle.name}, {given.windows} diagnoses of a kind, "
-        f"{given.learning} windows of a baseline, code {study.code}",
+        f"{given.learning} windows of a baseline, code {code_version(CALIBRATIONS)}",
         "",
         f"| {' | '.join(HEADER)} |",
         "|" + "---|" * len(HEADER),
     ]
     print("\n".join(lines), flush=True)
     with ProcessPoolExecutor(given.jobs) as pool:
-        for group in groups(vehicle):
-            if (given.rows and group.row not in given.rows) or group.n_windows > given.longest:
+        for group in (group for row in given.rows or ROWS for group in groups(vehicle) if group.row == row):
+            if group.n_windows > given.longest:
                 continue
             verdicts = list(pool.map(partial(judge, study, (group.row, group.label)), range(given.windows)))
-            lines.append(f"| {' | '.join(line(study, group, verdicts))} |")
+            lines.append(f"| {' | '.join(line(group, verdicts))} |")
             print(lines[-1], flush=True)
             if given.out:
                 given.out.write_text("\n".join(lines) + "\n", encoding="utf-8")

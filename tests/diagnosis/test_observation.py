@@ -118,6 +118,29 @@ def test_a_second_opinion_that_disagrees_is_noted(observations) -> None:
     assert any("it disagrees" in note for note in tests.notes)
 
 
+@pytest.mark.parametrize(
+    ("condition", "value"),
+    [("speed", 2.0), ("payload", 2000.0), ("roughness", 1.0), ("payload_y_moment", -34.0), ("right_over_left", 1.3)],
+)
+def test_windows_in_conditions_not_met_before_have_no_second_opinion(observations, condition, value) -> None:
+    """The residuals depend on the conditions.
+
+    Speeds below those of the baseline made 9 of 14 healthy windows differ, 400 kg behind and a little to the right 8 of
+    8.
+    """
+    baseline = learn(observations[:5], least_windows=5)
+    within = {name: sum(ends) / 2 for name, ends in baseline.ranges.items()}
+    residuals = replace(observations[0].residuals, mean=10 * observations[0].residuals.mean[::-1])
+    strange = replace(observations[0], residuals=residuals, conditions={**observations[0].conditions, **within})
+    assert diagnose([strange], baseline).residual_tests
+    far = replace(strange, conditions={**strange.conditions, condition: value})
+    diagnosis = diagnose([far], baseline)
+    assert not diagnosis.residual_tests
+    assert not any("second opinion" in doubt for doubt in diagnosis.doubts)
+    is_regressed = condition in {"speed", "payload", "roughness"}
+    assert any(f"have a {condition} far from" in note for note in diagnosis.notes) == is_regressed
+
+
 def test_windows_follow_each_other_and_keep_the_rest() -> None:
     samples = np.arange(1300.0)[None, :]
     run = Recording(samples, 1.0, (Channel("a", "acceleration"),))

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from sprung.diagnosis.baseline import Baseline, vehicle_of
+from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
-from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import DIFFERENT, ResidualTest, residual_test
 from sprung.diagnosis.sensors import SensorFault
 from sprung.diagnosis.trends import current_sizes, trend
@@ -28,8 +28,9 @@ _OTHER_VEHICLE = (
     "the windows differ from the vehicle file in a way that no single part explains: the file does not describe this "
     "vehicle; calibrate it on healthy drives, or learn a baseline"
 )
-#: Margin around the range of a condition in the baseline, relative to that range, within which a window is comparable.
-_ROOM = 0.5
+#: Margin around the range of a condition in the baseline within which a window is comparable, relative to that range,
+#: and its least size in units of the condition.
+_ROOM, _LEAST_ROOM = 0.5, 0.2
 
 
 def diagnose(
@@ -103,8 +104,10 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
     -----
     Without a baseline, a difference that no part explains is the vehicle file's: it is a doubt and no finding. If the
     baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
-    note states this second opinion, and whether it disagrees. Without findings, the diagnosis is inconclusive if it
-    does, if there is no baseline, or if the loss of a fifth of some part would not have been found.
+    note states this second opinion, and whether it disagrees. The residuals depend on the conditions, which this test
+    does not model: windows far from the conditions of the baseline are not tested. Without findings, the diagnosis is
+    inconclusive if the second opinion disagrees, if there is no baseline, or if the loss of a fifth of some part would
+    not have been found.
     """
     every, baseline, detection = detector.observations, detector.baseline, detector.detection
     if not any(observation.is_conclusive for observation in every):
@@ -170,14 +173,16 @@ def _distinct_faults(observations: Sequence[Observation]) -> tuple[SensorFault, 
 
 
 def _residual_tests(observations: Sequence[Observation], baseline: Baseline) -> dict[float, ResidualTest]:
-    """Return the residual tests of the windows with sound sensors and the reference's channels, by time."""
+    """Return the residual tests of windows with sound sensors, the reference's channels and known conditions."""
     reference = baseline.residuals
     if reference is None:
         return {}
     return {
         observation.time: residual_test(reference, observation.residuals)
         for observation in observations
-        if observation.residuals is not None and observation.residuals.is_like(reference)
+        if observation.residuals is not None
+        and observation.residuals.is_like(reference)
+        and not any(_is_far(baseline, name, observation) for name in baseline.ranges)
     }
 
 
@@ -312,15 +317,22 @@ def _evidence_notes(detection: Detection) -> list[str]:
 def _condition_notes(baseline: Baseline, observations: Sequence[Observation]) -> list[str]:
     """Return notes on conditions that are far from those of the baseline."""
     notes = []
-    for name, (low, high) in baseline.ranges.items():
-        scale = np.log if name == "roughness" else float
-        room = _ROOM * (scale(high) - scale(low))
-        lowest, highest = scale(low) - room, scale(high) + room
-        values = [observation.conditions[name] for observation in observations if name in observation.conditions]
-        n_outside = sum(not lowest <= scale(value) <= highest for value in values)
+    for name in (name for name in CONDITIONS if name in baseline.ranges):
+        low, high = baseline.ranges[name]
+        n_outside = sum(_is_far(baseline, name, observation) for observation in observations)
         if n_outside:
             notes.append(
                 f"{n_outside} of {len(observations)} windows have a {name} far from that of the baseline's windows "
                 f"({low:.3g} to {high:.3g}): learn it again with such drives"
             )
     return notes
+
+
+def _is_far(baseline: Baseline, name: str, observation: Observation) -> bool:
+    """Return whether a condition of a window is known and far from those of the baseline's windows."""
+    if name not in observation.conditions:
+        return False
+    scale = np.log if name == "roughness" else float
+    low, high, value = (scale(one) for one in (*baseline.ranges[name], observation.conditions[name]))
+    room = max(_ROOM * (high - low), _LEAST_ROOM * (CONDITIONS | LAYOUT_CONDITIONS)[name])
+    return not low - room <= value <= high + room

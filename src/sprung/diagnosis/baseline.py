@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from sprung._arrays import Real
 from sprung._checks import frozen_array
 from sprung.diagnosis.directions import USUAL_ENDS, directions, usual_nuisance
-from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
 from sprung.errors import ParameterError
 from sprung.vehicles import Component
@@ -47,7 +47,7 @@ class Baseline:
     middle
         Median of each condition of the windows, where known.
     ranges
-        Lowest and highest value of each condition of the windows, where known.
+        Lowest and highest value of each condition of the windows, and of those of `LAYOUT_CONDITIONS`, where known.
     nuisance
         Covariance of the common changes of components from window to window (payload, temperature, road), shape
         (components, components).
@@ -243,17 +243,16 @@ def units_of(observation: Observation, middle: dict[str, float]) -> Real:
 
 def medians(observations: Sequence[Observation]) -> dict[str, float]:
     """Return the median of each known condition of windows."""
-    return {name: float(np.median(values)) for name, values in _conditions_met(observations).items()}
+    return {name: float(np.median(values)) for name, values in _conditions_met(observations, CONDITIONS).items()}
 
 
 def ranges(observations: Sequence[Observation]) -> dict[str, tuple[float, float]]:
     """Return the lowest and the highest value of each known condition of windows."""
-    return {name: (min(values), max(values)) for name, values in _conditions_met(observations).items()}
+    every = (*CONDITIONS, *LAYOUT_CONDITIONS)
+    return {name: (min(values), max(values)) for name, values in _conditions_met(observations, every).items()}
 
 
-def _conditions_met(observations: Sequence[Observation]) -> dict[str, list[float]]:
-    """Return the values of each known condition."""
-    met = {
-        name: [window.conditions[name] for window in observations if name in window.conditions] for name in CONDITIONS
-    }
+def _conditions_met(observations: Sequence[Observation], names: Iterable[str]) -> dict[str, list[float]]:
+    """Return the values of each known condition of some."""
+    met = {name: [window.conditions[name] for window in observations if name in window.conditions] for name in names}
     return {name: values for name, values in met.items() if values}

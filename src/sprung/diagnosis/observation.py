@@ -19,6 +19,14 @@ from sprung.vehicles.window import Window, window_of
 
 #: Length of a window [s], and smallest number of segments in a conclusive one.
 WINDOW, FEWEST_SEGMENTS = 600.0, 40
+#: Conditions that the fit of the parts accounts for but the correlations of the channels depend on, and one unit of
+#: each: the payload's moments [kg m] and product of inertia [kg m2], amplitude of the right track over the left one.
+LAYOUT_CONDITIONS = {
+    "payload_x_moment": 100.0,
+    "payload_y_moment": 50.0,
+    "payload_product": 50.0,
+    "right_over_left": 0.2,
+}
 #: Model error above which a window is inconclusive.
 _MOST_ERROR = 1.0
 
@@ -40,7 +48,8 @@ class Observation:
     conditions
         Known conditions. Of every window: "speed" [m/s] and "temperature" [°C] (means), "standing" (share of time),
         "turning" (RMS of the yaw rate [rad/s]: near 0 on a straight). Of conclusive windows: "roughness" of the road
-        G(n0) [m^3], "payload" [kg], "model_error", "segments".
+        G(n0) [m^3], "payload" [kg], "payload_x_moment" and "payload_y_moment" [kg m], "payload_product" [kg m^2],
+        "right_over_left" (amplitude of the tracks), "model_error", "segments".
     modes
         Natural frequency [Hz] and damping ratio of bounce, pitch and roll, as far as the fitted vehicle has them.
     sensor_faults
@@ -215,6 +224,8 @@ def _conclusive(time: float, window: Window, fit: CornerFit, faults: tuple[Senso
         conditions["roughness"] = fit.inputs["roughness"]
     if "payload_mass" in fit.payload:
         conditions["payload"] = fit.payload["payload_mass"]["value"]
+    layout = {name: estimate["value"] for name, estimate in fit.payload.items()} | _tracks(fit)
+    conditions |= {name: layout[name] for name in LAYOUT_CONDITIONS if name in layout}
     modes = fit.modes()
     body = {
         label: (float(modes.natural_frequency[k]), float(modes.damping_ratio[k]))
@@ -232,6 +243,14 @@ def _conclusive(time: float, window: Window, fit: CornerFit, faults: tuple[Senso
         vehicle=window.vehicle.name,
         residuals=None if faults else _residuals(window),
     )
+
+
+def _tracks(fit: CornerFit) -> dict[str, float]:
+    """Return the amplitude of the right track over that of the left, where it was fitted."""
+    values: dict[str, float] = {}
+    for block, own in fit.model.by_block(fit.parameters):
+        values |= block.values(own) if block.group == "tracks" else {}
+    return values
 
 
 def _residuals(window: Window) -> ResidualStatistics | None:

@@ -103,7 +103,7 @@ def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, so
 
 def conditions_document(baseline: Baseline | TypeBaseline) -> dict[str, dict[str, Any]]:
     """Return the dependence on each condition, of `BY_CONDITION`."""
-    return {
+    conditions = {
         name: {
             "middle": baseline.middle.get(name),
             "range": baseline.ranges.get(name),
@@ -111,6 +111,12 @@ def conditions_document(baseline: Baseline | TypeBaseline) -> dict[str, dict[str
         }
         for column, name in enumerate(CONDITIONS)
     }
+    without_slopes = {
+        name: {"middle": None, "range": baseline.ranges[name], "slopes": np.zeros(len(baseline.components))}
+        for name in baseline.ranges
+        if name not in conditions
+    }
+    return conditions | without_slopes
 
 
 def conditions_from_document(conditions: Mapping[str, ConditionDocument], *, source: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sprung.diagnosis import Baseline, Detection, Diagnosis, ModeChange, Trend, detectable, detectable_in_words
+from sprung.diagnosis.baseline import CONDITIONS
 from sprung.tables.table import Table, counted, in_words
 
 #: Units of conditions.
@@ -52,7 +53,9 @@ def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
     sentences = [f"version {baseline.version} ({baseline.reason}): {learnt}"]
     if baseline.ranges:
         ranges = ", ".join(
-            f"{name} {low:.3g} to {high:.3g}{_UNITS.get(name, '')}" for name, (low, high) in baseline.ranges.items()
+            f"{name} {low:.3g} to {high:.3g}{_UNITS.get(name, '')}"
+            for name, (low, high) in baseline.ranges.items()
+            if name in CONDITIONS
         )
         sentences.append(f"conditions: {ranges}")
     return [*sentences, *baseline.notes]
