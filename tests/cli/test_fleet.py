@@ -44,7 +44,7 @@ def cars(tmp_path):
 
 def test_a_fleet_is_ranked_and_its_type_is_learnt(sprung, cars, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("COLUMNS", "160")
-    outcome = sprung("fleet", *cars, "--out", tmp_path / "van.type.json")
+    outcome = sprung("fleet", "rank", *cars, "--out", tmp_path / "van.type.json")
     assert outcome.code == 0, outcome.err
     first, second = [line for line in outcome.out.splitlines() if line.startswith("car-")][:2]
     assert first.startswith("car-4")
@@ -56,38 +56,38 @@ def test_a_fleet_is_ranked_and_its_type_is_learnt(sprung, cars, tmp_path, monkey
 
 
 def test_the_ranking_is_a_document(sprung, cars) -> None:
-    (ranking,) = sprung("fleet", *cars, "--json", "-").document()["types"]
+    (ranking,) = sprung("fleet", "rank", *cars, "--json", "-").document()["types"]
     assert ranking["name"] == "van"
     assert [entry["vehicle"] for entry in ranking["vehicles"] if entry["deviates"]] == ["car-4"]
 
 
 def test_files_of_one_name_are_of_one_vehicle(sprung, cars, tmp_path) -> None:
     again = write_car(tmp_path / "tuesday" / "car-0.json", 0)
-    (ranking,) = sprung("fleet", *cars, again, "--json", "-").document()["types"]
+    (ranking,) = sprung("fleet", "rank", *cars, again, "--json", "-").document()["types"]
     assert {entry["vehicle"]: entry["windows"] for entry in ranking["vehicles"]}["car-0"] == 6
 
 
 def test_four_vehicles_have_a_type_and_no_ranking(sprung, cars, tmp_path) -> None:
-    outcome = sprung("fleet", *cars[:4], "--out", tmp_path / "van.type.json", "--json", "-")
+    outcome = sprung("fleet", "rank", *cars[:4], "--out", tmp_path / "van.type.json", "--json", "-")
     document = outcome.document()
     assert document["types"] == []
     assert "not ranked: 4 vehicles have usable windows, and 5 are needed" in document["notes"][0]
     assert read_type_baseline(tmp_path / "van.type.json").n_vehicles == 4
-    refused = sprung("fleet", *cars[:4])
+    refused = sprung("fleet", "rank", *cars[:4])
     assert refused.code == 3
     assert "5 are needed" in refused.err
 
 
 def test_vehicles_of_two_types_are_refused(sprung, cars, tmp_path) -> None:
     other = write_car(tmp_path / "bus.json", 9, name="bus")
-    outcome = sprung("fleet", *cars, other)
+    outcome = sprung("fleet", "rank", *cars, other)
     assert outcome.code == 2
     assert "the types 'van'" in outcome.err
 
 
 def test_a_type_goes_with_its_vehicle_file_only(sprung, cars, tmp_path) -> None:
     path = tmp_path / "van.type.json"
-    sprung("fleet", *cars, "--out", path)
+    sprung("fleet", "rank", *cars, "--out", path)
     recording = tmp_path / "drive.csv"
     for command in (("baseline", "--out", tmp_path / "b.json"), ("diagnose",)):
         outcome = sprung(command[0], recording, *command[1:], "--vehicle", "zafira", "--type", path)

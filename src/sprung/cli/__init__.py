@@ -78,7 +78,6 @@ def _application() -> typer.Typer:
         calibrate.calibrate,
         baseline.baseline,
         diagnose.diagnose,
-        fleet.fleet,
         reproduce.reproduce,
         monitor.monitor,
         box.box,
@@ -88,6 +87,7 @@ def _application() -> typer.Typer:
     for command in commands:
         application.command()(command)
     application.add_typer(simulate.simulate, name="simulate")
+    application.add_typer(fleet.application, name="fleet")
     application.add_typer(alerts.application, name="alerts")
     application.add_typer(vehicles.application, name="vehicles")
     return application

@@ -130,7 +130,7 @@ def type_of(vehicle: "Vehicle", path: Path) -> "TypeBaseline":
     if type_baseline.name != vehicle.name:
         raise ParameterError(
             f"{path} is the baseline of the type {type_baseline.name!r}, but the vehicle file describes "
-            f"{vehicle.name!r}: give that of {vehicle.name!r}, or learn one with `sprung fleet`"
+            f"{vehicle.name!r}: give that of {vehicle.name!r}, or learn one with `sprung fleet rank`"
         )
     return type_baseline
 

@@ -1,4 +1,4 @@
-"""The command `sprung fleet`."""
+"""The command `sprung fleet` with its sub-commands."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -16,7 +16,16 @@ if TYPE_CHECKING:
     from sprung.diagnosis import Observation
 
 
-def fleet(
+application = typer.Typer(no_args_is_help=True)
+
+
+@application.callback()
+def fleet() -> None:
+    """Compare the vehicles of a fleet."""
+
+
+@application.command()
+def rank(
     files: Annotated[
         list[Path],
         typer.Argument(

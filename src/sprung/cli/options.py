@@ -25,7 +25,7 @@ VehicleFile = Annotated[
     Path,
     option("V.toml|NAME", "Vehicle file or name of a shipped vehicle: geometry, masses, sensors, nominal components."),
 ]
-TypeFile = Annotated[Path | None, option("T.json", "Baseline of the vehicle's type, from sprung fleet.", "--type")]
+TypeFile = Annotated[Path | None, option("T.json", "Baseline of the vehicle's type, from sprung fleet rank.", "--type")]
 Minutes = Annotated[float, option("MINUTES", "Length of a window.", "--window", panel=INPUT)]
 Figures = Annotated[Path | None, option("DIR", "Write figures to this folder.", panel=OUTPUT)]
 Json = Annotated[

@@ -97,7 +97,7 @@ def read_type_baseline(path: str | Path) -> TypeBaseline:
     Parameters
     ----------
     path
-        File that `write_type_baseline` or `sprung fleet` wrote.
+        File that `write_type_baseline` or `sprung fleet rank` wrote.
 
     Raises
     ------
