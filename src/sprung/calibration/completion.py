@@ -43,6 +43,8 @@ from sprung.vehicles.window import Window, window_of
 _TOLD = 0.5
 #: Median model error of windows above which a vehicle file is imperfect.
 _IMPERFECT = 0.1
+#: Reason why a calibration fails.
+_INCONSISTENT = "the windows are not consistent with the vehicle file: check signs, places and units of the sensors"
 #: Largest number of windows of a calibration that a baseline asks for.
 CALIBRATION_WINDOWS = 3
 #: Errors of sensors that matter: places [m], gains (ln), delays [s], direction cosines.
@@ -135,9 +137,17 @@ def calibrated(
         Spectra of windows with the same channels, at least one.
     vehicle, settings
         As for `calibrate`.
+
+    Raises
+    ------
+    DataError
+        If no vehicle like that of the file moves as the windows do.
     """
     settings = settings or CalibrationSettings()
-    return _completion(as_given(windows, vehicle, settings.corners), vehicle, settings)
+    try:
+        return _completion(as_given(windows, vehicle, settings.corners), vehicle, settings)
+    except np.linalg.LinAlgError:
+        raise DataError(_INCONSISTENT) from None
 
 
 def as_given(windows: tuple[WindowSpectra, ...], vehicle: Vehicle, corners: CornerSettings) -> JointFit:
@@ -236,14 +246,22 @@ def calibrated_if_imperfect(
     -------
     Calibration or None
         None if the file is good enough, or the completed file explains the windows no better.
+
+    Raises
+    ------
+    DataError
+        If no vehicle like that of the file moves as the windows do.
     """
     if not windows:
         return None
     settings = CalibrationSettings()
-    given = as_given(windows, vehicle, settings.corners)
-    if not (is_imperfect(model_errors) or has_misplaced_sensors(given)):
-        return None
-    calibration = _completion(given, vehicle, settings)
+    try:
+        given = as_given(windows, vehicle, settings.corners)
+        if not (is_imperfect(model_errors) or has_misplaced_sensors(given)):
+            return None
+        calibration = _completion(given, vehicle, settings)
+    except np.linalg.LinAlgError:
+        raise DataError(_INCONSISTENT) from None
     return calibration if calibration.is_better else None
 
 

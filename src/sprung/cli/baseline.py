@@ -10,7 +10,7 @@ from sprung.cli.checks import check_file, names
 from sprung.cli.options import INPUT, Channels, Files, Json, Minutes, SamplingRate, TypeFile, VehicleFile, option
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
-from sprung.errors import ParameterError
+from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
     from sprung.calibration import Calibration
@@ -106,7 +106,10 @@ def _calibration(
     recordings = (part for number, (_, part) in enumerate(parts()) if number in chosen)
     if is_wanted:
         return calibrate(list(recordings), vehicle)
-    return calibrated_if_imperfect(usable_spectra(recordings, vehicle), vehicle, model_errors=errors)
+    try:
+        return calibrated_if_imperfect(usable_spectra(recordings, vehicle), vehicle, model_errors=errors)
+    except DataError:  # the observations state the reason
+        return None
 
 
 def baseline_of(vehicle: "Vehicle", path: Path) -> "Baseline":

@@ -489,7 +489,11 @@ class VehicleMonitor:
             return False
         have, needed = self.learning
         is_last = have + (observation.is_conclusive and not observation.sensor_faults) >= needed
-        calibration = self._completion.update(recording, observation, self._vehicle, is_last=is_last)
+        try:
+            calibration = self._completion.update(recording, observation, self._vehicle, is_last=is_last)
+        except DataError as error:
+            self._note = str(error)
+            return False
         if calibration is None:
             return False
         # Same as after a restart: numbers as they are written.
