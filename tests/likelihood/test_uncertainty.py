@@ -54,7 +54,7 @@ def test_a_segment_on_a_pothole_counts_less(explained) -> None:
     assert plain == pytest.approx(np.ones(41))
     values[7] *= 10.0
     weights = segment_weights(model, model.start, replace(segments, values=values))
-    assert weights[7] == pytest.approx(0.03, rel=0.2)
+    assert weights[7] == pytest.approx(0.012, rel=0.2)
     assert np.delete(weights, 7) == pytest.approx(np.ones(40))
 
 

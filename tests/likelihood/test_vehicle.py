@@ -1,9 +1,13 @@
 """The model of a vehicle: which blocks its settings make free."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
 from sprung.likelihood import CornerSettings, rigid_layout, vehicle_model
+from sprung.likelihood.search import minimised
 from sprung.vehicles import read_vehicle, structure
 
 ON_WHEELS = ["components", "payload", "inputs", "class_roughness", "noise"]
@@ -28,6 +32,31 @@ def test_a_payload_is_fitted_on_roads_and_rails_but_not_on_a_rig(classes) -> Non
     assert groups("scale-bogie", "rig", classes) == ["components", "inputs", "noise"]
     assert groups("scale-bogie", "rig", classes, has_payload=True) == ["components", "payload", "inputs", "noise"]
     assert "payload" not in groups("zafira", "road", classes, has_payload=False)
+
+
+@pytest.fixture
+def with_bars(car):
+    """A car with anti-roll bars on both axles."""
+    axles = tuple(axle.model_copy(update={"anti_roll_stiffness": 12e3}) for axle in car.axle)
+    return car.model_copy(update={"axle": axles})
+
+
+def test_an_anti_roll_bar_off_the_file_does_not_scale_the_whole_vehicle(with_bars, classes, with_data) -> None:
+    """Accelerations show stiffness over mass: bars known exactly would lend their error to every other number."""
+    nominal = structure(with_bars)
+    layout = rigid_layout(nominal)
+    empty = classes(len(layout.rows), counts=1e5)
+    model = vehicle_model(empty, layout, with_bars, nominal, settings=CornerSettings(), kind="road")
+    bars = model.rows("elements")
+    assert [model.names[row] for row in bars] == ["front_axle_stiffness", "rear_axle_stiffness"]
+    truth = model.start.copy()
+    truth[bars] = -0.25
+    drawn = with_data(model, truth)
+    known = replace(drawn, blocks=tuple(block for block in drawn.blocks if block.group != "elements"))
+    free, held = (np.abs(minimised(one, one.scaled_start())[one.rows("components")]) for one in (drawn, known))
+    assert free.max() < 0.1
+    assert held.mean() > 0.15
+    assert free.mean() < held.mean() / 2
 
 
 def test_sensors_are_free_where_the_settings_say_so(classes) -> None:

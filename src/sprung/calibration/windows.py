@@ -28,7 +28,7 @@ from sprung.vehicles import Vehicle, structure
 from sprung.vehicles.window import Window
 
 #: Groups of parameters of a usual fit that the numbers of the file replace.
-_REPLACED = frozenset({"components", "sensors", "unsprung"})
+_REPLACED = frozenset({"components", "elements", "sensors", "unsprung"})
 #: Parameters of the road that are the vehicle's: the ratio of the delays between the axles, a matter of wheelbase and
 #: speedometer.
 DELAY = "delay"

@@ -276,7 +276,7 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
        likely vehicle with one spring broken, and the better result is taken.
     2. *Full*: classes 5 % wide. Each fit is followed by three choices for the next one, until they no longer change:
 
-       - the amplitude of a segment is limited to that at three times the median power, a winsorised residual as
+       - the amplitude of a segment is limited to that at 1.2 times the median power, a winsorised residual as
          Huber's, so that a pothole affects one segment only (`segment_weights`);
        - frequencies are left out at which lines of wheels, engine or mains stand out of the fit (`residual_lines`);
        - the likelihood is raised to a power eta between 0 and 1, as large as the misfit beyond chance allows

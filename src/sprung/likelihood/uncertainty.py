@@ -7,8 +7,8 @@ from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.spectra import CLASS_WIDTH, OVERCOUNT, ClassSpectra, SegmentSpectra, speed_classes
 from sprung.likelihood.whittle import Model
 
-#: A segment counts for at most this many times the median power.
-_MOST_POWER = 3.0
+#: A segment counts for at most this many times the median power, about three standard deviations of chance.
+_MOST_POWER = 1.2
 #: Variance of the mean relative power of n half-overlapping segments, times n.
 _CHANCE = 1.06
 #: Correlation of the misfit below which two frequencies are taken as independent.
@@ -37,7 +37,10 @@ def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra, *,
     Notes
     -----
     With the power q = |L^-1 y|^2 relative to the model, S = L L^H, averaged over the frequencies that are used, the
-    weight is min(1, 3 median(q) / q): a bounded influence of single segments.
+    weight is min(1, 1.2 median(q) / q): a bounded influence of single segments. By chance q scatters by 7 % over 100
+    frequencies of three coordinates. Where single potholes on a smooth road scale whole segments, their spectra are a
+    mixture of scales, and the shape of the mixture's members is that of the median segment: friction, bump stops and
+    valves answer to a pothole differently.
 
     References
     ----------

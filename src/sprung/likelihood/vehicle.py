@@ -11,6 +11,7 @@ from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.components import FreeComponents, free_components
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.likelihood.driving import driving
+from sprung.likelihood.elements import stiffness_scales
 from sprung.likelihood.noise import SensorNoise
 from sprung.likelihood.payload import payload, unsprung_masses
 from sprung.likelihood.rig import RigInputs
@@ -31,6 +32,9 @@ _BELOW, _ABOVE, _WIDEST = 0.4, 1.7, 33.0
 _HIGHEST = 0.4
 #: Periods of the nominal vehicle's slowest mode in a segment.
 _PERIODS = 7.5
+#: Standard deviation of ln of an anti-roll bar's stiffness over that of the vehicle file: known exactly, it alone would
+#: fix the scale that all masses and stiffnesses have in common.
+_ANTI_ROLL = 0.1
 #: Length over which a wheel averages a rail [m].
 _RAIL_CONTACT = 0.01
 
@@ -50,8 +54,8 @@ class CornerSettings:
     free
         Components to fit, such as ("spring", "rear_left.damper"); the others keep the vehicle file's values. None: all.
     has_payload
-        Whether the body's mass, moments and inertias, and on a road the unsprung masses, are fitted too: otherwise a
-        payload reads as soft springs. None: not on a rig.
+        Whether the body's mass, moments and inertias, and on a road the unsprung masses and the anti-roll bars, are
+        fitted too: otherwise a payload reads as soft springs. None: not on a rig.
     has_free_sensors
         Whether positions and delays of the sensors are fitted too.
     has_lines_masked
@@ -121,7 +125,9 @@ def vehicle_model(
     if kind != "rig" if settings.has_payload is None else settings.has_payload:
         blocks.append(payload(nominal))
         wheels = unsprung_masses(nominal)
+        bars = [element.owner for element in nominal.elements if element.part == "anti_roll"]
         blocks += [wheels] if kind == "road" and wheels.parts else []
+        blocks += [stiffness_scales(nominal, bars, std=_ANTI_ROLL)] if kind == "road" and bars else []
     if settings.has_free_sensors:
         blocks += [sensor_positions(nominal, layout), SensorDelays(layout, layout.names)]
     blocks += _inputs(spectra, vehicle, nominal, kind)
