@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import SensorFault, detect, learn
+from sprung.diagnosis.baseline import prior_information, units_of
 from sprung.errors import DataError, ParameterError
 
 
@@ -43,6 +44,17 @@ def test_windows_without_scatter_give_their_mean_middle_and_ranges(healthy) -> N
     np.testing.assert_allclose(baseline.slopes, 0, atol=1e-12)
     assert baseline.middle["payload"] == 120.0
     assert baseline.ranges["payload"] == (0.0, 240.0)
+
+
+def test_means_and_slopes_are_as_uncertain_as_the_windows_scatter(healthy) -> None:
+    """The information is that of the covariance with which windows are compared: X^T X (x) V^-1 + P."""
+    windows = healthy(12)
+    baseline = learn(windows)
+    assert baseline.n_windows == 12
+    rows = np.array([np.concatenate([[1.0], units_of(one, baseline.middle)]) for one in windows])
+    of_windows = np.kron(rows.T @ rows, np.linalg.inv(baseline.covariance + baseline.nuisance))
+    prior = prior_information(baseline.components, np.zeros_like(baseline.covariance))
+    np.testing.assert_allclose(baseline.information, of_windows + prior, rtol=1e-9, atol=1e-6)
 
 
 def test_windows_of_several_vehicles_are_refused(healthy) -> None:

@@ -81,7 +81,7 @@ def learn(
     components of a kind together, beyond (1), regularised by usual values. The third is learnt only if the temperature
     of all windows is known: otherwise a cold day has still to come, and the usual one stays. Degrees of freedom are
     n - tr[(X^T X + L)^-1 X^T X], with L the variance of a window over that of a slope, and variances with few of them
-    are widened to what their Student's t implies.
+    are widened to what their Student's t implies, in J too: means and slopes are no more certain than the windows.
 
     With the baseline of a type, the vehicle's mean is drawn from N(mean of the type, covariance between its vehicles)
     and its slopes and scatter are shrunk to those of the type (empirical Bayes): a few windows are enough.
@@ -173,11 +173,13 @@ class _Estimate:
             usual = of_type.scatter(reported, with_temperature=is_warm)
         scatter = usual
         for _ in range(ROUNDS):
-            coefficients, information = regression(rows, values, scatter.whole, prior, centre)
+            coefficients, _ = regression(rows, values, scatter.whole, prior, centre)
             away = values - rows @ coefficients
             free = FreeDegrees(rows, scatter.whole, slope_covariances(components))
             scatter = usual.learnt(away, free)
         scatter = usual.learnt(away, free, is_widened=True)
+        # Means and slopes are as uncertain as the windows that they are from: by the widened scatter.
+        _, information = regression(rows, values, scatter.whole, prior, centre)
         return cls(
             components=components,
             middle=middle,
