@@ -4,13 +4,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
+from sprung.calibration import CalibrationSettings, DataSheet, calibrate, described
 from sprung.diagnosis import diagnose, learn, observe_window, windows
 from sprung.formats import read
 from sprung.identification import IdentificationSettings, cov_ssi
-from sprung.likelihood import CornerSettings, fit_corners
+from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.recording import Channel, Recording
 from sprung.vehicles import Sensor, Vehicle, parse_vehicle
+from sprung.vehicles.sections import LearntNumber
 
 #: The sensor of the CANedge logs: X up, Y rearward, and so Z to the right: pitch rate about -Z, roll rate about -Y.
 CANEDGE: dict[str, Any] = {
@@ -56,6 +59,29 @@ def on_axles(fields: dict[str, Any]) -> Vehicle:
     return vehicle
 
 
+def guessed_car() -> Vehicle:
+    fields = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
+    fields["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
+    return on_axles(fields)
+
+
+def car_of_the_data_sheet() -> Vehicle:
+    """A compact car whose tyres turn once in 1.94 m; the place of the sensor is a guess, to half a metre."""
+    sheet = DataSheet(mass=1450.0, wheelbase=2.65, track=1.52, tyre="205/55R16", sensors="imu", name="canedge")
+    car = described(sheet)
+    place = LearntNumber(name="AccelerationX.x", value=-1.5, std=0.5, source="guess")
+    sensors = guessed_car().sensor
+    return car.model_copy(update={"speed_channel": "Speed", "sensor": sensors, "learnt": (*car.learnt, place)})
+
+
+def distance(fit: CornerFit, other: CornerFit) -> float:
+    """Chi squared of the components of two fits, per component."""
+    rows = fit.model.rows("components")
+    away = fit.log_ratios - other.log_ratios
+    covariance = fit.covariance[np.ix_(rows, rows)] + other.covariance[np.ix_(rows, rows)]
+    return float(away @ np.linalg.solve(covariance, away)) / away.size
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("log", ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"])
 def test_canedge_car(real_file, log) -> None:
@@ -86,44 +112,35 @@ def test_modes_of_the_same_car_at_6_and_at_19_metres_per_second(real_file) -> No
 
 @pytest.mark.slow
 def test_corners_of_the_same_car_agree_and_say_how_far_they_can_be_trusted(real_file) -> None:
-    """Make, masses and the sensor's place are unknown: an ordinary car per kilogram, held within 20 %.
+    """Make, masses and the sensor's place are unknown: an ordinary car per kilogram.
 
-    Free places move the sensor from wherever it is put to 1.3 to 1.7 m behind the centre of gravity, in both logs.
+    The values are no car's, and notes say so.
     """
-    described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
-    described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
-    car, settings = on_axles(described), CornerSettings(prior_std=0.2)
+    car, settings = guessed_car(), CornerSettings()
     logs = ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"]
     slow, fast = (
         fit_corners(read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet")), car, settings=settings)
         for log in logs
     )
     for fit in (slow, fast):
-        assert fit.model_error > 0.2
+        assert fit.model_error > 0.15
         assert any("than chance allows" in note for note in fit.notes)
         assert any(" 0.5" in note and "per m" in note for note in fit.notes)  # the wheel's line
-        assert np.abs(fit.log_ratios).max() < 0.8
-        body = fit.modes().natural_frequency[:3]
-        assert np.all((body > 0.9) & (body < 2.2))
-        assert np.all((fit.modes().damping_ratio[:3] > 0.1) & (fit.modes().damping_ratio[:3] < 0.5))
-    difference = np.abs(slow.modes().natural_frequency - fast.modes().natural_frequency)[:3]
-    spread = np.hypot(slow.modes_std()[0], fast.modes_std()[0])[:3]
-    assert np.all(difference < 2.5 * spread)
-    changes = (slow.log_ratios - fast.log_ratios) / np.hypot(slow.log_ratios_std, fast.log_ratios_std)
-    assert np.abs(changes).max() < 3.5
+        assert any(note.startswith("implausible values: front tyres") for note in fit.notes)
+    assert distance(slow, fast) < 2.0
 
 
 @pytest.mark.slow
 def test_corners_from_one_minute_of_a_real_car_are_not_identifiable(real_file) -> None:
-    described = {**CANEDGE, "speed_channel": "speed", "axle": [ORDINARY | {"x": 1.15}, ORDINARY | {"x": -1.5}]}
-    described["sensor"] = [
+    fields = {**CANEDGE, "speed_channel": "speed", "axle": [ORDINARY | {"x": 1.15}, ORDINARY | {"x": -1.5}]}
+    fields["sensor"] = [
         {"channel": "az", "quantity": "acceleration", "position": [0.5, 0.0, 0.5], "direction": [0.0, 0.0, 1.0]},
         {"channel": "pitch_rate", "quantity": "angular_velocity", "direction": [0.0, 1.0, 0.0]},
         {"channel": "roll_rate", "quantity": "angular_velocity", "direction": [1.0, 0.0, 0.0]},
     ]
-    for sensor, unit in zip(described["sensor"], ("m/s^2", "rad/s", "rad/s"), strict=True):
+    for sensor, unit in zip(fields["sensor"], ("m/s^2", "rad/s", "rad/s"), strict=True):
         sensor["unit"] = unit
-    fit = fit_corners(comma_run(real_file), on_axles(described), settings=CornerSettings(prior_std=0.2))
+    fit = fit_corners(comma_run(real_file), on_axles(fields), settings=CornerSettings(prior_std=0.2))
     assert fit.n_segments < 25
     assert np.abs(fit.log_ratios).max() < 0.5
     assert any("not identifiable" in note for note in fit.notes)
@@ -165,10 +182,8 @@ def test_sensor_of_the_car_turns_into_the_bodys_axes() -> None:
 
 @pytest.mark.slow
 def test_no_finding_between_two_logs_of_the_same_car(real_file) -> None:
-    """Learnt on the drive of ten minutes in windows of two, tried on the slow one."""
-    described = {**CANEDGE, "axle": [ORDINARY | {"x": 1.2}, ORDINARY | {"x": -1.5}]}
-    described["sensor"] = [{**CANEDGE["sensor"][0], "position": [-1.5, 0.0, 0.0]}, *CANEDGE["sensor"][1:]]
-    car, settings = on_axles(described), CornerSettings(prior_std=0.2)
+    """Learnt on the drive of ten minutes in windows of two and a half, tried on the slow one."""
+    car, settings = guessed_car(), CornerSettings(prior_std=0.2)
     slow, fast = (
         [
             observe_window(part, car, time=time, settings=settings)
@@ -177,12 +192,41 @@ def test_no_finding_between_two_logs_of_the_same_car(real_file) -> None:
         for log, length in (("00000165_00000001-60FEB68B", 360.0), ("00000165_00000002-60FEB8E3", 150.0))
     )
     assert sum(one.is_conclusive for one in fast) == 4
-    baseline = learn(fast, least_windows=4)
-    found = diagnose(slow, baseline)
+    found = diagnose(slow, learn(fast, least_windows=4))
     assert found.detection is not None
-    assert found.findings == ()
-    # Without a baseline no window is compared: the guessed file is off by 30 to 41 % on each.
-    refused = diagnose(fast)
-    assert refused.detection is None
-    assert not refused.is_healthy
-    assert any(note.startswith("4 of 4 windows are explained too badly") for note in refused.notes)
+    assert (found.findings, found.verdict) == ((), "inconclusive")
+    assert any(note.startswith("1 of 1 windows have a speed far from that") for note in found.notes)
+    # Without a baseline a guessed file is no evidence of a change, though it explains some windows within 15 %.
+    for drive in (slow, fast):
+        refused = diagnose(drive)
+        assert (refused.findings, refused.is_healthy) == ((), None)
+
+
+@pytest.mark.slow
+def test_the_speed_of_the_logger_is_late(real_file) -> None:
+    """By 0.2 s against the longitudinal acceleration, which the fit does not use."""
+    drive = read(real_file("canedge_car_body_imu/00000165_00000002-60FEB8E3_decoded.parquet"))
+    speed, rearward = (drive.samples[drive.index(name)] for name in ("Speed", "AccelerationY"))
+    filtered = butter(2, (0.02, 0.5), "bandpass", fs=drive.sampling_rate, output="sos")
+    gain = sosfiltfilt(filtered, np.gradient(speed))[200:-200]
+    pushed = sosfiltfilt(filtered, -rearward)
+    lags = np.arange(-100, 101)
+    late = lags[np.argmax([gain @ pushed[200 - lag : len(pushed) - 200 - lag] for lag in lags])] / drive.sampling_rate
+    assert late == pytest.approx(0.2, abs=0.05)
+    fit = fit_corners(drive, guessed_car())
+    assert fit.speed["speed_delay"]["value"] == pytest.approx(late, abs=0.1)
+
+
+@pytest.mark.slow
+def test_calibration_makes_two_drives_of_the_same_car_agree(real_file) -> None:
+    """From a data sheet; the sensor is found a little behind the rear axle, whence it is put does not matter."""
+    logs = ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"]
+    drives = [read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet")) for log in logs]
+    result = calibrate(drives, car_of_the_data_sheet(), settings=CalibrationSettings(most_mounts=0, has_modes=False))
+    place = next(number for number in result.learnt if number.name == "AccelerationX.x")
+    assert place.is_told
+    assert -2.3 < place.value < -1.6
+    assert np.mean(result.model_errors_after) < 0.95 * np.mean(result.model_errors_before)
+    slow, fast = (fit_corners(drive, result.vehicle) for drive in drives)
+    assert distance(slow, fast) < 1.5
+    assert np.abs(fast.log_ratios).max() < np.log(2.0)
