@@ -57,15 +57,6 @@ def test_two_parts_at_once_are_two_findings(faulty, baseline, parts, after) -> N
         assert finding.interval[0] <= -0.2 <= finding.interval[1]
 
 
-def test_an_imperfect_file_may_feign_the_second_part_of_a_pair(faulty, baseline) -> None:
-    """A front tyre 20 % soft of a car whose engine the file lacks: 10 % of it, and 7 % of a rear spring."""
-    windows = faulty(7, {"front_left.tyre": -0.1, "rear_left.spring": -0.04}, before=0, after=2)
-    exact = diagnose(windows, replace(baseline, model_error=0.02))
-    assert {finding.hypothesis for finding in exact.findings} == {"front_left.tyre", "rear_left.spring"}
-    (finding,) = diagnose(windows, replace(baseline, model_error=0.3)).findings
-    assert finding.hypothesis == "front_left.tyre"
-
-
 @pytest.mark.parametrize("after", [1, 12])
 def test_a_single_part_stays_single(faulty, baseline, after) -> None:
     """Whatever the size: every part once."""

@@ -20,9 +20,8 @@ _CLOSE = 3.0
 _DETECTABLE = 0.2
 #: Share of what an unmodelled change explains that a part must explain to be named in its place.
 _MOSTLY = 0.8
-#: Apparent change of another part for a unit change of one (both ln), by nonlinearity: standard deviation, to which the
-#: model error of the baseline adds. The second part of a pair must change by three standard deviations of this and of
-#: chance.
+#: Apparent change of another part for a unit change of one (both ln), by nonlinearity and errors of the vehicle file:
+#: standard deviation. The second part of a pair must change by three standard deviations of this and of chance.
 _LEAK, _CLEARLY = 0.1, 3.0
 #: Doubt where windows differ from a vehicle file, without a baseline, and no part explains it.
 _OTHER_VEHICLE = (
@@ -131,7 +130,7 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
         *_exclusion_notes(every, baseline),
         *baseline.notes,
         *_condition_notes(baseline, compared),
-        *([] if detection is None else _evidence_notes(detection, baseline.model_error)),
+        *([] if detection is None else _evidence_notes(detection)),
         *opinion,
         *(doubt for doubt in doubts if doubt not in opinion),
     )
@@ -210,7 +209,7 @@ def _second_opinion(tests: Mapping[float, ResidualTest], *, is_changed: bool) ->
 
 def _findings(detection: Detection, observations: Sequence[Observation], baseline: Baseline) -> tuple[Finding, ...]:
     """Return the findings of the hypothesis to name: one for each of its changes, one for an unmodelled change."""
-    best, second = _best_two(detection, baseline.model_error)
+    best, second = _best_two(detection)
     is_close = best.log_evidence - second.log_evidence < _CLOSE and second.hypothesis.scope != "else"
     runner_up = _words(second) if is_close else ""
     if not best.sizes:
@@ -238,16 +237,14 @@ def _severity(size: Size) -> tuple[str, int, str]:
     return next(level[1:] for level in SEVERITIES if certain >= level[0])
 
 
-def _best_two(detection: Detection, model_error: float) -> tuple[Candidate, Candidate]:
+def _best_two(detection: Detection) -> tuple[Candidate, Candidate]:
     """Return the hypothesis to name and the next best.
 
     A part, or a pair, that explains nearly all is named even if an unmodelled change explains a little more: with much
     evidence, every error of the vehicle file makes it do so. For the same reason a pair is named only if its second
     part changes more than the first one may feign.
     """
-    candidates = [
-        value for value in detection.candidates if value.hypothesis.scope != "pair" or _is_distinct(value, model_error)
-    ]
+    candidates = [value for value in detection.candidates if value.hypothesis.scope != "pair" or _is_distinct(value)]
     first, *others = candidates
     named = next(candidate for candidate in candidates if candidate.hypothesis.scope != "else")
     is_enough = named.explained >= _MOSTLY * first.explained and named.log_evidence >= detection.threshold
@@ -258,12 +255,11 @@ def _best_two(detection: Detection, model_error: float) -> tuple[Candidate, Cand
     )
 
 
-def _is_distinct(pair: Candidate, model_error: float) -> bool:
+def _is_distinct(pair: Candidate) -> bool:
     """Return whether the smaller change of a pair exceeds what chance and the larger one may feign."""
     small, large = sorted(pair.sizes, key=lambda size: abs(np.log1p(size.change)))
     deviation = abs(np.log1p(small.change)) / small.score
-    leak = np.hypot(_LEAK, model_error)
-    return bool(abs(np.log1p(small.change)) > _CLEARLY * np.hypot(deviation, leak * abs(np.log1p(large.change))))
+    return bool(abs(np.log1p(small.change)) > _CLEARLY * np.hypot(deviation, _LEAK * abs(np.log1p(large.change))))
 
 
 def _words(candidate: Candidate) -> str:
@@ -303,13 +299,13 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
     return notes
 
 
-def _evidence_notes(detection: Detection, model_error: float) -> list[str]:
+def _evidence_notes(detection: Detection) -> list[str]:
     """Return notes on what the named part leaves unexplained, or on an alert that has cleared."""
     if not detection.is_alert:
         if detection.first_alert is None:
             return []
         return [f"an alert was raised in the window at {time_in_words(detection.first_alert)} and has cleared"]
-    first, named = detection.candidates[0], _best_two(detection, model_error)[0]
+    first, named = detection.candidates[0], _best_two(detection)[0]
     if first.log_evidence - named.log_evidence < detection.threshold:
         return []
     return [
