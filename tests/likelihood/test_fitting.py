@@ -180,7 +180,7 @@ def test_a_payload_is_fitted_and_not_taken_for_soft_springs(car) -> None:
     assert load["value"] == pytest.approx(300.0, abs=3 * load["std"])
     assert load["std"] < 100.0
     plain = fit_corners(one.recording, car, settings=CornerSettings(has_payload=False))
-    assert np.exp(errors(plain, one.truth)[::3]).mean() < 0.9  # per mass all springs are softer
+    assert np.exp(errors(plain, one.truth)[::3]).max() < 0.97  # per mass all springs are softer
     assert plain.model_error > 0.1
 
 
