@@ -38,7 +38,7 @@ def test_gradient_of_a_term_is_the_finite_difference(term, on_a_road, misfit, gr
     if term in {"mass", "inputs", "noise"}:
         change = change + change.conj().swapaxes(-1, -2)
     typical = {"forces": 1e3, "feedthrough": 10.0}.get(term, np.abs(value).mean())
-    change *= 1e-5 * typical
+    change *= 1e-6 * typical
     gradients = gradients_of(model, terms)
     gradient = getattr(gradients, term)
     above, below = (misfit(model, replace(terms, **{term: value + sign * change})) for sign in (1, -1))
@@ -62,18 +62,19 @@ def test_change_by_a_term_is_the_finite_difference(term, on_a_road) -> None:
 
 def with_measured_input(terms, *, density=0.3):
     """Terms with one more input, which moves no wheel and is independent of the road."""
-    measured = np.full((*terms.inputs.shape[:2], 1, 1), density, dtype=np.complex128)
+    measured = np.pad(terms.measured_inputs, ((0, 0), (0, 0), (0, 1), (0, 1)))
+    measured[..., -1, -1] = density
     more = {name: np.pad(getattr(terms, name), ((0, 0), (0, 1))) for name in ("feet", "forces", "feedthrough")}
     return replace(terms, measured_inputs=measured, **more)
 
 
 def test_a_measured_input_that_a_channel_reads_adds_its_spectrum(on_a_road) -> None:
     _, terms = on_a_road
-    feedthrough = np.zeros((4, 5))
-    feedthrough[2, 4] = 0.5  # half of the input is read by the third channel
-    column = 0.5 * terms.reduction[:, 2]
-    both = transfer(replace(with_measured_input(terms), feedthrough=feedthrough)).spectral_matrix
-    expected = transfer(terms).spectral_matrix + 0.3 * np.outer(column, column)
+    more = with_measured_input(terms)
+    more.feedthrough[2, -1] = 0.5  # half of the input is read by the third channel
+    column = 0.5 * terms.channel_response[:, 2, None] * terms.reduction[:, 2]
+    both = transfer(more).spectral_matrix
+    expected = transfer(terms).spectral_matrix + 0.3 * column[:, :, None] * column[:, None, :].conj()
     assert both == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
