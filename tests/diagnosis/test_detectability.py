@@ -75,7 +75,8 @@ def test_more_windows_and_less_scatter_find_smaller_changes(baseline) -> None:
     for component in baseline.components:
         found = [size[component] for size in sizes]
         assert 0 < found[3] < found[2] < found[1] < found[0] < 0.3
-    quiet = replace(baseline, covariance=baseline.covariance / 4, nuisance=baseline.nuisance / 4)
+    parts = {name: getattr(baseline, name) / 4 for name in ("covariance", "nuisance")}
+    quiet = replace(baseline, **parts, information=4 * baseline.information)
     for component in baseline.components:
         assert np.log1p(-detectable(quiet, n_windows=12)[component]) == pytest.approx(
             np.log1p(-sizes[2][component]) / 2, rel=0.1
