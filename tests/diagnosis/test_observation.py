@@ -54,7 +54,7 @@ def test_windows_of_recordings_in_the_order_of_time(car, run, observations) -> N
 def test_conditions_of_a_conclusive_window(observations) -> None:
     conditions = observations[0].conditions
     assert {"roughness", "payload", "speed", "standing", "model_error", "segments"} <= conditions.keys()
-    assert conditions["roughness"] == pytest.approx(256e-6, rel=0.15)  # G(n0) of class C, ISO 8608, geometric mean
+    assert conditions["roughness"] == pytest.approx(256e-6, rel=0.2)  # G(n0) of class C, ISO 8608, geometric mean
 
 
 def test_sensors_are_placed_once(car, run, monkeypatch) -> None:
