@@ -81,8 +81,8 @@ def diagnose(
     if write_result(diagnosis_document(result, modes=changes), json):
         words = [*result.notes, *(f"wrote {path}" for path in paths)]
         show(tables.diagnosis_in_words(result), *tables.diagnosis_tables(result, changes), words)
-    if result.verdict == "inconclusive" and not result.sensor_faults:
-        raise DataError(f"inconclusive: {tables.why_inconclusive(result, normal)}")
+    if result.detection is None and not result.sensor_faults:
+        raise DataError(f"no window was usable: {tables.why_unusable(result, normal)}")
 
 
 def _draw(

@@ -10,7 +10,7 @@ from sprung.tables.diagnosis import (
     hypotheses_table,
     mode_changes_table,
     trend_in_words,
-    why_inconclusive,
+    why_unusable,
 )
 from sprung.tables.fleet import fleet_tables, type_in_words
 from sprung.tables.identification import (
@@ -59,7 +59,7 @@ __all__ = [
     "true_modes_table",
     "type_in_words",
     "vehicles_table",
-    "why_inconclusive",
     "why_none",
+    "why_unusable",
     "with_deviation",
 ]

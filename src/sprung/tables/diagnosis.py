@@ -85,23 +85,16 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
     return f"no change detected; {detectable_in_words(diagnosis.detectable)}"
 
 
-def why_inconclusive(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
-    """Return why a diagnosis is inconclusive.
+def why_unusable(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
+    """Return why no window of a diagnosis was usable.
 
     Parameters
     ----------
     diagnosis
-        Inconclusive diagnosis.
+        Diagnosis without a window to compare.
     baseline
         Baseline that its windows were compared with; None: the vehicle file.
     """
-    if diagnosis.doubts:
-        return diagnosis.doubts[0]
-    return f"no window was usable: {_why_unusable(diagnosis, baseline)}"
-
-
-def _why_unusable(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
-    """Return why no window was usable."""
     reasons = [observation.reason for observation in diagnosis.observations if not observation.is_conclusive]
     if reasons:
         return reasons[0]
