@@ -1,5 +1,7 @@
 """Types: vehicles and windows of known covariances, makers' scatter, faults from the start, and fleets."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,18 @@ def test_known_covariances_come_back(faults) -> None:
         own, truth = (np.sqrt(np.diag(rows @ matrix @ rows.T)) for matrix in (found.between, BETWEEN))
         np.testing.assert_allclose(own, truth, rtol=0.35 if faults else 0.15)
     np.testing.assert_allclose(found.scales, 1.0, rtol=0.1)
+
+
+def test_nothing_is_compared_where_the_file_explains_most_windows_badly() -> None:
+    """One window of four that a wrong file happens to explain is no evidence of a fault."""
+    windows = drawn(np.random.default_rng(3), 4, fault="front_left.damper", size=-0.4)
+    errors = (0.3, 0.3, 0.1, 0.3)
+    windows = [
+        replace(window, conditions={**window.conditions, "model_error": error})
+        for window, error in zip(windows, errors, strict=True)
+    ]
+    assert diagnose(windows[2:3]).findings
+    assert diagnose(windows).detection is None
 
 
 def test_a_fault_from_the_start_is_found_by_comparing_left_with_right() -> None:

@@ -423,11 +423,14 @@ class TypeDetector:
             self._evidence.append(_against_type(self._type, compared)[0])
 
     def _compared(self) -> list[Observation]:
-        """Return the windows that can be compared."""
-        if not any(window.components == self._type.components for window in self._observations):
+        """Return the windows that can be compared; none where a vehicle file explains most of them badly."""
+        sound = [window for window in self._observations if window.is_conclusive and not window.sensor_faults]
+        alike = [window for window in sound if window.components == self._type.components]
+        if not alike:
             return []
         accepts = self.baseline.accepts
-        return [window for window in self._observations if accepts(window)]
+        compared = [window for window in alike if accepts(window)]
+        return compared if 2 * len(compared) > len(alike) else []
 
     def _changes(self) -> ChangeDetector:
         """Return a detector of changes between the windows."""
