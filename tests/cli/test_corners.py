@@ -26,7 +26,7 @@ def test_json_has_the_contracts_names(sprung, drive, tmp_path):
     spring = document["corners"]["front_left"]["spring"]
     assert spring["relative_to_nominal"] == pytest.approx(0.6, abs=0.08)
     assert spring["value"] == pytest.approx(0.6 * 44179, rel=0.1)
-    assert 0 < spring["std"] < 0.05 * spring["value"]
+    assert 0 < spring["std"] < 0.08 * spring["value"]
     assert set(document["corners"]) == {"front_left", "front_right", "rear_left", "rear_right"}
     assert set(document["corners"]["rear_right"]) == {"spring", "damper", "tyre"}
     assert [mode["label"] for mode in document["modes"][:3]] == ["bounce", "pitch", "roll"]

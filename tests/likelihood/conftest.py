@@ -28,7 +28,6 @@ from sprung.likelihood import (
     mode_scales,
     rigid_layout,
     sensor_tilts,
-    stiffness_scales,
     unsprung_masses,
     vehicle_model,
 )
@@ -207,7 +206,6 @@ def whole_model() -> Callable[..., Model]:
         if name == "zafira":
             extra += (
                 mode_scales(nominal, ["mounted_mass_1"]),
-                stiffness_scales(nominal, ["front_axle"]),
                 MountedMassParameters(nominal, "mounted_mass_1"),
                 sensor_tilts(nominal, layout),
             )

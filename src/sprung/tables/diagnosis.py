@@ -100,7 +100,7 @@ def why_unusable(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
         return reasons[0]
     if baseline is not None and diagnosis.observations:
         return "their components differ from those of the baseline: fit the same ones, or learn again"
-    return diagnosis.notes[-1] if diagnosis.notes else "there are no windows"
+    return diagnosis.notes[0] if diagnosis.notes else "there are no windows"
 
 
 def diagnosis_tables(diagnosis: Diagnosis, changes: Sequence[ModeChange]) -> list[Table]:
