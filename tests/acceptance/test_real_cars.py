@@ -224,7 +224,7 @@ def test_calibration_makes_two_drives_of_the_same_car_agree(real_file) -> None:
     drives = [read(real_file(f"canedge_car_body_imu/{log}_decoded.parquet")) for log in logs]
     result = calibrate(drives, car_of_the_data_sheet(), settings=CalibrationSettings(most_mounts=0, has_modes=False))
     place = next(number for number in result.learnt if number.name == "AccelerationX.x")
-    assert place.is_told
+    assert place.is_identifiable
     assert -2.3 < place.value < -1.6
     assert np.mean(result.model_errors_after) < 0.95 * np.mean(result.model_errors_before)
     slow, fast = (fit_corners(drive, result.vehicle) for drive in drives)

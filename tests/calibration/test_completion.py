@@ -37,11 +37,11 @@ def test_sensors_out_of_place_are_put_right(hatchback, drive) -> None:
     learnt = np.array([sensor.position or (np.nan,) * 3 for sensor in calibration.vehicle.sensor])[:, :2]
     error, given_error = _apart(learnt - places), _apart(wrong - places)
     assert np.sqrt(np.mean(error**2)) < 0.25 * np.sqrt(np.mean(given_error**2))
-    assert calibration.number("acc_fl.x").is_told
+    assert calibration.number("acc_fl.x").is_identifiable
     text = vehicle_text(calibration.vehicle)
     assert vehicle_from_text(text, source="text") == calibration.vehicle
     assert {entry.name for entry in calibration.vehicle.learnt} == {
-        number.name for number in calibration.learnt if number.is_told
+        number.name for number in calibration.learnt if number.is_identifiable
     }
 
 
@@ -53,7 +53,7 @@ def test_a_complete_file_stays_what_it_was(hatchback, drive) -> None:
     scores = [
         (number.value - number.given) / number.std
         for number in calibration.learnt
-        if number.given is not None and number.is_told and number.group in {"sensors", "wheels", "speed"}
+        if number.given is not None and number.is_identifiable and number.group in {"sensors", "wheels", "speed"}
     ]
     assert np.sqrt(np.mean(np.square(scores))) < 2
     assert max(calibration.model_errors_after) < 0.1

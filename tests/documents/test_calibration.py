@@ -14,7 +14,7 @@ from sprung.vehicles import read_vehicle
 
 @pytest.fixture
 def calibration() -> Calibration:
-    """Three numbers of the shipped car, of which the file lacked one and the drives did not tell one."""
+    """Three numbers of the shipped car, of which the file lacked one and the drives did not determine one."""
     f = np.linspace(1, 20, 39)
     numbers = (
         CalibratedNumber("acc_fl.x", "sensors", "m", 1.22, 1.3, 0.01, 0.1, True),

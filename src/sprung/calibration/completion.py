@@ -39,8 +39,8 @@ from sprung.vehicles import Component, Vehicle, corner_names
 from sprung.vehicles.sections import FlexibleMode, LearntNumber
 from sprung.vehicles.window import Window, window_of
 
-#: A number is told by the drives if they reduce its standard deviation to this share of the prior's or less.
-_TOLD = 0.5
+#: A number is identifiable if the drives reduce its standard deviation to this share of the prior's or less.
+_IDENTIFIABLE = 0.5
 #: Median model error of windows above which a vehicle file is imperfect.
 _IMPERFECT = 0.1
 #: Reason why a calibration fails.
@@ -413,9 +413,11 @@ def learnt_numbers(fit: JointFit, vehicle: Vehicle) -> tuple[CalibratedNumber, .
         row = rows[DELAY]
         of_prior, before = float(joint.prior_std[row]), given.vehicle.speed_scale
         scale = before * float(np.exp(-fit.parameters[row]))
-        is_told = bool(std[row] < _TOLD * of_prior)
+        is_identifiable = bool(std[row] < _IDENTIFIABLE * of_prior)
         learnt.append(
-            CalibratedNumber("speed_scale", "speed", "", before, scale, scale * float(std[row]), of_prior, is_told)
+            CalibratedNumber(
+                "speed_scale", "speed", "", before, scale, scale * float(std[row]), of_prior, is_identifiable
+            )
         )
     return tuple(learnt)
 
@@ -432,7 +434,7 @@ def _learnt(number: VehicleNumber, draft: Draft, parameter: float, std: float, *
         value=value,
         std=number.std_of_value(value, std),
         prior_std=number.std_of_value(given, number.std),
-        is_told=std < _TOLD * number.std,
+        is_identifiable=std < _IDENTIFIABLE * number.std,
     )
 
 
@@ -459,7 +461,7 @@ def _with_sources(vehicle: Vehicle, learnt: Sequence[CalibratedNumber], n_window
     entries = [
         LearntNumber(name=one.name, value=one.value, std=one.std, given=one.given, source=f"calibrated on {drives}")
         for one in learnt
-        if one.is_told
+        if one.is_identifiable
     ]
     names = {entry.name for entry in entries}
     kept = [entry for entry in vehicle.learnt if entry.name not in names]
@@ -467,8 +469,10 @@ def _with_sources(vehicle: Vehicle, learnt: Sequence[CalibratedNumber], n_window
 
 
 def _notes(learnt: Sequence[CalibratedNumber]) -> tuple[str, ...]:
-    """Return remarks on what the drives did not tell."""
-    silent = [number.name for number in learnt if not number.is_told and number.group not in {"sides", "sensors"}]
+    """Return remarks on numbers that the drives do not determine."""
+    silent = [
+        number.name for number in learnt if not number.is_identifiable and number.group not in {"sides", "sensors"}
+    ]
     if not silent:
         return ()
     return (f"not determined by these drives, and left near the given values: {', '.join(silent)}",)

@@ -28,7 +28,7 @@ class CalibratedNumber:
         Learnt value and its standard deviation.
     prior_std
         Standard deviation before any data.
-    is_told
+    is_identifiable
         Whether the drives determine it: the data halve its standard deviation at least. The others stay near the given
         value.
     """
@@ -40,7 +40,7 @@ class CalibratedNumber:
     value: float
     std: float
     prior_std: float
-    is_told: bool
+    is_identifiable: bool
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,7 +52,7 @@ class Calibration:
     vehicle
         Completed vehicle.
     learnt
-        Numbers that were free, told by the drives or not.
+        Numbers that were free, identifiable or not.
     coordinates
         Coordinates of the misfit, before and after: what the vehicle of the given file explains.
     frequencies

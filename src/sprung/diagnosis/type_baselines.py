@@ -113,7 +113,7 @@ class TypeBaseline:
 
     @property
     def of_a_vehicle(self) -> Real:
-        """Covariance of a further vehicle about the mean, which its vehicles do not tell exactly."""
+        """Covariance of a further vehicle about the mean, which its vehicles determine up to chance."""
         return self.between * (1 + 1 / self.n_vehicles) if self.n_vehicles else self.between
 
     def scatter(self, reported: Real, *, with_temperature: bool) -> Scatter:

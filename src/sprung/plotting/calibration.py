@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from sprung.calibration import Calibration
 from sprung.plotting.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
 
-#: Groups whose numbers are drawn where they were told.
+#: Groups whose numbers are drawn where they are identifiable.
 _DRAWN = 40
 
 
@@ -50,7 +50,7 @@ def learnt_figure(calibration: Calibration, *, source: str = "") -> Figure:
     calibration, source
         As for `misfit_figure`.
     """
-    numbers = [number for number in calibration.learnt if number.is_told and number.given is not None][:_DRAWN]
+    numbers = [number for number in calibration.learnt if number.is_identifiable and number.given is not None][:_DRAWN]
     what = f"Learnt numbers against the vehicle file: {source}" if source else "Learnt numbers against the vehicle file"
     where = "in standard deviations of what is usual, with 95 % intervals"
     figure = new_figure(what, where, width=7.5, height=1.5 + 0.22 * max(len(numbers), 4))

@@ -9,7 +9,7 @@ _MINOR = {"sides", "sensors"}
 
 def calibration_table(calibration: Calibration) -> Table:
     """Return the table of the numbers that drives taught, with what the file stated."""
-    rows = tuple(_row(number) for number in calibration.learnt if number.is_told or number.group not in _MINOR)
+    rows = tuple(_row(number) for number in calibration.learnt if number.is_identifiable or number.group not in _MINOR)
     columns = ("number", "given", "learnt", "change", "from the drives")
     return Table("Numbers of the vehicle file", columns, rows, n_words=1, caption="± standard deviation")
 
@@ -32,5 +32,5 @@ def _row(number: CalibratedNumber) -> tuple[str, ...]:
     if number.given:
         percent = f"{100 * (number.value / number.given - 1):+.1f} %"
         change = f"{number.value - number.given:+.2g}" if number.unit in {"m", "s"} else percent
-    told = "yes" if number.is_told else "no"
-    return f"{number.name}{unit}", given, with_deviation(number.value, number.std), change, told
+    determined = "yes" if number.is_identifiable else "no"
+    return f"{number.name}{unit}", given, with_deviation(number.value, number.std), change, determined
