@@ -15,19 +15,15 @@ from sprung.likelihood import (
     FreeComponents,
     MassParameter,
     Model,
-    MountedMassParameters,
     ParameterBlock,
     PositionParameter,
     RailInputs,
     RigInputs,
     RoadInputs,
     SensorDelays,
-    SensorGains,
     SensorNoise,
     SensorPositions,
-    mode_scales,
     rigid_layout,
-    sensor_tilts,
     unsprung_masses,
     vehicle_model,
 )
@@ -200,15 +196,7 @@ def whole_model() -> Callable[..., Model]:
         settings = CornerSettings(has_payload=True, has_free_sensors=True)
         spectra = _classes(len(layout.rows), n_classes=3)
         usual = vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind=kind)
-        extra: tuple[ParameterBlock, ...] = (SensorGains(layout, layout.names[:2]),)
-        if kind != "road":
-            extra += (unsprung_masses(nominal),)
-        if name == "zafira":
-            extra += (
-                mode_scales(nominal, ["mounted_mass_1"]),
-                MountedMassParameters(nominal, "mounted_mass_1"),
-                sensor_tilts(nominal, layout),
-            )
+        extra: tuple[ParameterBlock, ...] = () if kind == "road" else (unsprung_masses(nominal),)
         return replace(usual, blocks=(*usual.blocks[:-1], *extra, usual.blocks[-1]))
 
     return model

@@ -13,7 +13,7 @@ CASES = [
     for name, kind in (("zafira", "road"), ("y25", "rail"), ("scale-bogie", "rig"))
     for group in ("components", "payload", "unsprung", "sensors", "inputs", "class_roughness", "noise")
     if (group, kind) != ("class_roughness", "rig")
-] + [(group, "zafira", "road") for group in ("tracks", "elements", "flexible", "mounts", "driving")]
+] + [(group, "zafira", "road") for group in ("tracks", "elements", "driving")]
 
 
 @pytest.fixture(params=CASES, ids="-".join)

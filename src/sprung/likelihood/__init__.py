@@ -5,23 +5,18 @@ from sprung.likelihood.components import FreeComponents
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
 from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.driving import Driving, driving
-from sprung.likelihood.elements import ElementParameter, ElementScales, ModeScales, mode_scales, stiffness_scales
+from sprung.likelihood.elements import ElementParameter, ElementScales, stiffness_scales
 from sprung.likelihood.fitting import fit_corners, fit_segments
 from sprung.likelihood.from_modes import corners_from_modes
 from sprung.likelihood.masked_lines import SpectralLine, residual_lines
-from sprung.likelihood.mounts import MountedMassParameters
 from sprung.likelihood.noise import SensorNoise
 from sprung.likelihood.payload import AddedMass, MassParameter, UnsprungMass, payload, unsprung_masses
 from sprung.likelihood.rig import RigInputs
 from sprung.likelihood.sensor_errors import (
     PositionParameter,
     SensorDelays,
-    SensorGains,
     SensorPositions,
-    SensorTilts,
-    TiltParameter,
     sensor_positions,
-    sensor_tilts,
 )
 from sprung.likelihood.spectra import ClassSpectra, SegmentSpectra, class_spectra, segment_spectra
 from sprung.likelihood.surface import ClassRoughness, RailInputs, RoadInputs, SurfaceInputs
@@ -40,9 +35,7 @@ __all__ = [
     "ElementScales",
     "FreeComponents",
     "MassParameter",
-    "ModeScales",
     "Model",
-    "MountedMassParameters",
     "ParameterBlock",
     "PositionParameter",
     "RailInputs",
@@ -51,13 +44,10 @@ __all__ = [
     "RoadInputs",
     "SegmentSpectra",
     "SensorDelays",
-    "SensorGains",
     "SensorNoise",
     "SensorPositions",
-    "SensorTilts",
     "SpectralLine",
     "SurfaceInputs",
-    "TiltParameter",
     "TrackLevels",
     "UnsprungMass",
     "class_spectra",
@@ -65,13 +55,11 @@ __all__ = [
     "driving",
     "fit_corners",
     "fit_segments",
-    "mode_scales",
     "payload",
     "residual_lines",
     "rigid_layout",
     "segment_spectra",
     "sensor_positions",
-    "sensor_tilts",
     "stiffness_scales",
     "unsprung_masses",
     "vehicle_model",

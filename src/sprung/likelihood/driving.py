@@ -42,7 +42,7 @@ class Driving(ParameterBlock):
     the centre of gravity. Both accelerations are random, independent of the road and of each other, with the one-sided
     density e^level (f / 1 Hz)^-exponent: steps of an acceleration would have the exponent 2, its ramps 4 above the
     inverse of their duration. A level far below the motion by the road changes nothing. The accelerations are the last
-    two inputs of the model, `Terms.measured_inputs`, so that tilted sensors (`SensorTilts`) read them, too.
+    two inputs of the model, `Terms.measured_inputs`, so that tilted sensors can read them, too.
 
     References
     ----------

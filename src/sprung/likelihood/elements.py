@@ -13,8 +13,8 @@ from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Element, Structure
 
-#: Standard deviations of ln of a stiffness, of a natural frequency and of a damping ratio in a vehicle file.
-_STIFFNESS, _FREQUENCY, _DAMPING = 0.3, 0.1, 0.5
+#: Standard deviation of ln of a stiffness in a vehicle file.
+_STIFFNESS = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,44 +151,9 @@ class ElementScales(ParameterBlock):
                 yield number, element.dynamic_stiffness(s, spring=spring, damper=damper), changes
 
 
-class ModeScales(ElementScales):
-    """Natural frequencies and damping ratios of flexible modes and of masses on mounts."""
-
-    __slots__ = ()
-
-    group: ClassVar[str] = "flexible"
-
-
 def _names(element: Element) -> tuple[str, str]:
     """Names by which a parameter finds an element: its owner, and owner and part."""
     return element.owner, f"{element.owner}.{element.part}"
-
-
-def mode_scales(
-    structure: Structure, owners: Sequence[str], *, frequency_std: float = _FREQUENCY, damping_std: float = _DAMPING
-) -> ModeScales:
-    """Return natural frequency and damping ratio of oscillators on the body as parameters, around the file's values.
-
-    Parameters
-    ----------
-    structure
-        Nominal vehicle.
-    owners
-        Owners of the oscillators' springs, such as "mounted_mass_1", or owner and part, such as "body.torsion".
-    frequency_std, damping_std
-        Standard deviations of ln of a frequency and of ln of a damping ratio.
-
-    Notes
-    -----
-    With a constant mass, k = m w^2 and c = 2 zeta w m: a frequency e^p higher has the stiffness e^(2p) and the damping
-    e^p, a damping ratio e^q higher the damping e^q.
-    """
-    parts = []
-    for owner in owners:
-        name = owner.rpartition(".")[2]
-        parts.append(ElementParameter(f"{name}_frequency", owner, 2.0, 1.0, frequency_std))
-        parts.append(ElementParameter(f"{name}_damping", owner, 0.0, 1.0, damping_std))
-    return ModeScales(structure, tuple(parts))
 
 
 def stiffness_scales(structure: Structure, owners: Sequence[str], *, std: float = _STIFFNESS) -> ElementScales:

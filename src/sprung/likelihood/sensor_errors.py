@@ -13,8 +13,8 @@ from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Structure
 
-#: Usual error of a sensor's position [m], of its time [s], of ln of its gain, and of its direction [rad].
-_POSITION, _DELAY, _GAIN, _TILT = 0.1, 2e-3, 0.02, 0.03
+#: Usual error of a sensor's position [m] and of its time [s].
+_POSITION, _DELAY = 0.1, 2e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -145,150 +145,6 @@ class SensorDelays(ParameterBlock):
         return np.asarray(-2j * np.pi * terms.frequencies[:, None] * terms.channel_response, dtype=np.complex128)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class SensorGains(ParameterBlock):
-    """Gains of the channels: ln of each over that which the vehicle file states.
-
-    Parameters
-    ----------
-    layout
-        All channels.
-    channels
-        Names of the channels whose gain is fitted.
-    std
-        Standard deviation of ln of each gain about 0 before any data.
-
-    Notes
-    -----
-    A gain that all channels have in common scales all spectra, as a rougher road does: the prior alone determines it.
-    """
-
-    layout: RigidLayout
-    channels: tuple[str, ...]
-    std: float = _GAIN
-
-    group: ClassVar[str] = "sensors"
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each channel, and "_gain"."""
-        return tuple(f"{channel}_gain" for channel in self.channels)
-
-    @property
-    def start(self) -> Real:
-        """Gains as stated."""
-        return np.zeros(len(self.channels))
-
-    @property
-    def prior_std(self) -> Real:
-        """The same for all channels."""
-        return np.full(len(self.channels), self.std)
-
-    def contribute(self, parameters: Real, terms: Terms) -> Terms:
-        """Return the terms with the channels scaled."""
-        gains = np.zeros(len(self.layout.names))
-        gains[_rows(self.layout, self.channels)] = parameters
-        return replace(terms, channel_response=terms.channel_response * np.exp(gains))
-
-    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
-        """Return the gradient of the objective."""
-        response = gradients.transfer.terms.channel_response
-        by_channel = np.sum((gradients.channel_response * response).real, axis=0)
-        return np.asarray(by_channel[_rows(self.layout, self.channels)], dtype=np.float64)
-
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
-        """Return the derivatives of the spectral matrix."""
-        channels = response.terms.channel_response
-        return [response.change_by_channel(row, channels[:, row]) for row in _rows(self.layout, self.channels)]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class TiltParameter:
-    """Tilt of a sensor about a horizontal axis.
-
-    Parameters
-    ----------
-    name
-        Name of the parameter.
-    channel
-        Number of the channel in the layout.
-    motion
-        Change of `RigidLayout.motion` for 1 rad, shape (channels, n).
-    axis
-        Horizontal axis whose acceleration the sensor reads a part of: 0 longitudinal, 1 lateral.
-    """
-
-    name: str
-    channel: int
-    motion: Real
-    axis: int
-
-    def __post_init__(self) -> None:
-        freeze(self, motion=2)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class SensorTilts(ParameterBlock):
-    """Tilts of the accelerometers [rad]: the parts of the longitudinal and the lateral axis in their directions.
-
-    Parameters
-    ----------
-    parts
-        Tilts to fit.
-    std
-        Standard deviation of each about 0 before any data [rad].
-
-    Notes
-    -----
-    An accelerometer at height h above the centre of gravity, tilted by t forwards, reads t (a_x + h p'') more, tilted
-    by t to the left t (a_y - h r''), of pitch p and roll r (ISO 8855) and of the horizontal accelerations of the
-    centre of gravity, which are the last two inputs of a model with `Driving`; a model without has no a_x and a_y. Put
-    after `Driving`. The change of gravity's share, g t p, is left out: it is small above 1 Hz.
-    """
-
-    parts: tuple[TiltParameter, ...]
-    std: float = _TILT
-
-    group: ClassVar[str] = "sensors"
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the tilts."""
-        return tuple(part.name for part in self.parts)
-
-    @property
-    def start(self) -> Real:
-        """Directions as the vehicle file states them."""
-        return np.zeros(len(self.parts))
-
-    @property
-    def prior_std(self) -> Real:
-        """The same for all tilts."""
-        return np.full(len(self.parts), self.std)
-
-    def contribute(self, parameters: Real, terms: Terms) -> Terms:
-        """Return the terms with the sensors tilted."""
-        motion, feedthrough = terms.motion, terms.feedthrough.copy()
-        for value, part in zip(parameters, self.parts, strict=True):
-            motion = motion + value * part.motion
-            feedthrough += value * _horizontal(terms, part)
-        return replace(terms, motion=motion, feedthrough=feedthrough)
-
-    def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
-        """Return the gradient of the objective."""
-        by_motion, by_reading, terms = gradients.motion.real, gradients.feedthrough.real, gradients.transfer.terms
-        return np.array(
-            [np.sum(by_motion * part.motion) + np.sum(by_reading * _horizontal(terms, part)) for part in self.parts]
-        )
-
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
-        """Return the derivatives of the spectral matrix."""
-        return [
-            response.change_by_motion(part.motion) + response.change_by_feedthrough(_horizontal(response.terms, part))
-            for part in self.parts
-        ]
-
-
 def _is_upright(nominal: Structure, layout: RigidLayout, row: int) -> bool:
     """Whether a channel is the vertical acceleration of a point of the body."""
     return bool(layout.orders[row] == 2 and layout.motion[row, nominal.coordinates.index("bounce")] != 0)
@@ -297,43 +153,6 @@ def _is_upright(nominal: Structure, layout: RigidLayout, row: int) -> bool:
 def _rows(layout: RigidLayout, channels: tuple[str, ...]) -> list[int]:
     """Numbers of channels in the layout."""
     return [layout.names.index(channel) for channel in channels]
-
-
-def _horizontal(terms: Terms, part: TiltParameter) -> Real:
-    """Change of the direct readings of inputs for 1 rad of a tilt, shape (channels, inputs)."""
-    readings = np.zeros(terms.feedthrough.shape)
-    n_horizontal = terms.measured_inputs.shape[-1]
-    if part.axis < n_horizontal:
-        readings[part.channel, part.axis - n_horizontal] = 1.0
-    return readings
-
-
-def sensor_tilts(nominal: Structure, layout: RigidLayout) -> SensorTilts:
-    """Return the tilts of the accelerometers on the body about both horizontal axes as parameters.
-
-    Parameters
-    ----------
-    nominal
-        Vehicle with the sensors.
-    layout
-        Channels that are used.
-
-    References
-    ----------
-    ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary (axes).
-    """
-    parts = []
-    channels = {channel.name: channel for channel in nominal.outputs.channels}
-    for row, name in enumerate(layout.names):
-        channel = channels[name]
-        if channel.position is None or channel.direction is None or not _is_upright(nominal, layout, row):
-            continue
-        height = channel.position[2]
-        for axis, (label, coordinate, sign) in enumerate((("x", "pitch", 1.0), ("y", "roll", -1.0))):
-            motion = np.zeros(layout.motion.shape)
-            motion[row, nominal.coordinates.index(coordinate)] = sign * height
-            parts.append(TiltParameter(f"{name}_tilt_{label}", row, motion, axis))
-    return SensorTilts(tuple(parts))
 
 
 def sensor_positions(nominal: Structure, layout: RigidLayout) -> SensorPositions:
