@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Channels, Figures, Json, SamplingRate, option
+from sprung.cli.options import INPUT, Channels, Figures, Json, Page, SamplingRate, option
 from sprung.cli.output import show, write_result
+from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
 from sprung.errors import IdentificationError, ParameterError
 
@@ -65,16 +66,18 @@ def track(
         option("D", "Largest sudden relative change of a natural frequency that is followed.", panel=_TRACKING),
     ] = 0.1,
     figures: Figures = None,
+    page: Page = None,
     json: Json = None,
 ) -> None:
     """Follow modes over files or windows by frequency, shape and standard deviations, with births and deaths."""
-    from sprung import tables
+    from sprung import reports, tables
     from sprung.documents import tracking_document
     from sprung.identification.tracking import track_modes
     from sprung.identification.tracks import TrackingSettings
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
+    check_file("--report", page, inputs=[*files, *([vehicle] if vehicle else [])])
     check_folder("--figures", figures)
     settings = TrackingSettings(gap=gap, reach=reach)
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
@@ -93,9 +96,19 @@ def track(
         )
         has_times = window is not None or not _are_documents(files)
         paths = _draw(tracked, figures, start=start, has_times=has_times, source=Path(source).name)
-    notes = tables.tracks_notes(tracked, windows)
-    unit: Literal["s", "windows"] = "s" if has_times else "windows"
-    document = tracking_document(tracked, windows, start=start, time_unit=unit, notes=notes)
+        notes = tables.tracks_notes(tracked, windows)
+        document = tracking_document(tracked, windows, start=start, has_times=has_times, notes=notes)
+        paths += write_page(
+            page,
+            lambda inputs: reports.tracking_report(
+                tracked, inputs, start=start, has_times=has_times, notes=notes, document=document
+            ),
+            files,
+            has_recordings=not _are_documents(files),
+            sampling_rate=sampling_rate,
+            channels=channels,
+            others={"vehicle": vehicle},
+        )
     if write_result(document, json):
         words = [*notes, *(f"wrote {path}" for path in paths)]
         table = tables.tracks_table(tracked, start=start, has_times=has_times)

@@ -89,7 +89,7 @@ def tracking_document(
     windows: Sequence[WindowModes],
     *,
     start: int | None = None,
-    time_unit: Literal["s", "windows"] = "s",
+    has_times: bool = True,
     notes: Sequence[str] = (),
 ) -> TrackingDocument:
     """Return tracked modes as `sprung.track/1`.
@@ -102,8 +102,8 @@ def tracking_document(
         Its windows.
     start
         Time of the first window, UTC in nanoseconds since 1970; None where unknown.
-    time_unit
-        Unit of all times: seconds since the first window, or "windows" where times are unknown.
+    has_times
+        Whether times are seconds since the first window, not numbers of windows.
     notes
         Reservations, one sentence each.
     """
@@ -112,7 +112,7 @@ def tracking_document(
             "schema": "sprung.track/1",
             "channels": tracked.channels,
             "start": start,
-            "time_unit": time_unit,
+            "time_unit": "s" if has_times else "windows",
             "windows": [
                 TrackedWindow(
                     time=window.time,
