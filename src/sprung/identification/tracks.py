@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
@@ -10,8 +11,8 @@ from sprung.modal import Modes, mac, unit_shapes
 
 #: Fewest windows for a scatter, and for a trend.
 FEWEST_FOR_SCATTER, _FOR_TREND = 3, 4
-#: Robust standard deviations beyond which a value is an outlier.
-_OUTLIER = 4.0
+#: Standard deviations from the running median of so many values beyond which a value is an outlier.
+_OUTLIER, _NEIGHBOURS = 4.0, 7
 #: Largest correlation of neighbouring residuals that the deviation of a trend allows for.
 _MOST_CORRELATED = 0.9
 #: Median of the absolute value of a standard normal number.
@@ -164,7 +165,7 @@ class TrackedValue:
     Parameters
     ----------
     mean
-        Mean over the windows, for three windows or more without values beyond 4 robust standard deviations.
+        Mean over the windows, without values that are more than 4 times the scatter off the median of their neighbours.
     low, high
         Range of 95 % of the values: 2.5 and 97.5 % quantiles.
     scatter
@@ -241,8 +242,8 @@ def _tracked(times: Real, values: Real, deviations: Real) -> TrackedValue:
     own = scatter(values)
     is_usual = np.ones(len(values), dtype=np.bool_)
     if len(values) >= FEWEST_FOR_SCATTER:
-        away = np.abs(values - np.median(values))
-        is_usual = away <= _OUTLIER * max(float(np.median(away)) / MEDIAN_NORMAL, own)
+        away = np.abs(values - median_filter(values, size=_NEIGHBOURS, mode="nearest"))
+        is_usual = away <= _OUTLIER * own
     return TrackedValue(
         mean=float(np.mean(values[is_usual])),
         low=float(low),
