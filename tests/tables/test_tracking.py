@@ -40,9 +40,9 @@ def test_table_and_notes() -> None:
     assert -8 < float(change.split(" ± ")[0]) < -5
     assert damping.startswith("2.0")
     assert float(ratio) == pytest.approx(2.1, abs=0.05)
-    assert (count, span, jumps) == ("19 (100 %)", "0 s\n19 min", "-5 % at 10 min")
+    assert (count, span, jumps) == ("19 (100 %)", "0 s\n19 min", "-5.2 % at 10 min")
     dated = tracks_table(tracked, start=START).rows[0]
-    assert dated[-2:] == ("2026-11-21 13:00\n2026-11-21 13:19", "-5 % at 2026-11-21 13:10")
+    assert dated[-2:] == ("2026-11-21 13:00\n2026-11-21 13:19", "-5.2 % at 2026-11-21 13:10")
 
 
 def test_moments() -> None:

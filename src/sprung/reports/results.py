@@ -39,6 +39,8 @@ _RESOLUTION, _LARGEST = 130, 1_000_000
 _MOST_MODES, _DIFFERENT = 8, 3.0
 #: Model errors below which the vehicle file explains a run, and above which it lacks a moving part.
 _EXPLAINS, _LACKS = 0.05, 0.1
+#: Units of the inputs of a road; the others are ratios.
+_INPUT_UNITS = {"roughness": "m³ (at 0.1 cycles per metre)", "coherence_length": "m"}
 
 _CAPTIONS = {
     "identification": {
@@ -346,6 +348,9 @@ def _fit_table(fit: CornerFit) -> Table:
         ("segments left out for their speed", str(fit.n_rejected)),
         ("band", f"{frequencies[0]:.3g} to {frequencies[-1]:.3g} Hz"),
         ("model error", f"{100 * fit.model_error:.1f} %"),
-        *((f"excitation: {in_words(name)}", f"{value:.4g}") for name, value in fit.inputs.items()),
+        *(
+            (f"excitation: {in_words(name)}", f"{value:.4g} {_INPUT_UNITS.get(name, '')}".strip())
+            for name, value in fit.inputs.items()
+        ),
     )
     return Table("", ("setting", "value"), rows)
