@@ -20,13 +20,15 @@ _NAMES = {
         "rank_fleet windows"
     ),
     "documents": (
-        "CornersDocument DiagnosisDocument Document IdentificationDocument TruthDocument json_schema read_baseline "
-        "read_corners read_diagnosis read_document read_identification read_inspections read_truth write_baseline "
-        "write_corners write_diagnosis write_document write_identification write_inspections write_truth"
+        "CornersDocument DiagnosisDocument Document IdentificationDocument TrackingDocument TruthDocument json_schema "
+        "read_baseline read_corners read_diagnosis read_document read_identification read_inspections read_truth "
+        "write_baseline write_corners write_diagnosis write_document write_identification write_inspections write_truth"
     ),
     "errors": "DataError FormatError IdentificationError MissingPackageError ParameterError SprungError",
     "formats": "read read_blocks write",
     "identification": "BlockRowLadder Identification IdentificationSettings acs_ssi as_in_thesis coss_ssi cov_ssi",
+    "identification.tracking": "track_modes",
+    "identification.tracks": "Jump Track TrackedModes TrackingSettings",
     "identification.stabilisation": "THESIS_CRITERIA StabilisationDiagram StabilityCriteria",
     "likelihood": "CornerFit CornerSettings fit_corners",
     "modal": "Modes mac",

@@ -12,6 +12,7 @@ from sprung.documents import CornersDocument as CornersDocument
 from sprung.documents import DiagnosisDocument as DiagnosisDocument
 from sprung.documents import Document as Document
 from sprung.documents import IdentificationDocument as IdentificationDocument
+from sprung.documents import TrackingDocument as TrackingDocument
 from sprung.documents import TruthDocument as TruthDocument
 from sprung.documents import json_schema as json_schema
 from sprung.documents import read_baseline as read_baseline
@@ -47,6 +48,11 @@ from sprung.identification import cov_ssi as cov_ssi
 from sprung.identification.stabilisation import THESIS_CRITERIA as THESIS_CRITERIA
 from sprung.identification.stabilisation import StabilisationDiagram as StabilisationDiagram
 from sprung.identification.stabilisation import StabilityCriteria as StabilityCriteria
+from sprung.identification.tracking import track_modes as track_modes
+from sprung.identification.tracks import Jump as Jump
+from sprung.identification.tracks import Track as Track
+from sprung.identification.tracks import TrackedModes as TrackedModes
+from sprung.identification.tracks import TrackingSettings as TrackingSettings
 from sprung.likelihood import CornerFit as CornerFit
 from sprung.likelihood import CornerSettings as CornerSettings
 from sprung.likelihood import fit_corners as fit_corners

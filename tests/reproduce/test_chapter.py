@@ -1,7 +1,7 @@
 import math
 
+from sprung.reports.page import Section
 from sprung.reproduce.chapter import Chapter
-from sprung.reproduce.report import Section
 from sprung.reproduce.runs import Effort
 
 

@@ -15,4 +15,4 @@ def test_tables_by_columns() -> None:
         "deviation",
     )
     assert table.rows == (("bounce", "2.0", "2.02", "+1.00 %", "10", "–", "–"),)
-    assert table.remark == "R."
+    assert table.caption == "R."

@@ -1,10 +1,12 @@
 """Settings of the thesis: one preset for the pages and for everybody else."""
 
+import numpy as np
 import pytest
 
 from sprung.errors import ParameterError
 from sprung.identification import BlockRowLadder, IdentificationSettings, as_in_thesis
-from sprung.reproduce.thesis import thesis_settings
+from sprung.reproduce import CHAPTERS, reproduce
+from sprung.reproduce.thesis import deviation, found_in, number, of_runs, spread, thesis_settings, worst_error
 
 
 def test_the_pages_and_the_command_line_have_one_preset() -> None:
@@ -26,3 +28,20 @@ def test_the_preset_is_that_of_section_4_3() -> None:
 def test_block_rows_and_orders_are_those_of_the_ladder() -> None:
     with pytest.raises(ParameterError, match=r"^max_order=40 excludes a ladder over block rows"):
         as_in_thesis(IdentificationSettings(max_order=40))
+
+
+def test_words_for_numbers() -> None:
+    assert deviation(101.0, 100.0) == "+1.00 %"
+    assert deviation(float("nan"), 100.0) == "–"
+    assert spread([np.nan]) == "–"
+    assert found_in([1.0, np.nan]) == "1 of 2"
+    assert of_runs([2.0, 2.0, np.nan]) == "2 of 3: 2.00 (2.00 to 2.00)"
+    assert number(float("nan")) == "–"
+    assert worst_error([[1.1, np.nan], [1.1, np.nan]], [1.0, 2.0]) == pytest.approx(0.1)
+
+
+def test_unknown_chapter_is_refused(tmp_path) -> None:
+    with pytest.raises(ParameterError, match="chapter '9' is not one of 4, 5"):
+        reproduce(["9"], directory=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    assert list(CHAPTERS) == ["4", "5", "6", "7", "8", "comparison"]

@@ -26,6 +26,7 @@ from sprung.cli import (
     replay,
     reproduce,
     simulate,
+    track,
     vehicles,
 )
 from sprung.cli.failures import explained
@@ -73,6 +74,7 @@ def _application() -> typer.Typer:
     commands = (
         info.info,
         identify.identify,
+        track.track,
         corners.corners,
         describe.describe,
         calibrate.calibrate,

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Channels, Figures, Files, Json, SamplingRate, VehicleFile, option
+from sprung.cli.options import INPUT, Channels, Figures, Files, Json, Page, SamplingRate, VehicleFile, option
 from sprung.cli.output import show, write_result
+from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -53,10 +54,11 @@ def corners(
         typer.Option("--sensors", help="Also fit positions and lags of the sensors.", rich_help_panel=INPUT),
     ] = False,
     figures: Figures = None,
+    page: Page = None,
     json: Json = None,
 ) -> None:
     """Estimate the springs, dampers and tyres of every corner from the spectra of a drive or a rig run."""
-    from sprung import tables
+    from sprung import reports, tables
     from sprung.diagnosis.drives import fit_drive
     from sprung.documents import corners_document
     from sprung.formats.records import read_records
@@ -64,6 +66,7 @@ def corners(
     from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle])
+    check_file("--report", page, inputs=[*files, vehicle])
     check_folder("--figures", figures)
     description = read_vehicle(vehicle)
     settings = CornerSettings(
@@ -80,7 +83,16 @@ def corners(
         report("fitting", 0.5)
         fit = fit_drive(recordings, description, settings=settings)
         paths = _draw(fit, figures, ", ".join(path.name for path in files))
-    if write_result(corners_document(fit), json):
+        document = corners_document(fit)
+        paths += write_page(
+            page,
+            lambda inputs: reports.corners_report(fit, inputs, document=document),
+            files,
+            sampling_rate=sampling_rate,
+            channels=channels,
+            others={"vehicle": vehicle},
+        )
+    if write_result(document, json):
         words = [*tables.payload_in_words(fit), *fit.notes, *(f"wrote {path}" for path in paths)]
         show(tables.components_table(fit), tables.fitted_modes_table(fit), words)
 

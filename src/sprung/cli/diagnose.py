@@ -12,12 +12,14 @@ from sprung.cli.options import (
     Files,
     Json,
     Minutes,
+    Page,
     SamplingRate,
     TypeFile,
     VehicleFile,
     option,
 )
 from sprung.cli.output import show, write_result
+from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
 from sprung.errors import DataError, ParameterError
 
@@ -45,15 +47,17 @@ def diagnose(
     false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
     hours_per_day: Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)] = 8.0,
     figures: Figures = None,
+    page: Page = None,
     json: Json = None,
 ) -> None:
     """Find which spring, damper, tyre or sensor changed, by how much, since when and with what certainty."""
-    from sprung import diagnosis, tables
+    from sprung import diagnosis, reports, tables
     from sprung._checks import check_number
     from sprung.documents import diagnosis_document
     from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle, *filter(None, (baseline, of_type))])
+    check_file("--report", page, inputs=[*files, vehicle, *filter(None, (baseline, of_type))])
     check_folder("--figures", figures)
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
     if baseline is not None and of_type is not None:
@@ -78,7 +82,18 @@ def diagnose(
             for change in diagnosis.mode_changes(description, finding, normal, observations=observations)
         ]
         paths = _draw(result, normal, changes, figures)
-    if write_result(diagnosis_document(result, modes=changes), json):
+        document = diagnosis_document(result, modes=changes)
+        paths += write_page(
+            page,
+            lambda inputs: reports.diagnosis_report(
+                result, inputs, baseline=normal, changes=changes, document=document
+            ),
+            files,
+            sampling_rate=sampling_rate,
+            channels=channels,
+            others={"vehicle": vehicle, "baseline": baseline, "type": of_type},
+        )
+    if write_result(document, json):
         words = [*result.notes, *(f"wrote {path}" for path in paths)]
         show(tables.diagnosis_in_words(result), *tables.diagnosis_tables(result, changes), words)
     if result.detection is None and not result.sensor_faults:

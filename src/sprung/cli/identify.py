@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Channels, Figures, Files, Json, SamplingRate, option
+from sprung.cli.options import INPUT, Channels, Figures, Files, Json, Page, SamplingRate, option
 from sprung.cli.output import show, write_result
+from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
 from sprung.errors import IdentificationError, ParameterError
 
@@ -82,16 +83,18 @@ def identify(
         ),
     ] = None,
     figures: Figures = None,
+    page: Page = None,
     json: Json = None,
 ) -> None:
     """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
-    from sprung import tables
+    from sprung import reports, tables
     from sprung.documents import identification_document
     from sprung.formats.records import read_records
     from sprung.identification import METHODS
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
+    check_file("--report", page, inputs=[*files, *([vehicle] if vehicle else [])])
     check_folder("--figures", figures)
     if subsets is not None and method != "coss":
         raise ParameterError(f"--subsets {subsets} needs --method coss: {method} does not sort segments")
@@ -115,7 +118,16 @@ def identify(
         if figures is not None:
             report("drawing figures", 1.0)
         paths = _draw(identification, figures, Path(source).name)
-    if write_result(identification_document(identification, vehicle=description), json):
+        document = identification_document(identification, vehicle=description)
+        paths += write_page(
+            page,
+            lambda inputs: reports.identification_report(identification, inputs, document=document),
+            files,
+            sampling_rate=sampling_rate,
+            channels=channels,
+            others={"vehicle": vehicle},
+        )
+    if write_result(document, json):
         words = [*identification.notes, *(f"wrote {path}" for path in paths)]
         heading = f"{source}: {tables.identification_in_words(identification)}"
         show(*tables.identification_tables(identification), words, heading=heading)

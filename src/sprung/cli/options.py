@@ -28,6 +28,15 @@ VehicleFile = Annotated[
 TypeFile = Annotated[Path | None, option("T.json", "Baseline of the vehicle's type, from sprung fleet rank.", "--type")]
 Minutes = Annotated[float, option("MINUTES", "Length of a window.", "--window", panel=INPUT)]
 Figures = Annotated[Path | None, option("DIR", "Write figures to this folder.", panel=OUTPUT)]
+Page = Annotated[
+    Path | None,
+    option(
+        "FILE.html",
+        "Write a report: one page with results, figures, quality of the data, and limits.",
+        "--report",
+        panel=OUTPUT,
+    ),
+]
 Json = Annotated[
     str | None,
     option(

@@ -72,14 +72,13 @@ def grid_of(table: "Table") -> "Grid":
         padding=(0, 1, 0, 0),
     )
     cells = [[printable_lines(cell) for cell in row] for row in table.rows]
-    kept = [k for k in range(len(table.columns)) if k == 0 or any(row[k] for row in cells)]
-    for k in kept:
-        has_words = k < table.n_words or (table.ends_in_words and k == len(table.columns) - 1)
+    for k in table.shown:
+        has_words = table.has_words(k)
         grid.add_column(
             table.columns[k], justify="left" if has_words else "right", overflow="fold", no_wrap=not has_words
         )
     for row in cells:
-        grid.add_row(*(Text(row[k]) for k in kept))
+        grid.add_row(*(Text(row[k]) for k in table.shown))
     return grid
 
 

@@ -40,6 +40,7 @@ from sprung.documents.recordings import (
     write_truth,
 )
 from sprung.documents.schemas import DOCUMENTS, json_schema, read_document, write_json_schemas
+from sprung.documents.tracking import TrackingDocument, tracking_document
 from sprung.documents.type_baseline import (
     TypeBaselineDocument,
     read_type_baseline,
@@ -61,6 +62,7 @@ __all__ = [
     "IdentificationDocument",
     "InspectionDocument",
     "ReproductionDocument",
+    "TrackingDocument",
     "TruthDocument",
     "TypeBaselineDocument",
     "VehiclesDocument",
@@ -87,6 +89,7 @@ __all__ = [
     "read_inspections",
     "read_truth",
     "read_type_baseline",
+    "tracking_document",
     "truth_document",
     "type_baseline_document",
     "type_baseline_from_document",

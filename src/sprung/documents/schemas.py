@@ -17,6 +17,7 @@ from sprung.documents.fleet import FleetDocument
 from sprung.documents.identification import IdentificationDocument
 from sprung.documents.monitoring import AlertHistoryDocument, AlertsDocument, ReproductionDocument, VehiclesDocument
 from sprung.documents.recordings import InspectionDocument, TruthDocument
+from sprung.documents.tracking import TrackingDocument
 from sprung.documents.type_baseline import TypeBaselineDocument
 from sprung.errors import FormatError, ParameterError
 
@@ -31,6 +32,7 @@ _KINDS: tuple[type[Document], ...] = (
     IdentificationDocument,
     InspectionDocument,
     ReproductionDocument,
+    TrackingDocument,
     TruthDocument,
     TypeBaselineDocument,
     VehiclesDocument,

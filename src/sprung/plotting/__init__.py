@@ -13,6 +13,7 @@ from sprung.plotting.signals import densities_figure, histories_figure, levels_f
 from sprung.plotting.spectra import spectra_figure
 from sprung.plotting.stabilisation import stabilisation_figure
 from sprung.plotting.subsets import subsets_figure
+from sprung.plotting.tracking import tracks_figure
 
 __all__ = [
     "Spread",
@@ -41,5 +42,6 @@ __all__ = [
     "stabilisation_figure",
     "stable_rates_figure",
     "subsets_figure",
+    "tracks_figure",
     "trends_figure",
 ]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Generic, TypeVar
 
-from sprung.reproduce.report import Report, Section
+from sprung.reports.page import Report, Section
 from sprung.reproduce.runs import Effort, Progress, over_seeds
 
 Example = TypeVar("Example")

@@ -18,12 +18,13 @@ from sprung.plotting import (
     stable_rates_figure,
 )
 from sprung.recording import Recording
+from sprung.reports.page import Block, Section, picture
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Section, Table, picture
-from sprung.reproduce.tables import theory_table
+from sprung.reproduce.tables import numbers_table, theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.simulation import simulate, usual_excitation, with_noise
+from sprung.tables import Table
 from sprung.vehicles import Structure, read_description, structure
 
 RATE, DURATION, N_RECORDS = 500.0, 60.0, 20
@@ -190,7 +191,7 @@ def _tables(identifications: dict[tuple[str, float], Identification], runs: Real
                     )
                 )
         title = f"Table {table}: modes found by {NAMES[method]}"
-        blocks.append(Table(title, (*columns, *spreads), tuple(rows), "–: not found."))
+        blocks.append(numbers_table(title, (*columns, *spreads), tuple(rows), "–: not found."))
     lines = []
     for snr in RATIOS:
         subsets = identifications["coss", snr].subsets
@@ -208,7 +209,7 @@ def _tables(identifications: dict[tuple[str, float], Identification], runs: Real
                     )
                 )
     remark = "Subsets with fewer than two segments are merged with a neighbour, so that there can be fewer than three."
-    blocks.append(Table("Table 4-4: modes found by CoSS-SSI in each subset", columns, tuple(lines), remark))
+    blocks.append(numbers_table("Table 4-4: modes found by CoSS-SSI in each subset", columns, tuple(lines), remark))
     return tuple(blocks)
 
 

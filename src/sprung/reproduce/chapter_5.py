@@ -16,13 +16,14 @@ from sprung.plotting import (
     stabilisation_figure,
 )
 from sprung.recording import Recording
+from sprung.reports.page import Block, Section, picture
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Section, Table, picture
-from sprung.reproduce.tables import theory_table
+from sprung.reproduce.tables import numbers_table, theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.simulation import simulate
+from sprung.tables import Table
 from sprung.vehicles import frequency_response, read_description, structure
 
 RATE, DURATION, N_RECORDS, QUEFRENCY = 1000.0, 60.0, 10, 0.25
@@ -227,7 +228,7 @@ def _table(identifications: list[Identification], runs: Real, truth: Modes) -> T
         "ξ ours [%]",
         "ξ in all sets",
     )
-    return Table("Modes in the four cases, raw and edited", columns, tuple(rows), "–: not found.")
+    return numbers_table("Modes in the four cases, raw and edited", columns, tuple(rows), "–: not found.")
 
 
 def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:

@@ -20,12 +20,13 @@ from sprung.plotting import (
     stable_rates_figure,
 )
 from sprung.recording import Recording
+from sprung.reports.page import Block, Paragraph, Section, picture
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Paragraph, Section, Table, picture
-from sprung.reproduce.tables import theory_table
+from sprung.reproduce.tables import numbers_table, theory_table
 from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.simulation import simulate
+from sprung.tables import Table
 from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
 
 RATE, DURATION, N_RECORDS, SEGMENT, SNR = 1500.0, 40.0, 10, 4096 / 1500.0, 10.0
@@ -239,7 +240,7 @@ def _tables(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
             "ξ found [%]",
             "MAC against truth",
         )
-        blocks.append(Table(f"Modes in {len(runs)} sets of records, {condition}", columns, tuple(rows)))
+        blocks.append(numbers_table(f"Modes in {len(runs)} sets of records, {condition}", columns, tuple(rows)))
     return tuple(blocks)
 
 
@@ -254,7 +255,7 @@ def _time(seconds: float) -> Table:
         ),
     )
     columns = ("", "published [s]", "ours, this run [s]", "ratio")
-    return Table(
+    return numbers_table(
         "Run time",
         columns,
         rows,
@@ -272,7 +273,7 @@ def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
             shift = truths[condition].natural_frequency[k] - healthy.natural_frequency[k]
             shifts = runs[:, row, coss, 0, k] - runs[:, 0, coss, 0, k]
             rows.append((f"{condition}, {label}", f"{shift:+.2f}", of_runs(shifts)))
-    table = Table(
+    table = numbers_table(
         "Change of frequency with the fault [Hz]",
         ("", "theory", "CoSS-SSI: both found in, median (5 to 95 %)"),
         tuple(rows),

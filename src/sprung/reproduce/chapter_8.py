@@ -19,13 +19,14 @@ from sprung.plotting import (
     stable_rates_figure,
 )
 from sprung.recording import Recording
+from sprung.reports.page import Block, Section, picture
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Section, Table, picture
-from sprung.reproduce.tables import column_table, deviations, numbers
+from sprung.reproduce.tables import column_table, deviations, numbers, numbers_table
 from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings
 from sprung.signals.cepstrum import ShortPass, edit
 from sprung.simulation import simulate
+from sprung.tables import Table
 from sprung.vehicles import read_vehicle, structure
 
 RATE, DURATION, N_RECORDS, SEGMENT, QUEFRENCY = 1000.0, 60.0, 6, 7.168, 0.25
@@ -221,7 +222,7 @@ def _tables(edited: Identification, runs: Real, truth: Modes) -> tuple[Block, ..
         "ξ edited [%]",
     )
     remark = f"Other modes per set: {others[0]:.2f} raw, {others[1]:.2f} edited. Published values are of the real bogie, true ones of the model."
-    table = Table("Modes of the frame", columns, tuple(rows), remark)
+    table = numbers_table("Modes of the frame", columns, tuple(rows), remark)
     return (
         table,
         picture(runs_figure(spreads, title="Frequencies in all sets"), f"Spread over {len(runs)} sets of records."),

@@ -8,11 +8,13 @@ from sprung.identification import METHODS, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import Spread, runs_figure
 from sprung.recording import Recording
+from sprung.reports.page import Block, Paragraph, Section, picture
 from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Block, Paragraph, Section, Table, picture
+from sprung.reproduce.tables import numbers_table
 from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, worst_error
 from sprung.simulation import ForceLaw, simulate, simulate_nonlinear, with_noise
+from sprung.tables import Table
 from sprung.vehicles import Structure, read_description, structure
 
 RATE, DURATION, N_RECORDS, SEGMENT, RATIO = 125.0, 60.0, 8, 20.0, 1.0
@@ -132,7 +134,7 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
     remark = (
         "Against the linear chain without rubber: the bias includes the effect of the rubber." if is_nonlinear else ""
     )
-    table = Table(f"{len(runs)} sets", (*columns, "other modes per set"), tuple(rows), remark)
+    table = numbers_table(f"{len(runs)} sets", (*columns, "other modes per set"), tuple(rows), remark)
     names = tuple(f"{NAMES[name]}, {how}" for how in HOW for name in METHODS)
     spreads = [
         Spread(
@@ -180,7 +182,7 @@ def _paired(runs: Real, truth: Modes) -> Table:
     remark = (
         "Mean of |error of ACS| - |error of CoSS| with its standard error: positive where CoSS is nearer to the truth."
     )
-    return Table("Error of ACS-Cov-SSI less that of CoSS-SSI", columns, tuple(rows), remark)
+    return numbers_table("Error of ACS-Cov-SSI less that of CoSS-SSI", columns, tuple(rows), remark)
 
 
 def _levels(runs: Real) -> Table:
@@ -193,7 +195,9 @@ def _levels(runs: Real) -> Table:
     )
     columns = ("", *(f"mode {m + 1}: mean ± std [%]" for m in range(change.shape[-1])))
     remark = "Only with the rubber do frequencies truly change with the level: what the subsets of CoSS-SSI show and an average cannot."
-    return Table("Frequency in the subset of the highest level over that of the lowest, less 1", columns, rows, remark)
+    return numbers_table(
+        "Frequency in the subset of the highest level over that of the lowest, less 1", columns, rows, remark
+    )
 
 
 def _verdict(runs: Real, truth: Modes) -> str:

@@ -5,11 +5,28 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sprung.reproduce.report import Table, deviation
-from sprung.reproduce.thesis import number
+from sprung.reproduce.thesis import deviation, number
+from sprung.tables import Table
 
 #: Heading and cells of a column.
 Column = tuple[str, Sequence[str]]
+
+
+def numbers_table(title: str, columns: tuple[str, ...], rows: tuple[tuple[str, ...], ...], remark: str = "") -> Table:
+    """Return a table of formatted numbers whose first column holds words.
+
+    Parameters
+    ----------
+    title
+        Title, with the number of the thesis' table where there is one.
+    columns
+        Headings with units.
+    rows
+        Cells of each row, as many as there are columns.
+    remark
+        Sentence below the table.
+    """
+    return Table(title, columns, rows, ends_in_words=False, caption=remark)
 
 
 def column_table(title: str, columns: Sequence[Column], *, remark: str = "") -> Table:
@@ -25,7 +42,7 @@ def column_table(title: str, columns: Sequence[Column], *, remark: str = "") -> 
         Sentence below the table.
     """
     headings, cells = zip(*columns, strict=True)
-    return Table(title, tuple(headings), tuple(zip(*cells, strict=True)), remark)
+    return numbers_table(title, tuple(headings), tuple(zip(*cells, strict=True)), remark)
 
 
 def numbers(values: ArrayLike, *, digits: int = 2) -> list[str]:

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sprung.identification import IdentificationSettings, as_in_thesis
-from sprung.reproduce.report import found_in, spread
 from sprung.signals.cepstrum import Lifter
 
 BODY_MODES = ("bounce", "pitch", "roll")
@@ -78,3 +77,44 @@ def worst_error(values: ArrayLike, truth: ArrayLike) -> float:
 def share(values: ArrayLike) -> float:
     """Return the share of the runs with a value."""
     return float(np.isfinite(np.asarray(values)).mean())
+
+
+def deviation(ours: float, published: float) -> str:
+    """Return the relative deviation from a published number in percent; a dash where there is none.
+
+    Examples
+    --------
+    >>> deviation(7.03, 7.01)
+    '+0.29 %'
+    """
+    if not (np.isfinite(ours) and np.isfinite(published)) or published == 0:
+        return "–"
+    return f"{100 * (ours / published - 1):+.2f} %"
+
+
+def spread(values: ArrayLike, *, digits: int = 2) -> str:
+    """Return the median of runs with the range of 90 % of them; a dash where none has a value.
+
+    Examples
+    --------
+    >>> spread([1.0, 2.0, 3.0, float("nan")])
+    '2.00 (1.10 to 2.90)'
+    """
+    finite = np.asarray(values, dtype=np.float64)
+    finite = finite[np.isfinite(finite)]
+    if not finite.size:
+        return "–"
+    low, middle, high = np.percentile(finite, [5, 50, 95])
+    return f"{middle:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+def found_in(values: ArrayLike) -> str:
+    """Return the number of runs with a value.
+
+    Examples
+    --------
+    >>> found_in([1.0, float("nan"), 2.0])
+    '2 of 3'
+    """
+    values = np.asarray(values, dtype=np.float64)
+    return f"{np.isfinite(values).sum()} of {values.size}"

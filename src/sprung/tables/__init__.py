@@ -26,6 +26,7 @@ from sprung.tables.identification import (
 from sprung.tables.inspection import inspection_in_words, inspection_table, true_modes_table
 from sprung.tables.monitoring import alert_history_table, alerts_table, vehicles_table
 from sprung.tables.table import Table, counted, span_in_words, time_in_words, with_deviation
+from sprung.tables.tracking import tracks_in_words, tracks_notes, tracks_table
 
 __all__ = [
     "Table",
@@ -55,6 +56,9 @@ __all__ = [
     "span_in_words",
     "subsets_table",
     "time_in_words",
+    "tracks_in_words",
+    "tracks_notes",
+    "tracks_table",
     "trend_in_words",
     "true_modes_table",
     "type_in_words",

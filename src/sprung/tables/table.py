@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from sprung.errors import ParameterError
+
 
 @dataclass(frozen=True, slots=True)
 class Table:
@@ -23,6 +25,11 @@ class Table:
         Whether the last column holds words.
     caption
         What the columns mean, in a line under the table; empty for none.
+
+    Raises
+    ------
+    ParameterError
+        If a row has not as many cells as there are columns.
     """
 
     title: str
@@ -31,6 +38,22 @@ class Table:
     n_words: int = 1
     ends_in_words: bool = True
     caption: str = ""
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ParameterError(
+                    f"a row of {self.title!r} has {len(row)} cells, but must have {len(self.columns)}: {row}"
+                )
+
+    @property
+    def shown(self) -> tuple[int, ...]:
+        """Columns to show: a column other than the first is left out where all its cells are empty."""
+        return tuple(k for k in range(len(self.columns)) if k == 0 or any(row[k].strip() for row in self.rows))
+
+    def has_words(self, column: int) -> bool:
+        """Whether a column holds words, not numbers."""
+        return column < self.n_words or (self.ends_in_words and column == len(self.columns) - 1)
 
 
 def in_words(name: str) -> str:

@@ -17,9 +17,9 @@ from sprung.plotting import (
     stable_rates_figure,
 )
 from sprung.recording import Recording
+from sprung.reports.page import Picture, picture
 from sprung.reproduce.chapter_6.numbers import PLATE_IDENTIFIED, car, car_truth, wheelbase
 from sprung.reproduce.matching import theoretical
-from sprung.reproduce.report import Picture, picture
 from sprung.reproduce.thesis import BODY_MODES
 from sprung.vehicles import frequency_response, parse_fault, structure, with_faults
 

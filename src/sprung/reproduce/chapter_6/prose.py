@@ -5,6 +5,7 @@ import numpy as np
 from sprung._arrays import Real
 from sprung.identification import Identification
 from sprung.modal import Modes
+from sprung.reports.page import Paragraph
 from sprung.reproduce.chapter_6.numbers import (
     CAR_DURATION,
     CAR_IDENTIFIED,
@@ -26,9 +27,9 @@ from sprung.reproduce.chapter_6.numbers import (
     wheelbase,
 )
 from sprung.reproduce.matching import matched, theoretical
-from sprung.reproduce.report import Paragraph, Table
-from sprung.reproduce.tables import column_table, deviations, numbers, theory_table
+from sprung.reproduce.tables import column_table, deviations, numbers, numbers_table, theory_table
 from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, worst_error
+from sprung.tables import Table
 from sprung.vehicles import read_vehicle, structure
 
 SETTINGS = (
@@ -100,7 +101,7 @@ def car_table(cars: Real) -> Table:
         "MAC",
     )
     remark = "Published: found in the field by CoSS-SSI, second subset."
-    return Table(f"Body modes in {len(cars)} sets of drives", columns, tuple(rows), remark)
+    return numbers_table(f"Body modes in {len(cars)} sets of drives", columns, tuple(rows), remark)
 
 
 def _car_row(cars: Real, row: int, column: int, k: int) -> tuple[str, ...]:

@@ -1,0 +1,49 @@
+"""Reports that commands write with --report."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sprung.cli.checks import names
+
+if TYPE_CHECKING:
+    from sprung.reports import Inputs, Report
+
+
+def write_page(
+    page: Path | None,
+    report: "Callable[[Inputs], Report]",
+    files: Sequence[Path],
+    *,
+    sampling_rate: float | None = None,
+    channels: str | None = None,
+    others: Mapping[str, object],
+    has_recordings: bool = True,
+) -> list[Path]:
+    """Write a report where one is wanted, and return its path.
+
+    Parameters
+    ----------
+    page
+        File to write; None: no report.
+    report
+        Function from the facts about the files to the report.
+    files
+        Recordings, which are read once more for those facts.
+    sampling_rate, channels
+        Options of the command.
+    others
+        Further files by their purpose; None for those that were not given.
+    has_recordings
+        Whether the files are recordings; their channels are not listed otherwise.
+    """
+    if page is None:
+        return []
+    from sprung.reports import Inputs, inspected, render
+
+    given = {purpose: str(name) for purpose, name in others.items() if name is not None}
+    inputs = Inputs(tuple(files), {}, given)
+    if has_recordings:
+        inputs = inspected(files, sampling_rate=sampling_rate, channels=names(channels), others=given)
+    page.write_text(render(report(inputs)), encoding="utf-8")
+    return [page]

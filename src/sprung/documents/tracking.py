@@ -1,0 +1,162 @@
+"""The document of modes followed over time, `sprung.track/1`."""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from pydantic import Field
+
+from sprung._arrays import Complex
+from sprung.documents.document import Document, Number, plain
+from sprung.documents.modes import ModeValues
+from sprung.identification.tracks import Track, TrackedModes
+from sprung.identification.window_modes import WindowModes
+
+
+class TrackPoint(ModeValues):
+    """A mode of a track in one window, and its MAC with the mean shape of the track."""
+
+    window: int
+    mac: float
+
+
+class TrendValues(Document):
+    """Change in a unit of time, and from the first to the last window, with standard deviations."""
+
+    slope: float
+    slope_std: float
+    change: float
+    change_std: float
+
+
+class TrackedValues(Document):
+    """A natural frequency [Hz] or damping ratio over time."""
+
+    mean: float
+    low: float
+    high: float
+    scatter: Number
+    stated: Number
+    trend: TrendValues | None
+
+
+class JumpValues(Document):
+    """Natural frequencies [Hz] before and after a jump, and the first window after it."""
+
+    window: int
+    before: float
+    after: float
+
+
+class TrackDocument(Document):
+    """One mode over time."""
+
+    label: str | None
+    first: float
+    last: float
+    presence: float
+    natural_frequency: TrackedValues
+    damping_ratio: TrackedValues
+    mode_shape: Complex
+    jumps: tuple[JumpValues, ...]
+    points: tuple[TrackPoint, ...]
+
+
+class TrackedWindow(Document):
+    """A window: its time, its file, its number of modes, or why it has none."""
+
+    time: float
+    source: str
+    n_modes: int
+    reason: str
+
+
+class TrackingDocument(Document):
+    """Modes followed over windows or runs."""
+
+    schema_name: Literal["sprung.track/1"] = Field(alias="schema")
+    channels: tuple[str, ...]
+    start: int | None
+    time_unit: Literal["s", "windows"]
+    windows: tuple[TrackedWindow, ...]
+    tracks: tuple[TrackDocument, ...]
+    strays: tuple[TrackPoint, ...]
+    settings: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+def tracking_document(
+    tracked: TrackedModes,
+    windows: Sequence[WindowModes],
+    *,
+    start: int | None = None,
+    has_times: bool = True,
+    notes: Sequence[str] = (),
+) -> TrackingDocument:
+    """Return tracked modes as `sprung.track/1`.
+
+    Parameters
+    ----------
+    tracked
+        Result of `track_modes`.
+    windows
+        Its windows.
+    start
+        Time of the first window, UTC in nanoseconds since 1970; None where unknown.
+    has_times
+        Whether times are seconds since the first window, not numbers of windows.
+    notes
+        Reservations, one sentence each.
+    """
+    return TrackingDocument.model_validate(
+        {
+            "schema": "sprung.track/1",
+            "channels": tracked.channels,
+            "start": start,
+            "time_unit": "s" if has_times else "windows",
+            "windows": [
+                TrackedWindow(
+                    time=window.time,
+                    source=window.source,
+                    n_modes=0 if window.modes is None else len(window.modes),
+                    reason=window.reason,
+                )
+                for window in windows
+            ],
+            "tracks": [_track(track) for track in tracked.tracks],
+            "strays": sorted(
+                (point for track in tracked.strays for point in _points(track)),
+                key=lambda point: (point.window, point.natural_frequency),
+            ),
+            "settings": plain(tracked.settings),
+            "notes": tuple(notes),
+        }
+    )
+
+
+def _track(track: Track) -> TrackDocument:
+    return TrackDocument(
+        label=track.label,
+        first=track.times[0],
+        last=track.times[-1],
+        presence=track.presence,
+        natural_frequency=TrackedValues.model_validate(track.natural_frequency),
+        damping_ratio=TrackedValues.model_validate(track.damping_ratio),
+        mode_shape=track.mode_shape,
+        jumps=tuple(JumpValues.model_validate(jump) for jump in track.jumps),
+        points=_points(track),
+    )
+
+
+def _points(track: Track) -> tuple[TrackPoint, ...]:
+    modes, likeness = track.modes, track.likeness
+    return tuple(
+        TrackPoint(
+            window=int(track.windows[k]),
+            mac=likeness[k],
+            natural_frequency=modes.natural_frequency[k],
+            natural_frequency_std=modes.natural_frequency_std[k],
+            damping_ratio=modes.damping_ratio[k],
+            damping_ratio_std=modes.damping_ratio_std[k],
+        )
+        for k in range(len(track))
+    )
