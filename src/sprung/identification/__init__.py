@@ -1,12 +1,22 @@
-"""Modal identification: Cov-SSI, ACS-Cov-SSI and CoSS-SSI."""
+"""Modal identification: Cov-SSI, ACS-Cov-SSI and CoSS-SSI; pLSCF as a second opinion."""
 
 from sprung.identification.ladders import BlockRowLadder, OrderLadder
-from sprung.identification.methods import METHODS, acs_ssi, coss_ssi, cov_ssi, modes_of_summary, summarise
+from sprung.identification.methods import (
+    METHODS,
+    SUBSPACE_METHODS,
+    acs_ssi,
+    coss_ssi,
+    cov_ssi,
+    modes_of_summary,
+    poly_lscf,
+    summarise,
+)
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan, as_in_thesis
 
 __all__ = [
     "METHODS",
+    "SUBSPACE_METHODS",
     "BlockRowLadder",
     "CorrelationSummary",
     "Identification",
@@ -20,5 +30,6 @@ __all__ = [
     "coss_ssi",
     "cov_ssi",
     "modes_of_summary",
+    "poly_lscf",
     "summarise",
 ]

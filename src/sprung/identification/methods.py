@@ -7,6 +7,7 @@ import numpy as np
 
 from sprung._arrays import Indices, Real
 from sprung._checks import check_one_of
+from sprung.errors import ParameterError
 from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import Correlations, average
 from sprung.identification.merging import MergedModes, merge_modes
@@ -16,6 +17,7 @@ from sprung.identification.results import CorrelationSummary, Identification, Su
 from sprung.identification.settings import IdentificationSettings
 from sprung.identification.stabilisation import (
     StabilisationDiagram,
+    StabilityCriteria,
     select_modes,
     significant,
     stabilise,
@@ -28,6 +30,9 @@ from sprung.signals.cepstrum import Exponential, Lifter, ShortPass, subtract_lif
 from sprung.signals.harmonics import near_harmonic
 from sprung.vehicles.labels import labelled
 from sprung.vehicles.usable import AnyVehicle
+
+#: Largest relative change of the damping ratio between polynomial orders.
+_DAMPING_OF_POLYNOMIALS = 0.4
 
 
 def cov_ssi(
@@ -118,8 +123,33 @@ def coss_ssi(
     return _identify("coss", recordings, settings, vehicle, on_progress)
 
 
-#: The methods by their names in results and on the command line.
-METHODS = {"cov": cov_ssi, "acs": acs_ssi, "coss": coss_ssi}
+def poly_lscf(
+    recordings: Recording | Iterable[Recording],
+    *,
+    settings: IdentificationSettings | None = None,
+    vehicle: AnyVehicle | None = None,
+    on_progress: Progress | None = None,
+) -> Identification:
+    """Identify modes from half spectra by a common denominator (pLSCF, "PolyMAX"); parameters as `cov_ssi`.
+
+    Notes
+    -----
+    A second opinion from the correlations of `cov_ssi`, with the same tests of stability, harmonics and significance.
+    The ladder is over the orders of polynomials (`plscf.PolynomialLadder`), `max_order` is the largest of them. Damping
+    scatters more from order to order than that of realisations, while surplus poles are left out by their growth: a
+    stable pole may change its damping ratio by 40 %, unless the criteria give another share than the default.
+
+    References
+    ----------
+    B. Peeters, H. Van der Auweraer, P. Guillaume and J. Leuridan (2004), The PolyMAX frequency-domain method: a new
+    standard for modal parameter estimation?, Shock and Vibration 11, 395-409.
+    """
+    return _identify("plscf", recordings, settings, vehicle, on_progress)
+
+
+#: Methods of the thesis by their names in results and on the command line, and all methods.
+SUBSPACE_METHODS = {"cov": cov_ssi, "acs": acs_ssi, "coss": coss_ssi}
+METHODS = {**SUBSPACE_METHODS, "plscf": poly_lscf}
 
 
 def summarise(
@@ -134,7 +164,7 @@ def summarise(
     Parameters
     ----------
     method
-        "cov", "acs" or "coss".
+        "cov", "acs", "coss" or "plscf".
     recordings, settings, vehicle
         As for `cov_ssi`.
 
@@ -145,10 +175,10 @@ def summarise(
     Raises
     ------
     DataError, ParameterError
-        As raised by `cov_ssi`; also if `method` is none of the three.
+        As raised by `cov_ssi`; also if `method` is none of these.
     """
     check_one_of("method", method, METHODS)
-    settings = settings or IdentificationSettings()
+    settings = _suitable(method, settings or IdentificationSettings())
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=_no_report)
     return _summary(method, settings, records)[0]
 
@@ -172,6 +202,18 @@ def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None 
     return labelled(merged.modes, summary.channels, vehicle=vehicle)
 
 
+def _suitable(method: str, settings: IdentificationSettings) -> IdentificationSettings:
+    """Return the settings, for pLSCF with its own criterion of damping in place of the default."""
+    if method != "plscf":
+        return settings
+    if settings.ladder is not None:
+        raise ParameterError("a ladder over block rows has no polynomials: leave it (--thesis) out for pLSCF")
+    criteria = settings.criteria
+    if criteria.damping != StabilityCriteria().damping:
+        return settings
+    return replace(settings, criteria=replace(criteria, damping=_DAMPING_OF_POLYNOMIALS))
+
+
 def _no_report(doing: str, share: float) -> None:
     """Report nothing."""
 
@@ -184,7 +226,7 @@ def _identify(
     on_progress: Progress | None,
 ) -> Identification:
     """Correlate, sort, realise, select, merge and label."""
-    report, settings = on_progress or _no_report, settings or IdentificationSettings()
+    report, settings = on_progress or _no_report, _suitable(method, settings or IdentificationSettings())
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
     summary, notes_on_subsets = _summary(method, settings, records)
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))

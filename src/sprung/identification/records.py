@@ -191,7 +191,7 @@ def _correlate(
         n_lags=plan.ladder.n_lags,
         segment=plan.segment,
         references=settings.references,
-        is_continued=method == "cov",
+        is_continued=method not in ("acs", "coss"),
     )
     return _Correlated(prepared.motion.channels, segments, prepared.spectra, prepared.edited_spectra, harmonics)
 
