@@ -1,4 +1,4 @@
-"""Modal identification: Cov-SSI, ACS-Cov-SSI and CoSS-SSI; pLSCF as a second opinion."""
+"""Modal identification: Cov-SSI, ACS-Cov-SSI and CoSS-SSI; pLSCF and FDD as second opinions; picking by hand."""
 
 from sprung.identification.ladders import BlockRowLadder, OrderLadder
 from sprung.identification.methods import (
@@ -7,10 +7,12 @@ from sprung.identification.methods import (
     acs_ssi,
     coss_ssi,
     cov_ssi,
+    enhanced_fdd,
     modes_of_summary,
     poly_lscf,
     summarise,
 )
+from sprung.identification.picking import pick_modes
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan, as_in_thesis
 
@@ -29,7 +31,9 @@ __all__ = [
     "as_in_thesis",
     "coss_ssi",
     "cov_ssi",
+    "enhanced_fdd",
     "modes_of_summary",
+    "pick_modes",
     "poly_lscf",
     "summarise",
 ]
