@@ -178,6 +178,7 @@ class PoleStatus(IntEnum):
     INCOHERENT_SHAPE = 9
     OUT_OF_BAND = 10
     UNPHYSICAL_DAMPING = 11
+    NOT_PICKED = 12
 
     @property
     def sentence(self) -> str:
@@ -197,6 +198,7 @@ _SENTENCES = {
     PoleStatus.FREQUENCY_CHANGED: "no pole of this frequency on the rung below",
     PoleStatus.INCOHERENT_SHAPE: "the channels of its shape move with arbitrary phases",
     PoleStatus.OUT_OF_BAND: "frequency outside the band",
+    PoleStatus.NOT_PICKED: "selected automatically, but other modes were picked by hand",
     PoleStatus.UNPHYSICAL_DAMPING: "damping not above zero, or above the bound",
 }
 

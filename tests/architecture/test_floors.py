@@ -18,6 +18,7 @@ FLOORS = (
     ("simulation", "diagnosis", "calibration"),
     ("documents", "tables"),
     ("plotting", "storage", "link", "alerting"),
+    ("reports",),
     ("reproduce", "monitor", "box"),
     ("demo",),
     ("cli",),

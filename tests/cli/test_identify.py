@@ -249,3 +249,13 @@ def test_names_are_no_markup_and_no_control_sequences(sprung, tmp_path):
         float(next(line for line in outcome.out.splitlines() if "±" in line).split()[0]), 18 / 2 / np.pi, rel_tol=0.01
     )
     assert "\x1b" not in sprung("info", tmp_path / "no\n\x1b[31mfile.csv").err
+
+
+@pytest.mark.parametrize("method", ["plscf", "fdd"])
+def test_second_opinions_agree_and_modes_are_picked(sprung, chain, method):
+    found = sprung("identify", chain, "--method", method, "--json", "-").document()
+    assert found["method"] == method
+    assert [mode["natural_frequency"] for mode in found["modes"]] == pytest.approx([7.01, 19.65, 28.39], rel=0.02)
+    picked = sprung("identify", chain, "--method", method, "--pick", "19.5,7", "--json", "-").document()
+    assert [mode["natural_frequency"] for mode in picked["modes"]] == pytest.approx([7.01, 19.65], rel=0.02)
+    assert sum("picked by hand" in note for note in picked["notes"]) == 2

@@ -8,6 +8,7 @@ import pytest
 from sprung.errors import DataError, ParameterError
 from sprung.identification import (
     METHODS,
+    SUBSPACE_METHODS,
     IdentificationSettings,
     acs_ssi,
     as_in_thesis,
@@ -169,7 +170,7 @@ def broken(row, value):
     return recorded(samples)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", SUBSPACE_METHODS)
 @pytest.mark.parametrize(
     ("record", "settings", "error", "sentence"),
     [
@@ -261,6 +262,35 @@ def test_bad_input_gets_one_clear_sentence(method, record, settings, error, sent
     with pytest.raises(error) as refusal:
         METHODS[method](record(), settings=IdentificationSettings(**settings))
     assert str(refusal.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("method", "settings", "sentence"),
+    [
+        ("plscf", as_in_thesis(), "a ladder over block rows has no polynomials: leave it (--thesis) out for pLSCF"),
+        ("fdd", as_in_thesis(), "FDD has neither a ladder (--thesis) nor references: leave them out"),
+        (
+            "fdd",
+            IdentificationSettings(has_disjoint_references=True),
+            "FDD has neither a ladder (--thesis) nor references: leave them out",
+        ),
+        (
+            "plscf",
+            IdentificationSettings(block_rows=20, max_order=40),
+            "max_order=40 is more than the half spectra of block_rows=20 can carry: use max_order <= 16 or more block"
+            " rows",
+        ),
+    ],
+)
+def test_second_opinions_refuse_what_does_not_apply(method, settings, sentence) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        METHODS[method](run(), settings=settings)
+    assert str(refusal.value) == sentence
+
+
+def test_fdd_has_no_summary_of_correlations() -> None:
+    with pytest.raises(ParameterError, match="method"):
+        summarise("fdd", run())
 
 
 def test_records_of_one_logger_by_slightly_different_clocks_are_one_condition() -> None:

@@ -33,10 +33,11 @@ def identify(
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     method: Annotated[
-        Literal["cov", "acs", "coss"],
+        Literal["cov", "acs", "coss", "plscf", "fdd"],
         typer.Option(
             help="cov: correlations of whole records, which scatter least. acs: correlations averaged over segments."
-            " coss: averaged over segments of similar level, which shows dependence on amplitude.",
+            " coss: averaged over segments of similar level, which shows dependence on amplitude. Second opinions:"
+            " plscf (polynomials fitted to half spectra) and fdd (peaks of the singular values).",
             rich_help_panel=_SIZES,
         ),
     ] = "cov",
@@ -82,6 +83,14 @@ def identify(
             panel=_PREPARATION,
         ),
     ] = None,
+    pick: Annotated[
+        str | None,
+        option(
+            "F1,F2,..",
+            "Frequencies in Hz at which to take modes by hand: the nearest stable poles, or maxima with fdd.",
+            panel=_SIZES,
+        ),
+    ] = None,
     figures: Figures = None,
     page: Page = None,
     json: Json = None,
@@ -90,7 +99,7 @@ def identify(
     from sprung import reports, tables
     from sprung.documents import identification_document
     from sprung.formats.records import read_records
-    from sprung.identification import METHODS
+    from sprung.identification import METHODS, pick_modes
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
@@ -110,11 +119,14 @@ def identify(
         block_rows=block_rows,
         max_order=max_order,
     )
+    picked = _frequencies(pick)
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
     with progress_bar() as report:
         description = None if vehicle is None else read_description(vehicle)
         recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
         identification = METHODS[method](recordings, settings=settings, vehicle=description, on_progress=report)
+        if picked:
+            identification = pick_modes(identification, picked, vehicle=description)
         if figures is not None:
             report("drawing figures", 1.0)
         paths = _draw(identification, figures, Path(source).name)
@@ -133,6 +145,17 @@ def identify(
         show(*tables.identification_tables(identification), words, heading=heading)
     if not len(identification.modes):
         raise IdentificationError(tables.why_none(identification))
+
+
+def _frequencies(pick: str | None) -> list[float]:
+    """Return the frequencies of --pick."""
+    parts = names(pick) or ()
+    try:
+        return [float(part) for part in parts]
+    except ValueError:
+        raise ParameterError(
+            f"--pick {pick} must be frequencies in Hz, separated by commas: such as 1.88,2.42"
+        ) from None
 
 
 def _settings(

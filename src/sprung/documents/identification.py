@@ -17,7 +17,7 @@ from sprung.vehicles.usable import AnyVehicle
 class SubsetValues(ModeValues):
     """A mode as identified from one subset of segments."""
 
-    stable_rate: float
+    stable_rate: Number
 
 
 class MergedMode(IdentifiedMode):

@@ -34,7 +34,7 @@ class IdentifiedMode(ModeValues):
     mode_shape: Complex
     mpc: float
     label: str | None
-    stable_rate: float
+    stable_rate: Number
 
 
 class ExactMode(Document):

@@ -1,12 +1,24 @@
-"""Modal identification: Cov-SSI, ACS-Cov-SSI and CoSS-SSI."""
+"""Modal identification: Cov-SSI, ACS-Cov-SSI and CoSS-SSI; pLSCF and FDD as second opinions; picking by hand."""
 
 from sprung.identification.ladders import BlockRowLadder, OrderLadder
-from sprung.identification.methods import METHODS, acs_ssi, coss_ssi, cov_ssi, modes_of_summary, summarise
+from sprung.identification.methods import (
+    METHODS,
+    SUBSPACE_METHODS,
+    acs_ssi,
+    coss_ssi,
+    cov_ssi,
+    enhanced_fdd,
+    modes_of_summary,
+    poly_lscf,
+    summarise,
+)
+from sprung.identification.picking import pick_modes
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan, as_in_thesis
 
 __all__ = [
     "METHODS",
+    "SUBSPACE_METHODS",
     "BlockRowLadder",
     "CorrelationSummary",
     "Identification",
@@ -19,6 +31,9 @@ __all__ = [
     "as_in_thesis",
     "coss_ssi",
     "cov_ssi",
+    "enhanced_fdd",
     "modes_of_summary",
+    "pick_modes",
+    "poly_lscf",
     "summarise",
 ]

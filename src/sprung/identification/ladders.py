@@ -1,4 +1,4 @@
-"""Ladders of realisations: over model orders, or over numbers of block rows as in the thesis."""
+"""Ladders: over model orders, over numbers of block rows as in the thesis, or over orders of polynomials (pLSCF)."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -6,6 +6,7 @@ from typing import ClassVar
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
+from sprung.identification.plscf import PolynomialLadder
 from sprung.identification.subspace import block_row_ladder, poles_of_orders, realise
 from sprung.modal import Poles
 
@@ -93,4 +94,4 @@ class BlockRowLadder:
         return block_row_ladder(correlations, range(self.first, self.last + 1), is_hankel=True)
 
 
-Ladder = OrderLadder | BlockRowLadder
+Ladder = OrderLadder | BlockRowLadder | PolynomialLadder

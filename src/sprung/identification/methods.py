@@ -5,17 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from sprung._arrays import Indices, Real
+from sprung._arrays import Indices
 from sprung._checks import check_one_of
+from sprung.errors import ParameterError
 from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import Correlations, average
+from sprung.identification.fdd import find_bells, modes_of_bells
 from sprung.identification.merging import MergedModes, merge_modes
 from sprung.identification.planning import disjoint_splits
+from sprung.identification.preparation import as_measured, without_lifter
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
 from sprung.identification.settings import IdentificationSettings
 from sprung.identification.stabilisation import (
     StabilisationDiagram,
+    StabilityCriteria,
     select_modes,
     significant,
     stabilise,
@@ -24,10 +28,13 @@ from sprung.identification.stabilisation import (
 from sprung.identification.subsets import subsets_of_equal_width
 from sprung.modal import Modes, PoleStatus, unit_shapes
 from sprung.recording import Recording
-from sprung.signals.cepstrum import Exponential, Lifter, ShortPass, subtract_lifter_damping
+from sprung.signals.cepstrum import Lifter, ShortPass
 from sprung.signals.harmonics import near_harmonic
 from sprung.vehicles.labels import labelled
 from sprung.vehicles.usable import AnyVehicle
+
+#: Largest relative change of the damping ratio between polynomial orders.
+_DAMPING_OF_POLYNOMIALS = 0.4
 
 
 def cov_ssi(
@@ -118,8 +125,96 @@ def coss_ssi(
     return _identify("coss", recordings, settings, vehicle, on_progress)
 
 
-#: The methods by their names in results and on the command line.
-METHODS = {"cov": cov_ssi, "acs": acs_ssi, "coss": coss_ssi}
+def poly_lscf(
+    recordings: Recording | Iterable[Recording],
+    *,
+    settings: IdentificationSettings | None = None,
+    vehicle: AnyVehicle | None = None,
+    on_progress: Progress | None = None,
+) -> Identification:
+    """Identify modes from half spectra by a common denominator (pLSCF, "PolyMAX"); parameters as `cov_ssi`.
+
+    Notes
+    -----
+    A second opinion from the correlations of `cov_ssi`, with the same tests of stability, harmonics and significance.
+    The ladder is over the orders of polynomials (`plscf.PolynomialLadder`), `max_order` is the largest of them. Damping
+    scatters more from order to order than that of realisations, while surplus poles are left out by their growth: a
+    stable pole may change its damping ratio by 40 %, unless the criteria give another share than the default.
+
+    References
+    ----------
+    B. Peeters, H. Van der Auweraer, P. Guillaume and J. Leuridan (2004), The PolyMAX frequency-domain method: a new
+    standard for modal parameter estimation?, Shock and Vibration 11, 395-409.
+    """
+    return _identify("plscf", recordings, settings, vehicle, on_progress)
+
+
+def enhanced_fdd(
+    recordings: Recording | Iterable[Recording],
+    *,
+    settings: IdentificationSettings | None = None,
+    vehicle: AnyVehicle | None = None,
+    on_progress: Progress | None = None,
+) -> Identification:
+    """Identify modes from peaks of the singular values of the spectra (EFDD); parameters as `cov_ssi`.
+
+    Notes
+    -----
+    A second opinion from the spectra, which are those of longer segments than for the other methods. Peaks count where
+    they rise higher than chance, are no harmonic, and the mode is certain and contributes to the correlations between
+    channels as in the other methods. There is no stabilisation diagram and no stable rate (NaN), and settings on block
+    rows, orders and references have no effect. Modes closer than the spectra resolve, or that lie on the bell of a
+    stronger one, are not separated.
+
+    References
+    ----------
+    R. Brincker, L. Zhang and P. Andersen (2001), Modal identification of output-only systems using frequency domain
+    decomposition, Smart Materials and Structures 10, 441-445.
+    """
+    report, settings = on_progress or _no_report, settings or IdentificationSettings()
+    if settings.ladder is not None or settings.has_disjoint_references:
+        raise ParameterError("FDD has neither a ladder (--thesis) nor references: leave them out")
+    records = correlate_records(recordings, method="fdd", settings=settings, vehicle=vehicle, report=report)
+    report("fitting the peaks of the spectra", 0.5)
+    modes = _modes_of_spectra(records, settings)
+    report("done", 1.0)
+    subset = SubsetModes(None, records.segments.n_segments, modes, (), np.zeros((len(modes), 0), dtype=np.intp))
+    return Identification(
+        method="fdd",
+        channels=records.channels,
+        sampling_rate=records.segments.sampling_rate,
+        modes=labelled(modes, records.channels, vehicle=vehicle),
+        subsets=(subset,),
+        members=np.arange(len(modes))[:, None],
+        harmonics=records.harmonics,
+        spectra=records.spectra,
+        edited_spectra=records.edited_spectra,
+        settings=settings,
+        plan=records.plan,
+        notes=(*records.plan.preparation.notes, *records.notes, *_notes_on_modes(modes, settings.lifter)),
+    )
+
+
+def _modes_of_spectra(records: CorrelatedRecords, settings: IdentificationSettings) -> Modes:
+    """Return the significant modes of the spectra."""
+    spectra, criteria = records.edited_spectra or records.spectra, settings.criteria
+    modes = modes_of_bells(find_bells(spectra, band=records.plan.mode_band), spectra, channels=records.channels)
+    is_harmonic = near_harmonic(
+        modes.natural_frequency, modes.damping_ratio, records.harmonics, resolution=1.5 * float(spectra.frequencies[1])
+    )
+    is_certain = modes.natural_frequency_std <= criteria.uncertainty * modes.natural_frequency * modes.damping_ratio
+    is_physical = modes.damping_ratio <= criteria.max_damping
+    modes = modes.take(np.flatnonzero(~is_harmonic & is_certain & is_physical))
+    preparation = records.plan.preparation
+    factors = np.array([preparation.factors[name] for name in preparation.channels])
+    scaled = replace(modes, mode_shapes=modes.mode_shapes * factors)
+    modes = modes.take(np.flatnonzero(significant(scaled, average(records.segments), least=criteria.contribution)))
+    return replace(modes, poles=without_lifter(modes.poles, settings.lifter))
+
+
+#: Methods of the thesis by their names in results and on the command line, and all methods.
+SUBSPACE_METHODS = {"cov": cov_ssi, "acs": acs_ssi, "coss": coss_ssi}
+METHODS = {**SUBSPACE_METHODS, "plscf": poly_lscf, "fdd": enhanced_fdd}
 
 
 def summarise(
@@ -134,7 +229,7 @@ def summarise(
     Parameters
     ----------
     method
-        "cov", "acs" or "coss".
+        "cov", "acs", "coss" or "plscf".
     recordings, settings, vehicle
         As for `cov_ssi`.
 
@@ -145,10 +240,10 @@ def summarise(
     Raises
     ------
     DataError, ParameterError
-        As raised by `cov_ssi`; also if `method` is none of the three.
+        As raised by `cov_ssi`; also if `method` is none of these.
     """
-    check_one_of("method", method, METHODS)
-    settings = settings or IdentificationSettings()
+    check_one_of("method", method, [name for name in METHODS if name != "fdd"])
+    settings = _suitable(method, settings or IdentificationSettings())
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=_no_report)
     return _summary(method, settings, records)[0]
 
@@ -172,6 +267,18 @@ def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None 
     return labelled(merged.modes, summary.channels, vehicle=vehicle)
 
 
+def _suitable(method: str, settings: IdentificationSettings) -> IdentificationSettings:
+    """Return the settings, for pLSCF with its own criterion of damping in place of the default."""
+    if method != "plscf":
+        return settings
+    if settings.ladder is not None:
+        raise ParameterError("a ladder over block rows has no polynomials: leave it (--thesis) out for pLSCF")
+    criteria = settings.criteria
+    if criteria.damping != StabilityCriteria().damping:
+        return settings
+    return replace(settings, criteria=replace(criteria, damping=_DAMPING_OF_POLYNOMIALS))
+
+
 def _no_report(doing: str, share: float) -> None:
     """Report nothing."""
 
@@ -184,7 +291,7 @@ def _identify(
     on_progress: Progress | None,
 ) -> Identification:
     """Correlate, sort, realise, select, merge and label."""
-    report, settings = on_progress or _no_report, settings or IdentificationSettings()
+    report, settings = on_progress or _no_report, _suitable(method, settings or IdentificationSettings())
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
     summary, notes_on_subsets = _summary(method, settings, records)
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
@@ -307,12 +414,11 @@ def _merge(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple
     is_kept = significant(merged.modes, summary.average, least=summary.settings.criteria.contribution)
     judged = [_with_verdicts(subset, members[~is_kept, k], members[:, k]) for k, subset in enumerate(subsets)]
     preparation = summary.plan.preparation
-    factors = np.array([preparation.factors[name] for name in preparation.channels])
     lifter = summary.settings.lifter
     return (
-        [replace(subset, modes=_as_measured(subset.modes, factors, lifter)) for subset in judged],
+        [replace(subset, modes=as_measured(subset.modes, preparation, lifter)) for subset in judged],
         MergedModes(
-            _as_measured(merged.modes.take(np.flatnonzero(is_kept)), factors, lifter),
+            as_measured(merged.modes.take(np.flatnonzero(is_kept)), preparation, lifter),
             members[is_kept],
         ),
     )
@@ -328,11 +434,3 @@ def _with_verdicts(subset: SubsetModes, insignificant: Indices, merged: Indices)
         dropped = alignments[insignificant[insignificant >= 0]]
         diagrams.append(with_status(changed, dropped[dropped >= 0], PoleStatus.INSIGNIFICANT))
     return replace(subset, diagrams=tuple(diagrams))
-
-
-def _as_measured(modes: Modes, factors: Real, lifter: Lifter | None) -> Modes:
-    """Return the modes without the effects of scaling the channels and of an exponential lifter."""
-    poles = modes.poles
-    if isinstance(lifter, Exponential):
-        poles = subtract_lifter_damping(poles, lifter.time_constant)
-    return replace(modes, poles=poles, mode_shapes=unit_shapes(modes.mode_shapes / factors))

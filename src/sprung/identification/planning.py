@@ -10,6 +10,7 @@ from sprung._arrays import Real
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.identification.ladders import Ladder, OrderLadder
+from sprung.identification.plscf import suitable_ladder
 from sprung.identification.preparation import Prepared
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
 from sprung.recording import Recording
@@ -160,6 +161,10 @@ def make_plan(
     if prepared.edited_spectra is None:
         lag_span = min([lag_span, *(_OF_PULSE_PERIOD / line for line in _pulse_trains(harmonics))])
     ladder = _ladder(settings, len(preparation.channels), rate, lag_span, _longest(motion))
+    if method == "plscf" and isinstance(ladder, OrderLadder):
+        n_references = len(settings.references or preparation.channels)
+        given = {"block_rows": settings.block_rows, "max_order": settings.max_order}
+        ladder = suitable_ladder(ladder.block_rows, n_references, **given)
     low, high = settings.band or (0.0, np.inf)
     return Plan(
         preparation=preparation,
@@ -320,7 +325,7 @@ def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], t
 
 def _segment(method: str, n_subsets: int, duration: float, lag_span: float) -> float:
     """Return a length of segments that gives enough of them to each subset and is long against the lags [s]."""
-    if method == "cov":
+    if method not in ("acs", "coss"):
         return max(duration / _BLOCKS_OF_A_RECORD, lag_span)
     n_segments = _SEGMENTS_OF_A_SUBSET * (n_subsets if method == "coss" else 1)
     return max(duration / n_segments, _LAG_SPANS_OF_A_SEGMENT * lag_span)

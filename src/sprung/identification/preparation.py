@@ -2,9 +2,13 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from sprung._arrays import Complex
 from sprung.identification.settings import PreparationPlan
+from sprung.modal import Modes, unit_shapes
 from sprung.recording import Recording
-from sprung.signals.cepstrum import Lifter, edit
+from sprung.signals.cepstrum import Exponential, Lifter, edit, subtract_lifter_damping
 from sprung.signals.conditioning import band_pass, decimate, detrend, scale
 from sprung.signals.harmonics import Harmonic, find_harmonics
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
@@ -92,6 +96,29 @@ def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str 
     """
     searched = _decimate_to(_at_common_rate(recording, plan), max(plan.decimate_to, _RATE_FOR_LINES))
     return find_harmonics(searched, speed=speed, false_alarm_rate=_FALSE_LINES)
+
+
+def as_measured(modes: Modes, plan: PreparationPlan, lifter: Lifter | None) -> Modes:
+    """Return modes without the effects of scaling the channels and of an exponential lifter.
+
+    Parameters
+    ----------
+    modes
+        Modes of prepared records.
+    plan
+        Decisions on the preparation.
+    lifter
+        Lifter of the preparation; None: no editing.
+    """
+    factors = np.array([plan.factors[name] for name in plan.channels])
+    return replace(
+        modes, poles=without_lifter(modes.poles, lifter), mode_shapes=unit_shapes(modes.mode_shapes / factors)
+    )
+
+
+def without_lifter(poles: Complex, lifter: Lifter | None) -> Complex:
+    """Return poles [rad/s] without the damping that an exponential lifter adds."""
+    return subtract_lifter_damping(poles, lifter.time_constant) if isinstance(lifter, Exponential) else poles
 
 
 def _at_common_rate(recording: Recording, plan: PreparationPlan) -> Recording:

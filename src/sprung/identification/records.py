@@ -15,6 +15,7 @@ from sprung.identification.correlation import (
     join_segments,
     with_limited_power,
 )
+from sprung.identification.fdd import with_long_segments
 from sprung.identification.planning import make_plan, plan_preparation
 from sprung.identification.preparation import Prepared, prepare, search_harmonics
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
@@ -156,6 +157,11 @@ def _first_record(
     for number, recording in moving:
         try:
             preparation = plan_preparation(recording, settings=settings, vehicle=vehicle)
+            if method == "fdd":
+                duration = total_duration or recording.duration
+                preparation = with_long_segments(
+                    preparation, recording, total_duration=duration, segment=settings.segment
+                )
             prepared = prepare(recording, preparation, lifter=settings.lifter)
             harmonics = _harmonics(recording, preparation, settings, vehicle)
             plan = make_plan(
@@ -191,7 +197,7 @@ def _correlate(
         n_lags=plan.ladder.n_lags,
         segment=plan.segment,
         references=settings.references,
-        is_continued=method == "cov",
+        is_continued=method not in ("acs", "coss"),
     )
     return _Correlated(prepared.motion.channels, segments, prepared.spectra, prepared.edited_spectra, harmonics)
 

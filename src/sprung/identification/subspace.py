@@ -292,7 +292,7 @@ def poles_of_orders(realisation: Realisation, orders: Sequence[int]) -> Poles:
     rungs = []
     for order in orders:
         rungs.append(_poles_of_order(realisation, Q[:, :order], R[:order, :order], X[:order, :order], spectra))
-    return _stack(rungs, tuple(orders), realisation.channels)
+    return stack_rungs(rungs, tuple(orders), realisation.channels)
 
 
 def _conjugate_spectra(changes: Real) -> Complex:
@@ -316,7 +316,7 @@ def _poles_of_order(
         return poles, shapes, unknown, unknown
     left = np.linalg.solve(R.T.astype(complex), np.linalg.inv(psi)[chosen].T)
     change = _eigenvalue_changes(realisation, spectra, eigenvalues, np.asarray(Q @ left, dtype=complex), right)
-    return poles, shapes, *_standard_deviations(poles, change / eigenvalues * realisation.sampling_rate)
+    return poles, shapes, *pole_deviations(poles, change / eigenvalues * realisation.sampling_rate)
 
 
 def _eigenvalue_changes(
@@ -335,7 +335,7 @@ def _eigenvalue_changes(
     return spectra.reshape(n_blocks, -1) @ convolution.reshape(-1, len(eigenvalues))
 
 
-def _standard_deviations(poles: Complex, change: Complex) -> tuple[Real, Real]:
+def pole_deviations(poles: Complex, change: Complex) -> tuple[Real, Real]:
     """Return standard deviations of frequency and damping from the changes of the poles, shape (blocks, poles)."""
     modulus = np.abs(poles)
     d_modulus = np.real(np.conj(poles) * change) / modulus
@@ -343,7 +343,7 @@ def _standard_deviations(poles: Complex, change: Complex) -> tuple[Real, Real]:
     return np.sqrt(np.sum(d_modulus**2, axis=0)) / (2 * np.pi), np.sqrt(np.sum(d_damping**2, axis=0))
 
 
-def _stack(
+def stack_rungs(
     rungs: Sequence[tuple[Complex, Complex, Real, Real]],
     ladder: tuple[int, ...],
     channels: tuple[str, ...],

@@ -17,6 +17,7 @@ from sprung.identification import (
     PreparationPlan,
 )
 from sprung.identification.correlation import Correlations
+from sprung.identification.plscf import PolynomialLadder
 from sprung.identification.stabilisation import StabilityCriteria
 from sprung.recording import Channel
 from sprung.signals.cepstrum import Exponential, ShortPass
@@ -25,7 +26,7 @@ from sprung.signals.harmonics import harmonic_from_dict
 #: Largest size of all blocks of all averages [bytes].
 _ROOM = 800_000
 _LIFTERS: dict[str, Any] = {"ShortPass": ShortPass, "Exponential": Exponential}
-_LADDERS: dict[str, Any] = {"OrderLadder": OrderLadder, "BlockRowLadder": BlockRowLadder}
+_LADDERS: dict[str, Any] = {ladder.__name__: ladder for ladder in (OrderLadder, BlockRowLadder, PolynomialLadder)}
 
 
 def summary_document(summary: CorrelationSummary) -> dict[str, Any]:

@@ -45,6 +45,8 @@ def stable_rates_figure(identification: Identification, *, source: str = "", thr
 
 def alignment_rates(subset: SubsetModes) -> tuple[np.ndarray, np.ndarray]:
     """Return mean frequency [Hz] and rate of stable points of every alignment of a subset's first diagram."""
+    if not subset.diagrams:
+        return np.zeros(0), np.zeros(0)
     diagram = subset.diagrams[0]
     numbers = np.unique(diagram.alignments[diagram.alignments >= 0])
     frequency, rate = np.empty(numbers.size), np.empty(numbers.size)

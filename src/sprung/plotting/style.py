@@ -22,7 +22,9 @@ MODE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#C0609A", "#3FA0DC", "#7F4909"
 #: Colours of harmonics, of text and frames, of curves in the background, and of secondary elements.
 HARMONIC_COLOUR, INK, BACKGROUND_CURVE, FAINT = "#C08A00", "#222222", "#9FB4C7", "#8C8C8C"
 SMALL, NORMAL, LARGE = 8.0, 9.5, 12.0
-METHOD_NAMES = MappingProxyType({"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI"})
+METHOD_NAMES = MappingProxyType(
+    {"cov": "Cov-SSI", "acs": "ACS-Cov-SSI", "coss": "CoSS-SSI", "plscf": "pLSCF", "fdd": "Enhanced FDD"}
+)
 NO_MODE = "No mode was identified."
 #: Half width of a 95 % interval in standard deviations.
 HALF_WIDTH_95 = 1.96

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.identification import METHODS, Identification, IdentificationSettings
+from sprung.identification import SUBSPACE_METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import (
     Spread,
@@ -67,7 +67,7 @@ def example() -> Example:
     """Return the set of records that the figures show."""
     clean = records(structure(read_description("chain3")), seed=0)
     shown = {snr: noisy(clean, snr, BANDS["0.5 to 50 Hz"], seed=0) for snr in RATIOS}
-    return Example(shown, {(name, snr): identified(name, shown[snr]) for name in METHODS for snr in RATIOS})
+    return Example(shown, {(name, snr): identified(name, shown[snr]) for name in SUBSPACE_METHODS for snr in RATIOS})
 
 
 def contents(example: Example, results: list[Real]) -> tuple[str, tuple[Section, ...]]:
@@ -109,19 +109,19 @@ def settings(method: str) -> IdentificationSettings:
 def identified(method: str, runs: list[Recording], *, is_default: bool = False) -> Identification:
     """Return what a method identifies: Cov-SSI in the first record, the other methods in all."""
     chosen = runs[:1] if method == "cov" else runs
-    return METHODS[method](chosen, settings=None if is_default else settings(method))
+    return SUBSPACE_METHODS[method](chosen, settings=None if is_default else settings(method))
 
 
 def experiment(seed: int) -> Real:
     """Return frequency, damping, MAC and number of other modes, (SNR, band, thesis or default, method, 4, modes)."""
     vehicle = structure(read_description("chain3"))
     truth, clean = theoretical(vehicle), records(vehicle, seed=seed)
-    results = np.full((len(RATIOS), len(BANDS), 2, len(METHODS), 4, len(truth)), np.nan)
+    results = np.full((len(RATIOS), len(BANDS), 2, len(SUBSPACE_METHODS), 4, len(truth)), np.nan)
     for i, snr in enumerate(RATIOS):
         for j, band in enumerate(BANDS.values()):
             runs = noisy(clean, snr, band, seed=seed)
             for k, is_default in enumerate((False, True) if snr < 1 else (False,)):
-                for m, method in enumerate(METHODS):
+                for m, method in enumerate(SUBSPACE_METHODS):
                     match = matched(identified(method, runs, is_default=is_default).modes, truth)
                     results[i, j, k, m, :3] = match.natural_frequency, match.damping_ratio, match.mac
                     results[i, j, k, m, 3] = match.n_others
@@ -178,7 +178,7 @@ def _tables(identifications: dict[tuple[str, float], Identification], runs: Real
             match = matched(identifications[method, snr].modes, truth)
             for k in range(len(truth)):
                 frequency, damping = PUBLISHED[method, snr]
-                values = runs[:, i, :, 0, list(METHODS).index(method), 0, k]
+                values = runs[:, i, :, 0, list(SUBSPACE_METHODS).index(method), 0, k]
                 rows.append(
                     (
                         f"SNR {snr:g}, mode {k + 1}",
@@ -233,7 +233,7 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
     blocks: list[Block] = []
     for i, snr in enumerate(RATIOS):
         settings_shown = ("thesis", "default") if snr < 1 else ("thesis",)
-        rows = tuple(f"{NAMES[m]}, {how}" for how in settings_shown for m in METHODS)
+        rows = tuple(f"{NAMES[m]}, {how}" for how in settings_shown for m in SUBSPACE_METHODS)
         n_shown = len(settings_shown)
         for j, band in enumerate(BANDS):
             spreads = []
@@ -242,7 +242,8 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
                     values = factor * runs[:, i, j, :n_shown, :, quantity, k].reshape(len(runs), -1).T
                     true = (truth.natural_frequency, 100 * truth.damping_ratio)[quantity][k]
                     published = tuple(
-                        PUBLISHED[m, snr][quantity][k] if m != "coss" else SUBSETS[snr][0][quantity][k] for m in METHODS
+                        PUBLISHED[m, snr][quantity][k] if m != "coss" else SUBSETS[snr][0][quantity][k]
+                        for m in SUBSPACE_METHODS
                     )
                     spreads.append(Spread(f"Mode {k + 1}: {name}", rows, values, true, published))
             others = runs[:, i, j, :n_shown, :, 3, 0].mean(axis=0).ravel()
@@ -258,7 +259,7 @@ def _spreads(runs: Real, truth: Modes) -> tuple[Block, ...]:
 def _verdict(runs: Real) -> str:
     """Return what reproduces and what does not."""
     white = [[share(runs[:, i, 0, 0, m, 0, k]) for k in range(3)] for i in range(2) for m in range(3)]
-    low = {m: [share(runs[:, 1, 1, 0, n, 0, k]) for k in range(3)] for n, m in enumerate(METHODS)}
+    low = {m: [share(runs[:, 1, 1, 0, n, 0, k]) for k in range(3)] for n, m in enumerate(SUBSPACE_METHODS)}
     default = [share(runs[:, 1, 1, 1, 2, 0, k]) for k in range(3)]
     truth = theoretical(structure(read_description("chain3")))
     error = worst_error(runs[:, 1, 1, 1, 2, 0], truth.natural_frequency)

@@ -7,7 +7,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.excitation import RollerRig, random_speed
-from sprung.identification import METHODS, Identification, IdentificationSettings
+from sprung.identification import SUBSPACE_METHODS, Identification, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import (
     Spread,
@@ -109,17 +109,19 @@ def settings(method: str, *, is_fast: bool = False) -> IdentificationSettings:
 def identified(method: str, runs: list[Recording], *, is_fast: bool = False) -> Identification:
     """Return what a method identifies: Cov-SSI in the first record, the other methods in all."""
     chosen = runs[:1] if method == "cov" else runs
-    return METHODS[method](chosen, settings=settings(method, is_fast=is_fast), vehicle=read_vehicle("scale-bogie"))
+    return SUBSPACE_METHODS[method](
+        chosen, settings=settings(method, is_fast=is_fast), vehicle=read_vehicle("scale-bogie")
+    )
 
 
 def experiment(seed: int) -> Real:
     """Return frequency, damping, MAC of the body's modes and number of others, (conditions, methods, 4, modes)."""
     healthy = theoretical(bogie("normal"), labels=BODY_MODES)
-    results = np.full((len(CONDITIONS), len(METHODS), 4, len(healthy)), np.nan)
+    results = np.full((len(CONDITIONS), len(SUBSPACE_METHODS), 4, len(healthy)), np.nan)
     for row, condition in enumerate(CONDITIONS):
         truth = theoretical(bogie(condition), labels=BODY_MODES)
         runs = records(condition, seed=seed)
-        for column, method in enumerate(METHODS):
+        for column, method in enumerate(SUBSPACE_METHODS):
             if condition != "normal" and method != "coss":
                 continue
             match = matched(identified(method, runs, is_fast=True).modes, truth)
@@ -214,7 +216,7 @@ def _tables(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     nothing = (np.nan, np.nan, np.nan)
     for row, condition in enumerate(CONDITIONS):
         rows = []
-        for column, method in enumerate(METHODS):
+        for column, method in enumerate(SUBSPACE_METHODS):
             if condition != "normal" and method != "coss":
                 continue
             published = PUBLISHED.get(method, nothing) if condition == "normal" else nothing
@@ -267,7 +269,7 @@ def _faults(runs: Real, truths: dict[str, Modes]) -> tuple[Block, ...]:
     """Changes of frequency with the faults, in theory and as identified."""
     rows = []
     healthy = truths["normal"]
-    coss = list(METHODS).index("coss")
+    coss = list(SUBSPACE_METHODS).index("coss")
     for row, condition in enumerate(list(CONDITIONS)[1:], start=1):
         for k, label in enumerate(BODY_MODES):
             shift = truths[condition].natural_frequency[k] - healthy.natural_frequency[k]
@@ -301,7 +303,7 @@ def _verdict(runs: Real, truths: dict[str, Modes], seconds: float) -> str:
     """Return what reproduces and what does not."""
     shares = {
         m: ", ".join(f"{label} {100 * share(runs[:, 0, n, 0, k]):.0f} %" for k, label in enumerate(BODY_MODES))
-        for n, m in enumerate(METHODS)
+        for n, m in enumerate(SUBSPACE_METHODS)
     }
     error = worst_error(runs[:, 0, :, 0], truths["normal"].natural_frequency)
     return (

@@ -4,7 +4,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.excitation import RandomInputs
-from sprung.identification import METHODS, IdentificationSettings
+from sprung.identification import SUBSPACE_METHODS, IdentificationSettings
 from sprung.modal import Modes
 from sprung.plotting import Spread, runs_figure
 from sprung.recording import Recording
@@ -95,11 +95,11 @@ def experiment(seed: int) -> Real:
     Rows: frequency, damping, MAC, number of other modes, and of CoSS-SSI the frequency in the lowest and the highest subset.
     """
     truth = theoretical(structure(read_description("chain3")))
-    results = np.full((len(CASES), len(HOW), len(METHODS), 6, len(truth)), np.nan)
+    results = np.full((len(CASES), len(HOW), len(SUBSPACE_METHODS), 6, len(truth)), np.nan)
     for i, case in enumerate(CASES):
         runs = records(case, seed=seed)
         for j, how in enumerate(HOW):
-            for k, (name, method) in enumerate(METHODS.items()):
+            for k, (name, method) in enumerate(SUBSPACE_METHODS.items()):
                 chosen = settings(how) if name != "cov" or how == "thesis" else IdentificationSettings()
                 identification = method(runs, settings=chosen)
                 match = matched(identification.modes, truth)
@@ -116,7 +116,7 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
     """Table and figure of one case."""
     rows = []
     for j, how in enumerate(HOW):
-        for k, name in enumerate(METHODS):
+        for k, name in enumerate(SUBSPACE_METHODS):
             values = runs[:, j, k]
             cells = [f"{NAMES[name]}, {how}"]
             for m in range(len(truth)):
@@ -135,7 +135,7 @@ def _case(runs: Real, truth: Modes, is_nonlinear: bool) -> tuple[Block, ...]:
         "Against the linear chain without rubber: the bias includes the effect of the rubber." if is_nonlinear else ""
     )
     table = numbers_table(f"{len(runs)} sets", (*columns, "other modes per set"), tuple(rows), remark)
-    names = tuple(f"{NAMES[name]}, {how}" for how in HOW for name in METHODS)
+    names = tuple(f"{NAMES[name]}, {how}" for how in HOW for name in SUBSPACE_METHODS)
     spreads = [
         Spread(
             f"Mode {m + 1}: frequency [Hz]",
@@ -221,7 +221,7 @@ def _verdict(runs: Real, truth: Modes) -> str:
     shares = {
         case: ", ".join(
             f"{NAMES[name]} {100 * np.mean([share(runs[:, i, 0, k, 0, m]) for m in range(3)]):.0f} %"
-            for k, name in enumerate(METHODS)
+            for k, name in enumerate(SUBSPACE_METHODS)
         )
         for i, case in enumerate(CASES)
     }

@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
+
 from sprung._arrays import Complex
 from sprung.identification import Identification, SubsetModes
 from sprung.modal import PoleStatus
@@ -29,6 +31,8 @@ def why_none(identification: Identification) -> str:
     for subset in identification.subsets:
         for diagram in subset.diagrams:
             reasons.update(diagram.status.tolist())
+    if identification.method == "fdd":
+        return "no mode found: no peak of the spectra rises significantly: record longer, or widen --band"
     if not reasons:
         return "no mode found: no order has an oscillating pole: raise --max-order"
     if PoleStatus.SELECTED in reasons:
@@ -66,7 +70,7 @@ def modes_table(identification: Identification) -> Table:
         (
             with_deviation(modes.natural_frequency[k], modes.natural_frequency_std[k]),
             with_deviation(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
-            f"{100 * modes.stable_rate[k]:.0f} %",
+            "-" if np.isnan(modes.stable_rate[k]) else f"{100 * modes.stable_rate[k]:.0f} %",
             f"{modes.mpc[k]:.2f}",
             in_words(modes.labels[k] or ""),
             shapes[k],

@@ -1,0 +1,376 @@
+"""Frequency domain decomposition: peaks of the singular values of the spectra, and the bells around them (EFDD)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage, signal, special
+
+from sprung._arrays import Complex, Indices, Real
+from sprung._checks import freeze
+from sprung.errors import ParameterError
+from sprung.identification.settings import PreparationPlan
+from sprung.modal import Modes, mac, unit_shapes
+from sprung.recording import Channel, Recording
+from sprung.signals.spectrum import SpectralMatrix
+
+#: Number of segments of the spectra, at least: this many, and this multiple of the number of channels.
+_FEWEST_SEGMENTS, _SEGMENTS_PER_CHANNEL = 15, 2
+#: The bell of a mode holds the lines whose first singular vector has at least this MAC with that of the peak, and at
+#: least this many lines.
+_LEAST_MAC, _FEWEST_LINES = 0.85, 7
+#: Odd numbers of lines whose matrices are averaged before the decomposition: peaks that the first leaves within chance
+#: are taken from the second. Probability of one peak by chance in a spectrum.
+_SMOOTHED, _CHANCE = (3, 9), 1e-3
+#: Variance of a sum over lines of half-overlapping Hann segments, over that of independent lines: (1 + 1/18) x 2.
+_OVERLAP = 19 / 9
+#: Largest relative distance of a peak from a picked frequency, and share of the prominence above chance that it needs.
+_NEAR, _PICKED_PROMINENCE = 0.05, 0.25
+#: Times that a signal is differentiated after displacement; of an unknown quantity, the most likely number.
+_DERIVATIVES = {"displacement": 0, "angle": 0, "strain": 0, "velocity": 1, "angular_velocity": 1, "acceleration": 2}
+#: A bell ends where the spectrum is below this share of the peak: other modes rule its foot.
+_FOOT = 0.03
+#: Largest amplification of noise by a filter that leaves the neighbouring modes out.
+_MOST_AMPLIFIED = 1.5
+_ITERATIONS, _LARGEST_STEP, _CONVERGED = 60, 0.5, 1e-7
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Bells:
+    """Peaks of the first singular value, and the lines around them with the same shape.
+
+    Parameters
+    ----------
+    peaks
+        Line of each peak, shape (peaks,).
+    first, last
+        First and last line of each bell, shapes (peaks,).
+    shapes
+        First singular vector at each peak, channels scaled to a variance of 1, shape (peaks, channels).
+    scale
+        Factor of each channel that makes its variance 1, shape (channels,).
+    """
+
+    peaks: Indices
+    first: Indices
+    last: Indices
+    shapes: Complex
+    scale: Real
+
+    def __post_init__(self) -> None:
+        freeze(self, peaks=1, first=1, last=1, dtype=np.intp)
+        freeze(self, shapes=2, dtype=np.complex128)
+        freeze(self, scale=1)
+
+
+def with_long_segments(
+    plan: PreparationPlan, recording: Recording, *, total_duration: float, segment: float | None
+) -> PreparationPlan:
+    """Return the plan with segments of the spectra as long as the number of channels and the records allow.
+
+    Parameters
+    ----------
+    plan
+        Decisions on the preparation.
+    recording
+        First record.
+    total_duration
+        Duration of all records [s].
+    segment
+        Length of segments that is given [s]; None: chosen.
+
+    Notes
+    -----
+    15 half-overlapping segments, or twice the number of channels: with fewer than channels, the matrix is singular.
+    """
+    n_segments = max(_FEWEST_SEGMENTS, _SEGMENTS_PER_CHANNEL * len(plan.channels))
+    longest = max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate
+    chosen = segment or 2 * total_duration / (n_segments + 1)
+    return replace(plan, spectrum_segment=min(chosen, longest / 2))
+
+
+def find_bells(spectra: SpectralMatrix, *, band: tuple[float, float]) -> Bells:
+    """Return the peaks of the first singular value that rise higher than chance, with their bells.
+
+    Parameters
+    ----------
+    spectra
+        Spectral matrix of half-overlapping Hann-windowed segments.
+    band
+        Lowest and highest natural frequency [Hz].
+
+    Returns
+    -------
+    Bells
+
+    Notes
+    -----
+    The prominence of a peak, in ln of the first singular value of matrices averaged over three lines, is compared with
+    the distance between quantiles of the logarithm of a chi-squared variable that all lines together exceed with a
+    probability of 0.1 %. Its degrees of freedom are 2 x 3 x segments x 9/19, as windowed lines and overlapping segments
+    repeat each other. Broad peaks that do not stand out so far are compared once more, averaged over nine lines.
+
+    References
+    ----------
+    R. Brincker, L. Zhang and P. Andersen (2001), Modal identification of output-only systems using frequency domain
+    decomposition, Smart Materials and Structures 10, 441-445.
+    """
+    frequencies = spectra.frequencies
+    last = np.searchsorted(frequencies, min(band[1], 0.8 * frequencies[-1]), side="right")
+    peaks, parts = np.zeros(0, dtype=np.intp), []
+    for n_smoothed in _SMOOTHED:
+        values, vectors, scale = _decomposed(spectra, n_smoothed)
+        prominent = signal.find_peaks(np.log(values[:last]), prominence=_chance(spectra, n_smoothed))[0]
+        distance = np.abs(prominent[:, None] - peaks).min(axis=1, initial=len(frequencies))
+        fresh = prominent[(frequencies[prominent] >= band[0]) & (distance > n_smoothed)]
+        peaks = np.sort(np.concatenate([peaks, fresh]))
+        parts.append(_bells(values, vectors, scale, fresh, peaks))
+    return _joined(parts)
+
+
+def _chance(spectra: SpectralMatrix, n_smoothed: int) -> float:
+    """Return the prominence of ln of a singular value that chance hardly exceeds in a whole spectrum."""
+    tail = _CHANCE / len(spectra.frequencies)
+    degrees = 2 * n_smoothed * spectra.n_segments / _OVERLAP
+    return float(np.log(special.chdtri(degrees, tail) / special.chdtri(degrees, 1 - tail)))
+
+
+def bells_at(spectra: SpectralMatrix, frequencies: Sequence[float]) -> Bells:
+    """Return the bells around the clear maxima of the first singular value nearest to given frequencies.
+
+    Parameters
+    ----------
+    spectra
+        Spectral matrix of half-overlapping Hann-windowed segments.
+    frequencies
+        Frequencies [Hz].
+
+    Raises
+    ------
+    ParameterError
+        If there is no clear maximum within 5 % or two lines of a frequency: none that rises a quarter as high as those
+        of `find_bells`.
+    """
+    values, vectors, scale = _decomposed(spectra, _SMOOTHED[0])
+    prominence = _PICKED_PROMINENCE * _chance(spectra, _SMOOTHED[0])
+    maxima = signal.find_peaks(np.log(values), prominence=prominence)[0]
+    places, resolution = spectra.frequencies[maxima], spectra.frequencies[1]
+    peaks = []
+    for frequency in frequencies:
+        near = np.abs(places - frequency) <= max(_NEAR * frequency, 2 * resolution)
+        if not near.any():
+            nearest = places[np.argsort(np.abs(places - frequency))[:3]]
+            named = ", ".join(f"{place:.4g}" for place in np.sort(nearest))
+            raise ParameterError(
+                f"no clear maximum of the first singular value near {frequency:.4g} Hz: the nearest are at {named}"
+                " Hz, pick one of those"
+            )
+        peaks.append(maxima[near][np.argmax(values[maxima[near]])])
+    return _bells(values, vectors, scale, np.unique(peaks), np.unique(peaks))
+
+
+def _decomposed(spectra: SpectralMatrix, n_smoothed: int) -> tuple[Real, Complex, Real]:
+    """Return first singular values and vectors of scaled matrices, averaged over neighbouring lines, and the scale."""
+    variance = spectra.densities[:, 1:].sum(axis=1) * spectra.frequencies[1]
+    scale = 1 / np.sqrt(np.maximum(variance, np.finfo(float).tiny))
+    matrices = (spectra.matrix * np.outer(scale, scale)[:, :, None]).transpose(2, 0, 1)
+    matrices[0] = matrices[1]
+    smooth = ndimage.uniform_filter1d(matrices, n_smoothed, axis=0, mode="nearest")
+    values, vectors = np.linalg.eigh(smooth)
+    return np.maximum(values[:, -1], np.finfo(float).tiny), vectors[:, :, -1], scale
+
+
+def _joined(parts: Sequence[Bells]) -> Bells:
+    """Return the bells of several parts by rising frequency."""
+    order = np.argsort(np.concatenate([part.peaks for part in parts]))
+    first, last = (np.concatenate([getattr(part, name) for part in parts])[order] for name in ("first", "last"))
+    peaks, shapes = (np.concatenate([getattr(part, name) for part in parts])[order] for name in ("peaks", "shapes"))
+    return Bells(peaks, first, last, shapes, parts[0].scale)
+
+
+def _bells(values: Real, vectors: Complex, scale: Real, peaks: Indices, all_peaks: Indices) -> Bells:
+    """Return the bells of peaks: no further than the lowest line on the way to the next of all peaks."""
+    alike = mac(vectors[peaks], vectors) >= _LEAST_MAC
+    first, last = [], []
+    for k, peak in enumerate(peaks):
+        below, above = all_peaks[all_peaks < peak], all_peaks[all_peaks > peak]
+        low = below[-1] + int(np.argmin(values[below[-1] : peak + 1])) if len(below) else 1
+        high = peak + int(np.argmin(values[peak : above[0] + 1])) if len(above) else len(values) - 1
+        outside = np.flatnonzero(~alike[k])
+        least = _FEWEST_LINES // 2
+        start = max(low, int(outside[outside < peak].max(initial=0)) + 1)
+        end = min(high, int(outside[outside > peak].min(initial=len(values))) - 1)
+        first.append(max(min(start, peak - least), 1))
+        last.append(min(max(end, peak + least), len(values) - 1))
+    return Bells(peaks, np.array(first, dtype=np.intp), np.array(last, dtype=np.intp), vectors[peaks], scale)
+
+
+def modes_of_bells(bells: Bells, spectra: SpectralMatrix, *, channels: Sequence[Channel]) -> Modes:
+    """Fit the spectrum of one oscillator to each bell (EFDD).
+
+    Parameters
+    ----------
+    bells
+        Bells of `spectra`.
+    spectra
+        Spectral matrix of half-overlapping Hann-windowed segments.
+    channels
+        Channels of the spectra; their quantities give the form of the spectrum.
+
+    Returns
+    -------
+    Modes
+        Modes by rising frequency with standard deviations, without stable rates (NaN).
+
+    Notes
+    -----
+    The spectrum of u^H y, with u the first singular vector of the peak (or where that amplifies noise by less than 1.5,
+    the vector that also is orthogonal to those of its neighbours), is compared with that of an oscillator under white
+    excitation, differentiated as the measured quantity is, plus a constant floor. Natural frequency, damping ratio,
+    height and floor are those of greatest Whittle likelihood, by Fisher scoring, where the spectrum is above 3 % of the
+    peak. The model passes through the window of the segments, as the transform of its correlation times that of the
+    window: a bell no wider than the lines of the spectra is not read as damping. Standard deviations are those of the
+    Fisher information times 19/9 for overlap. The usual way, the logarithmic decrement of the correlation of the cut
+    bell, is biased by the cut and by the window.
+
+    References
+    ----------
+    R. Brincker, C. Ventura and P. Andersen (2001), Damping estimation by frequency domain decomposition, Proceedings of
+    the 19th International Modal Analysis Conference, 698-703.
+
+    L. Zhang, T. Wang and Y. Tamura (2010), A frequency-spatial domain decomposition (FSDD) method for operational modal
+    analysis, Mechanical Systems and Signal Processing 24, 1227-1239 (spectrum of u^H y).
+    """
+    fits = [_fitted(bells, k, spectra, channels) for k in range(len(bells.peaks))]
+    values = np.array(fits).reshape(-1, 4)
+    frequency, damping = values[:, 0], values[:, 1]
+    modes = Modes(
+        poles=2 * np.pi * frequency * (1j * np.sqrt(1 - damping**2) - damping),
+        mode_shapes=unit_shapes(bells.shapes / bells.scale),
+        channels=spectra.names,
+        natural_frequency_std=values[:, 2],
+        damping_ratio_std=values[:, 3],
+        stable_rate=np.full(len(values), np.nan),
+        labels=(None,) * len(values),
+    )
+    return modes.take(np.argsort(frequency))
+
+
+def _fitted(
+    bells: Bells, number: int, spectra: SpectralMatrix, channels: Sequence[Channel]
+) -> tuple[float, float, float, float]:
+    """Return natural frequency, damping ratio and their standard deviations from one bell."""
+    lines = np.arange(bells.first[number], bells.last[number] + 1)
+    weights = _modal_filter(bells, number) * bells.scale
+    power = np.einsum("p,pqf,q->f", weights.conj(), spectra.matrix[:, :, lines], weights, optimize=True).real
+    kept = _without_foot(power, int(bells.peaks[number] - lines[0]))
+    lines, power = lines[kept], power[kept]
+    quantity = channels[int(np.argmax(np.abs(bells.shapes[number])))].quantity
+    orders = [_DERIVATIVES[quantity]] if quantity in _DERIVATIVES else sorted(set(_DERIVATIVES.values()))
+    fits = [_fitted_bell(spectra, lines, int(bells.peaks[number]), power, _Bell(spectra, lines, n)) for n in orders]
+    parameters, information, _ = min(fits, key=lambda fit: fit[2])
+    covariance = np.linalg.pinv(information) * _OVERLAP
+    frequency, damping = np.exp(parameters[:2])
+    f_std, xi_std = np.exp(parameters[:2]) * np.sqrt(np.diag(covariance)[:2])
+    return frequency, min(damping, 0.99), f_std, xi_std
+
+
+def _modal_filter(bells: Bells, number: int) -> Complex:
+    """Return the weights of the channels that keep one mode and, where shapes allow, none of its neighbours."""
+    shape = bells.shapes[number]
+    nearest = np.argsort(np.abs(bells.peaks - bells.peaks[number]), kind="stable")
+    for n_kept in range(min(len(nearest), len(shape)), 1, -1):
+        dual = np.linalg.pinv(bells.shapes[nearest[:n_kept]].T)[0].conj()
+        if np.linalg.norm(dual) <= _MOST_AMPLIFIED:
+            return np.asarray(dual, dtype=np.complex128)
+    return shape
+
+
+def _without_foot(power: Real, peak: int) -> slice:
+    """Return the lines of a bell up to the first on either side that is far below the peak."""
+    low = np.flatnonzero(power < _FOOT * power[peak])
+    least = _FEWEST_LINES // 2
+    first = int(low[low < peak].max(initial=-1)) + 1
+    last = int(low[low > peak].min(initial=len(power))) - 1
+    return slice(max(min(first, peak - least), 0), max(last, peak + least) + 1)
+
+
+def _fitted_bell(
+    spectra: SpectralMatrix, lines: Indices, peak: int, power: Real, bell: "_Bell"
+) -> tuple[Real, Real, float]:
+    """Return the parameters of one bell, the information on them and the misfit."""
+    frequency = float(spectra.frequencies[peak])
+    smallest = float(np.median(np.sort(power)[: max(len(power) // 5, 2)]))
+    start = np.log([frequency, _width(power, lines, peak, spectra) / (2 * frequency), 1.0, smallest / 3])
+    start[2] = np.log(max(power.max() - smallest, 0.1 * power.max()) / bell.model(start, with_floor=False).max())
+    return _most_likely(bell, power, start, spectra.n_segments)
+
+
+def _width(power: Real, lines: Indices, peak: int, spectra: SpectralMatrix) -> float:
+    """Return the width of a bell at half its height [Hz], at least half a line."""
+    step = float(spectra.frequencies[1])
+    above = np.sum(power > 0.5 * power[np.flatnonzero(lines == peak)])
+    return step * max(float(above) - 1.5, 0.5)
+
+
+class _Bell:
+    """Spectrum of an oscillator at some lines, seen through the window of the segments."""
+
+    def __init__(self, spectra: SpectralMatrix, lines: Indices, n_derivatives: int) -> None:
+        rate = 2 * spectra.frequencies[-1] if spectra.frequencies.size > 1 else 1.0
+        n_samples = round(rate / spectra.frequencies[1])
+        rate = n_samples * float(spectra.frequencies[1])
+        window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_samples) / n_samples)
+        overlap = signal.correlate(window, window, method="fft")[n_samples - 1 :] / np.sum(window**2)
+        lags = np.arange(n_samples)
+        self._times, self._n_derivatives = lags / rate, n_derivatives
+        cosines = np.cos(2 * np.pi * np.outer(lines, lags) / n_samples)
+        self._transform = cosines * overlap * np.where(lags > 0, 2, 1) / rate
+
+    def model(self, parameters: Real, *, with_floor: bool = True) -> Real:
+        """Return the spectrum for ln of frequency, damping ratio, height and floor."""
+        frequency, damping, height, floor = np.exp(parameters)
+        damping = min(damping, 0.99)
+        omega = 2 * np.pi * frequency
+        pole = complex(-damping, np.sqrt(1 - damping**2))
+        start = (1 - 1j * damping / pole.imag) * (-(pole**2)) ** self._n_derivatives
+        correlation = np.real(start * np.exp(pole * omega * self._times))
+        spectrum = omega * damping * (self._transform @ correlation)
+        if self._n_derivatives == 2:
+            spectrum = spectrum + 4 * damping**2
+        return np.asarray(height * np.maximum(spectrum, 1e-12) + (floor if with_floor else 0.0))
+
+    def slopes(self, parameters: Real) -> Real:
+        """Return the derivatives of ln of the model by the parameters, shape (4, lines)."""
+        step = 1e-5
+        moves = step * np.eye(len(parameters))
+        return np.array(
+            [np.log(self.model(parameters + move) / self.model(parameters - move)) / (2 * step) for move in moves]
+        )
+
+
+def _most_likely(bell: _Bell, power: Real, start: Real, n_segments: int) -> tuple[Real, Real, float]:
+    """Return the parameters of greatest Whittle likelihood, the information on them, and the misfit."""
+
+    def misfit(parameters: Real) -> float:
+        model = bell.model(parameters)
+        return float(n_segments * np.sum(np.log(model) + power / model))
+
+    parameters, value, damped = start, misfit(start), 1e-3
+    for _ in range(_ITERATIONS):
+        slopes = bell.slopes(parameters)
+        information = n_segments * slopes @ slopes.T
+        gradient = n_segments * slopes @ (power / bell.model(parameters) - 1)
+        ridge = damped * np.diag(np.diag(information)) + 1e-9 * np.eye(len(start))
+        step = np.clip(np.linalg.solve(information + ridge, gradient), -_LARGEST_STEP, _LARGEST_STEP)
+        attempt = misfit(parameters + step)
+        if attempt > value:
+            damped *= 10
+            if damped > 1e8:
+                break
+            continue
+        parameters, improvement, value, damped = parameters + step, value - attempt, attempt, max(damped / 10, 1e-9)
+        if improvement < _CONVERGED:
+            break
+    slopes = bell.slopes(parameters)
+    return parameters, n_segments * slopes @ slopes.T, value
