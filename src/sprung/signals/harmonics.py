@@ -14,7 +14,7 @@ from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 from sprung.signals.conditioning import moving_parts, over_distance, while_moving
-from sprung.signals.narrow_lines import Line, largest_family, merge_peaks, multiples, narrow_lines, octaves
+from sprung.signals.narrow_lines import Line, largest_family, merge_peaks, multiples, narrow_lines, octaves, sharpest
 
 #: Smallest distance of consecutive segments in time constants of the least damped mode: their powers are then
 #: independent to within a few per cent.
@@ -29,6 +29,8 @@ SLIP = 0.004
 FAINTEST_MULTIPLE = 4.0
 #: Smallest spread of speed (middle half over median) that separates lines proportional to it from constant ones.
 LEAST_SPREAD = 0.03
+#: Damping of the narrowest mode in the comparison of a peak with its neighbourhood over the smallest damping ratio.
+NARROWEST = 0.6
 #: Largest damping ratio of the pole of a line; poles with more belong to modes, even near a line.
 MOST_DAMPED_LINE = 0.05
 
@@ -171,6 +173,7 @@ def near_harmonic(
     harmonics: Sequence[Harmonic],
     *,
     resolution: float,
+    is_subtracted: bool = False,
 ) -> Booleans:
     """Return which poles are harmonics rather than modes.
 
@@ -183,6 +186,9 @@ def near_harmonic(
     resolution
         Frequency resolution of the identification [Hz], above 0, such as half the reciprocal of its longest lag: the
         largest deviation and the largest half-power bandwidth of the pole of a line.
+    is_subtracted
+        Whether lines of constant frequency were subtracted before the identification. Their own resolution then stands
+        for `resolution`: only a residue is left of them, and the poles of modes next to them are those of modes.
 
     Returns
     -------
@@ -202,9 +208,10 @@ def near_harmonic(
         raise ParameterError(f"{f.shape} natural frequencies need as many damping ratios, but there are {xi.shape}")
     is_near = np.zeros(f.shape, dtype=np.bool_)
     for harmonic in harmonics:
-        is_narrow = (harmonic.kind == "speed") | (2 * xi * f <= resolution)
+        reach = harmonic.resolution if is_subtracted and harmonic.kind == "constant" else resolution
+        is_narrow = (harmonic.kind == "speed") | (2 * xi * f <= reach)
         low, high = harmonic.band
-        is_near |= is_narrow & (low - resolution <= f) & (f <= high + resolution)
+        is_near |= is_narrow & (low - reach <= f) & (f <= high + reach)
     return is_near & (xi <= MOST_DAMPED_LINE)
 
 
@@ -214,13 +221,15 @@ def _constant_lines(
     """Return regular lines, and narrow lines at their multiples."""
     longest = max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate
     peaks: list[Line] = []
-    for segment_length in octaves(min(recording.duration / 3.5, longest, LONGEST_SEGMENT), recording):
+    whole = octaves(min(longest, LONGEST_SEGMENT), recording)[:1]
+    for segment_length in whole + octaves(min(recording.duration / 3.5, longest, LONGEST_SEGMENT), recording):
         lowest = INDEPENDENCE / (math.pi * least_damping * segment_length)
         narrow = narrow_lines(
             recording,
             segment_length=segment_length,
             prominence=prominence,
             false_alarm_rate=false_alarm_rate,
+            least_damping=NARROWEST * least_damping,
         )
         peaks += [peak for peak in narrow if peak.frequency >= lowest]
     if not peaks:
@@ -228,7 +237,7 @@ def _constant_lines(
     from scipy.stats import false_discovery_control
 
     is_regular = false_discovery_control([peak.chance for peak in peaks]) <= false_alarm_rate
-    regular = merge_peaks(peak for peak, holds in zip(peaks, is_regular, strict=True) if holds)
+    regular = merge_peaks(sharpest(peak, peaks) for peak, holds in zip(peaks, is_regular, strict=True) if holds)
     doubtful = merge_peaks((peak for peak, holds in zip(peaks, is_regular, strict=True) if not holds), known=regular)
     return _with_multiples(regular, doubtful, false_alarm_rate)
 

@@ -19,6 +19,8 @@ NOISE_BANDWIDTH = 1.5
 BLOCK, FEWEST_SEGMENTS = 6, 5
 #: Smallest number of samples of a segment, and number of segment lengths.
 SHORTEST_SEGMENT, N_OCTAVES = 64, 8
+#: Number of correlated bins of a Hann window that say as much as one independent bin, 1 + 2 (4/9 + 1/36).
+_BINS_OF_ONE = 1.944
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +36,10 @@ class Line:
     rows
         Rows of the channels that show the line.
     chance
-        Probability that the powers of random vibration are as regular (see `chance_of_regularity`).
+        Probability that the powers of random vibration are as regular (see `chance_of_regularity`), or that a mode
+        is as narrow (see `chance_of_narrowness`).
+    level
+        Power density at the peak [dB].
     """
 
     frequency: float
@@ -43,6 +48,7 @@ class Line:
     prominence: float
     rows: frozenset[int]
     chance: float = 1.0
+    level: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +73,7 @@ def narrow_lines(
     prominence: float,
     false_alarm_rate: float,
     is_geometric: bool = False,
+    least_damping: float | None = None,
 ) -> list[Line]:
     """Find the peaks of each channel's averaged periodogram that are as narrow as the window.
 
@@ -83,6 +90,9 @@ def narrow_lines(
         averaged.
     is_geometric
         Whether the logarithms of the powers are averaged, so that no single segment makes a line.
+    least_damping
+        Smallest damping ratio of a mode: a peak may also be a line because it is narrower than any mode
+        (`chance_of_narrowness`); None: only because it is regular (`chance_of_regularity`).
 
     Returns
     -------
@@ -92,7 +102,7 @@ def narrow_lines(
     spectra = short_time_spectra(recording, segment_length=segment_length)
     powers = np.concatenate([np.abs(block) ** 2 for block in spectra], axis=1)
     n_channels, n_segments, n_bins = powers.shape
-    if n_segments < FEWEST_SEGMENTS:
+    if n_segments < (FEWEST_SEGMENTS if least_damping is None else 1):
         return []
     random = _random_height(n_segments, false_alarm_rate / (n_channels * n_bins), is_geometric)
     densities = _geometric_mean(powers) if is_geometric else powers.mean(axis=1)
@@ -103,8 +113,13 @@ def narrow_lines(
             if height >= max(prominence, random):
                 frequency = float(k + _offset(density[k - 1 : k + 2])) * bin_width
                 chance = chance_of_regularity(powers[row, :, k])
+                if least_damping is not None:
+                    ratio = 2 * least_damping * frequency / bin_width
+                    narrowness = n_channels * n_bins * chance_of_narrowness(density, k, ratio, n_segments)
+                    chance = min(1.0, 2 * chance, 2 * narrowness)
                 resolution = NOISE_BANDWIDTH * bin_width
-                lines.append(Line(frequency, bin_width / 2, resolution, float(height), frozenset([row]), chance))
+                level = 10 * math.log10(density[k])
+                lines.append(Line(frequency, bin_width / 2, resolution, float(height), frozenset([row]), chance, level))
     return lines
 
 
@@ -157,6 +172,47 @@ def chance_of_regularity(powers: Real) -> float:
     return float(min(1.0, n_blocks * np.min(special.bdtrc(np.arange(n_blocks), n_blocks, chances))))
 
 
+def chance_of_narrowness(density: Real, peak: int, bandwidth: float, n_segments: int) -> float:
+    """Return the probability that a mode or smooth noise rises as much above its neighbourhood.
+
+    Parameters
+    ----------
+    density
+        Averaged periodogram of Hann-windowed segments, shape (bins,).
+    peak
+        Bin of the peak.
+    bandwidth
+        Half-power bandwidth of the narrowest possible mode at the peak [bins].
+    n_segments
+        Number of half-overlapping segments averaged.
+
+    Returns
+    -------
+    float
+        Upper bound of the probability.
+
+    Notes
+    -----
+    The spectrum of a mode of half-power bandwidth b falls off as 1 / (1 + (2 d / b)^2) at the distance d, so the
+    density at the peak is compared with the mean of its neighbours (bins 3 to 12 on either side) times
+    1 + (2 d / b)^2. Of random vibration the ratio follows Fisher's distribution if the peak is the narrowest mode, and
+    is smaller for wider modes and smooth noise. Where the segments do not resolve b the weights are so large that
+    nothing is called a line.
+
+    References
+    ----------
+    D. J. Thomson (1982), Spectrum estimation and harmonic analysis, Proceedings of the IEEE 70, 1055-1096 (F test of
+    lines, section XIII).
+    """
+    distance = np.arange(MAIN_LOBE + 1, NEIGHBOURHOOD + 1)
+    bins = np.concatenate([peak - distance[distance < peak], peak + distance[peak + distance < density.size - 1]])
+    weights = 1 + (2 * (bins - peak) / max(bandwidth, 1e-9)) ** 2
+    floor = max(float(np.mean(weights * density[bins])), float(np.finfo(np.float64).tiny))
+    n_independent = n_segments / (1 + (n_segments - 1) / n_segments / 18)
+    freedom = 2 * n_independent
+    return float(special.fdtrc(freedom, freedom * bins.size / _BINS_OF_ONE, density[peak] / floor))
+
+
 def merge_peaks(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Line]:
     """Merge peaks of all channels and resolutions that are one line, the finest first; omit those of `known` lines."""
     lines: list[Line] = []
@@ -170,6 +226,21 @@ def merge_peaks(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Li
             line = lines[same]
             lines[same] = replace(line, prominence=max(peak.prominence, line.prominence), rows=line.rows | peak.rows)
     return sorted(lines, key=lambda line: line.frequency)
+
+
+def sharpest(line: Line, peaks: Iterable[Line]) -> Line:
+    """Return a line as the finest resolution shows it whose peak is higher by half the gain of a sine or more.
+
+    The density at the peak of a sine grows with the length of the segments; that of a line whose frequency drifts by
+    more than the resolution does not.
+    """
+    best = line
+    for peak in peaks:
+        gain = 5 * math.log10(line.resolution / peak.resolution)
+        is_finer = peak.resolution < best.resolution * (1 - 1e-9) and peak.rows == line.rows
+        if is_finer and gain > 0 and peak.level >= line.level + gain and _is_same(peak, line):
+            best = peak
+    return replace(best, chance=line.chance)
 
 
 def multiples(fundamental: float, tolerance: float, lines: Sequence[Line]) -> Family:
