@@ -1,6 +1,7 @@
 """Subtraction of the lines of the excitation from a recording, so that modes next to them remain."""
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 from scipy import fft
@@ -8,14 +9,15 @@ from scipy import fft
 from sprung._arrays import Complex, Real
 from sprung.recording import Recording
 from sprung.signals.harmonics import Harmonic
-from sprung.signals.narrow_lines import NOISE_BANDWIDTH
 
 #: Amplitudes for each length over which the amplitude of a line may change at the fastest.
 _PER_LENGTH = 8
 #: Zero padding for the exact frequency of a line.
 _PADDING = 8
-#: Factor by which the residual power has to fall for a shorter length: less may be a mode's own motion.
-_WORTH = 4.0
+#: Shortest length over which the amplitude of a line is averaged where it comes or goes [s].
+_SHORTEST = 2.0
+#: Multiple of the median change of an amplitude from length to length that is no chance.
+_CONTRADICTION = 5.0
 
 
 def subtract_lines(recording: Recording, harmonics: Iterable[Harmonic]) -> Recording:
@@ -37,10 +39,16 @@ def subtract_lines(recording: Recording, harmonics: Iterable[Harmonic]) -> Recor
     -----
     In every stretch the line is the local mean of 2 y(t) exp(-2 pi i f t) over a length D (weighted with a Hann
     window), at the frequency f at which the channels together have most power within the resolution of the line. D is
-    the whole stretch, or a half, a quarter ... of it down to the length that resolved the line, if the residual power
-    within that resolution falls by a factor of 4 or more. What goes with the line is the motion within about 1 / D: of
-    the energy of a mode at the line's frequency the share 2 / (pi D b) with b its half-power bandwidth, of one that
-    lies away from the line by several b next to nothing.
+    at each time the longest of the whole stretch, a half, a quarter ... of it down to 2 s that no shorter length
+    contradicts by more than chance (Lepski's method): a steady sine is fitted over the whole stretch, one that starts
+    in it over what there is of it. What goes with the line is the motion within about 1 / D: of the energy of a mode at
+    the line's frequency the share 2 / (pi D b) with b its half-power bandwidth, of one that lies away from the line by
+    several b next to nothing.
+
+    References
+    ----------
+    O. V. Lepski (1991), On a problem of adaptive estimation in Gaussian white noise, Theory of Probability and its
+    Applications 35, 454-466.
 
     Examples
     --------
@@ -60,15 +68,14 @@ def subtract_lines(recording: Recording, harmonics: Iterable[Harmonic]) -> Recor
         motion = samples[:, stretch]
         # The strongest line first: its side lobes reach furthest.
         for line in sorted(lines, key=lambda line: -line.prominence):
-            motion -= _sine(motion, line.frequency / rate, line.resolution / rate)
+            motion -= _sine(motion, line.frequency / rate, line.resolution / rate, _SHORTEST * rate)
     listed = ", ".join(f"{line.frequency:.4g}" for line in lines[:10]) + (", ..." if len(lines) > 10 else "")
     return recording.changed(f"lines at {listed} Hz subtracted", samples=samples)
 
 
-def _sine(motion: Real, frequency: float, resolution: float) -> Real:
+def _sine(motion: Real, frequency: float, resolution: float, shortest: float) -> Real:
     """Return the line of a frequency [1/sample] in samples, shape (channels, samples)."""
     n_samples = motion.shape[1]
-    shortest = NOISE_BANDWIDTH / resolution
     step = max(1, int(min(shortest, n_samples) / _PER_LENGTH))
     n_blocks = n_samples // step
     if n_blocks < 2:
@@ -81,8 +88,6 @@ def _sine(motion: Real, frequency: float, resolution: float) -> Real:
     amplitudes = _smooth(envelope, shortest / step)
     centres = (np.arange(n_blocks) + 0.5) * step - 0.5
     carrier = 2 * np.exp(2j * np.pi * (frequency * times - offset / step * centres[0]))
-    if np.ptp(amplitudes, axis=1).max() == 0:
-        return np.real(amplitudes[:, :1] * carrier)
     following = np.array([np.interp(times, centres, row) for row in amplitudes])
     return np.real(following * carrier)
 
@@ -109,20 +114,24 @@ def _offset(envelope: Complex, reach: float) -> float:
 
 
 def _smooth(envelope: Complex, shortest: float) -> Complex:
-    """Return the mean, or the local means over the longest length that leaves clearly less."""
+    """Return at each time the mean over the longest length that no shorter one contradicts."""
     n_blocks = envelope.shape[1]
-    best = np.broadcast_to(envelope.mean(axis=1, keepdims=True), envelope.shape)
-    least = _residual(envelope, best)
+    means = [np.broadcast_to(envelope.mean(axis=1, keepdims=True), envelope.shape)]
     length = n_blocks / 2
     while length >= max(shortest, 2.0):
         half = int(length)
         kernel = np.sin(np.pi * np.arange(1, 2 * half) / (2 * half)) ** 2
-        smooth = _convolved(envelope, kernel) / _convolved(np.ones((1, n_blocks)), kernel).real
-        residual = _residual(envelope, smooth)
-        if _WORTH * residual < least:
-            best, least = smooth, residual
+        means.append(_convolved(envelope, kernel) / _convolved(np.ones((1, n_blocks)), kernel).real)
         length /= 2
-    return np.asarray(best)
+    chosen = means[-1].copy()
+    is_valid = np.ones(n_blocks, dtype=np.bool_)
+    # Half of the time or more the line is taken to be steady, so that the median change between lengths is noise.
+    noise = [np.median(np.abs(b - a), axis=1, keepdims=True) for a, b in pairwise(means)]
+    for k in range(len(means) - 2, -1, -1):
+        for j in range(k + 1, len(means)):
+            is_valid &= np.all(np.abs(means[k] - means[j]) <= _CONTRADICTION * noise[j - 1], axis=0)
+        chosen[:, is_valid] = means[k][:, is_valid]
+    return chosen
 
 
 def _convolved(rows: Complex | Real, kernel: Real) -> Complex:
@@ -131,9 +140,3 @@ def _convolved(rows: Complex | Real, kernel: Real) -> Complex:
     n_fft = int(fft.next_fast_len(rows.shape[1] + kernel.size - 1))
     full = fft.ifft(fft.fft(rows, n_fft) * fft.fft(kernel, n_fft))
     return full[:, half : half + rows.shape[1]]
-
-
-def _residual(envelope: Complex, smooth: Complex) -> float:
-    """Return the power that a smooth envelope leaves, each channel relative to its own."""
-    scale = np.maximum(np.mean(np.abs(envelope) ** 2, axis=1), np.finfo(float).tiny)
-    return float(np.sum(np.mean(np.abs(envelope - smooth) ** 2, axis=1) / scale))
