@@ -403,6 +403,7 @@ def _diagram(correlations: Correlations, summary: CorrelationSummary) -> Stabili
         poles.damping_ratio,
         summary.harmonics,
         resolution=correlations.sampling_rate / (2 * plan.ladder.n_lags),
+        is_subtracted=summary.settings.ladder is None,
     )
     return stabilise(poles, criteria=summary.settings.criteria, band=plan.mode_band, is_harmonic=is_harmonic)
 

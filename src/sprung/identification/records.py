@@ -21,6 +21,7 @@ from sprung.identification.preparation import Prepared, prepare, search_harmonic
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
+from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.usable import AnyVehicle, speed_channel, usable
 
@@ -192,8 +193,10 @@ def _correlate(
     method: str, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
 ) -> _Correlated:
     """Correlate the segments of one prepared record."""
+    # The thesis keeps the lines in and judges the poles on them.
+    motion = prepared.motion if settings.ladder is not None else subtract_lines(prepared.motion, harmonics)
     segments = correlate_segments(
-        prepared.motion,
+        motion,
         n_lags=plan.ladder.n_lags,
         segment=plan.segment,
         references=settings.references,

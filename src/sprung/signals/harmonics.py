@@ -14,7 +14,21 @@ from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 from sprung.signals.conditioning import moving_parts, over_distance, while_moving
-from sprung.signals.narrow_lines import Line, largest_family, merge_peaks, multiples, narrow_lines, octaves
+from sprung.signals.narrow_lines import (
+    DRIFTING,
+    NOISE_BANDWIDTH,
+    Line,
+    Periodograms,
+    has_own_width,
+    largest_family,
+    lines_of,
+    merge_peaks,
+    multiples,
+    narrow_lines,
+    octaves,
+    periodograms,
+    whole_lines,
+)
 
 #: Smallest distance of consecutive segments in time constants of the least damped mode: their powers are then
 #: independent to within a few per cent.
@@ -29,6 +43,8 @@ SLIP = 0.004
 FAINTEST_MULTIPLE = 4.0
 #: Smallest spread of speed (middle half over median) that separates lines proportional to it from constant ones.
 LEAST_SPREAD = 0.03
+#: Damping of the narrowest mode in the comparison of a peak with its neighbourhood over the smallest damping ratio.
+NARROWEST = 0.6
 #: Largest damping ratio of the pole of a line; poles with more belong to modes, even near a line.
 MOST_DAMPED_LINE = 0.05
 
@@ -42,7 +58,8 @@ class Harmonic:
     frequency
         Frequency [Hz], or spatial frequency [cycles/m] of a line proportional to speed.
     kind
-        "constant" or "speed".
+        "constant", "drifting" (of constant frequency within a resolution that is far coarser than that of the
+        recording, such as a line of an engine whose speed wanders) or "speed" (proportional to it).
     band
         Lowest and highest frequency of the line [Hz]: within its resolution, and over 5 to 95 % of the speeds.
     resolution
@@ -57,7 +74,7 @@ class Harmonic:
     """
 
     frequency: float
-    kind: Literal["constant", "speed"]
+    kind: Literal["constant", "drifting", "speed"]
     band: tuple[float, float]
     resolution: float
     prominence: float
@@ -152,7 +169,11 @@ def find_harmonics(
     if not names:
         raise DataError("the recording has no channel besides the speed: there is nothing to search")
     lines = _constant_lines(recording.select(names), prominence, false_alarm_rate, least_damping)
+    finest = NOISE_BANDWIDTH / min(_longest_stretch(recording), LONGEST_SEGMENT)
     constant = _as_harmonics(lines, names, "constant", (1.0, 1.0))
+    constant = tuple(
+        replace(line, kind="drifting") if line.resolution > DRIFTING * finest else line for line in constant
+    )
     if speed is None or not moving_parts(recording, speed, minimum_speed=minimum_speed):
         return constant
     moving = while_moving(recording, speed, minimum_speed=minimum_speed)
@@ -171,6 +192,7 @@ def near_harmonic(
     harmonics: Sequence[Harmonic],
     *,
     resolution: float,
+    is_subtracted: bool = False,
 ) -> Booleans:
     """Return which poles are harmonics rather than modes.
 
@@ -183,13 +205,17 @@ def near_harmonic(
     resolution
         Frequency resolution of the identification [Hz], above 0, such as half the reciprocal of its longest lag: the
         largest deviation and the largest half-power bandwidth of the pole of a line.
+    is_subtracted
+        Whether lines of constant frequency were subtracted before the identification. Their own resolution then stands
+        for `resolution`: only a residue is left of them, and the poles next to them are those of modes.
 
     Returns
     -------
     ndarray of bool
         True for a pole within `resolution` of a line's band whose damping ratio is at most 5 % and, for a line of
-        constant frequency, whose half-power bandwidth 2 xi f is at most `resolution`. The pole of a heavily damped
-        mode near a line, or in the band swept by a line proportional to speed, is wider, and False.
+        constant frequency, whose half-power bandwidth 2 xi f is at most `resolution` (of a drifting one: or the
+        line's own resolution, if that is larger). The pole of a heavily damped mode near a line, or in the band swept
+        by a line proportional to speed, is wider, and False.
 
     Raises
     ------
@@ -202,33 +228,47 @@ def near_harmonic(
         raise ParameterError(f"{f.shape} natural frequencies need as many damping ratios, but there are {xi.shape}")
     is_near = np.zeros(f.shape, dtype=np.bool_)
     for harmonic in harmonics:
-        is_narrow = (harmonic.kind == "speed") | (2 * xi * f <= resolution)
+        is_left = harmonic.kind != "constant" or not is_subtracted
+        reach = resolution if is_left else harmonic.resolution
+        width = max(reach, harmonic.resolution) if harmonic.kind == "drifting" else reach
+        is_narrow = (harmonic.kind == "speed") | (2 * xi * f <= width)
         low, high = harmonic.band
-        is_near |= is_narrow & (low - resolution <= f) & (f <= high + resolution)
+        is_near |= is_narrow & (low - reach <= f) & (f <= high + reach)
     return is_near & (xi <= MOST_DAMPED_LINE)
+
+
+def _longest_stretch(recording: Recording) -> float:
+    """Return the length of the longest stretch without a gap, in the reciprocal unit of the sampling rate."""
+    return float(max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate)
 
 
 def _constant_lines(
     recording: Recording, prominence: float, false_alarm_rate: float, least_damping: float
 ) -> list[Line]:
     """Return regular lines, and narrow lines at their multiples."""
-    longest = max(stretch.stop - stretch.start for stretch in recording.stretches()) / recording.sampling_rate
+    longest = _longest_stretch(recording)
     peaks: list[Line] = []
-    for segment_length in octaves(min(recording.duration / 3.5, longest, LONGEST_SEGMENT), recording):
+    whole = octaves(min(longest, LONGEST_SEGMENT), recording)[:1]
+    levels: list[Periodograms] = []
+    for segment_length in whole + octaves(min(recording.duration / 3.5, longest, LONGEST_SEGMENT), recording):
         lowest = INDEPENDENCE / (math.pi * least_damping * segment_length)
-        narrow = narrow_lines(
-            recording,
-            segment_length=segment_length,
+        levels.append(periodograms(recording, segment_length))
+        narrow = lines_of(
+            levels[-1],
             prominence=prominence,
             false_alarm_rate=false_alarm_rate,
+            least_damping=NARROWEST * least_damping,
         )
-        peaks += [peak for peak in narrow if peak.frequency >= lowest]
+        for peak in narrow:
+            if peak.frequency < lowest and not (len(levels) > 3 and has_own_width(peak, levels[-3])):
+                peak = replace(peak, chance=1.0)
+            peaks.append(peak)
     if not peaks:
         return []
     from scipy.stats import false_discovery_control
 
     is_regular = false_discovery_control([peak.chance for peak in peaks]) <= false_alarm_rate
-    regular = merge_peaks(peak for peak, holds in zip(peaks, is_regular, strict=True) if holds)
+    regular = merge_peaks(whole_lines([peak for peak, holds in zip(peaks, is_regular, strict=True) if holds], peaks))
     doubtful = merge_peaks((peak for peak, holds in zip(peaks, is_regular, strict=True) if not holds), known=regular)
     return _with_multiples(regular, doubtful, false_alarm_rate)
 
@@ -257,7 +297,7 @@ def _speed_lines(
 ) -> list[Line]:
     """Return lines over distance that exceed every line over time at the frequencies of these quartiles of speed."""
     peaks: list[Line] = []
-    longest = max(stretch.stop - stretch.start for stretch in along.stretches()) / along.sampling_rate
+    longest = _longest_stretch(along)
     for metres in octaves(min(along.duration / 3.5, longest), along):
         narrow = narrow_lines(
             along,
@@ -279,7 +319,7 @@ def _unexplained(
     peaks: list[Line], moving: Recording, segment_length: float, speeds: tuple[float, float, float]
 ) -> list[Line]:
     """Return the peaks over distance that no line over time in the same channels explains."""
-    longest = max(stretch.stop - stretch.start for stretch in moving.stretches()) / moving.sampling_rate
+    longest = _longest_stretch(moving)
     rivals = narrow_lines(
         moving,
         segment_length=min(segment_length, longest),

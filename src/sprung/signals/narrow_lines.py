@@ -19,6 +19,13 @@ NOISE_BANDWIDTH = 1.5
 BLOCK, FEWEST_SEGMENTS = 6, 5
 #: Smallest number of samples of a segment, and number of segment lengths.
 SHORTEST_SEGMENT, N_OCTAVES = 64, 8
+#: Loss of energy [dB] at a finer resolution up to which a line is resolved there (half), and up to which it hardly
+#: reaches beyond (the scalloping of a Hann window is 1.4 dB).
+HALF, NEARLY_ALL = 3.0, 1.5
+#: Smallest resolution of a line that drifts over the finest resolution of the recording.
+DRIFTING = 5.0
+#: Number of correlated bins of a Hann window that say as much as one independent bin, 1 + 2 (4/9 + 1/36).
+_BINS_OF_ONE = 1.944
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +41,10 @@ class Line:
     rows
         Rows of the channels that show the line.
     chance
-        Probability that the powers of random vibration are as regular (see `chance_of_regularity`).
+        Probability that the powers of random vibration are as regular (see `chance_of_regularity`), or that a mode
+        is as narrow (see `chance_of_narrowness`).
+    level
+        Power density at the peak [dB].
     """
 
     frequency: float
@@ -43,6 +53,26 @@ class Line:
     prominence: float
     rows: frozenset[int]
     chance: float = 1.0
+    level: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Periodograms:
+    """Periodograms of consecutive segments.
+
+    Parameters
+    ----------
+    powers
+        Periodogram of each channel and segment, shape (channels, segments, bins).
+    densities
+        Their means over the segments, shape (channels, bins).
+    bin_width
+        Distance of bins, in the recording's unit of frequency.
+    """
+
+    powers: Real
+    densities: Real
+    bin_width: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +97,7 @@ def narrow_lines(
     prominence: float,
     false_alarm_rate: float,
     is_geometric: bool = False,
+    least_damping: float | None = None,
 ) -> list[Line]:
     """Find the peaks of each channel's averaged periodogram that are as narrow as the window.
 
@@ -83,28 +114,70 @@ def narrow_lines(
         averaged.
     is_geometric
         Whether the logarithms of the powers are averaged, so that no single segment makes a line.
+    least_damping
+        Smallest damping ratio of a mode: a peak may also be a line because it is narrower than any mode
+        (`chance_of_narrowness`); None: only because it is regular (`chance_of_regularity`).
 
     Returns
     -------
     list of Line
         Lines of each channel; a line in several channels occurs in each.
     """
+    level = periodograms(recording, segment_length)
+    return lines_of(
+        level,
+        prominence=prominence,
+        false_alarm_rate=false_alarm_rate,
+        is_geometric=is_geometric,
+        least_damping=least_damping,
+    )
+
+
+def periodograms(recording: Recording, segment_length: float) -> Periodograms:
+    """Return the periodograms of half-overlapping segments [s] of each channel."""
     spectra = short_time_spectra(recording, segment_length=segment_length)
-    powers = np.concatenate([np.abs(block) ** 2 for block in spectra], axis=1)
+    powers = np.concatenate([block.real**2 + block.imag**2 for block in spectra], axis=1)
+    bin_width = float(recording.sampling_rate / round(segment_length * recording.sampling_rate))
+    return Periodograms(powers, powers.mean(axis=1), bin_width)
+
+
+def lines_of(
+    periodograms: Periodograms,
+    *,
+    prominence: float,
+    false_alarm_rate: float,
+    is_geometric: bool = False,
+    least_damping: float | None = None,
+) -> list[Line]:
+    """Find the peaks of averaged periodograms; parameters as for `narrow_lines`."""
+    powers, bin_width = periodograms.powers, periodograms.bin_width
     n_channels, n_segments, n_bins = powers.shape
-    if n_segments < FEWEST_SEGMENTS:
+    if n_segments < (FEWEST_SEGMENTS if least_damping is None else 1):
         return []
     random = _random_height(n_segments, false_alarm_rate / (n_channels * n_bins), is_geometric)
-    densities = _geometric_mean(powers) if is_geometric else powers.mean(axis=1)
-    bin_width = float(recording.sampling_rate / round(segment_length * recording.sampling_rate))
+    densities = _geometric_mean(powers) if is_geometric else periodograms.densities
     lines = []
     for row, density in enumerate(densities):
-        for k, height in zip(*_peaks(density), strict=True):
-            if height >= max(prominence, random):
-                frequency = float(k + _offset(density[k - 1 : k + 2])) * bin_width
-                chance = chance_of_regularity(powers[row, :, k])
-                resolution = NOISE_BANDWIDTH * bin_width
-                lines.append(Line(frequency, bin_width / 2, resolution, float(height), frozenset([row]), chance))
+        bins, heights = _peaks(density)
+        is_high = heights >= max(prominence, random)
+        for k, height in zip(bins[is_high].tolist(), heights[is_high].tolist(), strict=True):
+            frequency = (k + _offset(density[k - 1 : k + 2])) * bin_width
+            chance = chance_of_regularity(powers[row, :, k])
+            if least_damping is not None:
+                ratio = 2 * least_damping * frequency / bin_width
+                narrowness = n_channels * n_bins * chance_of_narrowness(density, k, ratio, n_segments)
+                chance = min(1.0, 2 * chance, 2 * narrowness)
+            lines.append(
+                Line(
+                    frequency=frequency,
+                    tolerance=bin_width / 2,
+                    resolution=NOISE_BANDWIDTH * bin_width,
+                    prominence=height,
+                    rows=frozenset([row]),
+                    chance=chance,
+                    level=10 * math.log10(density[k]),
+                )
+            )
     return lines
 
 
@@ -157,6 +230,47 @@ def chance_of_regularity(powers: Real) -> float:
     return float(min(1.0, n_blocks * np.min(special.bdtrc(np.arange(n_blocks), n_blocks, chances))))
 
 
+def chance_of_narrowness(density: Real, peak: int, bandwidth: float, n_segments: int) -> float:
+    """Return the probability that a mode or smooth noise rises as much above its neighbourhood.
+
+    Parameters
+    ----------
+    density
+        Averaged periodogram of Hann-windowed segments, shape (bins,).
+    peak
+        Bin of the peak.
+    bandwidth
+        Half-power bandwidth of the narrowest possible mode at the peak [bins].
+    n_segments
+        Number of half-overlapping segments averaged.
+
+    Returns
+    -------
+    float
+        Upper bound of the probability.
+
+    Notes
+    -----
+    The spectrum of a mode of half-power bandwidth b falls off as 1 / (1 + (2 d / b)^2) at the distance d, so the
+    density at the peak is compared with the mean of its neighbours (bins 3 to 12 on either side) times
+    1 + (2 d / b)^2. Of random vibration the ratio follows Fisher's distribution if the peak is the narrowest mode, and
+    is smaller for wider modes and smooth noise. Where the segments do not resolve b the weights are so large that
+    nothing is called a line.
+
+    References
+    ----------
+    D. J. Thomson (1982), Spectrum estimation and harmonic analysis, Proceedings of the IEEE 70, 1055-1096 (F test of
+    lines, section XIII).
+    """
+    distance = np.arange(MAIN_LOBE + 1, NEIGHBOURHOOD + 1)
+    bins = np.concatenate([peak - distance[distance < peak], peak + distance[peak + distance < density.size - 1]])
+    weights = 1 + (2 * (bins - peak) / max(bandwidth, 1e-9)) ** 2
+    floor = max(float(np.mean(weights * density[bins])), float(np.finfo(np.float64).tiny))
+    n_independent = n_segments / (1 + (n_segments - 1) / n_segments / 18)
+    freedom = 2 * n_independent
+    return float(special.fdtrc(freedom, freedom * bins.size / _BINS_OF_ONE, density[peak] / floor))
+
+
 def merge_peaks(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Line]:
     """Merge peaks of all channels and resolutions that are one line, the finest first; omit those of `known` lines."""
     lines: list[Line] = []
@@ -170,6 +284,66 @@ def merge_peaks(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Li
             line = lines[same]
             lines[same] = replace(line, prominence=max(peak.prominence, line.prominence), rows=line.rows | peak.rows)
     return sorted(lines, key=lambda line: line.frequency)
+
+
+def whole_lines(regular: Iterable[Line], peaks: Sequence[Line]) -> list[Line]:
+    """Return regular lines at the finest resolution that holds at least half of their energy, without their parts.
+
+    Parameters
+    ----------
+    regular
+        Lines of all channels and resolutions.
+    peaks
+        All peaks, regular or not.
+
+    Returns
+    -------
+    list of Line
+        Lines of each channel.
+
+    Notes
+    -----
+    The density at the peak of a sine grows with the length of the segments. That of a line whose frequency drifts does
+    not: a finer resolution shows narrow parts of it, none of which is the line.
+    """
+    finest = min((peak.resolution for peak in peaks), default=0.0)
+    lines: list[Line] = []
+    drifting: list[Line] = []
+    for line in sorted(regular, key=lambda line: -line.resolution):
+        if any(_is_same(line, other) and _is_part(line, other, HALF) for other in drifting):
+            continue
+        sharp = _sharpest(line, peaks, HALF)
+        if sharp.resolution > finest * DRIFTING:
+            drifting.append(line)
+            sharp = _sharpest(line, peaks, NEARLY_ALL)
+        lines.append(sharp)
+    return lines
+
+
+def _is_part(line: Line, whole: Line, loss: float) -> bool:
+    """Return whether a peak holds less of the energy of a line than the loss allows, or is in another channel."""
+    gain = 10 * math.log10(whole.resolution / line.resolution)
+    return line.rows != whole.rows or line.level < whole.level + gain - loss
+
+
+def _sharpest(line: Line, peaks: Iterable[Line], loss: float) -> Line:
+    """Return a line at the finest resolution that holds its energy but for a loss [dB]."""
+    best = line
+    for peak in peaks:
+        is_finer = peak.resolution < best.resolution * (1 - 1e-9) and peak.rows == line.rows
+        if is_finer and _is_same(peak, line) and not _is_part(peak, line, loss):
+            best = peak
+    return replace(best, chance=line.chance)
+
+
+def has_own_width(line: Line, finer: Periodograms) -> bool:
+    """Return whether a peak is wider than a finer resolution: its density then does not grow as that of a sine."""
+    (row,) = line.rows
+    reach = round(line.resolution / NOISE_BANDWIDTH * MAIN_LOBE / finer.bin_width)
+    k = round(line.frequency / finer.bin_width)
+    peak = finer.densities[row, max(k - reach, 0) : k + reach + 1].max(initial=0.0)
+    gain = line.resolution / (NOISE_BANDWIDTH * finer.bin_width)
+    return bool(peak < math.sqrt(gain) * 10 ** (line.level / 10))
 
 
 def multiples(fundamental: float, tolerance: float, lines: Sequence[Line]) -> Family:
