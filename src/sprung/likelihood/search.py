@@ -1,11 +1,12 @@
 """Search for the parameters at which the likelihood is largest."""
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.likelihood.whittle import TOO_FAR, Model
+from sprung.likelihood.whittle import TOO_FAR
 
 #: Length of a step, in standard deviations, after which the information is taken anew, and how often at most.
 _FAR, _MOST_FAR = 3.0, 5
@@ -20,7 +21,21 @@ _SUFFICIENT, _SHORTER, _SHORTEST = 1e-4, (0.1, 0.5), 1e-6
 _CURVED = 1e-10
 
 
-def minimised(model: Model, start: Real) -> Real:
+class Likelihood(Protocol):
+    """A model with data whose likelihood is searched: of a vehicle (`whittle.Model`) or of modes (`ModalModel`)."""
+
+    @property
+    def prior_std(self) -> Real:
+        """Standard deviation of the prior, shape (parameters,)."""
+
+    def objective(self, parameters: Real) -> tuple[float, Real]:
+        """Return minus the log likelihood, the prior included, and its gradient; `TOO_FAR` where it does not exist."""
+
+    def information(self, parameters: Real) -> Real:
+        """Return the Fisher information without the prior, shape (parameters, parameters)."""
+
+
+def minimised(model: Likelihood, start: Real) -> Real:
     """Return the parameters at which the likelihood is largest.
 
     Parameters
@@ -49,7 +64,7 @@ def minimised(model: Model, start: Real) -> Real:
     return parameters
 
 
-def descent(model: Model, start: Real) -> Iterator[Real]:
+def descent(model: Likelihood, start: Real) -> Iterator[Real]:
     """Yield the parameters after each step of a search for the largest likelihood.
 
     Parameters
@@ -101,7 +116,7 @@ def descent(model: Model, start: Real) -> Iterator[Real]:
 
 
 def _shortened(
-    model: Model, parameters: Real, direction: Real, value: float, descent_rate: float
+    model: Likelihood, parameters: Real, direction: Real, value: float, descent_rate: float
 ) -> tuple[float, float, Real]:
     """Return length, value and slope of a step that decreases the objective enough; length 0 without any."""
     length = 1.0
@@ -128,7 +143,7 @@ def _updated(inverse: Real, step: Real, change: Real, *, is_first: bool) -> Real
     return np.asarray(inverse - crossed - crossed.T + weight * np.outer(step, step), dtype=np.float64)
 
 
-def preconditioner(model: Model, parameters: Real) -> Real:
+def preconditioner(model: Likelihood, parameters: Real) -> Real:
     """Return the factor F that makes the information about the parameters, prior included, the unit matrix.
 
     Parameters
