@@ -251,7 +251,8 @@ class Modes:
             )
         if self.mode_shape_std.shape != self.mode_shapes.shape:
             raise ParameterError(
-                f"mode_shape_std {self.mode_shape_std.shape} must have the shape of mode_shapes {self.mode_shapes.shape}"
+                f"mode_shape_std {self.mode_shape_std.shape} must have as many entries as mode_shapes"
+                f" {self.mode_shapes.shape}"
             )
 
     def __len__(self) -> int:

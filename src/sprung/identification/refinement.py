@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
@@ -101,7 +103,7 @@ def record_spectra(motion: Recording, plan: Plan) -> RecordSpectra:
     block = max(2 * plan.segment, plan.preparation.spectrum_segment)
     blocks = block_sums(motion, line_edges(low, high, duration=block, relative_width=_BLOCK_WIDTH), duration=block)
     lines = line_sums(motion, line_edges(low, high, duration=duration))
-    return RecordSpectra(lines, tuple(blocks), np.zeros(len(blocks))).with_fewer_blocks()
+    return RecordSpectra(lines, tuple(blocks), np.zeros(len(blocks), dtype=np.intp)).with_fewer_blocks()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -415,7 +417,7 @@ def _refined(fit: _Fitted, modes: Modes, spectra: RecordSpectra, channels: Seque
     """Return the modes of a fit, with standard deviations."""
     model, n = fit.model, len(fit.modes)
     values = model.unpacked(fit.parameters)
-    covariance = np.linalg.inv(_posterior(model, fit.parameters))
+    covariance: Real = np.asarray(np.linalg.inv(_posterior(model, fit.parameters)), dtype=np.float64)
     scale = np.sqrt(max(fit.band.misfit, 1.0)) if fit.excess >= _BEYOND_CHANCE else 1.0
     variances = np.diag(covariance) * _scatter(fit, covariance, spectra, channels)
     deviations = scale * np.sqrt(variances)
@@ -528,10 +530,16 @@ def _distance(start: Modes, refined: Modes, place: int) -> tuple[float, str]:
 def _with_mode(modes: Modes, k: int, refined: Modes, place: int) -> Modes:
     """Return the modes with the values of one refined mode."""
 
-    def put(name: str) -> Real | Complex:
-        array = getattr(modes, name).copy()
-        array[k] = getattr(refined, name)[place]
-        return np.asarray(array)
+    def put(values: NDArray[Any], new: NDArray[Any]) -> NDArray[Any]:
+        changed = values.copy()
+        changed[k] = new[place]
+        return changed
 
-    names = ("poles", "mode_shapes", "natural_frequency_std", "damping_ratio_std", "mode_shape_std")
-    return replace(modes, **{name: put(name) for name in names})
+    return replace(
+        modes,
+        poles=put(modes.poles, refined.poles),
+        mode_shapes=put(modes.mode_shapes, refined.mode_shapes),
+        natural_frequency_std=put(modes.natural_frequency_std, refined.natural_frequency_std),
+        damping_ratio_std=put(modes.damping_ratio_std, refined.damping_ratio_std),
+        mode_shape_std=put(modes.mode_shape_std, refined.mode_shape_std),
+    )

@@ -1,13 +1,13 @@
-"""Whittle likelihood of modes: spectral matrix = shapes x responses x force spectra x responses^H x shapes^H + noise."""
+"""Whittle likelihood of modes with free shapes, spectra of their forces and noise."""
 
 from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
 
-from sprung._arrays import Complex, Indices, Real
+from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
-from sprung.likelihood.hermitian import real_coordinates
+from sprung.likelihood.hermitian import congruence, real_coordinates
 from sprung.likelihood.modal_spectra import LineSpectra
 from sprung.likelihood.whittle import TOO_FAR
 
@@ -76,9 +76,10 @@ class ModalModel:
 
         h(f) = x^(q + b) / (1 - x^2 + 2 i xi x),  x = f / f_k,
 
-    with q the exponent of the quantity and b = b_0 + b_k that of the force. The parameters are ln f_k, ln xi_k, b_0, b_k, the real and
-    imaginary parts of each shape (1 at its largest channel), the real coordinates of P relative to the start, ln n and
-    a. The prior of b and a is normal around 0. P need not be positive semidefinite, S must be positive definite.
+    with q the exponent of the quantity and b = b_0 + b_k that of the force. The parameters are ln f_k, ln xi_k, b_0,
+    b_k, the real and imaginary parts of each shape (1 at its largest channel), the real coordinates of P relative to
+    the start, ln n and a. The prior of b and a is normal around the start. P need not be positive
+    semidefinite, S must be positive definite.
 
     A bin holds the mean of S over its kernel: of the taper, and of the lines averaged. It is taken at three frequencies
     with the weights of Gauss-Hermite quadrature, exact to the fifth order of the kernel's width.
@@ -196,7 +197,7 @@ class ModalModel:
             noise_exponents=parameters[self.rows("noise_exponents")],
         )
 
-    def _is_free(self) -> Indices:
+    def _is_free(self) -> Booleans:
         """Return the mask of the shapes' entries that are parameters, shape (modes, channels)."""
         is_free = np.ones((self.n_modes, self.n_channels), dtype=np.bool_)
         is_free[np.arange(self.n_modes), self._largest] = False
@@ -218,7 +219,7 @@ class ModalModel:
         frequencies, weights = self._grid()
         x = frequencies[..., None] / values.natural_frequency
         power = self.quantity_exponent + values.common_exponent + values.force_exponents
-        responses = x**power / (1 - x**2 + 2j * values.damping_ratio * x)
+        responses = np.asarray(x**power / (1 - x**2 + 2j * values.damping_ratio * x), dtype=np.complex128)
         return responses, values.mode_shapes.T * responses[..., None, :], weights
 
     def _noise(self, values: ModalParameters) -> Real:
@@ -310,7 +311,7 @@ class ModalModel:
             derivatives += [_with_adjoint(unit), _with_adjoint(1j * unit)]
         crossed = np.einsum("s,sbik,sbjl->klbij", weights, moved * self.scale, (moved * self.scale).conj())
         derivatives += [crossed[k, k] for k in range(self.n_modes)]
-        halves = [crossed[k, l] / np.sqrt(2) for k, l in combinations(range(self.n_modes), 2)]
+        halves = [crossed[pair] / np.sqrt(2) for pair in combinations(range(self.n_modes), 2)]
         derivatives += [_with_adjoint(half) for half in halves]
         derivatives += [_with_adjoint(1j * half) for half in halves]
         noise, logs = self._noise(values), np.log(self.spectra.frequencies / self._reference)
@@ -324,13 +325,16 @@ class ModalModel:
     def residuals(self, parameters: Real) -> Complex:
         """Return the whitened deviation L^-1 S^ L^-H - I of the data, S = L L^H, shape (bins, channels, channels)."""
         inverse = np.linalg.inv(np.linalg.cholesky(self.matrix(parameters)))
-        return inverse @ self.spectra.matrices @ inverse.conj().swapaxes(-1, -2) - np.eye(self.n_channels)
+        whitened = inverse @ self.spectra.matrices @ inverse.conj().swapaxes(-1, -2)
+        return np.asarray(whitened - np.eye(self.n_channels), dtype=np.complex128)
 
     def whitened_derivatives(self, parameters: Real) -> Real:
         """Return sqrt(n) L^-1 (dS/dp) L^-H, S = L L^H, in real coordinates, shape (parameters, bins, channels^2)."""
-        inverse = np.linalg.inv(np.linalg.cholesky(self.matrix(parameters)))
-        whitened = inverse @ self.derivatives(parameters) @ inverse.conj().swapaxes(-1, -2)
-        return real_coordinates(whitened) * np.sqrt(self.spectra.counts)[:, None]
+        factors = np.asarray(np.linalg.inv(np.linalg.cholesky(self.matrix(parameters))), dtype=np.complex128)
+        whitening = congruence(factors) * np.sqrt(self.spectra.counts)[:, None, None]
+        derivatives = real_coordinates(self.derivatives(parameters)).transpose(1, 0, 2)
+        whitened = np.ascontiguousarray(derivatives) @ whitening.swapaxes(-1, -2)
+        return np.ascontiguousarray(whitened.transpose(1, 0, 2))
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior: I_pq = sum n tr(S^-1 dS/dp S^-1 dS/dq)."""

@@ -84,7 +84,8 @@ class LineSpectra:
         frequencies = np.add.reduceat(self.counts * self.frequencies, starts) / counts
         offsets = self.frequencies - frequencies[groups]
         variances = np.add.reduceat(self.counts * (self.spreads**2 + offsets**2), starts) / counts
-        matrices = np.add.reduceat(self.counts[:, None, None] * self.matrices, starts) / counts[:, None, None]
+        sums = np.add.reduceat(self.counts[:, None, None] * self.matrices, starts)
+        matrices = np.asarray(sums / counts[:, None, None], dtype=np.complex128)
         return LineSpectra(frequencies, np.sqrt(variances), counts, matrices)
 
 
@@ -195,8 +196,9 @@ def block_sums(recording: Recording, edges: Real, *, duration: float) -> list[Li
     for stretch in recording.stretches():
         length = stretch.stop - stretch.start
         n_blocks = round(length / (duration * rate))
-        bounds = np.linspace(stretch.start, stretch.stop, n_blocks + 1).round().astype(int) if n_blocks else []
-        blocks += [_stretch_sums(recording.samples[:, a:b], rate, edges) for a, b in pairwise(bounds)]
+        bounds = np.linspace(stretch.start, stretch.stop, n_blocks + 1).round().astype(int)
+        if n_blocks:
+            blocks += [_stretch_sums(recording.samples[:, a:b], rate, edges) for a, b in pairwise(bounds)]
     return blocks
 
 
