@@ -13,7 +13,7 @@ from sprung.identification.settings import Plan
 from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.modal import ModalModel, ModalParameters
 from sprung.likelihood.modal_spectra import LineSpectra, LineSums, block_sums, line_edges, line_sums
-from sprung.likelihood.search import minimised
+from sprung.likelihood.search import scored
 from sprung.modal import Modes, unit_shapes
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
@@ -30,17 +30,21 @@ _MOST_BLOCKS, _FEWEST_BLOCKS, _MOST_ENTRIES = 48, 8, 3e6
 #: Bands around the modes in half-power half-widths, widest first: the widest in which the model fits is used.
 _REACHES = (np.inf, 30.0, 12.0, 6.0)
 #: Most modes that are fitted together.
-_MOST_TOGETHER = 8
+_MOST_TOGETHER = 6
 #: Width of the bins over the half-width of the nearest mode, and over the distance from it.
 _BIN_OF_WIDTH, _BIN_OF_DISTANCE = 1 / 5, 1 / 8
 #: The fit of a band is judged on this many bins together. A model fits if the deviation is within this many standard
-#: deviations of chance; one that deviates by more than this factor gives no modes.
-_BINS_JUDGED, _BEYOND_CHANCE, _WORST_MISFIT = 4, 4.0, 2.0
+#: deviations of chance.
+_BINS_JUDGED, _BEYOND_CHANCE = 4, 3.0
 #: Modes that are not refined: more damped, or with fewer lines of the longest stretch in their half-power half-width.
 _MOST_DAMPED, _FEWEST_LINES = 0.15, 1.5
 #: Largest distance from the start, in standard deviations of both, and in half-widths where that of the start is
 #: unknown; largest change of damping by a factor.
-_FARTHEST, _FARTHEST_IN_WIDTHS, _MOST_RATIO = 4.0, 0.5, 2.0
+_FARTHEST, _FARTHEST_IN_WIDTHS, _MOST_RATIO = 2.5, 0.5, 2.0
+#: With more channels than these, modes are fitted in the space of their shapes and this many further coordinates.
+_FEW_CHANNELS, _MORE_COORDINATES = 6, 2
+#: Smallest density of noise at the start over the largest of the spectra, so that matrices stay positive definite.
+_LEAST_NOISE = 1e-9
 #: Fewest blocks whose scatter counts, fewest of their lines in a mode's half-width, and how far beyond chance it has to
 #: be, in standard deviations.
 _BLOCKS_THAT_COUNT, _LINES_THAT_COUNT, _SCATTER_BEYOND_CHANCE = 8, 2.0, 2.5
@@ -121,6 +125,8 @@ class BandFit:
     misfit_before, misfit
         Mean square of the whitened deviation of the measured spectra from the model over that by chance, before and
         after the search: 1 for a model that is true.
+    misfit_excess
+        Deviation of `misfit` from 1 in standard deviations of chance.
     """
 
     band: tuple[float, float]
@@ -128,6 +134,12 @@ class BandFit:
     is_converged: bool
     misfit_before: float
     misfit: float
+    misfit_excess: float
+
+    @property
+    def fits(self) -> bool:
+        """Whether the deviation of the spectra from the model is within chance."""
+        return self.misfit_excess < _BEYOND_CHANCE
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -171,14 +183,42 @@ class Refinement:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class _Coordinates:
+    """Combinations of the channels that hold the modes of a band, and the way back.
+
+    Parameters
+    ----------
+    forward
+        Coordinates of one unit of each channel, shape (coordinates, channels).
+    back
+        Channels of one unit of each coordinate, shape (channels, coordinates).
+    rest
+        Matrix from channels to orthonormal combinations of channels that hold noise alone, shape (rest, channels), and
+        the way back, shape (channels, rest).
+    exponents
+        Powers of frequency, relative to the mean, by which the channels' quantities differ, shape (channels,).
+    """
+
+    forward: Complex
+    back: Complex
+    rest: tuple[Complex, Complex]
+    exponents: Real
+
+    def spectra(self, spectra: LineSpectra) -> LineSpectra:
+        """Return spectra of the coordinates."""
+        return replace(spectra, matrices=self.forward @ spectra.matrices @ self.forward.conj().T)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class _Fitted:
-    """Maximum of the likelihood in one band."""
+    """Maximum of the likelihood in one band, and the tilted spectra of all channels behind it."""
 
     model: ModalModel
     parameters: Real
     modes: Indices
     band: BandFit
-    excess: float
+    coordinates: _Coordinates
+    spectra: LineSpectra
 
 
 def refine(
@@ -221,7 +261,7 @@ def refine(
     if data.frequencies.size and not all(reasons):
         for fit in _fits(modes, data, channels, reasons):
             bands.append(fit.band)
-            refined = _refined(fit, modes, spectra, channels)
+            refined = _refined(fit, modes, spectra)
             for place, k in enumerate(fit.modes):
                 distances[k], far = _distance(modes.take(fit.modes), refined, place)
                 reasons[k] = reasons[k] or _why_bad(fit.band) or far
@@ -250,13 +290,11 @@ def _why_bad(band: BandFit) -> str:
     """Return why the fit of a band is not used; empty if it is."""
     if not band.is_converged:
         return "the search for the largest likelihood did not converge"
-    if band.misfit > _WORST_MISFIT:
+    if not band.fits:
         return (
-            f"the spectra from {band.band[0]:.3g} to {band.band[1]:.3g} Hz deviate from the model {band.misfit:.2g}"
-            " times as much as chance allows: something else moves there, or the excitation is not smooth"
+            f"the spectra from {band.band[0]:.3g} to {band.band[1]:.3g} Hz deviate from the model"
+            f" {band.misfit:.3g} times as much as by chance: something else moves there, or the excitation is not smooth"
         )
-    if band.misfit > band.misfit_before * 1.05 and band.misfit > 1:
-        return "the refined modes fit the spectra worse"
     return ""
 
 
@@ -281,7 +319,7 @@ def _fits(modes: Modes, data: LineSpectra, channels: Sequence[Channel], reasons:
                 continue
             for part in np.array_split(group, -(-len(group) // _MOST_TOGETHER)) if is_last else [group]:
                 fit = None if len(part) > _MOST_TOGETHER else _fit(modes, part, reach, data, channels)
-                if fit is not None and (is_last or fit.excess < _BEYOND_CHANCE):
+                if fit is not None and (is_last or fit.band.fits):
                     fits.append(fit)
                 else:
                     left.append(part)
@@ -313,24 +351,68 @@ def _fit(modes: Modes, chosen: Indices, reach: float, data: LineSpectra, channel
     joined = inside.joined(_bins(inside.frequencies, frequencies, half_widths))
     neighbours = [k for k in (chosen[0] - 1, chosen[-1] + 1) if 0 <= k < len(modes)]
     together = np.concatenate([chosen, np.array(neighbours, dtype=np.intp)])
-    model = _started(modes.take(together), joined, channels, n_held=len(neighbours))
-    if model is None or 2 * model.start.size > joined.counts.size * len(channels) ** 2:
-        return None
+    together_modes = modes.take(together)
+    tilted, coordinates = _coordinates(together_modes, joined, channels)
     try:
-        parameters = minimised(model, model.start)
+        model = _started(together_modes, tilted, coordinates, channels, n_held=len(neighbours))
+        if 2 * model.start.size > joined.counts.size * model.n_channels**2:
+            return None
+        parameters, is_converged = scored(model, model.start)
         misfit, excess = _misfit(model, parameters)
-        slope = model.objective(parameters)[1]
-        deviation = np.sqrt(slope @ np.linalg.solve(_posterior(model, parameters), slope))
     except np.linalg.LinAlgError:
         return None
     band = BandFit(
         band=(float(joined.frequencies[0]), float(joined.frequencies[-1])),
         modes=tuple(int(k) for k in chosen),
-        is_converged=bool(deviation < 0.3),
+        is_converged=is_converged,
         misfit_before=_misfit(model, model.start)[0],
         misfit=misfit,
+        misfit_excess=excess,
     )
-    return _Fitted(model, parameters, chosen, band, excess)
+    return _Fitted(model, parameters, chosen, band, coordinates, tilted)
+
+
+def _coordinates(modes: Modes, spectra: LineSpectra, channels: Sequence[Channel]) -> tuple[LineSpectra, _Coordinates]:
+    """Return the spectra as if all channels had one quantity, and the coordinates in which the modes are fitted.
+
+    Notes
+    -----
+    With many channels: the channels over the square roots of their noise, projected on the space of the shapes and of
+    the largest remaining motion. The rest holds noise alone, and what the shapes have there follows by regression.
+    """
+    exponents = _exponents(channels) - _exponents(channels).mean()
+    tilted = spectra.tilted(-exponents)
+    n_channels, n_kept = len(channels), len(modes) + _MORE_COORDINATES
+    if n_channels <= max(n_kept, _FEW_CHANNELS):
+        nothing = np.zeros((0, n_channels), dtype=np.complex128)
+        unit = np.eye(n_channels, dtype=np.complex128)
+        return tilted, _Coordinates(unit, unit, (nothing, nothing.T), exponents)
+    noise = np.sqrt(_least_densities(tilted))
+    shapes = (_tilted_shapes(modes, tilted.middle, -exponents) / noise).T
+    basis = np.linalg.qr(shapes)[0]
+    relative = tilted.matrices / np.outer(noise, noise)
+    mean = np.mean(relative / np.einsum("bii->b", relative)[:, None, None], axis=0)
+    beyond = np.eye(n_channels) - basis @ basis.conj().T
+    directions = np.linalg.eigh(beyond @ mean @ beyond.conj().T)[1][:, ::-1]
+    basis = np.linalg.qr(np.hstack([basis, directions[:, : n_kept - len(modes)]]), mode="complete")[0]
+    kept, rest = basis[:, :n_kept], basis[:, n_kept:]
+    return tilted, _Coordinates(
+        forward=kept.conj().T / noise,
+        back=noise[:, None] * kept,
+        rest=(rest.conj().T / noise, noise[:, None] * rest),
+        exponents=exponents,
+    )
+
+
+def _least_densities(spectra: LineSpectra) -> Real:
+    """Return a low quantile of the densities of each channel, at least a trace of the largest one."""
+    densities = np.einsum("bii->bi", spectra.matrices).real
+    return np.asarray(np.maximum(np.quantile(densities, 0.1, axis=0), _LEAST_NOISE * densities.max(axis=0)))
+
+
+def _tilted_shapes(modes: Modes, middle: float, exponents: Real) -> Complex:
+    """Return the mode shapes as if the channels had other quantities."""
+    return np.asarray(modes.mode_shapes * (modes.natural_frequency[:, None] / middle) ** exponents)
 
 
 def _bins(frequencies: Real, peaks: Real, half_widths: Real) -> Indices:
@@ -346,22 +428,20 @@ def _exponents(channels: Sequence[Channel]) -> Real:
     return np.array([_EXPONENTS.get(channel.quantity, _USUAL_EXPONENT) for channel in channels])
 
 
-def _started(modes: Modes, spectra: LineSpectra, channels: Sequence[Channel], *, n_held: int) -> ModalModel | None:
+def _started(
+    modes: Modes, tilted: LineSpectra, coordinates: _Coordinates, channels: Sequence[Channel], *, n_held: int
+) -> ModalModel:
     """Return the model that starts at the modes, with the force and noise spectra that fit best."""
-    exponents = _exponents(channels)
-    excess = exponents - exponents.mean()
-    spectra = spectra.tilted(-excess)
-    shapes = unit_shapes(modes.mode_shapes * (modes.natural_frequency[:, None] / spectra.middle) ** -excess)
-    densities = np.einsum("bii->bi", spectra.matrices).real
-    noise = np.quantile(densities, 0.1, axis=0) / 2
-    if not np.all(noise > 0):
-        return None
+    exponent = float(_exponents(channels).mean())
+    spectra = coordinates.spectra(tilted)
+    shapes = unit_shapes(_tilted_shapes(modes, tilted.middle, -coordinates.exponents) @ coordinates.forward.T)
+    is_whole = len(spectra.matrices[0]) == len(channels)
     power = np.empty(len(modes))
     for k, (frequency, damping) in enumerate(zip(modes.natural_frequency, modes.damping_ratio, strict=True)):
         nearest = np.argsort(np.abs(spectra.frequencies - frequency))[:5]
         peak = np.average(spectra.matrices[nearest], axis=0, weights=spectra.counts[nearest])
         x = spectra.frequencies[nearest].mean() / frequency
-        response = x ** exponents.mean() / np.abs(1 - x**2 + 2j * damping * x)
+        response = x**exponent / np.abs(1 - x**2 + 2j * damping * x)
         power[k] = (shapes[k].conj() @ peak @ shapes[k]).real / (np.sum(np.abs(shapes[k]) ** 2) * response) ** 2
     begin = ModalParameters(
         natural_frequency=modes.natural_frequency,
@@ -370,10 +450,10 @@ def _started(modes: Modes, spectra: LineSpectra, channels: Sequence[Channel], *,
         force_exponents=np.zeros(len(modes)),
         mode_shapes=shapes,
         forces=np.diag(power).astype(np.complex128),
-        noise=noise,
-        noise_exponents=-2 * excess,
+        noise=_least_densities(spectra) / 2,
+        noise_exponents=-2 * coordinates.exponents if is_whole else np.zeros(spectra.matrices.shape[-1]),
     )
-    model = ModalModel(spectra, begin, float(exponents.mean()), n_held=n_held)
+    model = ModalModel(spectra, begin, exponent, n_held=n_held)
     for _ in range(2):
         model = replace(model, begin=_with_linear_step(model))
     return model
@@ -413,51 +493,76 @@ def _posterior(model: ModalModel, parameters: Real) -> Real:
     return model.information(parameters) + np.diag(1 / model.prior_std**2)
 
 
-def _refined(fit: _Fitted, modes: Modes, spectra: RecordSpectra, channels: Sequence[Channel]) -> Modes:
+def _refined(fit: _Fitted, modes: Modes, spectra: RecordSpectra) -> Modes:
     """Return the modes of a fit, with standard deviations."""
     model, n = fit.model, len(fit.modes)
     values = model.unpacked(fit.parameters)
     covariance: Real = np.asarray(np.linalg.inv(_posterior(model, fit.parameters)), dtype=np.float64)
-    scale = np.sqrt(max(fit.band.misfit, 1.0)) if fit.excess >= _BEYOND_CHANCE else 1.0
-    variances = np.diag(covariance) * _scatter(fit, covariance, spectra, channels)
-    deviations = scale * np.sqrt(variances)
-    exponents = _exponents(channels)
-    tilt = (values.natural_frequency[:n, None] / model.spectra.middle) ** (exponents - exponents.mean())
-    shapes = values.mode_shapes[:n] * tilt
+    deviations = np.sqrt(np.diag(covariance) * _scatter(fit, covariance, spectra))
+    rest, variances = _rest_of_shapes(fit)
+    coordinates = fit.coordinates
+    shapes, shape_stds = [], []
     f, xi = values.natural_frequency[:n], values.damping_ratio[:n]
+    for k in range(n):
+        tilt = (f[k] / fit.spectra.middle) ** coordinates.exponents
+        shape = tilt * (coordinates.back @ values.mode_shapes[k] + coordinates.rest[1] @ rest[k])
+        normalised = _normalising(shape) * tilt
+        within = _as_real(normalised @ coordinates.back)
+        beyond = normalised @ coordinates.rest[1]
+        variance = np.einsum("ij,jk,ik->i", within, model.shape_covariance(k, covariance), within).reshape(-1, 2)
+        variance = variance + (np.sum(np.abs(beyond) ** 2 * variances[k], axis=1) / 2)[:, None]
+        stds = np.sqrt(np.maximum(variance, 0.0))
+        stds[np.argmax(np.abs(shape))] = 0.0
+        shapes.append(shape)
+        shape_stds.append(stds[:, 0] + 1j * stds[:, 1])
     return replace(
         modes.take(fit.modes),
         poles=2 * np.pi * f * (1j * np.sqrt(1 - xi**2) - xi),
-        mode_shapes=unit_shapes(shapes),
+        mode_shapes=unit_shapes(np.array(shapes)),
         natural_frequency_std=f * deviations[model.rows("natural_frequency")[:n]],
         damping_ratio_std=xi * deviations[model.rows("damping_ratio")[:n]],
-        mode_shape_std=np.array(
-            [_shape_std(shapes[k], tilt[k], model.shape_covariance(k, covariance)) * scale for k in range(n)]
-        ),
+        mode_shape_std=np.array(shape_stds),
     )
 
 
-def _shape_std(shape: Complex, tilt: Real, covariance: Real) -> Complex:
-    """Return the standard deviations of real and imaginary parts of a shape scaled to 1 at its largest channel.
+def _rest_of_shapes(fit: _Fitted) -> tuple[Complex, Real]:
+    """Return the shapes in the combinations of channels beyond the coordinates, and their variances.
 
     Notes
     -----
-    d(s_i / s_j) = (ds_i - (s_i / s_j) ds_j) / s_j, complex, as a real matrix of 2 by 2 blocks; the covariance is that
-    of real and imaginary parts in turn, shape (2 channels, 2 channels).
+    The cross spectra of the rest with the coordinates are the shapes times those of the modal motions: weighted least
+    squares with the inverse of the coordinates' spectral matrix and the rest's own densities.
     """
-    n_channels, largest = len(shape), int(np.argmax(np.abs(shape)))
-    slopes = np.diag(tilt / shape[largest])
-    slopes[:, largest] -= shape / shape[largest] * tilt[largest] / shape[largest]
-    real = np.empty((n_channels, 2, n_channels, 2))
-    real[:, 0, :, 0] = real[:, 1, :, 1] = slopes.real
-    real[:, 1, :, 0], real[:, 0, :, 1] = slopes.imag, -slopes.imag
-    jacobian = real.reshape(2 * n_channels, 2 * n_channels)
-    variances = np.maximum(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian), 0.0)
-    deviations = np.sqrt(variances).reshape(n_channels, 2)
-    return np.asarray(deviations[:, 0] + 1j * deviations[:, 1], dtype=np.complex128)
+    model, (forward, _) = fit.model, fit.coordinates.rest
+    forced = model.forced(fit.parameters)
+    weighted = model.spectra.counts[:, None, None] * np.linalg.inv(model.matrix(fit.parameters))
+    weighted = weighted @ forced.conj().swapaxes(-1, -2)
+    inverse = np.linalg.inv(np.sum(forced @ weighted, axis=0))
+    cross = forward @ fit.spectra.matrices @ fit.coordinates.forward.conj().T
+    shapes = np.sum(cross @ weighted, axis=0) @ inverse
+    densities = np.einsum("ri,bij,rj->br", forward, fit.spectra.matrices, forward.conj()).real
+    noise = np.average(densities, axis=0, weights=model.spectra.counts) if forward.size else np.zeros(0)
+    return np.asarray(shapes.T), np.outer(np.diag(inverse).real, noise)
 
 
-def _scatter(fit: _Fitted, covariance: Real, spectra: RecordSpectra, channels: Sequence[Channel]) -> Real:
+def _normalising(shape: Complex) -> Complex:
+    """Return the derivative of a shape over its largest channel, d(s_i / s_j) = (ds_i - (s_i / s_j) ds_j) / s_j."""
+    largest = int(np.argmax(np.abs(shape)))
+    slopes = np.eye(len(shape), dtype=np.complex128)
+    slopes[:, largest] -= shape / shape[largest]
+    return slopes / shape[largest]
+
+
+def _as_real(matrix: Complex) -> Real:
+    """Return the matrix that acts on real and imaginary parts in turn as a complex one does."""
+    rows, columns = matrix.shape
+    real = np.empty((rows, 2, columns, 2))
+    real[:, 0, :, 0] = real[:, 1, :, 1] = matrix.real
+    real[:, 1, :, 0], real[:, 0, :, 1] = matrix.imag, -matrix.imag
+    return real.reshape(2 * rows, 2 * columns)
+
+
+def _scatter(fit: _Fitted, covariance: Real, spectra: RecordSpectra) -> Real:
     """Return the variance of the parameters by the scatter of the blocks' scores over that of the model, at least 1.
 
     Notes
@@ -485,19 +590,19 @@ def _scatter(fit: _Fitted, covariance: Real, spectra: RecordSpectra, channels: S
         total[used],
         sum(block.matrices[used] for block in spectra.blocks) / total[used, None, None],
     )
-    exponents = _exponents(channels)
-    excess = exponents - exponents.mean()
-    joined = mean.joined(groups).tilted(-excess, middle=fit.model.spectra.middle)
-    model = replace(fit.model, spectra=joined)
+    coordinates = fit.coordinates
+    joined = mean.joined(groups).tilted(-coordinates.exponents, middle=fit.spectra.middle)
+    model = replace(fit.model, spectra=coordinates.spectra(joined))
     inverse = np.linalg.inv(np.linalg.cholesky(model.matrix(fit.parameters)))
     slopes = model.whitened_derivatives(fit.parameters) / np.sqrt(joined.counts)[:, None]
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
-    tilt = (joined.frequencies[:, None] / fit.model.spectra.middle) ** -excess
+    tilt = (joined.frequencies[:, None] / fit.spectra.middle) ** -coordinates.exponents
+    inverse = inverse @ (coordinates.forward * tilt[:, None, :])
     scores = []
     for block, lines in zip(spectra.blocks, n_lines, strict=True):
-        sums = np.add.reduceat(block.matrices[used], starts) * tilt[:, :, None] * tilt[:, None, :]
+        sums = np.add.reduceat(block.matrices[used], starts)
         counts = np.add.reduceat(lines[used], starts)
-        deviation = inverse @ sums @ inverse.conj().swapaxes(-1, -2) - counts[:, None, None] * np.eye(len(channels))
+        deviation = inverse @ sums @ inverse.conj().swapaxes(-1, -2) - counts[:, None, None] * np.eye(model.n_channels)
         scores.append(slopes.reshape(len(slopes), -1) @ real_coordinates(deviation).ravel())
     influences = np.array(scores) @ covariance
     variances = np.sum((influences - influences.mean(axis=0)) ** 2, axis=0) * n_blocks / (n_blocks - 1)

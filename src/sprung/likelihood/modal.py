@@ -16,6 +16,8 @@ _NODES, _WEIGHTS = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]), np.array([1 / 6
 #: Standard deviations of the priors of the exponent of all forces' amplitude over frequency, of that of single modes'
 #: forces relative to it, and of those of the noise densities.
 _COMMON_EXPONENT_STD, _SINGLE_EXPONENT_STD, _NOISE_EXPONENT_STD = 0.5, 0.05, 0.3
+#: That of the logarithm of the noise densities: noise far below the motion is not identifiable.
+_NOISE_STD = 3.0
 #: Those of the priors of neighbouring modes: of the frequency in half-widths, of ln xi, and of the shapes' parts.
 _HELD_FREQUENCY_STD, _HELD_DAMPING_STD, _HELD_SHAPE_STD = 0.5, 0.3, 0.1
 
@@ -111,6 +113,7 @@ class ModalModel:
         stds = np.full(self.start.size, np.inf)
         stds[self.rows("common_exponent")] = _COMMON_EXPONENT_STD
         stds[self.rows("force_exponents")] = _SINGLE_EXPONENT_STD
+        stds[self.rows("noise")] = _NOISE_STD
         stds[self.rows("noise_exponents")] = _NOISE_EXPONENT_STD
         for k in range(self.n_modes - self.n_held, self.n_modes):
             stds[self.rows("natural_frequency")[k]] = _HELD_FREQUENCY_STD * begin.damping_ratio[k]
@@ -232,6 +235,13 @@ class ModalModel:
         diagonal = np.arange(self.n_channels)
         modal[:, diagonal, diagonal] += self._noise(values)
         return np.asarray(modal, dtype=np.complex128)
+
+    def forced(self, parameters: Real) -> Complex:
+        """Return the cross spectra of the modal motions H u with the channels, shape (bins, modes, channels)."""
+        values = self.unpacked(parameters)
+        responses, moved, weights = self._moved(values)
+        cross = responses[..., None] * (values.forces @ moved.conj().swapaxes(-1, -2))
+        return np.asarray(np.tensordot(weights, cross, axes=1), dtype=np.complex128)
 
     def objective(self, parameters: Real) -> tuple[float, Real]:
         """Return minus the log likelihood, the prior included, and its gradient; `TOO_FAR` and 0 if they do not exist.

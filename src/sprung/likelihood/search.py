@@ -17,6 +17,9 @@ _STALE, _MOST_STEPS = 25, 300
 _SLOPE, _GAIN = 1e-2, 1e-8
 #: Share of the gain by the slope that a step must reach; bounds of its shortening, and shortest step.
 _SUFFICIENT, _SHORTER, _SHORTEST = 1e-4, (0.1, 0.5), 1e-6
+#: Fisher scoring ends at this squared slope in standard deviations, or after this number of steps; the search after it
+#: has converged below that squared slope.
+_SCORED, _MOST_SCORES, _CONVERGED = 1e-4, 10, 1e-2
 #: Least curvature along a step over the largest possible, for an update of the curvature.
 _CURVED = 1e-10
 
@@ -62,6 +65,51 @@ def minimised(model: Likelihood, start: Real) -> Real:
     for point in descent(model, start):
         parameters = point
     return parameters
+
+
+def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
+    """Return the parameters of largest likelihood by Fisher scoring, and whether the search converged.
+
+    Parameters
+    ----------
+    model
+        Model with its data, whose information is cheap.
+    start
+        Parameters at which the search starts, near the largest likelihood, shape (parameters,).
+
+    Raises
+    ------
+    LinAlgError
+        If the information is singular.
+
+    Notes
+    -----
+    Steps (I + diag(1 / prior_std^2))^-1 slope while they decrease the objective, then `minimised`, for data that the
+    model does not explain. The search has converged if the slope is below 0.1 standard deviations.
+
+    References
+    ----------
+    J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, section 10.3 (Gauss-Newton).
+    """
+    parameters = start
+    value, slope = model.objective(parameters)
+    for _ in range(_MOST_SCORES):
+        step, squared = _score_step(model, parameters, slope)
+        if squared < _SCORED:
+            return parameters, True
+        new_value, new_slope = model.objective(parameters + step)
+        if not new_value < value - _SUFFICIENT * squared:
+            break
+        parameters, value, slope = parameters + step, new_value, new_slope
+    parameters = minimised(model, parameters)
+    return parameters, _score_step(model, parameters, model.objective(parameters)[1])[1] < _CONVERGED
+
+
+def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real, float]:
+    """Return the step of Fisher scoring, and the squared slope in standard deviations."""
+    information = model.information(parameters) + np.diag(1 / model.prior_std**2)
+    step = np.linalg.solve(information, -slope)
+    return step, float(-slope @ step)
 
 
 def descent(model: Likelihood, start: Real) -> Iterator[Real]:
