@@ -28,9 +28,9 @@ _SPECTRUM_SEGMENTS, _BLOCK_WIDTH = 24.0, 0.004
 #: Numbers of blocks, and of the entries of all their matrices.
 _MOST_BLOCKS, _FEWEST_BLOCKS, _MOST_ENTRIES = 48, 8, 3e6
 #: Bands around the modes in half-power half-widths, widest first: the widest in which the model fits is used.
-_REACHES = (np.inf, 30.0, 12.0, 6.0)
+_REACHES = (np.inf, 30.0, 12.0)
 #: Most modes that are fitted together.
-_MOST_TOGETHER = 6
+_MOST_TOGETHER = 5
 #: Width of the bins over the half-width of the nearest mode, and over the distance from it.
 _BIN_OF_WIDTH, _BIN_OF_DISTANCE = 1 / 5, 1 / 8
 #: The fit of a band is judged on this many bins together. A model fits if the deviation is within this many standard
@@ -293,7 +293,7 @@ def _why_bad(band: BandFit) -> str:
     if not band.fits:
         return (
             f"the spectra from {band.band[0]:.3g} to {band.band[1]:.3g} Hz deviate from the model"
-            f" {band.misfit:.3g} times as much as by chance: something else moves there, or the excitation is not smooth"
+            f" {band.misfit:.3g} times as much as by chance: something else moves there, or the input is not smooth"
         )
     return ""
 

@@ -1,6 +1,7 @@
 """Search for the parameters at which the likelihood is largest."""
 
 from collections.abc import Iterator
+from itertools import islice
 from typing import Protocol
 
 import numpy as np
@@ -17,9 +18,9 @@ _STALE, _MOST_STEPS = 25, 300
 _SLOPE, _GAIN = 1e-2, 1e-8
 #: Share of the gain by the slope that a step must reach; bounds of its shortening, and shortest step.
 _SUFFICIENT, _SHORTER, _SHORTEST = 1e-4, (0.1, 0.5), 1e-6
-#: Fisher scoring ends at this squared slope in standard deviations, or after this number of steps; the search after it
-#: has converged below that squared slope.
-_SCORED, _MOST_SCORES, _CONVERGED = 1e-4, 10, 1e-2
+#: Fisher scoring ends at this squared slope in standard deviations, or after this number of steps; the search after it,
+#: of at most that number, has converged below that squared slope.
+_SCORED, _MOST_SCORES, _MOST_AFTER_SCORES, _CONVERGED = 1e-4, 10, 30, 1e-2
 #: Least curvature along a step over the largest possible, for an update of the curvature.
 _CURVED = 1e-10
 
@@ -84,7 +85,7 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
 
     Notes
     -----
-    Steps (I + diag(1 / prior_std^2))^-1 slope while they decrease the objective, then `minimised`, for data that the
+    Steps (I + diag(1 / prior_std^2))^-1 slope while they decrease the objective, then `descent`, for data that the
     model does not explain. The search has converged if the slope is below 0.1 standard deviations.
 
     References
@@ -101,7 +102,8 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
         if not new_value < value - _SUFFICIENT * squared:
             break
         parameters, value, slope = parameters + step, new_value, new_slope
-    parameters = minimised(model, parameters)
+    for point in islice(descent(model, parameters), _MOST_AFTER_SCORES):
+        parameters = point
     return parameters, _score_step(model, parameters, model.objective(parameters)[1])[1] < _CONVERGED
 
 
