@@ -13,7 +13,7 @@ from sprung.recording import Channel, Gap
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.simulation import simulate, usual_excitation
 
-RATE = 50.0
+RATE = 1000.0
 FREQUENCY, DAMPING = np.array([3.0, 3.06, 7.0]), np.array([0.01, 0.012, 0.02])
 
 
@@ -30,7 +30,7 @@ def modes_of(frequency, damping, shapes, stds=(0.0, 0.0)):
     )
 
 
-def exact_spectra(shapes, quantities, *, duration=1e4, noise=1e-3):
+def exact_spectra(shapes, quantities, *, duration=1e3, noise=1e-3):
     """Return the sums that records of exactly the expected spectra have, and the channels."""
     edges = line_edges(0.5, 20.0, duration=duration)
     frequencies = (edges[1:] + edges[:-1]) / 2
@@ -40,13 +40,13 @@ def exact_spectra(shapes, quantities, *, duration=1e4, noise=1e-3):
     forces = np.array([[1.0, 0.2, 0.1], [0.2, 1.5, 0.3], [0.1, 0.3, 2.0]])
     powers = np.array([{"displacement": 0, "velocity": 1}.get(quantity, 2) for quantity in quantities])
     tilt = (frequencies[:, None] / 3.0) ** powers
-    motion = moved @ forces @ moved.conj().swapaxes(-1, -2) + noise * np.eye(len(quantities))
-    matrices = motion * tilt[:, :, None] * tilt[:, None, :]
+    motion = moved @ forces @ moved.conj().swapaxes(-1, -2)
+    matrices = motion * tilt[:, :, None] * tilt[:, None, :] + noise * np.eye(len(quantities))
     n_lines = np.diff(edges) * duration
     moments = np.array([n_lines, n_lines * frequencies, n_lines * frequencies**2])
     channels = tuple(Channel(f"s{k}", quantity) for k, quantity in enumerate(quantities))
     lines = LineSums(edges, moments, matrices * n_lines[:, None, None], duration)
-    return RecordSpectra(lines, (), np.zeros(0, dtype=np.intp)), channels
+    return RecordSpectra(lines, (), np.zeros(0, dtype=np.intp), RATE), channels
 
 
 @pytest.mark.parametrize(
@@ -59,16 +59,16 @@ def test_exact_spectra_give_exact_modes(quantities) -> None:
     spectra, channels = exact_spectra(shapes, quantities)
     powers = np.array([{"displacement": 0, "velocity": 1}.get(quantity, 2) for quantity in quantities])
     seen = unit_shapes((shapes * (FREQUENCY[:, None] / 3.0) ** powers).astype(complex))
-    factor = np.array([1.002, 0.998, 1.004])
+    factor = np.array([1.0005, 0.9995, 1.001])
     start = modes_of(
-        FREQUENCY * factor, DAMPING * np.array([1.2, 0.9, 1.1]), seen + 0.03 * generator.normal(size=seen.shape)
+        FREQUENCY * factor, DAMPING * np.array([1.05, 0.97, 1.04]), seen + 0.01 * generator.normal(size=seen.shape)
     )
     start = replace(start, natural_frequency_std=np.full(3, 0.05), damping_ratio_std=np.full(3, 0.01))
     modes, refinement = refine(start, spectra, channels)
     assert refinement.reasons == ("", "", "")
-    assert modes.natural_frequency == pytest.approx(FREQUENCY, rel=1e-5)
-    assert modes.damping_ratio == pytest.approx(DAMPING, rel=1e-3)
-    assert modes.mode_shapes == pytest.approx(seen, abs=1e-3)
+    assert modes.natural_frequency == pytest.approx(FREQUENCY, rel=1e-4)
+    assert modes.damping_ratio == pytest.approx(DAMPING, rel=5e-3)
+    assert modes.mode_shapes == pytest.approx(seen, abs=5e-3)
     assert np.all(np.isfinite(modes.mode_shape_std))
 
 
@@ -98,7 +98,7 @@ def test_heavily_damped_and_unresolved_modes_keep_their_values() -> None:
 def runs(vehicle):
     chain = vehicle("chain3")
     excitation = usual_excitation(chain)
-    return [simulate(chain, excitation, duration=60.0, sampling_rate=125.0, snr=10.0, seed=seed) for seed in range(8)]
+    return [simulate(chain, excitation, duration=60.0, sampling_rate=500.0, snr=10.0, seed=seed) for seed in range(8)]
 
 
 def test_refined_modes_scatter_less_and_as_stated(runs, vehicle) -> None:
@@ -134,15 +134,17 @@ def test_every_method_is_refined_by_all_records(runs) -> None:
 
 
 def test_gaps_cost_little(runs, vehicle) -> None:
-    run = replace(runs[0], gaps=(Gap(2000, 3.0), Gap(4500, 1.0)))
+    run = replace(runs[0], gaps=(Gap(8000, 3.0), Gap(18000, 1.0)))
     modes, whole = cov_ssi(run).modes, cov_ssi(runs[0]).modes
     assert np.all(np.abs(modes.natural_frequency - whole.natural_frequency) < whole.natural_frequency_std)
     assert modes.natural_frequency_std == pytest.approx(whole.natural_frequency_std, rel=0.3)
 
 
-def test_one_channel(runs) -> None:
+def test_one_channel_is_refined_or_says_why_not(runs) -> None:
     identified = cov_ssi(replace(runs[0], samples=runs[0].samples[:1], channels=runs[0].channels[:1]))
-    assert np.all(identified.modes.mode_shape_std[identified.refinement.is_refined] == 0)
+    is_refined = identified.refinement.is_refined
+    assert np.all(identified.modes.mode_shape_std[is_refined] == 0)
+    assert len(identified.refinement.notes) == np.count_nonzero(~is_refined)
 
 
 def test_nothing_is_refined_where_spectra_are_edited_or_it_is_switched_off(runs) -> None:

@@ -1,4 +1,4 @@
-"""The likelihood of modes: exact spectra give exact poles, derivatives are true, and closed forms of its information."""
+"""The likelihood of modes: exact spectra give exact poles, true derivatives, closed forms of its information."""
 
 from dataclasses import replace
 
@@ -107,8 +107,8 @@ def test_information_does_not_depend_on_the_unit_of_a_channel() -> None:
 @pytest.mark.parametrize("reach", [5.0, 10.0, 20.0])
 def test_uncertainty_of_a_light_mode_without_noise_is_the_closed_form(reach) -> None:
     # With x = (f - f_k) / (xi f_k) there are N = xi f_k T lines for one unit of x, of the density p / (1 + x^2) between
-    # -X and X. Then d ln S / df = 2 x / (1 + x^2) / (xi f_k), and, with the free density p of the force, d ln S / d ln xi
-    # = -2 / (1 + x^2) less its mean over x:
+    # -X and X. Then d ln S / df = 2 x / (1 + x^2) / (xi f_k), and, with the free density p of the force,
+    # d ln S / d ln xi = -2 / (1 + x^2) less its mean over x:
     #     var(f / f_k) = xi^2 / (4 N (A - B)), var(ln xi) = 1 / (4 N (A + B - 2 A^2 / X)), A = atan X, B = X / (1 + X^2)
     # with limits xi / (2 pi T f_k) and 1 / (2 pi xi T f_k) for wide bands (S.-K. Au 2014, uncertainty laws in ambient
     # modal identification, Mechanical Systems and Signal Processing 48, 15-33).

@@ -45,6 +45,8 @@ _FARTHEST, _FARTHEST_IN_WIDTHS, _MOST_RATIO = 2.5, 0.5, 2.0
 _FEW_CHANNELS, _MORE_COORDINATES = 6, 2
 #: Smallest density of noise at the start over the largest of the spectra, so that matrices stay positive definite.
 _LEAST_NOISE = 1e-9
+#: Why a mode is in no fit.
+_TOO_LITTLE = "the spectra around it do not determine the modes, the spectra of their forces and the noise"
 #: Fewest blocks whose scatter counts, fewest of their lines in a mode's half-width, and how far beyond chance it has to
 #: be, in standard deviations.
 _BLOCKS_THAT_COUNT, _LINES_THAT_COUNT, _SCATTER_BEYOND_CHANCE = 8, 2.0, 2.5
@@ -62,11 +64,14 @@ class RecordSpectra:
         Sums over each block.
     records
         Number of the record of each block, shape (blocks,).
+    sampling_rate
+        Sampling rate of the records before decimation [Hz].
     """
 
     lines: LineSums
     blocks: tuple[LineSums, ...]
     records: Indices
+    sampling_rate: float
 
     def __post_init__(self) -> None:
         freeze(self, records=1, dtype=np.intp)
@@ -75,7 +80,7 @@ class RecordSpectra:
         """Add a record; where there are too many blocks, neighbours are joined."""
         blocks = [*self.blocks, *other.blocks]
         records = np.concatenate([self.records, other.records + self.records.max(initial=-1) + 1])
-        joined = RecordSpectra(self.lines + other.lines, tuple(blocks), records)
+        joined = replace(self, lines=self.lines + other.lines, blocks=tuple(blocks), records=records)
         return joined.with_fewer_blocks()
 
     def with_fewer_blocks(self) -> "RecordSpectra":
@@ -88,7 +93,7 @@ class RecordSpectra:
             pairs = [blocks[k : k + 2] for k in range(0, len(blocks), 2)]
             blocks = [pair[0] + pair[1] if len(pair) == 2 else pair[0] for pair in pairs]
             records = records[::2]
-        return RecordSpectra(self.lines, tuple(blocks), records)
+        return replace(self, blocks=tuple(blocks), records=records)
 
 
 def record_spectra(motion: Recording, plan: Plan) -> RecordSpectra:
@@ -107,7 +112,8 @@ def record_spectra(motion: Recording, plan: Plan) -> RecordSpectra:
     block = max(2 * plan.segment, plan.preparation.spectrum_segment)
     blocks = block_sums(motion, line_edges(low, high, duration=block, relative_width=_BLOCK_WIDTH), duration=block)
     lines = line_sums(motion, line_edges(low, high, duration=duration))
-    return RecordSpectra(lines, tuple(blocks), np.zeros(len(blocks), dtype=np.intp)).with_fewer_blocks()
+    numbers = np.zeros(len(blocks), dtype=np.intp)
+    return RecordSpectra(lines, tuple(blocks), numbers, plan.preparation.sampling_rate).with_fewer_blocks()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -210,6 +216,15 @@ class _Coordinates:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class _Observed:
+    """Spectra without lines of the excitation, their channels, and the sampling rate before decimation."""
+
+    spectra: LineSpectra
+    channels: tuple[Channel, ...]
+    sampling_rate: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class _Fitted:
     """Maximum of the likelihood in one band, and the tilted spectra of all channels behind it."""
 
@@ -259,7 +274,7 @@ def refine(
     values, bands = modes, []
     distances = np.full(n_modes, np.nan)
     if data.frequencies.size and not all(reasons):
-        for fit in _fits(modes, data, channels, reasons):
+        for fit in _fits(modes, _Observed(data, tuple(channels), spectra.sampling_rate), reasons):
             bands.append(fit.band)
             refined = _refined(fit, modes, spectra)
             for place, k in enumerate(fit.modes):
@@ -267,6 +282,8 @@ def refine(
                 reasons[k] = reasons[k] or _why_bad(fit.band) or far
                 if not reasons[k]:
                     values = _with_mode(values, int(k), refined, place)
+    fitted = {k for band in bands for k in band.modes}
+    reasons = [reason or ("" if k in fitted else _TOO_LITTLE) for k, reason in enumerate(reasons)]
     return values, Refinement(modes, tuple(bands), distances, tuple(reasons))
 
 
@@ -307,7 +324,7 @@ def _without_lines(data: LineSpectra, harmonics: Sequence[Harmonic]) -> LineSpec
     return data.take(is_used)
 
 
-def _fits(modes: Modes, data: LineSpectra, channels: Sequence[Channel], reasons: Sequence[str]) -> list[_Fitted]:
+def _fits(modes: Modes, observed: _Observed, reasons: Sequence[str]) -> list[_Fitted]:
     """Return the fits of all bands, each in the widest band in which the model fits."""
     half_widths = modes.damping_ratio * modes.natural_frequency
     pending, fits = np.arange(len(modes)), []
@@ -318,7 +335,7 @@ def _fits(modes: Modes, data: LineSpectra, channels: Sequence[Channel], reasons:
             if all(reasons[k] for k in group):
                 continue
             for part in np.array_split(group, -(-len(group) // _MOST_TOGETHER)) if is_last else [group]:
-                fit = None if len(part) > _MOST_TOGETHER else _fit(modes, part, reach, data, channels)
+                fit = None if len(part) > _MOST_TOGETHER else _fit(modes, part, reach, observed)
                 if fit is not None and (is_last or fit.band.fits):
                     fits.append(fit)
                 else:
@@ -340,11 +357,12 @@ def _overlapping(frequencies: Real, reaches: Real, chosen: Indices) -> list[Indi
     return [np.array(group, dtype=np.intp) for group in groups]
 
 
-def _fit(modes: Modes, chosen: Indices, reach: float, data: LineSpectra, channels: Sequence[Channel]) -> _Fitted | None:
+def _fit(modes: Modes, chosen: Indices, reach: float, observed: _Observed) -> _Fitted | None:
     """Return the fit of some modes in the band around them, their neighbours held near their values; None without."""
     frequencies, half_widths = modes.natural_frequency, modes.damping_ratio * modes.natural_frequency
     low = np.min(frequencies[chosen] - reach * half_widths[chosen])
     high = np.max(frequencies[chosen] + reach * half_widths[chosen])
+    data, channels = observed.spectra, observed.channels
     inside = data.take((low <= data.frequencies) & (data.frequencies <= high))
     if not inside.frequencies.size:
         return None
@@ -354,7 +372,8 @@ def _fit(modes: Modes, chosen: Indices, reach: float, data: LineSpectra, channel
     together_modes = modes.take(together)
     tilted, coordinates = _coordinates(together_modes, joined, channels)
     try:
-        model = _started(together_modes, tilted, coordinates, channels, n_held=len(neighbours))
+        model = _started(together_modes, tilted, coordinates, channels)
+        model = replace(model, n_held=len(neighbours), sampling_rate=observed.sampling_rate)
         if 2 * model.start.size > joined.counts.size * model.n_channels**2:
             return None
         parameters, is_converged = scored(model, model.start)
@@ -428,9 +447,7 @@ def _exponents(channels: Sequence[Channel]) -> Real:
     return np.array([_EXPONENTS.get(channel.quantity, _USUAL_EXPONENT) for channel in channels])
 
 
-def _started(
-    modes: Modes, tilted: LineSpectra, coordinates: _Coordinates, channels: Sequence[Channel], *, n_held: int
-) -> ModalModel:
+def _started(modes: Modes, tilted: LineSpectra, coordinates: _Coordinates, channels: Sequence[Channel]) -> ModalModel:
     """Return the model that starts at the modes, with the force and noise spectra that fit best."""
     exponent = float(_exponents(channels).mean())
     spectra = coordinates.spectra(tilted)
@@ -453,7 +470,7 @@ def _started(
         noise=_least_densities(spectra) / 2,
         noise_exponents=-2 * coordinates.exponents if is_whole else np.zeros(spectra.matrices.shape[-1]),
     )
-    model = ModalModel(spectra, begin, exponent, n_held=n_held)
+    model = ModalModel(spectra, begin, exponent)
     for _ in range(2):
         model = replace(model, begin=_with_linear_step(model))
     return model

@@ -16,6 +16,9 @@ _NODES, _WEIGHTS = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]), np.array([1 / 6
 #: Standard deviations of the priors of the exponent of all forces' amplitude over frequency, of that of single modes'
 #: forces relative to it, and of those of the noise densities.
 _COMMON_EXPONENT_STD, _SINGLE_EXPONENT_STD, _NOISE_EXPONENT_STD = 0.5, 0.05, 0.3
+#: Forces that are held from sample to sample, and aliases, bend the spectra of single modes by about this exponent,
+#: times the squared frequency over the sampling rate.
+_EXPONENT_OF_HOLD = 4.0
 #: That of the logarithm of the noise densities: noise far below the motion is not identifiable.
 _NOISE_STD = 3.0
 #: Those of the priors of neighbouring modes: of the frequency in half-widths, of ln xi, and of the shapes' parts.
@@ -71,6 +74,9 @@ class ModalModel:
     n_held
         Number of modes, the last ones, whose poles and shapes have priors around their start: neighbours of the band.
 
+    sampling_rate
+        Rate at which the motion was sampled, or simulated with held forces [Hz].
+
     Notes
     -----
     S(f) = Phi H P H^H Phi^H + N with the columns of Phi the mode shapes, P the Hermitian spectral matrix of the modal
@@ -98,6 +104,7 @@ class ModalModel:
     begin: ModalParameters
     quantity_exponent: float
     n_held: int = 0
+    sampling_rate: float = np.inf
     start: Real = field(init=False)
     prior_std: Real = field(init=False)
     _largest: Indices = field(init=False, repr=False)
@@ -112,7 +119,8 @@ class ModalModel:
         object.__setattr__(self, "start", self.packed(begin))
         stds = np.full(self.start.size, np.inf)
         stds[self.rows("common_exponent")] = _COMMON_EXPONENT_STD
-        stds[self.rows("force_exponents")] = _SINGLE_EXPONENT_STD
+        held = (begin.natural_frequency / self.sampling_rate) ** 2
+        stds[self.rows("force_exponents")] = _SINGLE_EXPONENT_STD + _EXPONENT_OF_HOLD * held
         stds[self.rows("noise")] = _NOISE_STD
         stds[self.rows("noise_exponents")] = _NOISE_EXPONENT_STD
         for k in range(self.n_modes - self.n_held, self.n_modes):
