@@ -155,7 +155,7 @@ def summarise(
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
-    """Return the modes of a summary: those of the identification of its recordings.
+    """Return the modes of a summary: those of the identification of its recordings before any refinement.
 
     Parameters
     ----------

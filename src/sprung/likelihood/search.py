@@ -21,6 +21,8 @@ _SUFFICIENT, _SHORTER, _SHORTEST = 1e-4, (0.1, 0.5), 1e-6
 #: Fisher scoring ends at this squared slope in standard deviations, or after this number of steps; the search after it,
 #: of at most that number, has converged below that squared slope.
 _SCORED, _MOST_SCORES, _MOST_AFTER_SCORES, _CONVERGED = 1e-4, 10, 30, 1e-2
+#: Shortest step of Fisher scoring, as a share of the full one.
+_SHORTEST_SCORE = 0.05
 #: Least curvature along a step over the largest possible, for an update of the curvature.
 _CURVED = 1e-10
 
@@ -85,7 +87,8 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
 
     Notes
     -----
-    Steps (I + diag(1 / prior_std^2))^-1 slope while they decrease the objective, then `descent`, for data that the
+    Steps (I + diag(1 / prior_std^2))^-1 slope, shortened where they do not decrease the
+    objective enough, then `descent`, for data that the
     model does not explain. The search has converged if the slope is below 0.1 standard deviations.
 
     References
@@ -98,10 +101,10 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
         step, squared = _score_step(model, parameters, slope)
         if squared < _SCORED:
             return parameters, True
-        new_value, new_slope = model.objective(parameters + step)
-        if not new_value < value - _SUFFICIENT * squared:
+        length, new_value, new_slope = _shortened(model, parameters, step, value, squared)
+        if length < _SHORTEST_SCORE:
             break
-        parameters, value, slope = parameters + step, new_value, new_slope
+        parameters, value, slope = parameters + length * step, new_value, new_slope
     for point in islice(descent(model, parameters), _MOST_AFTER_SCORES):
         parameters = point
     return parameters, _score_step(model, parameters, model.objective(parameters)[1])[1] < _CONVERGED
