@@ -17,6 +17,12 @@ RATE = 1000.0
 FREQUENCY, DAMPING = np.array([3.0, 3.06, 7.0]), np.array([0.01, 0.012, 0.02])
 
 
+def refinement_of(identification):
+    """Return what the refinement of an identification changed."""
+    assert identification.refinement is not None
+    return identification.refinement
+
+
 def modes_of(frequency, damping, shapes, stds=(0.0, 0.0)):
     n = len(frequency)
     return Modes(
@@ -106,10 +112,9 @@ def test_refined_modes_scatter_less_and_as_stated(runs, vehicle) -> None:
     refined, start, stated, shape_errors = [], [], [], []
     for run in runs:
         identified = cov_ssi(run)
-        assert identified.refinement is not None
-        assert identified.refinement.is_refined.all()
-        assert identified.refinement.bands[0].fits
-        modes, before = identified.modes, identified.refinement.start
+        assert refinement_of(identified).is_refined.all()
+        assert refinement_of(identified).bands[0].fits
+        modes, before = identified.modes, refinement_of(identified).start
         refined.append([modes.natural_frequency, modes.damping_ratio])
         start.append([before.natural_frequency, before.damping_ratio])
         stated.append([modes.natural_frequency_std, modes.damping_ratio_std])
@@ -129,7 +134,7 @@ def test_refined_modes_scatter_less_and_as_stated(runs, vehicle) -> None:
 def test_every_method_is_refined_by_all_records(runs) -> None:
     by_method = [method(runs[:3]) for method in (cov_ssi, acs_ssi, coss_ssi)]
     frequencies = np.array([identified.modes.natural_frequency for identified in by_method])
-    assert all(identified.refinement.is_refined.all() for identified in by_method)
+    assert all(refinement_of(identified).is_refined.all() for identified in by_method)
     assert frequencies == pytest.approx(np.broadcast_to(frequencies[0], frequencies.shape), rel=2e-4)
 
 
@@ -142,9 +147,9 @@ def test_gaps_cost_little(runs, vehicle) -> None:
 
 def test_one_channel_is_refined_or_says_why_not(runs) -> None:
     identified = cov_ssi(replace(runs[0], samples=runs[0].samples[:1], channels=runs[0].channels[:1]))
-    is_refined = identified.refinement.is_refined
+    is_refined = refinement_of(identified).is_refined
     assert np.all(identified.modes.mode_shape_std[is_refined] == 0)
-    assert len(identified.refinement.notes) == np.count_nonzero(~is_refined)
+    assert len(refinement_of(identified).notes) == np.count_nonzero(~is_refined)
 
 
 def test_nothing_is_refined_where_spectra_are_edited_or_it_is_switched_off(runs) -> None:
@@ -164,13 +169,13 @@ def test_a_line_beside_a_mode_is_left_out(runs, vehicle) -> None:
     times = np.arange(run.samples.shape[1]) / run.sampling_rate
     disturbed = replace(run, samples=run.samples + run.samples.std() * np.sin(2 * np.pi * 12.0 * times))
     identified = cov_ssi(disturbed)
-    for mode, reason in zip(identified.modes.natural_frequency, identified.refinement.reasons, strict=True):
+    for mode, reason in zip(identified.modes.natural_frequency, refinement_of(identified).reasons, strict=True):
         assert np.min(np.abs(mode / exact.natural_frequency - 1)) < 0.02
         assert not reason
 
 
 def test_shapes_agree_with_the_identified_ones(runs) -> None:
     identified = cov_ssi(runs[2])
-    assert np.diag(mac(identified.modes.mode_shapes, identified.refinement.start.mode_shapes)) == pytest.approx(
+    assert np.diag(mac(identified.modes.mode_shapes, refinement_of(identified).start.mode_shapes)) == pytest.approx(
         np.ones(3), abs=0.01
     )

@@ -119,13 +119,16 @@ def test_uncertainty_of_a_light_mode_without_noise_is_the_closed_form(reach) -> 
         np.array([xi]),
         np.zeros(1),
         np.zeros(1),
-        np.ones((1, 1)),
-        np.ones((1, 1)),
+        np.ones((1, 1), dtype=complex),
+        np.ones((1, 1), dtype=complex),
         np.array([1e-4]),
         np.zeros(1),
     )
     lines = LineSpectra(
-        frequencies, np.zeros(frequencies.size), np.ones(frequencies.size), np.ones((frequencies.size, 1, 1))
+        frequencies,
+        np.zeros(frequencies.size),
+        np.ones(frequencies.size),
+        np.ones((frequencies.size, 1, 1), dtype=complex),
     )
     model = ModalModel(lines, values, 0.0)
     free = np.concatenate([model.rows(name) for name in ("natural_frequency", "damping_ratio", "forces")])

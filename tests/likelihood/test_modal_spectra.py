@@ -48,7 +48,9 @@ def test_blocks_have_the_lines_of_their_samples() -> None:
 
 
 def test_joined_bins_are_weighted_means() -> None:
-    spectra = LineSpectra(np.array([1.0, 2.0, 4.0]), np.zeros(3), np.array([1.0, 3.0, 2.0]), np.ones((3, 1, 1)))
+    spectra = LineSpectra(
+        np.array([1.0, 2.0, 4.0]), np.zeros(3), np.array([1.0, 3.0, 2.0]), np.ones((3, 1, 1), dtype=complex)
+    )
     joined = spectra.joined(np.array([0, 0, 1]))
     assert joined.frequencies == pytest.approx([1.75, 4.0])
     assert joined.counts == pytest.approx([4.0, 2.0])
@@ -70,4 +72,4 @@ def test_edges_and_parts_must_be_consistent() -> None:
     with pytest.raises(ParameterError, match="low=0 must be above 0"):
         line_edges(0.0, 1.0, duration=1.0)
     with pytest.raises(ParameterError, match="must be equally many"):
-        LineSpectra(np.ones(2), np.ones(2), np.ones(3), np.ones((2, 1, 1)))
+        LineSpectra(np.ones(2), np.ones(2), np.ones(3), np.ones((2, 1, 1), dtype=complex))

@@ -38,6 +38,8 @@ _BIN_OF_WIDTH, _BIN_OF_DISTANCE = 1 / 5, 1 / 8
 _BINS_JUDGED, _BEYOND_CHANCE = 4, 3.0
 #: Modes that are not refined: more damped, or with fewer lines of the longest stretch in their half-power half-width.
 _MOST_DAMPED, _FEWEST_LINES = 0.15, 1.5
+#: Largest damping ratio of a pole that oscillates.
+_LARGEST_DAMPING = 0.99
 #: Largest distance from the start, in standard deviations of both, and in half-widths where that of the start is
 #: unknown; largest change of damping by a factor.
 _FARTHEST, _FARTHEST_IN_WIDTHS, _MOST_RATIO = 2.5, 0.5, 2.0
@@ -276,10 +278,14 @@ def refine(
     if data.frequencies.size and not all(reasons):
         for fit in _fits(modes, _Observed(data, tuple(channels), spectra.sampling_rate), reasons):
             bands.append(fit.band)
+            bad = _why_bad(fit.band)
+            if bad:
+                reasons = [reason or (bad if k in fit.modes else "") for k, reason in enumerate(reasons)]
+                continue
             refined = _refined(fit, modes, spectra)
             for place, k in enumerate(fit.modes):
                 distances[k], far = _distance(modes.take(fit.modes), refined, place)
-                reasons[k] = reasons[k] or _why_bad(fit.band) or far
+                reasons[k] = reasons[k] or far
                 if not reasons[k]:
                     values = _with_mode(values, int(k), refined, place)
     fitted = {k for band in bands for k in band.modes}
@@ -416,9 +422,12 @@ def _coordinates(modes: Modes, spectra: LineSpectra, channels: Sequence[Channel]
     basis = np.linalg.qr(np.hstack([basis, directions[:, : n_kept - len(modes)]]), mode="complete")[0]
     kept, rest = basis[:, :n_kept], basis[:, n_kept:]
     return tilted, _Coordinates(
-        forward=kept.conj().T / noise,
-        back=noise[:, None] * kept,
-        rest=(rest.conj().T / noise, noise[:, None] * rest),
+        forward=np.asarray(kept.conj().T / noise, dtype=np.complex128),
+        back=np.asarray(noise[:, None] * kept, dtype=np.complex128),
+        rest=(
+            np.asarray(rest.conj().T / noise, dtype=np.complex128),
+            np.asarray(noise[:, None] * rest, dtype=np.complex128),
+        ),
         exponents=exponents,
     )
 
@@ -519,7 +528,7 @@ def _refined(fit: _Fitted, modes: Modes, spectra: RecordSpectra) -> Modes:
     rest, variances = _rest_of_shapes(fit)
     coordinates = fit.coordinates
     shapes, shape_stds = [], []
-    f, xi = values.natural_frequency[:n], values.damping_ratio[:n]
+    f, xi = values.natural_frequency[:n], np.minimum(values.damping_ratio[:n], _LARGEST_DAMPING)
     for k in range(n):
         tilt = (f[k] / fit.spectra.middle) ** coordinates.exponents
         shape = tilt * (coordinates.back @ values.mode_shapes[k] + coordinates.rest[1] @ rest[k])

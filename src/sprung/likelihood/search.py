@@ -87,9 +87,8 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
 
     Notes
     -----
-    Steps (I + diag(1 / prior_std^2))^-1 slope, shortened where they do not decrease the
-    objective enough, then `descent`, for data that the
-    model does not explain. The search has converged if the slope is below 0.1 standard deviations.
+    Steps (I + diag(1 / prior_std^2))^-1 slope, shortened where they do not decrease the objective enough, then
+    `descent`, for data that the model does not explain. The search has converged if the slope is below 0.1 standard deviations.
 
     References
     ----------
@@ -113,7 +112,7 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
 def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real, float]:
     """Return the step of Fisher scoring, and the squared slope in standard deviations."""
     information = model.information(parameters) + np.diag(1 / model.prior_std**2)
-    step = np.linalg.solve(information, -slope)
+    step = np.asarray(np.linalg.solve(information, -slope), dtype=np.float64)
     return step, float(-slope @ step)
 
 
