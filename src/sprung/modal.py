@@ -1,7 +1,7 @@
 """Poles and modes, and measures of their shapes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
@@ -221,6 +221,9 @@ class Modes:
         Share of the rungs of the ladder with a stable pole of the mode, 0 to 1, shape (modes,).
     labels
         "bounce", "pitch", "roll", "wheel_hop" or None for each mode.
+    mode_shape_std
+        Standard deviations of the real (real part) and the imaginary parts (imaginary part) of the mode shapes, shape
+        (modes, channels); NaN where unknown, which is the default.
 
     Raises
     ------
@@ -235,15 +238,23 @@ class Modes:
     damping_ratio_std: Real
     stable_rate: Real
     labels: tuple[str | None, ...]
+    mode_shape_std: Complex = field(default_factory=lambda: np.zeros((0, 0), dtype=np.complex128))
 
     def __post_init__(self) -> None:
+        if np.size(self.mode_shape_std) == 0:
+            object.__setattr__(self, "mode_shape_std", np.full(np.shape(self.mode_shapes), complex(np.nan, np.nan)))
         freeze(self, natural_frequency_std=1, damping_ratio_std=1, stable_rate=1)
-        for name, ndim in (("poles", 1), ("mode_shapes", 2)):
+        for name, ndim in (("poles", 1), ("mode_shapes", 2), ("mode_shape_std", 2)):
             value = frozen_array(name, getattr(self, name), ndim=ndim, dtype=np.complex128)
             object.__setattr__(self, name, value)
         if self.mode_shapes.shape != (len(self.poles), len(self.channels)):
             raise ParameterError(
                 f"mode_shapes {self.mode_shapes.shape} must be {len(self.poles)} modes by {len(self.channels)} channels"
+            )
+        if self.mode_shape_std.shape != self.mode_shapes.shape:
+            raise ParameterError(
+                f"mode_shape_std {self.mode_shape_std.shape} must have as many entries as mode_shapes"
+                f" {self.mode_shapes.shape}"
             )
 
     def __len__(self) -> int:
@@ -274,6 +285,7 @@ class Modes:
             damping_ratio_std=self.damping_ratio_std[chosen],
             stable_rate=self.stable_rate[chosen],
             labels=tuple(self.labels[k] for k in chosen),
+            mode_shape_std=self.mode_shape_std[chosen],
         )
 
 
@@ -291,4 +303,5 @@ def join_modes(parts: Sequence[Modes]) -> Modes:
         damping_ratio_std=joined("damping_ratio_std"),
         stable_rate=joined("stable_rate"),
         labels=tuple(label for part in parts for label in part.labels),
+        mode_shape_std=joined("mode_shape_std"),
     )

@@ -67,6 +67,14 @@ def identify(
             rich_help_panel=_SIZES,
         ),
     ] = False,
+    refine: Annotated[
+        bool,
+        typer.Option(
+            "--refine/--no-refine",
+            help="Refine the modes by the likelihood of the whole records' spectra, where it describes them.",
+            rich_help_panel=_SIZES,
+        ),
+    ] = True,
     band: Annotated[
         tuple[float, float] | None,
         option("LO HI", "Lowest and highest natural frequency, in Hz.", panel=_PREPARATION),
@@ -118,6 +126,7 @@ def identify(
         n_subsets=subsets,
         block_rows=block_rows,
         max_order=max_order,
+        refine=refine,
     )
     picked = _frequencies(pick)
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"

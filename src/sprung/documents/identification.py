@@ -6,9 +6,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from sprung._arrays import Complex
 from sprung.documents.document import Computed, Document, Number, Pair, checked, plain, read_fields, write_document
 from sprung.documents.modes import IdentifiedMode, ModeValues, Participation, identified_modes, participations
 from sprung.identification import Identification, SubsetModes
+from sprung.identification.refinement import Refinement
 from sprung.modal import Modes
 from sprung.signals.harmonics import Harmonic
 from sprung.vehicles.usable import AnyVehicle
@@ -35,6 +37,31 @@ class SubsetDocument(Document):
     modes: tuple[IdentifiedMode, ...]
 
 
+class BandDocument(Document):
+    """Fit of the modes in one band: numbers of the modes, and misfit of the spectra relative to chance."""
+
+    band: Pair
+    modes: tuple[int, ...]
+    is_converged: bool
+    misfit_before: Number
+    misfit: Number
+    misfit_excess: Number
+
+
+class RefinedDocument(ModeValues):
+    """What the refinement changed in one mode: its values before, the change in standard deviations, why none."""
+
+    distance: Number
+    reason: str | None
+
+
+class RefinementDocument(Document):
+    """Refinement of the modes, in their order, by the likelihood of the spectra."""
+
+    modes: tuple[RefinedDocument, ...]
+    bands: tuple[BandDocument, ...]
+
+
 class IdentificationDocument(Document):
     """An identification as a file holds it: without stabilisation diagrams, spectra and places of the sensors."""
 
@@ -46,6 +73,7 @@ class IdentificationDocument(Document):
     modes: tuple[MergedMode, ...]
     subsets: tuple[SubsetDocument, ...]
     harmonics: tuple[Annotated[Harmonic, Computed("unit", "string", lambda line: _UNITS[line.kind])], ...]
+    refinement: RefinementDocument | None = None
     settings: dict[str, Any]
     notes: tuple[str, ...]
 
@@ -67,7 +95,14 @@ class IdentificationDocument(Document):
             damping_ratio_std=ratio_std,
             stable_rate=stable_rate,
             labels=tuple(mode.label for mode in self.modes),
+            mode_shape_std=self._shape_stds(),
         )
+
+    def _shape_stds(self) -> Complex:
+        """Return the standard deviations of the shapes, NaN where unknown."""
+        unknown = np.full(len(self.channels), complex(np.nan, np.nan))
+        stds = [unknown if mode.mode_shape_std is None else mode.mode_shape_std for mode in self.modes]
+        return np.array(stds, dtype=np.complex128).reshape(len(self.modes), len(self.channels))
 
 
 _UNITS = {"constant": "Hz", "speed": "1/m"}
@@ -100,9 +135,29 @@ def identification_document(
                 for subset in identification.subsets
             ],
             "harmonics": identification.harmonics,
+            "refinement": None if identification.refinement is None else _refinement(identification.refinement),
             "settings": {**plain(settings), "lifter": lifter},
             "notes": identification.notes,
         }
+    )
+
+
+def _refinement(refinement: Refinement) -> RefinementDocument:
+    """Return the document of a refinement."""
+    start = refinement.start
+    return RefinementDocument(
+        modes=tuple(
+            RefinedDocument(
+                natural_frequency=start.natural_frequency[k],
+                natural_frequency_std=start.natural_frequency_std[k],
+                damping_ratio=start.damping_ratio[k],
+                damping_ratio_std=start.damping_ratio_std[k],
+                distance=refinement.distances[k],
+                reason=refinement.reasons[k] or None,
+            )
+            for k in range(len(start))
+        ),
+        bands=tuple(BandDocument.model_validate(band) for band in refinement.bands),
     )
 
 

@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+import numpy as np
+
 from sprung._arrays import Complex, Real
 from sprung.documents.document import Document, Number, plain
 from sprung.modal import Modes
@@ -29,9 +31,10 @@ class FittedMode(ModeValues):
 
 
 class IdentifiedMode(ModeValues):
-    """A mode identified in recordings."""
+    """A mode identified in recordings; its shape has standard deviations of real and imaginary parts."""
 
     mode_shape: Complex
+    mode_shape_std: Complex | None = None
     mpc: float
     label: str | None
     stable_rate: Number
@@ -78,6 +81,7 @@ def identified_modes(modes: Modes) -> tuple[IdentifiedMode, ...]:
             **_values(modes, k),
             natural_frequency_std=modes.natural_frequency_std[k],
             damping_ratio_std=modes.damping_ratio_std[k],
+            mode_shape_std=None if np.isnan(modes.mode_shape_std[k]).any() else modes.mode_shape_std[k],
             mpc=modes.mpc[k],
             stable_rate=modes.stable_rate[k],
         )

@@ -15,6 +15,7 @@ from sprung.identification.merging import MergedModes, merge_modes
 from sprung.identification.planning import disjoint_splits
 from sprung.identification.preparation import as_measured, without_lifter
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
+from sprung.identification.refinement import Refinement, refine
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
 from sprung.identification.settings import IdentificationSettings
 from sprung.identification.stabilisation import (
@@ -249,7 +250,7 @@ def summarise(
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
-    """Return the modes of a summary: those of the identification of its recordings.
+    """Return the modes of a summary: those of the identification of its recordings before any refinement.
 
     Parameters
     ----------
@@ -295,12 +296,13 @@ def _identify(
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
     summary, notes_on_subsets = _summary(method, settings, records)
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
+    modes, refinement = _refine(merged.modes, records)
     report("done", 1.0)
     return Identification(
         method=method,
         channels=summary.channels,
         sampling_rate=summary.average.sampling_rate,
-        modes=labelled(merged.modes, summary.channels, vehicle=vehicle),
+        modes=labelled(modes, summary.channels, vehicle=vehicle),
         subsets=tuple(subsets),
         members=merged.members,
         harmonics=summary.harmonics,
@@ -313,8 +315,29 @@ def _identify(
             *records.notes,
             *notes_on_subsets,
             *_notes_on_modes(merged.modes, settings.lifter),
+            *_notes_on_refinement(refinement, settings),
         ),
+        refinement=refinement,
     )
+
+
+def _refine(modes: Modes, records: CorrelatedRecords) -> tuple[Modes, Refinement | None]:
+    """Return the modes refined by the spectra of the records, where there are such."""
+    if records.lines is None:
+        return modes, None
+    factors = np.array([records.plan.preparation.factors[channel.name] for channel in records.channels])
+    spectra = replace(records.lines, lines=records.lines.lines.scaled(1 / factors))
+    spectra = replace(spectra, blocks=tuple(block.scaled(1 / factors) for block in spectra.blocks))
+    return refine(modes, spectra, records.channels, harmonics=records.harmonics)
+
+
+def _notes_on_refinement(refinement: Refinement | None, settings: IdentificationSettings) -> tuple[str, ...]:
+    """Return notes on modes that keep their values, and on edited records."""
+    if refinement is not None:
+        return refinement.notes
+    if settings.refine and settings.lifter is not None:
+        return ("modes not refined: cepstrum editing smooths the spectra that the likelihood takes as random",)
+    return ()
 
 
 def _summary(
@@ -382,7 +405,8 @@ def _subset_modes(
         modes = selected.modes
         if splits:
             shapes = complete_shapes(modes.poles, modes.mode_shapes, correlations, outputs)
-            modes = replace(modes, mode_shapes=unit_shapes(shapes), channels=names)
+            shapes = unit_shapes(shapes)
+            modes = replace(modes, mode_shapes=shapes, channels=names, mode_shape_std=np.full_like(shapes, np.nan))
         parts.append(modes)
         diagrams.append(diagram)
         alignments.append(selected.alignments)

@@ -18,6 +18,7 @@ from sprung.identification.correlation import (
 from sprung.identification.fdd import with_long_segments
 from sprung.identification.planning import make_plan, plan_preparation
 from sprung.identification.preparation import Prepared, prepare, search_harmonics
+from sprung.identification.refinement import RecordSpectra, record_spectra
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
@@ -47,6 +48,8 @@ class CorrelatedRecords:
         Lines that at least half of the records show.
     notes
         Records that were left out and why, one sentence each.
+    lines
+        Spectra of the prepared records for the refinement of modes; None where nothing is refined.
     """
 
     plan: Plan
@@ -56,6 +59,7 @@ class CorrelatedRecords:
     edited_spectra: SpectralMatrix | None
     harmonics: tuple[Harmonic, ...]
     notes: tuple[str, ...]
+    lines: RecordSpectra | None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,6 +71,7 @@ class _Correlated:
     spectra: SpectralMatrix
     edited_spectra: SpectralMatrix | None
     harmonics: tuple[Harmonic, ...]
+    lines: RecordSpectra | None
 
 
 def correlate_records(
@@ -119,6 +124,7 @@ def correlate_records(
         except DataError as error:
             left_out[number] = error
     edited = [record.edited_spectra for record in correlated if record.edited_spectra is not None]
+    lines = [record.lines for record in correlated if record.lines is not None]
     return CorrelatedRecords(
         plan=plan,
         channels=first.channels,
@@ -127,6 +133,7 @@ def correlate_records(
         edited_spectra=reduce(add, edited) if edited else None,
         harmonics=_common_harmonics([record.harmonics for record in correlated]),
         notes=tuple(f"record {number} left out: {error}" for number, error in left_out.items()),
+        lines=reduce(add, lines) if lines else None,
     )
 
 
@@ -202,7 +209,14 @@ def _correlate(
         references=settings.references,
         is_continued=method not in ("acs", "coss"),
     )
-    return _Correlated(prepared.motion.channels, segments, prepared.spectra, prepared.edited_spectra, harmonics)
+    return _Correlated(
+        channels=prepared.motion.channels,
+        segments=segments,
+        spectra=prepared.spectra,
+        edited_spectra=prepared.edited_spectra,
+        harmonics=harmonics,
+        lines=record_spectra(prepared.motion, plan) if settings.refine and settings.lifter is None else None,
+    )
 
 
 def _common_harmonics(records: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, ...]:

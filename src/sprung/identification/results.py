@@ -8,6 +8,7 @@ from sprung._arrays import Indices
 from sprung._checks import freeze
 from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import BlockRowLadder
+from sprung.identification.refinement import Refinement
 from sprung.identification.settings import IdentificationSettings, Plan
 from sprung.identification.stabilisation import StabilisationDiagram
 from sprung.modal import Modes
@@ -72,6 +73,8 @@ class Identification:
         Decisions made from the settings and the data.
     notes
         Choices, omissions and warnings, one sentence each.
+    refinement
+        What the refinement changed; None without it.
     """
 
     method: str
@@ -86,6 +89,7 @@ class Identification:
     settings: IdentificationSettings
     plan: Plan
     notes: tuple[str, ...]
+    refinement: Refinement | None = None
 
     def __post_init__(self) -> None:
         freeze(self, members=2, dtype=np.intp)

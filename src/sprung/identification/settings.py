@@ -46,6 +46,8 @@ class IdentificationSettings:
     harmonics
         Known harmonics of the excitation; None: they are searched for, which takes most of the time of an
         identification.
+    refine
+        Whether modes are refined to the largest likelihood of the records' spectra.
 
     Raises
     ------
@@ -65,6 +67,7 @@ class IdentificationSettings:
     has_disjoint_references: bool = False
     criteria: StabilityCriteria = field(default_factory=StabilityCriteria)
     harmonics: tuple[Harmonic, ...] | None = None
+    refine: bool = True
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1]:
@@ -95,7 +98,7 @@ def as_in_thesis(
     rows: tuple[int, int] = THESIS_ROWS,
     stable_rate: float = THESIS_CRITERIA.stable_rate,
 ) -> IdentificationSettings:
-    """Return settings with the ladder, the correlations and the criteria of the thesis.
+    """Return settings with the ladder, the correlations and the criteria of the thesis, without refinement.
 
     Parameters
     ----------
@@ -125,7 +128,7 @@ def as_in_thesis(
     F. Liu (2020), eq. 3-35 to 3-57 and 4-1.
     """
     criteria = replace(THESIS_CRITERIA, stable_rate=stable_rate)
-    return replace(settings or IdentificationSettings(), ladder=BlockRowLadder(*rows), criteria=criteria)
+    return replace(settings or IdentificationSettings(), ladder=BlockRowLadder(*rows), criteria=criteria, refine=False)
 
 
 @dataclass(frozen=True, slots=True)

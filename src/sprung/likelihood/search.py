@@ -1,11 +1,13 @@
 """Search for the parameters at which the likelihood is largest."""
 
 from collections.abc import Iterator
+from itertools import islice
+from typing import Protocol
 
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.likelihood.whittle import TOO_FAR, Model
+from sprung.likelihood.whittle import TOO_FAR
 
 #: Length of a step, in standard deviations, after which the information is taken anew, and how often at most.
 _FAR, _MOST_FAR = 3.0, 5
@@ -16,11 +18,30 @@ _STALE, _MOST_STEPS = 25, 300
 _SLOPE, _GAIN = 1e-2, 1e-8
 #: Share of the gain by the slope that a step must reach; bounds of its shortening, and shortest step.
 _SUFFICIENT, _SHORTER, _SHORTEST = 1e-4, (0.1, 0.5), 1e-6
+#: Fisher scoring ends at this squared slope in standard deviations, or after this number of steps; the search after it,
+#: of at most that number, has converged below that squared slope.
+_SCORED, _MOST_SCORES, _MOST_AFTER_SCORES, _CONVERGED = 1e-4, 10, 30, 1e-2
+#: Shortest step of Fisher scoring, as a share of the full one.
+_SHORTEST_SCORE = 0.05
 #: Least curvature along a step over the largest possible, for an update of the curvature.
 _CURVED = 1e-10
 
 
-def minimised(model: Model, start: Real) -> Real:
+class Likelihood(Protocol):
+    """A model with data whose likelihood is searched: of a vehicle (`whittle.Model`) or of modes (`ModalModel`)."""
+
+    @property
+    def prior_std(self) -> Real:
+        """Standard deviation of the prior, shape (parameters,)."""
+
+    def objective(self, parameters: Real) -> tuple[float, Real]:
+        """Return minus the log likelihood, the prior included, and its gradient; `TOO_FAR` where it does not exist."""
+
+    def information(self, parameters: Real) -> Real:
+        """Return the Fisher information without the prior, shape (parameters, parameters)."""
+
+
+def minimised(model: Likelihood, start: Real) -> Real:
     """Return the parameters at which the likelihood is largest.
 
     Parameters
@@ -49,7 +70,53 @@ def minimised(model: Model, start: Real) -> Real:
     return parameters
 
 
-def descent(model: Model, start: Real) -> Iterator[Real]:
+def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
+    """Return the parameters of largest likelihood by Fisher scoring, and whether the search converged.
+
+    Parameters
+    ----------
+    model
+        Model with its data, whose information is cheap.
+    start
+        Parameters at which the search starts, near the largest likelihood, shape (parameters,).
+
+    Raises
+    ------
+    LinAlgError
+        If the information is singular.
+
+    Notes
+    -----
+    Steps (I + diag(1 / prior_std^2))^-1 slope, shortened where they do not decrease the objective enough, then
+    `descent`, for data that the model does not explain. The search has converged if the slope is below 0.1 standard deviations.
+
+    References
+    ----------
+    J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, section 10.3 (Gauss-Newton).
+    """
+    parameters = start
+    value, slope = model.objective(parameters)
+    for _ in range(_MOST_SCORES):
+        step, squared = _score_step(model, parameters, slope)
+        if squared < _SCORED:
+            return parameters, True
+        length, new_value, new_slope = _shortened(model, parameters, step, value, squared)
+        if length < _SHORTEST_SCORE:
+            break
+        parameters, value, slope = parameters + length * step, new_value, new_slope
+    for point in islice(descent(model, parameters), _MOST_AFTER_SCORES):
+        parameters = point
+    return parameters, _score_step(model, parameters, model.objective(parameters)[1])[1] < _CONVERGED
+
+
+def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real, float]:
+    """Return the step of Fisher scoring, and the squared slope in standard deviations."""
+    information = model.information(parameters) + np.diag(1 / model.prior_std**2)
+    step = np.asarray(np.linalg.solve(information, -slope), dtype=np.float64)
+    return step, float(-slope @ step)
+
+
+def descent(model: Likelihood, start: Real) -> Iterator[Real]:
     """Yield the parameters after each step of a search for the largest likelihood.
 
     Parameters
@@ -101,7 +168,7 @@ def descent(model: Model, start: Real) -> Iterator[Real]:
 
 
 def _shortened(
-    model: Model, parameters: Real, direction: Real, value: float, descent_rate: float
+    model: Likelihood, parameters: Real, direction: Real, value: float, descent_rate: float
 ) -> tuple[float, float, Real]:
     """Return length, value and slope of a step that decreases the objective enough; length 0 without any."""
     length = 1.0
@@ -128,7 +195,7 @@ def _updated(inverse: Real, step: Real, change: Real, *, is_first: bool) -> Real
     return np.asarray(inverse - crossed - crossed.T + weight * np.outer(step, step), dtype=np.float64)
 
 
-def preconditioner(model: Model, parameters: Real) -> Real:
+def preconditioner(model: Likelihood, parameters: Real) -> Real:
     """Return the factor F that makes the information about the parameters, prior included, the unit matrix.
 
     Parameters

@@ -1,0 +1,181 @@
+"""Refinement: modes at the bound where the model is true, untouched modes and the reason where it is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sprung.identification import IdentificationSettings, acs_ssi, as_in_thesis, coss_ssi, cov_ssi
+from sprung.identification.refinement import RecordSpectra, refine
+from sprung.likelihood.modal_spectra import LineSums, line_edges
+from sprung.modal import Modes, mac, unit_shapes
+from sprung.recording import Channel, Gap
+from sprung.signals.cepstrum import Exponential, ShortPass
+from sprung.simulation import simulate, usual_excitation
+
+RATE = 1000.0
+FREQUENCY, DAMPING = np.array([3.0, 3.06, 7.0]), np.array([0.01, 0.012, 0.02])
+
+
+def refinement_of(identification):
+    """Return what the refinement of an identification changed."""
+    assert identification.refinement is not None
+    return identification.refinement
+
+
+def modes_of(frequency, damping, shapes, stds=(0.0, 0.0)):
+    n = len(frequency)
+    return Modes(
+        poles=2 * np.pi * frequency * (1j * np.sqrt(1 - damping**2) - damping),
+        mode_shapes=unit_shapes(shapes),
+        channels=tuple(f"s{k}" for k in range(shapes.shape[1])),
+        natural_frequency_std=np.full(n, stds[0]),
+        damping_ratio_std=np.full(n, stds[1]),
+        stable_rate=np.ones(n),
+        labels=(None,) * n,
+    )
+
+
+def exact_spectra(shapes, quantities, *, duration=1e3, noise=1e-3):
+    """Return the sums that records of exactly the expected spectra have, and the channels."""
+    edges = line_edges(0.5, 20.0, duration=duration)
+    frequencies = (edges[1:] + edges[:-1]) / 2
+    x = frequencies[:, None] / FREQUENCY
+    responses = 1 / (1 - x**2 + 2j * DAMPING * x)
+    moved = responses[:, None, :] * shapes.T
+    forces = np.array([[1.0, 0.2, 0.1], [0.2, 1.5, 0.3], [0.1, 0.3, 2.0]])
+    powers = np.array([{"displacement": 0, "velocity": 1}.get(quantity, 2) for quantity in quantities])
+    tilt = (frequencies[:, None] / 3.0) ** powers
+    motion = moved @ forces @ moved.conj().swapaxes(-1, -2)
+    matrices = motion * tilt[:, :, None] * tilt[:, None, :] + noise * np.eye(len(quantities))
+    n_lines = np.diff(edges) * duration
+    moments = np.array([n_lines, n_lines * frequencies, n_lines * frequencies**2])
+    channels = tuple(Channel(f"s{k}", quantity) for k, quantity in enumerate(quantities))
+    lines = LineSums(edges, moments, matrices * n_lines[:, None, None], duration)
+    return RecordSpectra(lines, (), np.zeros(0, dtype=np.intp), RATE), channels
+
+
+@pytest.mark.parametrize(
+    "quantities",
+    [("acceleration",) * 3, ("displacement",) * 3, ("acceleration", "velocity", "displacement"), ("unknown",) * 12],
+)
+def test_exact_spectra_give_exact_modes(quantities) -> None:
+    generator = np.random.default_rng(0)
+    shapes = generator.normal(size=(3, len(quantities)))
+    spectra, channels = exact_spectra(shapes, quantities)
+    powers = np.array([{"displacement": 0, "velocity": 1}.get(quantity, 2) for quantity in quantities])
+    seen = unit_shapes((shapes * (FREQUENCY[:, None] / 3.0) ** powers).astype(complex))
+    factor = np.array([1.0005, 0.9995, 1.001])
+    start = modes_of(
+        FREQUENCY * factor, DAMPING * np.array([1.05, 0.97, 1.04]), seen + 0.01 * generator.normal(size=seen.shape)
+    )
+    start = replace(start, natural_frequency_std=np.full(3, 0.05), damping_ratio_std=np.full(3, 0.01))
+    modes, refinement = refine(start, spectra, channels)
+    assert refinement.reasons == ("", "", "")
+    assert modes.natural_frequency == pytest.approx(FREQUENCY, rel=3e-4)
+    assert modes.damping_ratio == pytest.approx(DAMPING, rel=0.02)
+    assert modes.mode_shapes == pytest.approx(seen, abs=0.02)
+    assert np.all(np.isfinite(modes.mode_shape_std))
+
+
+def test_a_mode_far_from_the_largest_likelihood_keeps_its_values() -> None:
+    shapes = np.random.default_rng(0).normal(size=(3, 3))
+    spectra, channels = exact_spectra(shapes, ("unknown",) * 3)
+    start = modes_of(FREQUENCY * np.array([1, 1, 1.01]), DAMPING, shapes.astype(complex), stds=(0.01, 0.001))
+    modes, refinement = refine(start, spectra, channels)
+    assert refinement.is_refined.tolist() == [True, True, False]
+    assert "the largest likelihood lies 0.07 Hz" in refinement.reasons[2]
+    assert modes.poles[2] == start.poles[2]
+    assert np.isnan(modes.natural_frequency_std).sum() == 0
+    assert refinement.notes == (f"mode at 7.07 Hz not refined: {refinement.reasons[2]}",)
+
+
+def test_heavily_damped_and_unresolved_modes_keep_their_values() -> None:
+    shapes = np.eye(3)[:, :3].astype(complex)
+    spectra, channels = exact_spectra(shapes.real, ("unknown",) * 3, duration=40.0)
+    start = modes_of(FREQUENCY, np.array([1e-3, 0.02, 0.3]), shapes)
+    modes, refinement = refine(start, spectra, channels)
+    assert "narrower than 3 lines of the longest stretch (40 s): record longer" in refinement.reasons[0]
+    assert "its damping ratio of 30 % is above 15 %" in refinement.reasons[2]
+    assert np.array_equal(modes.poles[[0, 2]], start.poles[[0, 2]])
+
+
+@pytest.fixture(scope="module")
+def runs(vehicle):
+    chain = vehicle("chain3")
+    excitation = usual_excitation(chain)
+    return [simulate(chain, excitation, duration=60.0, sampling_rate=500.0, snr=10.0, seed=seed) for seed in range(8)]
+
+
+def test_refined_modes_scatter_less_and_as_stated(runs, vehicle) -> None:
+    exact = vehicle("chain3").modes()
+    refined, start, stated, shape_errors = [], [], [], []
+    for run in runs:
+        identified = cov_ssi(run)
+        assert refinement_of(identified).is_refined.all()
+        assert refinement_of(identified).bands[0].fits
+        modes, before = identified.modes, refinement_of(identified).start
+        refined.append([modes.natural_frequency, modes.damping_ratio])
+        start.append([before.natural_frequency, before.damping_ratio])
+        stated.append([modes.natural_frequency_std, modes.damping_ratio_std])
+        error, std = modes.mode_shapes - exact.mode_shapes, modes.mode_shape_std
+        shape_errors += [
+            (error.real[std.real > 0] / std.real[std.real > 0]),
+            error.imag[std.imag > 0] / std.imag[std.imag > 0],
+        ]
+    truth = np.array([exact.natural_frequency, exact.damping_ratio])
+    z = (np.array(refined) - truth) / np.array(stated)
+    assert 0.7 < np.sqrt(np.mean(z**2)) < 1.3
+    assert 0.7 < np.sqrt(np.mean(np.concatenate(shape_errors) ** 2)) < 1.3
+    ratio = np.mean((np.array(refined) - truth) ** 2, axis=0) / np.mean((np.array(start) - truth) ** 2, axis=0)
+    assert np.exp(np.mean(np.log(ratio))) < 0.9
+
+
+def test_every_method_is_refined_by_all_records(runs) -> None:
+    by_method = [method(runs[:3]) for method in (cov_ssi, acs_ssi, coss_ssi)]
+    frequencies = np.array([identified.modes.natural_frequency for identified in by_method])
+    assert all(refinement_of(identified).is_refined.all() for identified in by_method)
+    assert frequencies == pytest.approx(np.broadcast_to(frequencies[0], frequencies.shape), rel=2e-4)
+
+
+def test_gaps_cost_little(runs, vehicle) -> None:
+    run = replace(runs[0], gaps=(Gap(8000, 3.0), Gap(18000, 1.0)))
+    modes, whole = cov_ssi(run).modes, cov_ssi(runs[0]).modes
+    assert np.all(np.abs(modes.natural_frequency - whole.natural_frequency) < whole.natural_frequency_std)
+    assert modes.natural_frequency_std == pytest.approx(whole.natural_frequency_std, rel=0.3)
+
+
+def test_one_channel_is_refined_or_says_why_not(runs) -> None:
+    identified = cov_ssi(replace(runs[0], samples=runs[0].samples[:1], channels=runs[0].channels[:1]))
+    is_refined = refinement_of(identified).is_refined
+    assert np.all(identified.modes.mode_shape_std[is_refined] == 0)
+    assert len(refinement_of(identified).notes) == np.count_nonzero(~is_refined)
+
+
+def test_nothing_is_refined_where_spectra_are_edited_or_it_is_switched_off(runs) -> None:
+    for lifter in (ShortPass(3.0), Exponential(2.0)):
+        edited = cov_ssi(runs[0], settings=IdentificationSettings(lifter=lifter))
+        assert edited.refinement is None
+        assert "modes not refined: cepstrum editing" in edited.notes[-1]
+    for settings in (IdentificationSettings(refine=False), as_in_thesis()):
+        plain = cov_ssi(runs[0], settings=settings)
+        assert plain.refinement is None
+        assert not any("refined" in note for note in plain.notes)
+        assert np.isnan(plain.modes.mode_shape_std).all()
+
+
+def test_a_line_beside_a_mode_is_left_out(runs, vehicle) -> None:
+    exact, run = vehicle("chain3").modes(), runs[1]
+    times = np.arange(run.samples.shape[1]) / run.sampling_rate
+    disturbed = replace(run, samples=run.samples + run.samples.std() * np.sin(2 * np.pi * 12.0 * times))
+    identified = cov_ssi(disturbed)
+    for mode, reason in zip(identified.modes.natural_frequency, refinement_of(identified).reasons, strict=True):
+        assert np.min(np.abs(mode / exact.natural_frequency - 1)) < 0.02
+        assert not reason
+
+
+def test_shapes_agree_with_the_identified_ones(runs) -> None:
+    identified = cov_ssi(runs[2])
+    assert np.diag(mac(identified.modes.mode_shapes, refinement_of(identified).start.mode_shapes)) == pytest.approx(
+        np.ones(3), abs=0.01
+    )
