@@ -16,7 +16,7 @@ from sprung.identification.correlation import (
     with_limited_power,
 )
 from sprung.identification.planning import make_plan, plan_preparation
-from sprung.identification.preparation import Prepared, prepare, search_harmonics
+from sprung.identification.preparation import Prepared, prepare, search_harmonics, without_slow_motion
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
@@ -166,6 +166,8 @@ def _first_record(
                 method=method,
                 total_duration=total_duration or recording.duration,
             )
+            if preparation.high_pass == 0:
+                prepared = without_slow_motion(prepared, plan.preparation.high_pass)
             return plan, _correlate(method, prepared, harmonics, plan, settings)
         except DataError as error:
             left_out[number] = error
