@@ -78,9 +78,7 @@ class OrderLadder:
             parts.append(poles_of_orders(realisation, orders))
         if len(parts) == 1:
             return parts[0]
-        return _join_rungs(
-            parts, [*(PASSED * correlations.sampling_rate / stride for stride in self.strides[1:]), 0.0]
-        )
+        return _join_rungs(parts, [*(PASSED * correlations.sampling_rate / stride for stride in self.strides[1:]), 0.0])
 
 
 @dataclass(frozen=True, slots=True)

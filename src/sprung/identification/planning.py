@@ -42,14 +42,16 @@ _LARGEST_ORDERS = (20, 30)
 #: Lags from one block row to the next grow by this factor from realisation to realisation, of which there are at most so
 #: many, where the block rows would otherwise span less than this share of the time that the lags are to span.
 _STRIDE, _MOST_STRIDES, _SPANNED = 3, 3, 0.67
-#: Smallest ratio of a stretch to the span of the lags.
-_STRETCH_OVER_LAGS = 4.0
+#: Smallest ratios of the whole record, and of a stretch, to the span of the lags.
+_RECORD_OVER_LAGS, _STRETCH_OVER_LAGS = 11.0, 4.0
 #: The high-pass over the lowest natural frequency that the lags resolve.
 _HIGH_PASS = 0.6
 #: Smallest number of samples of the longest stretch.
 _FEWEST_SAMPLES = 200
 #: Numbers of segments of all records (Cov-SSI) and of a subset, and shortest segment over the span of the lags.
 _BLOCKS_OF_A_RECORD, _SEGMENTS_OF_A_SUBSET, _LAG_SPANS_OF_A_SEGMENT = 48, 12, 3.0
+#: Shortest block of Cov-SSI over the span of the lags.
+_LAG_SPANS_OF_A_BLOCK = 1.2
 #: Number of segments of the spectra, and of those for the lowest frequencies, from their second line.
 _SPECTRUM_AVERAGES, _FEWEST_AVERAGES = 24, 6
 #: Longest segment of the spectra from which the band is chosen [samples].
@@ -105,7 +107,8 @@ def plan_preparation(
     else:
         band, source = _band_of_content(motion), "where the channels move together"
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
-    rate = settings.decimate_to or _lowest_rate(fastest, rate_over_band * band[1])
+    least = max(rate_over_band * band[1], _FEWEST_SAMPLES * fastest / _longest(recording))
+    rate = settings.decimate_to or _lowest_rate(fastest, least)
     check_number("decimate_to", rate, at_most=fastest * (1 + 1e-9), advice="decimation only lowers the sampling rate")
     notes = [f"band {band[0]:.3g} to {min(band[1], rate / 2):.3g} Hz ({source}), sampled at {rate:.5g} Hz"]
     if len(outputs) == 1:
@@ -171,7 +174,7 @@ def make_plan(
     lag_span = min(_PERIODS_OF_LAGS / max(band[0], 1e-9), _MEMORIES_OF_LAGS * _memory(spectra, band))
     if prepared.edited_spectra is None:
         lag_span = min([lag_span, *(_OF_PULSE_PERIOD / line for line in _pulse_trains(harmonics))])
-    lag_span = min(lag_span, stretch / rate / _STRETCH_OVER_LAGS)
+    lag_span = min(lag_span, total_duration / _RECORD_OVER_LAGS, stretch / rate / _STRETCH_OVER_LAGS)
     ladder = _ladder(settings, len(preparation.channels), rate, lag_span, _longest(motion))
     low, high = settings.band or (0.0, np.inf)
     slowest = _LEAST_PERIODS * rate / ladder.span
@@ -379,6 +382,6 @@ def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], t
 def _segment(method: str, n_subsets: int, duration: float, lag_span: float) -> float:
     """Return a length of segments that gives enough of them to each subset and is long against the lags [s]."""
     if method == "cov":
-        return max(duration / _BLOCKS_OF_A_RECORD, lag_span)
+        return max(duration / _BLOCKS_OF_A_RECORD, _LAG_SPANS_OF_A_BLOCK * lag_span)
     n_segments = _SEGMENTS_OF_A_SUBSET * (n_subsets if method == "coss" else 1)
     return max(duration / n_segments, _LAG_SPANS_OF_A_SEGMENT * lag_span)
