@@ -40,10 +40,11 @@ def decimate_correlations(correlations: Correlations, factor: int, *, n_lags: in
 
     Notes
     -----
-    Lambda'_m = sum over k of c_k Lambda_(m D + k) with a symmetric low-pass c. A sum of exponentials keeps its poles and
-    shapes exactly; only the participations change, by the response of the low-pass. Negative lags are those of the
-    exchanged channels, Lambda_(-m) = Lambda_m^T. Where no reference is a channel they are not known: all lags are then
-    later by the half-width of the low-pass, which the participations absorb as well.
+    Lambda'_m = sum over k of c_k Lambda_(m D + k) with a symmetric low-pass c. A sum of exponentials keeps its poles
+    and shapes; only the participations change, by the response of the low-pass. Negative lags are those of the
+    exchanged channels, Lambda_(-m) = Lambda_m^T: not one sum of exponentials with the positive ones, so the first few
+    lags deviate by the stop band (poles by 1e-5). Where no reference is a channel they are not known: all lags are then
+    later by the half-width of the low-pass, which the participations absorb, and the poles are exact.
     """
     if factor == 1:
         return correlations

@@ -129,7 +129,7 @@ class BlockRowLadder:
 
 
 def _join_rungs(parts: Sequence[Poles], edges: Sequence[float]) -> Poles:
-    """Return the poles of ladders of the same rungs, each between its edge and that of the one before, as one ladder."""
+    """Return ladders of the same rungs as one, each with its poles between its edge and that of the one before."""
     uppers = [np.inf, *edges[:-1]]
     frequencies = [part.natural_frequency for part in parts]
     taken = [(low <= f) & (f < high) for f, low, high in zip(frequencies, edges, uppers, strict=True)]

@@ -77,13 +77,7 @@ def _mean_mode(estimates: Modes, weights: Real) -> Modes:
     return replace(
         best,
         poles=np.array([np.sum(shares * estimates.poles)]),
-        natural_frequency_std=np.sqrt([np.sum((shares * _complete(estimates.natural_frequency_std)) ** 2)]),
-        damping_ratio_std=np.sqrt([np.sum((shares * _complete(estimates.damping_ratio_std)) ** 2)]),
+        natural_frequency_std=np.sqrt([np.sum((shares * estimates.natural_frequency_std) ** 2)]),
+        damping_ratio_std=np.sqrt([np.sum((shares * estimates.damping_ratio_std) ** 2)]),
         stable_rate=np.array([np.mean(estimates.stable_rate)]),
     )
-
-
-def _complete(deviations: Real) -> Real:
-    """Return standard deviations with the largest in place of unknown ones (NaN); all NaN where none is known."""
-    is_unknown = np.isnan(deviations)
-    return deviations if is_unknown.all() else np.where(is_unknown, np.nanmax(deviations), deviations)

@@ -1,6 +1,6 @@
 """Choices from the data: band, sampling rate, block rows, orders and segments."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import TypeVar
@@ -39,13 +39,14 @@ _PERIODS_OF_LAGS, _FEWEST_ROWS, _MOST_ROWS, _LARGEST_MATRIX = 4.0, 20, 100, 400
 _LEAST_PERIODS, _HIGHEST_MODE = 1.2, 0.4
 #: Bounds of half the largest model order.
 _LARGEST_ORDERS = (20, 30)
-#: Lags from one block row to the next grow by this factor from realisation to realisation, of which there are at most so
-#: many, where the block rows would otherwise span less than this share of the time that the lags are to span.
+#: Lags from one block row to the next grow by this factor from realisation to realisation, of which there are at most
+#: so many, where the block rows would otherwise span less than this share of the time that the lags are to span.
 _STRIDE, _MOST_STRIDES, _SPANNED = 3, 3, 0.67
 #: Smallest ratios of the whole record, and of a stretch, to the span of the lags.
 _RECORD_OVER_LAGS, _STRETCH_OVER_LAGS = 11.0, 4.0
-#: The high-pass over the lowest natural frequency that the lags resolve.
-_HIGH_PASS = 0.6
+#: The high-pass over the lowest natural frequency that the lags resolve, and the smallest share of a channel's power
+#: below it for which there is one: a filter without need costs accuracy of heavily damped modes.
+_HIGH_PASS, _SLOW_SHARE = 0.6, 0.2
 #: Smallest number of samples of the longest stretch.
 _FEWEST_SAMPLES = 200
 #: Numbers of segments of all records (Cov-SSI) and of a subset, and shortest segment over the span of the lags.
@@ -164,9 +165,12 @@ def make_plan(
 
     Notes
     -----
-    Lags: four periods of the band's lower edge, or four times the lag up to which 80 % of the power of the
-    cross-correlations lies, whichever is less; 20 to 100 block rows, at most 400 rows in the matrix. Lags stay below
-    the period of a pulse train (five or more multiples of one line): its pulses then act like any random excitation.
+    High-pass, where no band is given: at 0.6 times the lowest frequency of which the lags hold 1.2 periods, if some
+    channel has a fifth of its power below that frequency. Lags: four periods of the band's lower edge, or four times
+    the lag up to which 80 % of the power of the cross-correlations lies, whichever is less, but at most an eleventh of
+    the record; 20 to 100 block rows, at most 400 rows in the matrix. Where these are too few to span the lags, there
+    are realisations of decimated correlations as well. Lags stay below the period of a pulse train (five or more
+    multiples of one line): its pulses then act like any random excitation.
     """
     motion = prepared.motion
     rate, band, stretch = motion.sampling_rate, preparation.band, _usual_stretch(motion)
@@ -178,7 +182,9 @@ def make_plan(
     ladder = _ladder(settings, len(preparation.channels), rate, lag_span, _longest(motion))
     low, high = settings.band or (0.0, np.inf)
     slowest = _LEAST_PERIODS * rate / ladder.span
-    high_pass = preparation.high_pass if settings.band is not None else _HIGH_PASS * slowest
+    high_pass = preparation.high_pass
+    if settings.band is None and _slow_share(motion, spectra, preparation.factors, slowest) > _SLOW_SHARE:
+        high_pass = _HIGH_PASS * slowest
     return Plan(
         preparation=replace(preparation, high_pass=high_pass),
         segment=settings.segment
@@ -203,7 +209,7 @@ def _usual_stretch(recording: Recording) -> int:
 
 
 def _spectrum_segment(recording: Recording, band: tuple[float, float], rate: float) -> float:
-    """Return the length of the segments of spectra, which resolve the band's lower edge where the record allows it [s]."""
+    """Return the length of the segments of spectra, which resolve the band's lower edge if the record does [s]."""
     duration, stretch = recording.duration, _usual_stretch(recording) / recording.sampling_rate
     slow = min(_PERIODS_OF_LAGS / max(band[0], 1e-9), duration / _FEWEST_AVERAGES)
     return max(min(max(duration / _SPECTRUM_AVERAGES, slow), stretch), 8 / rate)
@@ -281,6 +287,14 @@ def _memory(spectra: SpectralMatrix, band: tuple[float, float]) -> float:
     power = np.maximum(power - np.median(power[power.size // 2 :]), 0)
     share = np.cumsum(power)
     return float(np.searchsorted(share, _POWER_REMEMBERED * share[-1]) / (2 * frequencies[-1]))
+
+
+def _slow_share(motion: Recording, spectra: SpectralMatrix, factors: Mapping[str, float], frequency: float) -> float:
+    """Return the largest share of a channel's power below a frequency."""
+    scales = np.array([factors[name] for name in motion.names])
+    fast = spectra.densities[:, spectra.frequencies >= frequency].sum(axis=1) * spectra.frequencies[1] * scales**2
+    power = np.maximum(np.var(motion.samples, axis=1), np.finfo(float).tiny)
+    return float(np.max(1 - fast / power))
 
 
 def _coherent_power(spectra: SpectralMatrix) -> tuple[Real, Real]:

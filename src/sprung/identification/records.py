@@ -9,6 +9,7 @@ import numpy as np
 
 from sprung._arrays import Booleans
 from sprung.errors import DataError
+from sprung.identification.channel_faults import ChannelFault, note_on_faults, without_dead_parts
 from sprung.identification.correlation import (
     SegmentCorrelations,
     correlate_segments,
@@ -21,7 +22,7 @@ from sprung.identification.settings import IdentificationSettings, Plan, Prepara
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
 from sprung.signals.spectrum import SpectralMatrix
-from sprung.vehicles.usable import AnyVehicle, speed_channel, usable
+from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel, usable
 
 #: Function called with the current step in words and the share that is done, 0 to 1.
 Progress = Callable[[str, float], None]
@@ -44,7 +45,7 @@ class CorrelatedRecords:
     harmonics
         Lines that at least half of the records show.
     notes
-        Records that were left out and why, one sentence each.
+        Records that were left out and why, and faults of channels, one sentence each.
     """
 
     plan: Plan
@@ -104,13 +105,15 @@ def correlate_records(
     records = [recordings] if isinstance(recordings, Recording) else recordings
     total_duration = sum(record.duration for record in records) if isinstance(records, Sequence) else None
     left_out: dict[int, DataError] = {}
-    moving = _usable_records(records, vehicle, report, left_out)
+    faults: list[tuple[ChannelFault, ...]] = []
+    moving = _usable_records(records, vehicle, report, left_out, faults)
     plan, first = _first_record(
         moving, method, settings, vehicle=vehicle, total_duration=total_duration, left_out=left_out
     )
     correlated = [first]
     for number, recording in moving:
         try:
+            _check_alive(faults[-1], plan)
             prepared = prepare(recording, plan.preparation, lifter=settings.lifter)
             harmonics = _harmonics(recording, plan.preparation, settings, vehicle)
             correlated.append(_correlate(method, prepared, harmonics, plan, settings))
@@ -124,22 +127,32 @@ def correlate_records(
         spectra=reduce(add, [record.spectra for record in correlated]),
         edited_spectra=reduce(add, edited) if edited else None,
         harmonics=_common_harmonics([record.harmonics for record in correlated]),
-        notes=tuple(f"record {number} left out: {error}" for number, error in left_out.items()),
+        notes=(
+            *(f"record {number} left out: {error}" for number, error in left_out.items()),
+            *note_on_faults(faults),
+        ),
     )
 
 
 def _usable_records(
-    records: Iterable[Recording], vehicle: AnyVehicle | None, report: Progress, left_out: dict[int, DataError]
+    records: Iterable[Recording],
+    vehicle: AnyVehicle | None,
+    report: Progress,
+    left_out: dict[int, DataError],
+    faults: list[tuple[ChannelFault, ...]],
 ) -> Iterator[tuple[int, Recording]]:
-    """Yield the number and the usable part of each record; put the others into `left_out`."""
+    """Yield the number and the usable part of each record; put the others into `left_out`, and faults into `faults`."""
     n_records = len(records) if isinstance(records, Sequence) else 0
     for number, record in enumerate(records, start=1):
         report(f"correlating record {number}", 0.5 * (number - 1) / n_records if n_records else 0.0)
         try:
-            recording = usable(record, vehicle=vehicle)
+            outputs = [name for name in output_channels(record, vehicle) if name in record.names]
+            living, found = without_dead_parts(record, outputs) if outputs else (record, ())
+            recording = usable(living, vehicle=vehicle)
         except DataError as error:
             left_out[number] = error
         else:
+            faults.append(found)
             yield number, recording
 
 
@@ -166,13 +179,22 @@ def _first_record(
                 method=method,
                 total_duration=total_duration or recording.duration,
             )
-            if preparation.high_pass == 0:
+            if plan.preparation.high_pass != preparation.high_pass:
                 prepared = without_slow_motion(prepared, plan.preparation.high_pass)
             return plan, _correlate(method, prepared, harmonics, plan, settings)
         except DataError as error:
             left_out[number] = error
     reasons = [*left_out.values(), DataError("there is no recording to identify modes from: give at least one")]
     raise reasons[0]
+
+
+def _check_alive(faults: Sequence[ChannelFault], plan: Plan) -> None:
+    """Check that no channel of the plan was left out of this record."""
+    for fault in faults:
+        if fault.is_left_out and fault.channel in plan.preparation.channels:
+            raise DataError(
+                f"channel {fault.channel!r} is dead in {100 * fault.dead:.2g} % of it, but not in the first record"
+            )
 
 
 def _harmonics(

@@ -25,6 +25,8 @@ _MERGED_MAC = 0.1
 _CHANCE, _WELL_KNOWN = 1e-2, 0.2
 #: Number of blocks below which the excess of a mode must be larger.
 _MANY_BLOCKS = 24
+#: Fewest blocks whose spread gives standard deviations.
+_FEWEST_BLOCKS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +121,28 @@ class StabilisationDiagram:
     def __post_init__(self) -> None:
         freeze(self, status=1, dtype=np.int8)
         freeze(self, alignments=1, dtype=np.intp)
+
+
+def with_honest_deviations(poles: Poles, correlations: Correlations) -> Poles:
+    """Return the poles, without standard deviations where the correlations of all segments have too few blocks.
+
+    Parameters
+    ----------
+    poles
+        Poles of a ladder.
+    correlations
+        Correlations of all segments. The spread of fewer than ten blocks is known to no better than 25 %, and in a
+        record as short as that a block hardly holds the ring-down of a mode.
+
+    Returns
+    -------
+    Poles
+        Poles with standard deviations, or with NaN in their place.
+    """
+    if len(correlations.blocks) >= _FEWEST_BLOCKS:
+        return poles
+    unknown = np.full(len(poles.poles), np.nan)
+    return replace(poles, natural_frequency_std=unknown, damping_ratio_std=unknown)
 
 
 def stabilise(

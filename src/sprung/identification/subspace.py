@@ -17,8 +17,6 @@ from sprung.modal import Poles
 #: Smallest eigenvalue of the outputs' covariance over the largest: without it, the little noise of nearly noise-free
 #: records would dominate.
 _WHITENING_FLOOR = 3e-3
-#: Fewest blocks whose spread gives standard deviations: the spread of fewer is itself known to no better than 25 %.
-FEWEST_BLOCKS = 10
 
 
 def block_toeplitz(values: Real, block_rows: int) -> Real:
@@ -96,8 +94,7 @@ class Realisation:
         whose block (p, q) is lag p + q of the correlations in use.
     changes
         Deviations of these correlations in each block, shape (blocks, channels, references, block_rows + block columns
-        - 1), scaled so that the sum over blocks of the squares of any linear function is its variance; none where there
-        are fewer than `FEWEST_BLOCKS` blocks.
+        - 1), scaled so that the sum over blocks of the squares of any linear function is its variance.
     channels
         Names of the outputs.
     sampling_rate
@@ -178,16 +175,10 @@ def realise(
         observability=matrix @ Z,
         singular_values=S,
         right_factor=right_factor,
-        changes=_changes(correlations)[..., first_lag : first_lag + n_lags],
+        changes=correlations.changes[..., first_lag : first_lag + n_lags],
         channels=correlations.channels,
         sampling_rate=correlations.sampling_rate,
     )
-
-
-def _changes(correlations: Correlations) -> Real:
-    """Return the deviations of the blocks; none where there are too few blocks."""
-    changes = correlations.changes
-    return changes if len(changes) >= FEWEST_BLOCKS else changes[:0]
 
 
 def _check_size(correlations: Correlations, block_rows: int, max_order: int, is_hankel: bool) -> None:
