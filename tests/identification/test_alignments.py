@@ -126,10 +126,10 @@ def test_the_bound_is_higher_with_few_blocks(measured) -> None:
 
 
 def test_a_mode_must_stand_out_from_what_independent_channels_show(measured) -> None:
-    """The same correlations of a thousandth of the samples are chance, whatever their blocks say."""
+    """The same correlations of a millionth of the samples are chance, whatever their blocks say."""
     modes, correlations = measured
     assert significant(modes, correlations, least=4.0)[:3].all()
-    assert not significant(modes, replace(correlations, n_products=correlations.n_products / 1000), least=4.0).any()
+    assert not significant(modes, replace(correlations, n_products=correlations.n_products / 1e6), least=4.0).any()
 
 
 def test_no_modes_are_judged_without_complaint(measured) -> None:

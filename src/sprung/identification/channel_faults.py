@@ -8,8 +8,8 @@ import numpy as np
 from sprung.recording import Recording
 from sprung.signals.inspection import ChannelFacts, inspect, stuck_runs
 
-#: A run of one value counts as dead from this duration [s] and this share of the record on: shorter ones may come from a
-#: coarse resolution.
+#: A run of one value counts as dead from this duration [s] and this share of the record on: shorter ones may come from
+#: a coarse resolution.
 _DEAD_DURATION, _DEAD_SHARE = 2.0, 0.01
 #: A channel that is dead for more than this share of a record is left out, and of others only the dead parts.
 _MOSTLY_DEAD = 0.5

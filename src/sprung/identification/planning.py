@@ -59,12 +59,18 @@ _SPECTRUM_AVERAGES, _FEWEST_AVERAGES = 24, 6
 _LONGEST_SPECTRUM = 8192
 #: Slow motion ends, and resonance begins, where the power common to the channels rises by this factor.
 _RISE = 4.0
+#: Share of its frequency up to which a line of an engine or a machine wanders.
+_WANDERING = 0.03
 #: A fundamental with this many multiples is a pulse train; the lags reach up to this share of its period.
 _LINES_OF_A_PULSE_TRAIN, _OF_PULSE_PERIOD = 5, 0.9
 
 
 def plan_preparation(
-    recording: Recording, *, settings: IdentificationSettings, vehicle: AnyVehicle | None = None
+    recording: Recording,
+    *,
+    settings: IdentificationSettings,
+    vehicle: AnyVehicle | None = None,
+    harmonics: Sequence[Harmonic] = (),
 ) -> PreparationPlan:
     """Choose channels, band and sampling rate from the first record, where the settings leave them open.
 
@@ -76,6 +82,8 @@ def plan_preparation(
         Settings as given.
     vehicle
         Vehicle whose modes give the band where the settings do not.
+    harmonics
+        Lines of the excitation, which do not count as content of the band.
 
     Returns
     -------
@@ -106,7 +114,7 @@ def plan_preparation(
     elif vehicle is not None:
         band, source = _band_of_vehicle(vehicle, fastest), "around the modes of the vehicle file"
     else:
-        band, source = _band_of_content(motion), "where the channels move together"
+        band, source = _band_of_content(motion, harmonics), "where the channels move together"
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
     least = max(rate_over_band * band[1], _FEWEST_SAMPLES * fastest / _longest(recording))
     rate = settings.decimate_to or _lowest_rate(fastest, least)
@@ -236,11 +244,14 @@ def _band_of_vehicle(vehicle: AnyVehicle, sampling_rate: float) -> tuple[float, 
     return _BELOW_LOWEST * frequencies.min(), min(_ABOVE_HIGHEST * frequencies.max(), sampling_rate / 2)
 
 
-def _band_of_content(motion: Recording) -> tuple[float, float]:
+def _band_of_content(motion: Recording, harmonics: Sequence[Harmonic]) -> tuple[float, float]:
     """Return the band in which the channels move together [Hz]."""
     frequencies, widths, power, common = _content(motion)
     power = power.copy()
     power[: _end_of_slow_motion(common)] = 0
+    for line in harmonics:
+        margin = np.maximum(2 * widths, _WANDERING * line.band[1])
+        power[(frequencies >= line.band[0] - margin) & (frequencies <= line.band[1] + margin)] = 0
     share = np.cumsum(power * widths / frequencies)
     if share[-1] <= 0:
         return 0.0, motion.sampling_rate / 2
@@ -254,7 +265,8 @@ def _content(motion: Recording) -> tuple[Real, Real, Real, Real]:
     The lowest frequencies are those of longer and fewer segments.
     """
     stretch = _usual_stretch(motion)
-    parts, start = [], 0.0
+    parts: list[tuple[Real, Real, Real, Real]] = []
+    start = 0.0
     for averages in (_SPECTRUM_AVERAGES, _FEWEST_AVERAGES):
         length = max(min(motion.n_samples // averages, stretch, _LONGEST_SPECTRUM), 16)
         spectra = spectral_matrix(motion, segment_length=length / motion.sampling_rate)

@@ -171,6 +171,9 @@ def _first_record(
             preparation = plan_preparation(recording, settings=settings, vehicle=vehicle)
             prepared = prepare(recording, preparation, lifter=settings.lifter)
             harmonics = _harmonics(recording, preparation, settings, vehicle)
+            if harmonics and settings.band is None and vehicle is None:
+                preparation = plan_preparation(recording, settings=settings, vehicle=vehicle, harmonics=harmonics)
+                prepared = prepare(recording, preparation, lifter=settings.lifter)
             plan = make_plan(
                 preparation,
                 prepared,
