@@ -26,8 +26,8 @@ def nearest(modes, frequency):
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_palisaden_building(real_file, method) -> None:
-    # Published (SSI-cov of the package the file comes from): 1.882, 2.422, 2.687 Hz. 5.89 Hz recurs in most parts of 200
-    # seconds and in the whole, and is three times the first: a higher mode; 7.46 Hz less often.
+    # Published (SSI-cov of the package the file comes from): 1.882, 2.422, 2.687 Hz. 5.89 Hz recurs in most parts of
+    # 200 s and in the whole, three times the first: a higher mode; 7.46 Hz less often.
     run = read(real_file("palisaden_clt_building/palisaden_0_30min_100Hz.npy"), sampling_rate=100.0)
     modes = METHODS[method](run).modes
     slow = modes.take(np.flatnonzero(modes.natural_frequency < 5.0))
