@@ -97,7 +97,7 @@ def test_light_modes_on_a_drift_and_on_faster_motion() -> None:
     generator = np.random.default_rng(78)
     frequencies, rate, n_samples = [1.9, 2.4, 2.7], 64.0, 38_400
     shapes = generator.normal(size=(3, 6))
-    samples = modal_motion(frequencies, [0.012, 0.015, 0.015], shapes, n_samples, rate, generator)
+    samples = modal_motion(frequencies, [0.012, 0.015, 0.015], shapes, n_samples, rate=rate, generator=generator)
     samples /= samples.std()
     low, band = signal.butter(1, 0.04, fs=rate), signal.butter(2, [5, 20], "band", fs=rate)
     drift = signal.lfilter(*low, generator.standard_normal(n_samples + 100_000))[100_000:]
