@@ -26,13 +26,27 @@ def nearest(modes, frequency):
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_palisaden_building(real_file, method) -> None:
-    # Published (SSI-cov of the package the file comes from): 1.882, 2.422, 2.687 Hz.
+    # Published (SSI-cov of the package the file comes from): 1.882, 2.422, 2.687 Hz. 5.89 Hz recurs in most parts of
+    # 200 s and in the whole, three times the first: a higher mode; 7.46 Hz less often.
     run = read(real_file("palisaden_clt_building/palisaden_0_30min_100Hz.npy"), sampling_rate=100.0)
     # The second opinions report another mode at 3.63 Hz, which both find and no one published.
     modes = METHODS[method](run).modes
-    modes = modes.take(np.flatnonzero(modes.natural_frequency < (3.5 if method in ("plscf", "fdd") else np.inf)))
-    assert modes.natural_frequency == pytest.approx([1.882, 2.422, 2.687], rel=0.01)
-    assert np.all(modes.mpc > 0.95)
+    slow = modes.take(np.flatnonzero(modes.natural_frequency < (3.5 if method in ("plscf", "fdd") else 5.0)))
+    assert slow.natural_frequency == pytest.approx([1.882, 2.422, 2.687], rel=0.01)
+    assert np.all(slow.mpc > 0.95)
+    others = modes.natural_frequency[modes.natural_frequency > 5.0]
+    assert len(others) <= 2
+    assert all(min(abs(frequency / higher - 1) for higher in (5.89, 7.46)) < 0.01 for frequency in others)
+
+
+@pytest.mark.slow
+def test_parts_of_200_seconds_show_the_light_modes_beside_drift_and_machines(real_file) -> None:
+    run = read(real_file("palisaden_clt_building/palisaden_0_30min_100Hz.npy"), sampling_rate=100.0)
+    for first in range(0, 180_000, 20_000):
+        part = run.changed("part", samples=run.samples[:, first : first + 20_000])
+        modes = cov_ssi(part).modes
+        for frequency in (1.882, 2.422, 2.687):
+            assert nearest(modes, frequency) == pytest.approx(frequency, rel=0.015)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -113,11 +113,23 @@ def test_an_uncertain_mode_counts_less(measured) -> None:
 
 
 def test_the_bound_is_higher_with_few_blocks(measured) -> None:
-    """Fisher's distribution with 12 and 1 degrees of freedom exceeds 6,000 once in a hundred times."""
+    """One participation for each of three references: Fisher's F exceeds 8.47 once in a hundred with 6 and 6 degrees.
+
+    Between two halves that differ by a quarter of the average, a participation has the contribution 1 / 0.25^2 = 16:
+    enough; by 0.4 of it, 6.25: not enough, though above the criterion.
+    """
     modes, correlations = measured
-    halves = np.stack([correlations.blocks[:15].mean(axis=0), correlations.blocks[15:].mean(axis=0)])
-    few = replace(correlations, blocks=halves, weights=np.array([0.5, 0.5]))
-    assert not significant(modes, few, least=4.0).any()
+    for share, is_kept in ((0.25, True), (0.4, False)):
+        halves = np.stack([(1 - share) * correlations.values, (1 + share) * correlations.values])
+        few = replace(correlations, blocks=halves, weights=np.array([0.5, 0.5]))
+        assert (significant(modes, few, least=4.0)[:3] == is_kept).all()
+
+
+def test_a_mode_must_stand_out_from_what_independent_channels_show(measured) -> None:
+    """The same correlations of a millionth of the samples are chance, whatever their blocks say."""
+    modes, correlations = measured
+    assert significant(modes, correlations, least=4.0)[:3].all()
+    assert not significant(modes, replace(correlations, n_products=correlations.n_products / 1e6), least=4.0).any()
 
 
 def test_no_modes_are_judged_without_complaint(measured) -> None:

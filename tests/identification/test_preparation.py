@@ -42,7 +42,7 @@ def test_motion_is_decimated_without_trend_and_of_unit_rms(band) -> None:
     assert prepared.motion.names == recording.names
     rms = prepared.motion.samples.std(axis=1)
     expected = recording.samples.std(axis=1) * np.array(list(plan.factors.values()))
-    np.testing.assert_allclose(expected, 1, rtol=1e-9)
+    np.testing.assert_allclose(expected, 1, rtol=1e-5)  # factors are those without the trend
     assert np.all((rms > 0.5) & (rms <= 1.0))
     assert np.abs(prepared.motion.samples.mean(axis=1)).max() < 0.01
     assert prepared.edited_spectra is None

@@ -17,7 +17,7 @@ from sprung.identification.stabilisation import (
 )
 from sprung.modal import Poles, PoleStatus
 
-LOOSE = StabilityCriteria(stable_rate=0.0)
+LOOSE = StabilityCriteria(stable_rate=0.0, unknown_damping=0.1)
 
 
 def pole(frequency, damping=0.02):
@@ -199,7 +199,7 @@ def naive_status(poles, criteria, band):
             likeness = abs(np.vdot(a, b)) ** 2 / (np.vdot(a, a) * np.vdot(b, b)).real
             if df > max(criteria.frequency, criteria.bandwidth * xi):
                 continue
-            passed = 1 if dxi > criteria.damping else 2 if 1 - likeness > criteria.shape else 3
+            passed = 1 if dxi > criteria.unknown_damping else 2 if 1 - likeness > criteria.shape else 3
             reached = max(reached, passed)
         names = ("FREQUENCY_CHANGED", "DAMPING_CHANGED", "SHAPE_CHANGED", "SELECTED")
         found.append(PoleStatus[names[reached]])

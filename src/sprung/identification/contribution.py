@@ -1,11 +1,16 @@
 """Contributions of modes to the correlations between channels, and mode shapes on all channels."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
-from sprung._arrays import Complex, Real
+from sprung._arrays import Complex, Indices, Real
 from sprung.identification.correlation import Correlations
+
+#: Half of a running median of a spectrum is one of so many parts of it.
+_MEDIAN_SHARE = 12
 
 
 def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Real:
@@ -34,22 +39,94 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
     sum over references of abs(g)^2 of the average, weighted with the shape's power on the channels used, divided by the
     same sum of the variances of g over the blocks.
     """
-    lagged = correlations.values[:, :, 1:]
     changes = correlations.changes[..., 1:]
     if not len(changes):
         return np.full(len(poles), np.inf)
+    signal, noise = np.zeros(len(poles)), np.zeros(len(poles))
+    for part in _participations(poles, mode_shapes, correlations):
+        signal += part.power
+        spread = changes[:, part.others, part.reference].reshape(len(changes), -1) @ part.solve
+        noise += part.weight * np.sum(np.abs(spread) ** 2, axis=0)
+    return signal / noise
+
+
+def excesses(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Real:
+    """Return the contribution of each mode relative to that expected of independent channels without any mode.
+
+    Parameters
+    ----------
+    poles, mode_shapes
+        As for `contributions`.
+    correlations
+        Correlations with their number of products, of two channels or more, all of them references.
+
+    Returns
+    -------
+    numpy.ndarray
+        Excess of each mode, shape (modes,): over twice the number of references distributed nearly as chi-squared with
+        as many degrees of freedom where there is no mode; infinite for exact correlations and for a single channel.
+
+    Notes
+    -----
+    As `contributions`, but with the variance of sum_m w_m Lambda_m, for a pair of independent channels a and b of N
+    samples the mean over frequencies of abs(W)^2 S_a S_b / N (Bartlett's formula). This variance does not rise with
+    the mode's own random level, which the spread of a few blocks mostly shows. The spectra S are running medians: they
+    follow noise, and pass under the peaks of modes.
+
+    References
+    ----------
+    M. S. Bartlett (1946), On the theoretical specification and sampling properties of autocorrelated time-series,
+    Supplement to the Journal of the Royal Statistical Society 8, 27-41.
+    """
+    if not np.isfinite(correlations.n_products) or correlations.references != correlations.channels:
+        return np.full(len(poles), np.inf)
+    if len(correlations.channels) == 1:
+        return np.full(len(poles), np.inf)
+    n_fft = 2 * correlations.n_lags
+    spectra = _smooth_spectra(correlations, n_fft)
+    signal, noise = np.zeros(len(poles)), np.zeros(len(poles))
+    for part in _participations(poles, mode_shapes, correlations):
+        signal += part.power
+        filters = part.solve.reshape(len(part.others), correlations.n_lags - 1, len(poles))
+        gains = np.abs(np.fft.fft(filters, n_fft, axis=1)) ** 2
+        products = spectra[part.others] * spectra[part.reference]
+        noise += part.weight * np.einsum("ofk,of->k", gains, products) / (n_fft * correlations.n_products)
+    return signal / noise
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Participation:
+    """Participations of one reference: their solver, their weight in the contribution, and their weighted power."""
+
+    reference: int
+    others: Indices
+    solve: Complex
+    weight: Real
+    power: Real
+
+
+def _participations(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Iterator[_Participation]:
+    """Yield the participations of all modes for each reference, from the channels that count."""
+    lagged = correlations.values[:, :, 1:]
     use = correlations.is_cross if correlations.is_cross.any() else ~correlations.is_cross
     powers = np.exp(poles[:, None] / correlations.sampling_rate * np.arange(lagged.shape[-1]))
-    signal, noise = np.zeros(len(poles)), np.zeros(len(poles))
     for reference in range(use.shape[1]):
         others = np.flatnonzero(use[:, reference])
-        responses = _responses(mode_shapes[:, others], powers)
-        solve = _participation_operator(responses)
+        solve = _participation_operator(_responses(mode_shapes[:, others], powers))
         weight = np.sum(np.abs(mode_shapes[:, others]) ** 2, axis=1)
-        signal += weight * np.abs(lagged[others, reference].ravel() @ solve) ** 2
-        spread = changes[:, others, reference].reshape(len(changes), -1) @ solve
-        noise += weight * np.sum(np.abs(spread) ** 2, axis=0)
-    return signal / noise
+        power = weight * np.abs(lagged[others, reference].ravel() @ solve) ** 2
+        yield _Participation(reference, others, solve, weight, power)
+
+
+def _smooth_spectra(correlations: Correlations, n_fft: int) -> Real:
+    """Return the running medians of the spectra of all channels at `n_fft` frequencies, shape (channels, n_fft)."""
+    rows = np.arange(len(correlations.channels))
+    lags = np.arange(correlations.n_lags)
+    own = correlations.values[rows, rows] * (0.5 + 0.5 * np.cos(np.pi * lags / correlations.n_lags))
+    spectra = 2 * np.fft.fft(own, n_fft).real - own[:, :1]
+    size = max(2 * (n_fft // _MEDIAN_SHARE) + 1, 3)
+    medians = ndimage.median_filter(spectra, (1, size), mode="wrap")
+    return np.asarray(np.maximum(medians, np.finfo(float).tiny))
 
 
 def _responses(shapes: Complex, powers: Complex) -> Complex:

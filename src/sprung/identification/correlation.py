@@ -75,6 +75,8 @@ class Correlations:
         Names of the outputs and of the references.
     n_segments
         Number of segments averaged.
+    n_products
+        Number of products averaged at lag 0; infinite for exact correlations, or where it is not known.
     """
 
     values: Real
@@ -84,6 +86,7 @@ class Correlations:
     channels: tuple[str, ...]
     references: tuple[str, ...]
     n_segments: int = 1
+    n_products: float = np.inf
 
     def __post_init__(self) -> None:
         freeze(self, values=3, blocks=4, weights=1)
@@ -337,6 +340,7 @@ def average(segments: SegmentCorrelations, *, is_biased: bool = False) -> Correl
         channels=segments.channels,
         references=segments.references,
         n_segments=segments.n_segments,
+        n_products=float(n_products[:, 0].sum()),
     )
 
 

@@ -1,11 +1,16 @@
 """Ladders: over model orders, over numbers of block rows as in the thesis, or over orders of polynomials (pLSCF)."""
 
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
+from sprung.identification.decimation import PASSED, decimate_correlations, filter_half_width
 from sprung.identification.plscf import PolynomialLadder
 from sprung.identification.subspace import block_row_ladder, poles_of_orders, realise
 from sprung.modal import Poles
@@ -13,9 +18,9 @@ from sprung.modal import Poles
 
 @dataclass(frozen=True, slots=True)
 class OrderLadder:
-    """Every even model order of one realisation.
+    """Every even model order of one realisation, or of several at different rates.
 
-    The realisation is that of a block Toeplitz matrix of correlations without bias, weighted for canonical variates.
+    A realisation is that of a block Toeplitz matrix of correlations without bias, weighted for canonical variates.
 
     Parameters
     ----------
@@ -23,11 +28,20 @@ class OrderLadder:
         Number i of block rows, at least 2.
     max_order
         Largest model order, at least 2.
+    strides
+        Lags from one block row to the next, rising from 1: one realisation for each, of correlations decimated by that
+        factor. Where the matrix may not have enough block rows to span the ring-down of the slowest mode at the rate of
+        the fastest, the slow modes are those of a larger stride.
 
     Raises
     ------
     ParameterError
-        If the block rows or the largest order are below 2.
+        If the block rows or the largest order are below 2, or the strides do not rise from 1.
+
+    Notes
+    -----
+    A rung holds the poles of its order from every realisation: below 0.35 of the rate of the next larger stride those
+    of that stride, above it those of the smaller one.
     """
 
     #: Number of lags for each block row, and whether correlations are divided by the number of samples.
@@ -36,20 +50,36 @@ class OrderLadder:
 
     block_rows: int
     max_order: int
+    strides: Sequence[int] = (1,)
 
     def __post_init__(self) -> None:
         check_number("block_rows", self.block_rows, at_least=2)
         check_number("max_order", self.max_order, at_least=2)
+        object.__setattr__(self, "strides", tuple(self.strides))
+        if self.strides[:1] != (1,) or sorted(set(self.strides)) != list(self.strides):
+            raise ParameterError(f"strides {self.strides} must rise from 1")
 
     @property
     def n_lags(self) -> int:
-        """Number of lags of the block matrix."""
-        return self.lags_per_row * self.block_rows
+        """Number of lags of the block matrices, with those that the low-pass of the largest stride needs."""
+        return self.span + 2 * filter_half_width(self.strides[-1])
+
+    @property
+    def span(self) -> int:
+        """Number of lags that the block rows of the largest stride span."""
+        return self.lags_per_row * self.block_rows * self.strides[-1]
 
     def poles(self, correlations: Correlations) -> Poles:
         """Return the poles of all orders."""
-        realisation = realise(correlations, block_rows=self.block_rows, max_order=self.max_order)
-        return poles_of_orders(realisation, range(2, self.max_order + 1, 2))
+        orders = range(2, self.max_order + 1, 2)
+        parts = []
+        for stride in self.strides:
+            decimated = decimate_correlations(correlations, stride, n_lags=self.lags_per_row * self.block_rows)
+            realisation = realise(decimated, block_rows=self.block_rows, max_order=self.max_order)
+            parts.append(poles_of_orders(realisation, orders))
+        if len(parts) == 1:
+            return parts[0]
+        return _join_rungs(parts, [*(PASSED * correlations.sampling_rate / stride for stride in self.strides[1:]), 0.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +119,35 @@ class BlockRowLadder:
         """Number of lags of the largest block matrix."""
         return self.lags_per_row * self.last
 
+    @property
+    def span(self) -> int:
+        """Number of lags that the block rows span."""
+        return self.n_lags
+
     def poles(self, correlations: Correlations) -> Poles:
         """Return the poles of all realisations."""
         return block_row_ladder(correlations, range(self.first, self.last + 1), is_hankel=True)
+
+
+def _join_rungs(parts: Sequence[Poles], edges: Sequence[float]) -> Poles:
+    """Return ladders of the same rungs as one, each with its poles between its edge and that of the one before."""
+    uppers = [np.inf, *edges[:-1]]
+    frequencies = [part.natural_frequency for part in parts]
+    taken = [(low <= f) & (f < high) for f, low, high in zip(frequencies, edges, uppers, strict=True)]
+    rungs = np.concatenate([part.rungs[rows] for part, rows in zip(parts, taken, strict=True)])
+    order = np.argsort(rungs, kind="stable")
+
+    def joined(name: str) -> NDArray[Any]:
+        return np.concatenate([getattr(part, name)[rows] for part, rows in zip(parts, taken, strict=True)])[order]
+
+    return replace(
+        parts[0],
+        poles=joined("poles"),
+        mode_shapes=joined("mode_shapes"),
+        rungs=rungs[order],
+        natural_frequency_std=joined("natural_frequency_std"),
+        damping_ratio_std=joined("damping_ratio_std"),
+    )
 
 
 Ladder = OrderLadder | BlockRowLadder | PolynomialLadder

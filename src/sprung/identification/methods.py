@@ -24,6 +24,7 @@ from sprung.identification.stabilisation import (
     select_modes,
     significant,
     stabilise,
+    with_honest_deviations,
     with_status,
 )
 from sprung.identification.subsets import subsets_of_equal_width
@@ -421,7 +422,7 @@ def _subset_modes(
 def _diagram(correlations: Correlations, summary: CorrelationSummary) -> StabilisationDiagram:
     """Return the stabilisation diagram of one ladder."""
     plan = summary.plan
-    poles = plan.ladder.poles(correlations)
+    poles = with_honest_deviations(plan.ladder.poles(correlations), summary.average)
     is_harmonic = near_harmonic(
         poles.natural_frequency,
         poles.damping_ratio,

@@ -1,6 +1,7 @@
 """Choices from the data: band, sampling rate, block rows, orders and segments."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import TypeVar
 
@@ -39,18 +40,38 @@ _PERIODS_OF_LAGS, _FEWEST_ROWS, _MOST_ROWS, _LARGEST_MATRIX = 4.0, 20, 100, 400
 _LEAST_PERIODS, _HIGHEST_MODE = 1.2, 0.4
 #: Bounds of half the largest model order.
 _LARGEST_ORDERS = (20, 30)
+#: Lags from one block row to the next grow by this factor from realisation to realisation, of which there are at most
+#: so many, where the block rows would otherwise span less than this share of the time that the lags are to span.
+_STRIDE, _MOST_STRIDES, _SPANNED = 3, 3, 0.67
+#: Smallest ratios of the whole record, and of a stretch, to the span of the lags.
+_RECORD_OVER_LAGS, _STRETCH_OVER_LAGS = 11.0, 4.0
+#: The high-pass over the lowest natural frequency that the lags resolve, and the smallest share of a channel's power
+#: below it for which there is one: a filter without need costs accuracy of heavily damped modes.
+_HIGH_PASS, _SLOW_SHARE = 0.6, 0.2
 #: Smallest number of samples of the longest stretch.
 _FEWEST_SAMPLES = 200
 #: Numbers of segments of all records (Cov-SSI) and of a subset, and shortest segment over the span of the lags.
 _BLOCKS_OF_A_RECORD, _SEGMENTS_OF_A_SUBSET, _LAG_SPANS_OF_A_SEGMENT = 48, 12, 3.0
-#: Number of segments of the spectra.
-_SPECTRUM_AVERAGES = 24
+#: Shortest block of Cov-SSI over the span of the lags.
+_LAG_SPANS_OF_A_BLOCK = 1.2
+#: Number of segments of the spectra, and of those for the lowest frequencies, from their second line.
+_SPECTRUM_AVERAGES, _FEWEST_AVERAGES = 24, 6
+#: Longest segment of the spectra from which the band is chosen [samples].
+_LONGEST_SPECTRUM = 8192
+#: Slow motion ends, and resonance begins, where the power common to the channels rises by this factor.
+_RISE = 4.0
+#: Share of its frequency up to which a line of an engine or a machine wanders.
+_WANDERING = 0.03
 #: A fundamental with this many multiples is a pulse train; the lags reach up to this share of its period.
 _LINES_OF_A_PULSE_TRAIN, _OF_PULSE_PERIOD = 5, 0.9
 
 
 def plan_preparation(
-    recording: Recording, *, settings: IdentificationSettings, vehicle: AnyVehicle | None = None
+    recording: Recording,
+    *,
+    settings: IdentificationSettings,
+    vehicle: AnyVehicle | None = None,
+    harmonics: Sequence[Harmonic] = (),
 ) -> PreparationPlan:
     """Choose channels, band and sampling rate from the first record, where the settings leave them open.
 
@@ -62,6 +83,8 @@ def plan_preparation(
         Settings as given.
     vehicle
         Vehicle whose modes give the band where the settings do not.
+    harmonics
+        Lines of the excitation, which do not count as content of the band.
 
     Returns
     -------
@@ -77,24 +100,25 @@ def plan_preparation(
     Notes
     -----
     Band: of the coherent part of all cross spectra (of the spectrum, for one channel), weighted with 1/frequency, 1 %
-    lies below the lower edge and 99 % below the upper edge over 1.25. Sampling rate: the lowest integer submultiple of
+    lies below the lower edge and 99 % below the upper edge over 1.25. Slow motion, whose power falls with the frequency
+    until it first rises to four times its least, does not count. Sampling rate: the lowest integer submultiple of
     the original one that is at least 3 times the upper edge (5 times that of a given band).
     """
     speed = speed_channel(recording, vehicle)
     outputs = [name for name in recording.names if name != speed]
-    longest = _longest(recording)
     fastest = recording.sampling_rate
-    _check_length(longest, fastest)
-    motion = detrend(recording.select(outputs))
+    _check_length(_longest(recording), fastest)
+    motion = detrend(recording.select(outputs), degree=1)
     rate_over_band = _RATE_OVER_BAND
     if settings.band is not None:
         band, source, rate_over_band = settings.band, "given", _RATE_OVER_GIVEN_BAND
     elif vehicle is not None:
         band, source = _band_of_vehicle(vehicle, fastest), "around the modes of the vehicle file"
     else:
-        band, source = _band_of_content(motion), "where the channels move together"
+        band, source = _band_of_content(motion, harmonics), "where the channels move together"
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
-    rate = settings.decimate_to or _lowest_rate(fastest, rate_over_band * band[1])
+    least = max(rate_over_band * band[1], _FEWEST_SAMPLES * fastest / _longest(recording))
+    rate = settings.decimate_to or _lowest_rate(fastest, least)
     check_number("decimate_to", rate, at_most=fastest * (1 + 1e-9), advice="decimation only lowers the sampling rate")
     notes = [f"band {band[0]:.3g} to {min(band[1], rate / 2):.3g} Hz ({source}), sampled at {rate:.5g} Hz"]
     if len(outputs) == 1:
@@ -106,7 +130,7 @@ def plan_preparation(
         decimate_to=rate,
         high_pass=settings.band[0] / 2 if settings.band is not None else 0.0,
         band=band,
-        spectrum_segment=max(min(recording.duration / _SPECTRUM_AVERAGES, longest / fastest), 8 / rate),
+        spectrum_segment=_spectrum_segment(recording, band, rate),
         notes=tuple(notes),
     )
 
@@ -150,29 +174,37 @@ def make_plan(
 
     Notes
     -----
-    Lags: four periods of the band's lower edge, or four times the lag up to which 80 % of the power of the
-    cross-correlations lies, whichever is less; 20 to 100 block rows, at most 400 rows in the matrix. Lags stay below
-    the period of a pulse train (five or more multiples of one line): its pulses then act like any random excitation.
+    High-pass, where no band is given: at 0.6 times the lowest frequency of which the lags hold 1.2 periods, if some
+    channel has a fifth of its power below that frequency. Lags: four periods of the band's lower edge, or four times
+    the lag up to which 80 % of the power of the cross-correlations lies, whichever is less, but at most an eleventh of
+    the record; 20 to 100 block rows, at most 400 rows in the matrix. Where these are too few to span the lags, there
+    are realisations of decimated correlations as well. Lags stay below the period of a pulse train (five or more
+    multiples of one line): its pulses then act like any random excitation.
     """
     motion = prepared.motion
-    rate, band = motion.sampling_rate, preparation.band
+    rate, band, stretch = motion.sampling_rate, preparation.band, _usual_stretch(motion)
     spectra = prepared.edited_spectra or prepared.spectra
     lag_span = min(_PERIODS_OF_LAGS / max(band[0], 1e-9), _MEMORIES_OF_LAGS * _memory(spectra, band))
     if prepared.edited_spectra is None:
         lag_span = min([lag_span, *(_OF_PULSE_PERIOD / line for line in _pulse_trains(harmonics))])
+    lag_span = min(lag_span, total_duration / _RECORD_OVER_LAGS, stretch / rate / _STRETCH_OVER_LAGS)
     ladder = _ladder(settings, len(preparation.channels), rate, lag_span, _longest(motion))
     if method == "plscf" and isinstance(ladder, OrderLadder):
         n_references = len(settings.references or preparation.channels)
         given = {"block_rows": settings.block_rows, "max_order": settings.max_order}
         ladder = suitable_ladder(ladder.block_rows, n_references, **given)
     low, high = settings.band or (0.0, np.inf)
+    slowest = _LEAST_PERIODS * rate / ladder.span
+    high_pass = preparation.high_pass
+    if settings.band is None and _slow_share(motion, spectra, preparation.factors, slowest) > _SLOW_SHARE:
+        high_pass = _HIGH_PASS * slowest
     return Plan(
-        preparation=preparation,
+        preparation=replace(preparation, high_pass=high_pass),
         segment=settings.segment
         or min(_segment(method, settings.n_subsets, total_duration, ladder.n_lags / rate), _longest(motion) / rate),
         ladder=ladder,
         mode_band=(
-            max(low, _LEAST_PERIODS * preparation.decimate_to / ladder.n_lags),
+            max(low, slowest),
             min(high, _HIGHEST_MODE * preparation.decimate_to),
         ),
     )
@@ -181,6 +213,19 @@ def make_plan(
 def _longest(recording: Recording) -> int:
     """Return the number of samples of the longest stretch."""
     return max(int(stretch.stop - stretch.start) for stretch in recording.stretches())
+
+
+def _usual_stretch(recording: Recording) -> int:
+    """Return the number of samples of a stretch such that half of the record lies in stretches as long or longer."""
+    lengths = np.sort([stretch.stop - stretch.start for stretch in recording.stretches()])[::-1]
+    return int(lengths[np.searchsorted(np.cumsum(lengths), lengths.sum() / 2)])
+
+
+def _spectrum_segment(recording: Recording, band: tuple[float, float], rate: float) -> float:
+    """Return the length of the segments of spectra, which resolve the band's lower edge if the record does [s]."""
+    duration, stretch = recording.duration, _usual_stretch(recording) / recording.sampling_rate
+    slow = min(_PERIODS_OF_LAGS / max(band[0], 1e-9), duration / _FEWEST_AVERAGES)
+    return max(min(max(duration / _SPECTRUM_AVERAGES, slow), stretch), 8 / rate)
 
 
 def _check_length(n_samples: int, rate: float) -> None:
@@ -204,18 +249,47 @@ def _band_of_vehicle(vehicle: AnyVehicle, sampling_rate: float) -> tuple[float, 
     return _BELOW_LOWEST * frequencies.min(), min(_ABOVE_HIGHEST * frequencies.max(), sampling_rate / 2)
 
 
-def _band_of_content(motion: Recording) -> tuple[float, float]:
+def _band_of_content(motion: Recording, harmonics: Sequence[Harmonic]) -> tuple[float, float]:
     """Return the band in which the channels move together [Hz]."""
-    length = max(min(_longest(motion) // _SPECTRUM_AVERAGES, 8192), 16)
-    spectra = spectral_matrix(motion, segment_length=length / motion.sampling_rate)
-    frequencies = spectra.frequencies
-    power = _coherent_power(spectra)
-    power[:3] = 0
-    share = np.cumsum(power / np.maximum(frequencies, frequencies[1]))
+    frequencies, widths, power, common = _content(motion)
+    power = power.copy()
+    power[: _end_of_slow_motion(common)] = 0
+    for line in harmonics:
+        margin = np.maximum(2 * widths, _WANDERING * line.band[1])
+        power[(frequencies >= line.band[0] - margin) & (frequencies <= line.band[1] + margin)] = 0
+    share = np.cumsum(power * widths / frequencies)
     if share[-1] <= 0:
-        return 0.0, float(frequencies[-1])
+        return 0.0, motion.sampling_rate / 2
     low, high = np.searchsorted(share / share[-1], [_POWER_ABOVE, _POWER_BELOW])
-    return float(frequencies[low]), float(min(_MARGIN * frequencies[high], frequencies[-1]))
+    return float(frequencies[low]), float(min(_MARGIN * frequencies[high], motion.sampling_rate / 2))
+
+
+def _content(motion: Recording) -> tuple[Real, Real, Real, Real]:
+    """Return frequencies above 0, their widths, the coherent power there, and that with what chance explains.
+
+    The lowest frequencies are those of longer and fewer segments.
+    """
+    stretch = _usual_stretch(motion)
+    parts: list[tuple[Real, Real, Real, Real]] = []
+    start = 0.0
+    for averages in (_SPECTRUM_AVERAGES, _FEWEST_AVERAGES):
+        length = max(min(motion.n_samples // averages, stretch, _LONGEST_SPECTRUM), 16)
+        spectra = spectral_matrix(motion, segment_length=length / motion.sampling_rate)
+        power, common = _coherent_power(spectra)
+        width = motion.sampling_rate / length
+        rows = slice(3, None) if not parts else slice(1, int(np.ceil(start / width)))
+        start = 3 * width
+        frequencies = spectra.frequencies[rows]
+        parts.insert(0, (frequencies, np.full(frequencies.size, width), power[rows], common[rows]))
+    frequencies, widths, power, common = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return frequencies, widths, power, common
+
+
+def _end_of_slow_motion(common: Real) -> int:
+    """Return the index of the least power before its first rise; 0 where it never rises."""
+    least = np.minimum.accumulate(common)
+    rises = np.flatnonzero(common > _RISE * least)
+    return int(np.argmin(common[: rises[0]])) if rises.size else 0
 
 
 def _memory(spectra: SpectralMatrix, band: tuple[float, float]) -> float:
@@ -232,21 +306,29 @@ def _memory(spectra: SpectralMatrix, band: tuple[float, float]) -> float:
     return float(np.searchsorted(share, _POWER_REMEMBERED * share[-1]) / (2 * frequencies[-1]))
 
 
-def _coherent_power(spectra: SpectralMatrix) -> Real:
-    """Return the power common to the channels, each scaled to unit power, in the bins of significant coherence."""
+def _slow_share(motion: Recording, spectra: SpectralMatrix, factors: Mapping[str, float], frequency: float) -> float:
+    """Return the largest share of a channel's power below a frequency."""
+    scales = np.array([factors[name] for name in motion.names])
+    fast = spectra.densities[:, spectra.frequencies >= frequency].sum(axis=1) * spectra.frequencies[1] * scales**2
+    power = np.maximum(np.var(motion.samples, axis=1), np.finfo(float).tiny)
+    return float(np.max(1 - fast / power))
+
+
+def _coherent_power(spectra: SpectralMatrix) -> tuple[Real, Real]:
+    """Return the power density common to the channels, each scaled to unit power, beyond chance and with chance."""
     densities = spectra.densities
     densities = np.maximum(densities, np.finfo(float).tiny)
-    scale = densities.sum(axis=1, keepdims=True)
+    scale = densities.sum(axis=1, keepdims=True) * spectra.frequencies[1]
     if len(densities) == 1:
-        return densities[0] / scale[0]
+        return densities[0] / scale[0], densities[0] / scale[0]
     chance = 1 - _CHANCE_OF_COHERENCE ** (1 / max(spectra.n_segments - 1, 1))
-    power = np.zeros(densities.shape[1])
+    power, common = np.zeros(densities.shape[1]), np.zeros(densities.shape[1])
     for i, j in combinations(range(len(densities)), 2):
         coherence = np.abs(spectra.matrix[i, j]) ** 2 / (densities[i] * densities[j])
-        power += (
-            np.abs(spectra.matrix[i, j]) / np.sqrt(scale[i] * scale[j]) * np.sqrt(np.maximum(coherence - chance, 0))
-        )
-    return power
+        density = np.abs(spectra.matrix[i, j]) / np.sqrt(scale[i] * scale[j])
+        power += density * np.sqrt(np.maximum(coherence - chance, 0))
+        common += density * np.sqrt(coherence)
+    return power, common
 
 
 def _lowest_rate(sampling_rate: float, minimum: float) -> float:
@@ -262,9 +344,14 @@ def _ladder(settings: IdentificationSettings, n_outputs: int, rate: float, lag_s
         return settings.ladder
     lags_per_row = OrderLadder.lags_per_row
     most = min(_MOST_ROWS, max(_FEWEST_ROWS, _LARGEST_MATRIX // n_outputs), n_samples // (4 * lags_per_row))
-    rows = settings.block_rows or min(max(int(np.ceil(lag_span * rate / 2)), _FEWEST_ROWS), most)
+    wanted = int(np.ceil(lag_span * rate / lags_per_row))
+    rows = settings.block_rows or min(max(wanted, _FEWEST_ROWS), most)
     _check_block_rows(rows, lags_per_row, n_samples, rate)
-    return OrderLadder(rows, settings.max_order or _largest_order(settings, n_outputs, rows))
+    strides = [1]
+    if settings.block_rows is None and settings.references is None:
+        while len(strides) < _MOST_STRIDES and rows * strides[-1] < _SPANNED * wanted:
+            strides.append(strides[-1] * _STRIDE)
+    return OrderLadder(rows, settings.max_order or _largest_order(settings, n_outputs, rows), tuple(strides))
 
 
 def _check_block_rows(rows: int, lags_per_row: int, n_samples: int, rate: float) -> None:
@@ -326,6 +413,6 @@ def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], t
 def _segment(method: str, n_subsets: int, duration: float, lag_span: float) -> float:
     """Return a length of segments that gives enough of them to each subset and is long against the lags [s]."""
     if method not in ("acs", "coss"):
-        return max(duration / _BLOCKS_OF_A_RECORD, lag_span)
+        return max(duration / _BLOCKS_OF_A_RECORD, _LAG_SPANS_OF_A_BLOCK * lag_span)
     n_segments = _SEGMENTS_OF_A_SUBSET * (n_subsets if method == "coss" else 1)
     return max(duration / n_segments, _LAG_SPANS_OF_A_SEGMENT * lag_span)

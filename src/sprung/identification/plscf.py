@@ -61,6 +61,11 @@ class PolynomialLadder:
         """Number of lags of the half spectra."""
         return self.lags_per_row * self.block_rows
 
+    @property
+    def span(self) -> int:
+        """Number of lags that the ladder uses."""
+        return self.n_lags
+
     def poles(self, correlations: Correlations) -> Poles:
         """Return the poles of all orders."""
         return polynomial_ladder(correlations, n_lags=self.n_lags, max_order=self.max_order)

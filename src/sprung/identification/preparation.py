@@ -64,13 +64,16 @@ def prepare(recording: Recording, plan: PreparationPlan, *, lifter: Lifter | Non
     outputs = _at_common_rate(recording, plan).select(plan.channels)
     decimated = _decimate_to(outputs, plan.decimate_to)
     spectra = spectral_matrix(decimated, segment_length=plan.spectrum_segment)
-    motion, edited_spectra = detrend(decimated), None
+    motion, edited_spectra = detrend(decimated, degree=1), None
     if lifter is not None:
-        motion = _decimate_to(edit(detrend(outputs), lifter), plan.decimate_to)
+        motion = _decimate_to(edit(detrend(outputs, degree=1), lifter), plan.decimate_to)
         edited_spectra = spectral_matrix(motion, segment_length=plan.spectrum_segment)
-    if plan.high_pass > 0:
-        motion = band_pass(motion, plan.high_pass, None)
-    return Prepared(scale(motion, plan.factors), spectra, edited_spectra)
+    return without_slow_motion(Prepared(scale(motion, plan.factors), spectra, edited_spectra), plan.high_pass)
+
+
+def without_slow_motion(prepared: Prepared, edge: float) -> Prepared:
+    """Return the record with the motion below an edge filtered off [Hz]; 0: as it is."""
+    return replace(prepared, motion=band_pass(prepared.motion, edge, None)) if edge > 0 else prepared
 
 
 def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str | None) -> tuple[Harmonic, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from sprung._arrays import Booleans
 from sprung.errors import DataError
+from sprung.identification.channel_faults import ChannelFault, note_on_faults, without_dead_parts
 from sprung.identification.correlation import (
     SegmentCorrelations,
     correlate_segments,
@@ -17,14 +18,14 @@ from sprung.identification.correlation import (
 )
 from sprung.identification.fdd import with_long_segments
 from sprung.identification.planning import make_plan, plan_preparation
-from sprung.identification.preparation import Prepared, prepare, search_harmonics
+from sprung.identification.preparation import Prepared, prepare, search_harmonics, without_slow_motion
 from sprung.identification.refinement import RecordSpectra, record_spectra
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
 from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix
-from sprung.vehicles.usable import AnyVehicle, speed_channel, usable
+from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel, usable
 
 #: Function called with the current step in words and the share that is done, 0 to 1.
 Progress = Callable[[str, float], None]
@@ -47,7 +48,7 @@ class CorrelatedRecords:
     harmonics
         Lines that at least half of the records show.
     notes
-        Records that were left out and why, one sentence each.
+        Records that were left out and why, and faults of channels, one sentence each.
     lines
         Spectra of the prepared records for the refinement of modes; None where nothing is refined.
     """
@@ -111,13 +112,15 @@ def correlate_records(
     records = [recordings] if isinstance(recordings, Recording) else recordings
     total_duration = sum(record.duration for record in records) if isinstance(records, Sequence) else None
     left_out: dict[int, DataError] = {}
-    moving = _usable_records(records, vehicle, report, left_out)
+    faults: list[tuple[ChannelFault, ...]] = []
+    moving = _usable_records(records, vehicle, report, left_out, faults)
     plan, first = _first_record(
         moving, method, settings, vehicle=vehicle, total_duration=total_duration, left_out=left_out
     )
     correlated = [first]
     for number, recording in moving:
         try:
+            _check_alive(faults[-1], plan)
             prepared = prepare(recording, plan.preparation, lifter=settings.lifter)
             harmonics = _harmonics(recording, plan.preparation, settings, vehicle)
             correlated.append(_correlate(method, prepared, harmonics, plan, settings))
@@ -132,23 +135,33 @@ def correlate_records(
         spectra=reduce(add, [record.spectra for record in correlated]),
         edited_spectra=reduce(add, edited) if edited else None,
         harmonics=_common_harmonics([record.harmonics for record in correlated]),
-        notes=tuple(f"record {number} left out: {error}" for number, error in left_out.items()),
+        notes=(
+            *(f"record {number} left out: {error}" for number, error in left_out.items()),
+            *note_on_faults(faults),
+        ),
         lines=reduce(add, lines) if lines else None,
     )
 
 
 def _usable_records(
-    records: Iterable[Recording], vehicle: AnyVehicle | None, report: Progress, left_out: dict[int, DataError]
+    records: Iterable[Recording],
+    vehicle: AnyVehicle | None,
+    report: Progress,
+    left_out: dict[int, DataError],
+    faults: list[tuple[ChannelFault, ...]],
 ) -> Iterator[tuple[int, Recording]]:
-    """Yield the number and the usable part of each record; put the others into `left_out`."""
+    """Yield the number and the usable part of each record; put the others into `left_out`, and faults into `faults`."""
     n_records = len(records) if isinstance(records, Sequence) else 0
     for number, record in enumerate(records, start=1):
         report(f"correlating record {number}", 0.5 * (number - 1) / n_records if n_records else 0.0)
         try:
-            recording = usable(record, vehicle=vehicle)
+            outputs = [name for name in output_channels(record, vehicle) if name in record.names]
+            living, found = without_dead_parts(record, outputs) if outputs else (record, ())
+            recording = usable(living, vehicle=vehicle)
         except DataError as error:
             left_out[number] = error
         else:
+            faults.append(found)
             yield number, recording
 
 
@@ -164,27 +177,35 @@ def _first_record(
     """Return the plan from the first usable record, and the correlations of that record."""
     for number, recording in moving:
         try:
+            duration = total_duration or recording.duration
             preparation = plan_preparation(recording, settings=settings, vehicle=vehicle)
+            harmonics = _harmonics(recording, preparation, settings, vehicle)
+            if harmonics and settings.band is None and vehicle is None:
+                preparation = plan_preparation(recording, settings=settings, vehicle=vehicle, harmonics=harmonics)
             if method == "fdd":
-                duration = total_duration or recording.duration
                 preparation = with_long_segments(
                     preparation, recording, total_duration=duration, segment=settings.segment
                 )
             prepared = prepare(recording, preparation, lifter=settings.lifter)
-            harmonics = _harmonics(recording, preparation, settings, vehicle)
             plan = make_plan(
-                preparation,
-                prepared,
-                harmonics,
-                settings=settings,
-                method=method,
-                total_duration=total_duration or recording.duration,
+                preparation, prepared, harmonics, settings=settings, method=method, total_duration=duration
             )
+            if plan.preparation.high_pass != preparation.high_pass:
+                prepared = without_slow_motion(prepared, plan.preparation.high_pass)
             return plan, _correlate(method, prepared, harmonics, plan, settings)
         except DataError as error:
             left_out[number] = error
     reasons = [*left_out.values(), DataError("there is no recording to identify modes from: give at least one")]
     raise reasons[0]
+
+
+def _check_alive(faults: Sequence[ChannelFault], plan: Plan) -> None:
+    """Check that no channel of the plan was left out of this record."""
+    for fault in faults:
+        if fault.is_left_out and fault.channel in plan.preparation.channels:
+            raise DataError(
+                f"channel {fault.channel!r} is dead in {100 * fault.dead:.2g} % of it, but not in the first record"
+            )
 
 
 def _harmonics(
@@ -215,7 +236,7 @@ def _correlate(
         spectra=prepared.spectra,
         edited_spectra=prepared.edited_spectra,
         harmonics=harmonics,
-        lines=record_spectra(prepared.motion, plan) if settings.refine and settings.lifter is None else None,
+        lines=record_spectra(motion, plan) if settings.refine and settings.lifter is None else None,
     )
 
 

@@ -10,7 +10,7 @@ from scipy.cluster import hierarchy
 
 from sprung._arrays import Booleans, Complex, Indices
 from sprung._checks import check_number, freeze
-from sprung.identification.contribution import contributions
+from sprung.identification.contribution import contributions, excesses
 from sprung.identification.correlation import Correlations
 from sprung.modal import Modes, Poles, PoleStatus, mac, mpc, unit_shapes
 
@@ -23,6 +23,10 @@ _MERGED_MAC = 0.1
 #: Probability that a contribution exceeds the bound by chance, and standard deviation of the frequency (over the
 #: half-bandwidth) up to which a contribution counts in full.
 _CHANCE, _WELL_KNOWN = 1e-2, 0.2
+#: Number of blocks below which the excess of a mode must be larger.
+_MANY_BLOCKS = 24
+#: Fewest blocks whose spread gives standard deviations.
+_FEWEST_BLOCKS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +40,9 @@ class StabilityCriteria:
     bandwidth
         Largest change of frequency from that pole as a share of the half-power half-bandwidth (damping ratio times
         frequency), where this allows more than `frequency`: a heavily damped mode has no sharper frequency.
+    unknown_damping
+        As `damping`, where standard deviations are not available: in records of few blocks damping is known to some
+        30 % only, so it changes as much from rung to rung.
     shape
         Largest 1 - MAC with that pole, 0 to 1.
     mpc
@@ -45,7 +52,7 @@ class StabilityCriteria:
     stable_rate
         Smallest share of rungs with a stable pole (delta of eq. 3-57), 0 to 1.
     contribution
-        Smallest contribution of a mode (see `contribution.contributions`); 0 for no bound.
+        Smallest contribution and smallest excess of a mode (see `contribution`); 0 for no bound.
     uncertainty
         Largest standard deviation of the frequency over the half-power half-bandwidth; infinite for no bound.
 
@@ -62,6 +69,7 @@ class StabilityCriteria:
     frequency: float = 0.01
     bandwidth: float = 0.1
     damping: float = 0.1
+    unknown_damping: float = 0.3
     shape: float = 0.02
     mpc: float = 0.0
     max_damping: float = 0.6
@@ -70,7 +78,7 @@ class StabilityCriteria:
     uncertainty: float = 0.6
 
     def __post_init__(self) -> None:
-        for name in ("frequency", "damping", "shape", "max_damping"):
+        for name in ("frequency", "damping", "unknown_damping", "shape", "max_damping"):
             check_number(name, getattr(self, name), above=0, at_most=1)
         for name in ("mpc", "stable_rate"):
             check_number(name, getattr(self, name), at_least=0, at_most=1)
@@ -78,7 +86,14 @@ class StabilityCriteria:
 
 #: Thresholds of the thesis (section 4.3): very loose, without the tests of significance.
 THESIS_CRITERIA = StabilityCriteria(
-    frequency=0.1, bandwidth=0.0, damping=0.2, shape=0.5, stable_rate=0.5, contribution=0.0, uncertainty=np.inf
+    frequency=0.1,
+    bandwidth=0.0,
+    damping=0.2,
+    unknown_damping=0.2,
+    shape=0.5,
+    stable_rate=0.5,
+    contribution=0.0,
+    uncertainty=np.inf,
 )
 
 
@@ -106,6 +121,28 @@ class StabilisationDiagram:
     def __post_init__(self) -> None:
         freeze(self, status=1, dtype=np.int8)
         freeze(self, alignments=1, dtype=np.intp)
+
+
+def with_honest_deviations(poles: Poles, correlations: Correlations) -> Poles:
+    """Return the poles, without standard deviations where the correlations of all segments have too few blocks.
+
+    Parameters
+    ----------
+    poles
+        Poles of a ladder.
+    correlations
+        Correlations of all segments. The spread of fewer than ten blocks is known to no better than 25 %, and in a
+        record as short as that a block hardly holds the ring-down of a mode.
+
+    Returns
+    -------
+    Poles
+        Poles with standard deviations, or with NaN in their place.
+    """
+    if len(correlations.blocks) >= _FEWEST_BLOCKS:
+        return poles
+    unknown = np.full(len(poles.poles), np.nan)
+    return replace(poles, natural_frequency_std=unknown, damping_ratio_std=unknown)
 
 
 def stabilise(
@@ -164,12 +201,14 @@ def _compare_with_rung_below(poles: Poles, criteria: StabilityCriteria, status: 
     """Write into `status` the first criterion that no pole of the rung below meets."""
     frequency, damping = poles.natural_frequency, poles.damping_ratio
     unstable = np.full(len(status), PoleStatus.FREQUENCY_CHANGED, dtype=np.int8)
+    damping_change = np.where(np.isnan(poles.damping_ratio_std), criteria.unknown_damping, criteria.damping)
+    damping_change = damping_change * np.abs(damping)
     starts = np.searchsorted(poles.rungs, np.arange(len(poles.ladder) + 1))
     for below, here, end in zip(starts[:-2], starts[1:-1], starts[2:], strict=True):
         old, new = slice(below, here), slice(here, end)
         tolerance = np.maximum(criteria.frequency, criteria.bandwidth * damping[new]) * frequency[new]
         is_near = np.abs(frequency[new, None] - frequency[old]) <= tolerance[:, None]
-        same_damping = np.abs(damping[new, None] - damping[old]) <= criteria.damping * np.abs(damping[new, None])
+        same_damping = np.abs(damping[new, None] - damping[old]) <= damping_change[new, None]
         same_shape = 1 - mac(poles.mode_shapes[new], poles.mode_shapes[old]) <= criteria.shape
         unstable[new] = np.select(
             [
@@ -327,20 +366,27 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
     Backward elimination: the weakest mode is removed and the others are solved for again until all that remain
     contribute enough. A contribution counts in full where the standard deviation of the mode's frequency is up to 0.2
     of its half-bandwidth, and less in proportion beyond. The bound is not below the 99 % quantile of Fisher's
-    distribution, which matters where there are few pairs of channels or few blocks.
+    distribution for the complex participation of each reference, in the average over that in each block but one; this
+    matters where there are few channels or few blocks. The excess, too, must reach the bound, and with fewer than 24
+    blocks the bound times 24 over their number: in a short record chance offers a mode many places, of which the
+    stabilisation diagram shows the best.
     """
     is_kept = np.ones(len(modes), dtype=np.bool_)
     if least <= 0:
         return is_kept
-    n_pairs = max(int(correlations.is_cross.sum()), 1)
-    least = max(least, float(special.fdtri(2 * n_pairs, max(len(correlations.blocks) - 1, 1), 1 - _CHANCE)))
+    freedom = 2 * len(correlations.references)
+    by_chance = special.fdtri(freedom, freedom * max(len(correlations.blocks) - 1, 1), 1 - _CHANCE)
+    least = max(least, float(by_chance))
     spread = modes.natural_frequency_std / (modes.natural_frequency * modes.damping_ratio)
+    least_excess = least * max(1.0, _MANY_BLOCKS / len(correlations.blocks))
     while is_kept.any():
         kept = np.flatnonzero(is_kept)
         contribution = contributions(modes.poles[kept], modes.mode_shapes[kept], correlations)
         certainty = contribution / np.fmax(spread[kept] / _WELL_KNOWN, 1.0)
+        excess = excesses(modes.poles[kept], modes.mode_shapes[kept], correlations)
+        certainty = np.minimum(certainty / least, excess / least_excess)
         weakest = int(np.argmin(certainty))
-        if certainty[weakest] >= least:
+        if certainty[weakest] >= 1:
             break
         is_kept[kept[weakest]] = False
     return is_kept

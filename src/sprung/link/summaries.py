@@ -123,6 +123,7 @@ def _packed(correlations: Correlations, n_blocks: int) -> dict[str, Any]:
         "channels": list(correlations.channels),
         "references": list(correlations.references),
         "n_segments": correlations.n_segments,
+        "n_products": correlations.n_products,
     }
 
 
@@ -146,6 +147,7 @@ def _unpacked(stored: Mapping[str, Any]) -> Correlations:
         channels=tuple(stored["channels"]),
         references=tuple(stored["references"]),
         n_segments=int(stored["n_segments"]),
+        n_products=float(stored["n_products"]),
     )
 
 
