@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from sprung.errors import DataError, IdentificationError
-from sprung.identification import cov_ssi
+from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.modal import Modes
 from sprung.recording import Recording
@@ -41,6 +41,6 @@ def fit_drive(
 def _modes(recordings: list[Recording], vehicle: Vehicle) -> Modes | None:
     """Return the modes in recordings; None where there are none."""
     try:
-        return cov_ssi(recordings, vehicle=vehicle).modes
+        return cov_ssi(recordings, settings=IdentificationSettings(has_road_modes=False), vehicle=vehicle).modes
     except (DataError, IdentificationError):
         return None

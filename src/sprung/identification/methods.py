@@ -13,6 +13,7 @@ from sprung.identification.merging import MergedModes, merge_modes
 from sprung.identification.planning import disjoint_splits
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
+from sprung.identification.road_modes import combined_modes, has_road, kept_records
 from sprung.identification.settings import IdentificationSettings
 from sprung.identification.stabilisation import (
     StabilisationDiagram,
@@ -154,7 +155,7 @@ def summarise(
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
-    """Return the modes of a summary: those of the identification of its recordings.
+    """Return the modes of a summary: those by SSI of the identification of its recordings.
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None 
     Returns
     -------
     Modes
-        Modes by rising frequency, merged over the subsets.
+        Modes by SSI by rising frequency, merged over the subsets.
     """
     merged = _merge(summary, _modes_of_subsets(summary, _no_report))[1]
     return labelled(merged.modes, summary.channels, vehicle=vehicle)
@@ -185,17 +186,20 @@ def _identify(
 ) -> Identification:
     """Correlate, sort, realise, select, merge and label."""
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
-    records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
+    given, kept = kept_records(recordings) if has_road(vehicle, settings) else (recordings, [])
+    records = correlate_records(given, method=method, settings=settings, vehicle=vehicle, report=report)
     summary, notes_on_subsets = _summary(method, settings, records)
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
+    modes = labelled(merged.modes, summary.channels, vehicle=vehicle)
+    combined, note_on_road = combined_modes(modes, kept, records, vehicle=vehicle, band=settings.band, report=report)
     report("done", 1.0)
     return Identification(
         method=method,
         channels=summary.channels,
         sampling_rate=summary.average.sampling_rate,
-        modes=labelled(merged.modes, summary.channels, vehicle=vehicle),
+        modes=combined.modes,
         subsets=tuple(subsets),
-        members=merged.members,
+        members=np.vstack([merged.members, np.full((1, len(subsets)), -1)])[combined.replaced],
         harmonics=summary.harmonics,
         spectra=records.spectra,
         edited_spectra=records.edited_spectra,
@@ -205,8 +209,10 @@ def _identify(
             *records.plan.preparation.notes,
             *records.notes,
             *notes_on_subsets,
-            *_notes_on_modes(merged.modes, settings.lifter),
+            *note_on_road,
+            *_notes_on_modes(combined.modes, settings.lifter),
         ),
+        sources=combined.sources,
     )
 
 

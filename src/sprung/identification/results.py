@@ -72,6 +72,9 @@ class Identification:
         Decisions made from the settings and the data.
     notes
         Choices, omissions and warnings, one sentence each.
+    sources
+        Method that gave each mode: "ssi", or "road_likelihood" for a mode of the vehicle file fitted to the spectra of
+        a drive. Left out: all by SSI.
     """
 
     method: str
@@ -86,9 +89,11 @@ class Identification:
     settings: IdentificationSettings
     plan: Plan
     notes: tuple[str, ...]
+    sources: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, members=2, dtype=np.intp)
+        object.__setattr__(self, "sources", self.sources or ("ssi",) * len(self.modes))
 
     @property
     def band(self) -> tuple[float, float]:

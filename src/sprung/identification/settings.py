@@ -46,6 +46,10 @@ class IdentificationSettings:
     harmonics
         Known harmonics of the excitation; None: they are searched for, which takes most of the time of an
         identification.
+    has_road_modes
+        Whether bounce, pitch, roll and wheel hop of a vehicle on a road are those of the vehicle file fitted to the
+        spectra, where the speed is recorded: SSI misses some of them, as the rear wheels repeat the road of the front
+        ones.
 
     Raises
     ------
@@ -65,6 +69,7 @@ class IdentificationSettings:
     has_disjoint_references: bool = False
     criteria: StabilityCriteria = field(default_factory=StabilityCriteria)
     harmonics: tuple[Harmonic, ...] | None = None
+    has_road_modes: bool = True
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1]:
@@ -125,7 +130,8 @@ def as_in_thesis(
     F. Liu (2020), eq. 3-35 to 3-57 and 4-1.
     """
     criteria = replace(THESIS_CRITERIA, stable_rate=stable_rate)
-    return replace(settings or IdentificationSettings(), ladder=BlockRowLadder(*rows), criteria=criteria)
+    settings = settings or IdentificationSettings()
+    return replace(settings, ladder=BlockRowLadder(*rows), criteria=criteria, has_road_modes=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,365 @@
+"""Modes of a vehicle on its road, from the likelihood of its springs, dampers and tyres."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sprung._arrays import Booleans, Complex, Indices
+from sprung._checks import freeze
+from sprung.errors import DataError, ParameterError
+from sprung.identification.records import CorrelatedRecords, Progress
+from sprung.identification.settings import IdentificationSettings
+from sprung.likelihood.corners import IDENTIFIABLE, CornerFit
+from sprung.likelihood.fitting import fit_windows
+from sprung.modal import Modes, join_modes, mac, unit_shapes
+from sprung.recording import Channel, Recording
+from sprung.signals.spectrum import SpectralMatrix
+from sprung.vehicles import Vehicle
+from sprung.vehicles.labels import MOTIONS, rigid_body_participation
+from sprung.vehicles.usable import AnyVehicle
+from sprung.vehicles.window import Window, window_of
+
+#: Most values that are kept of recordings that can be read only once.
+_MOST_VALUES = 2**25
+#: Model error above which the fitted vehicle is not used, and above which a note names it.
+_UNLIKE, _IMPERFECT = 0.5, 0.1
+#: Relative deviations of frequency and damping by what is not linear in a suspension (friction, valves, bump stops): of
+#: the body's modes, and of wheel hop, whose smaller motion depends more on friction.
+_NONLINEAR_BODY, _NONLINEAR_HOP = (0.01, 0.06), (0.015, 0.12)
+#: Measured over fitted power less 1 about a mode that the fitted vehicle lacks.
+_UNEXPLAINED = 0.25
+#: Power at a mode beyond the fitted band over that on both sides of it, and its largest damping ratio: a resonance.
+_PROMINENT, _LIGHT = 2.0, 0.15
+#: Share of its shape that the rigid body explains below which a mode is one of a flexible body.
+_RIGID = 0.7
+#: Frequency over that of the highest mode of the body below which SSI adds none, and variance of the mean power of n
+#: half-overlapping segments, times n.
+_OVER_BODY, _CHANCE = 1.5, 1.06
+#: Relative difference of frequency and MAC up to which a mode of SSI is one of the fitted vehicle.
+_NEARBY, _ALIKE = 0.2, 0.8
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CombinedModes:
+    """Modes of the fitted vehicle, and those of SSI that it does not explain.
+
+    Parameters
+    ----------
+    modes
+        Modes by rising frequency.
+    replaced
+        Index of the mode of SSI that each mode is or replaces, -1 for none; shape (modes,).
+    sources
+        "road_likelihood" or "ssi" for each mode.
+    """
+
+    modes: Modes
+    replaced: Indices
+    sources: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self, replaced=1, dtype=np.intp)
+
+
+def kept_records(
+    recordings: Recording | Iterable[Recording],
+) -> tuple[Recording | Iterable[Recording], list[Recording]]:
+    """Return recordings to read once, and a list that has them afterwards.
+
+    Parameters
+    ----------
+    recordings
+        One record, or several; of an iterator the list has the first records, up to 2^25 values.
+    """
+    if isinstance(recordings, Recording):
+        return recordings, [recordings]
+    if isinstance(recordings, Sequence):
+        return recordings, list(recordings)
+    kept: list[Recording] = []
+    return _keeping(recordings, kept), kept
+
+
+def _keeping(recordings: Iterable[Recording], kept: list[Recording]) -> Iterator[Recording]:
+    """Yield recordings and put them into a list as long as there is room."""
+    room = _MOST_VALUES
+    for recording in recordings:
+        room -= recording.samples.size
+        if room >= 0:
+            kept.append(recording)
+        yield recording
+
+
+def has_road(vehicle: AnyVehicle | None, settings: IdentificationSettings) -> bool:
+    """Return whether modes may be those of a vehicle on its road: one with axles and sensors, if the settings agree."""
+    return settings.has_road_modes and isinstance(vehicle, Vehicle) and vehicle.kind == "road" and bool(vehicle.sensor)
+
+
+def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
+    """Return the vehicle that explains the spectra of drives on a road best.
+
+    Parameters
+    ----------
+    recordings
+        Drives of one condition, with the speed.
+    vehicle
+        Vehicle with its sensors.
+
+    Raises
+    ------
+    DataError
+        If there is no speed, too little steady driving, or the drives are not consistent with the vehicle file.
+    ParameterError
+        If the sensors of the vehicle file do not fit the recordings.
+    """
+    windows = [window for record in recordings for window in _windows(record, vehicle)]
+    if not windows:
+        raise DataError("no recording has the speed of the vehicle: record it")
+    fit = fit_windows(windows)
+    if fit.model_error > _UNLIKE:
+        raise DataError(
+            f"the spectra deviate {100 * fit.model_error:.0f} % from those of any fitted vehicle: correct its file"
+        )
+    return fit
+
+
+def _windows(recording: Recording, vehicle: Vehicle) -> Iterator[Window]:
+    """Yield a recording as a window of its vehicle, if it has the speed and moves."""
+    window = window_of(recording, vehicle)
+    try:
+        is_usable = window.speed is not None and window.motion.n_samples > 0
+    except DataError:
+        return
+    if is_usable:
+        yield window
+
+
+def modes_of_fit(fit: CornerFit, channels: Sequence[str]) -> Modes:
+    """Return the modes of a fitted vehicle on channels, as far as the drives determine them.
+
+    Parameters
+    ----------
+    fit
+        Vehicle fitted to drives.
+    channels
+        Names of the channels of the mode shapes, sensors of the vehicle file.
+
+    Returns
+    -------
+    Modes
+        Bounce, pitch, roll and wheel hops that the channels observe and whose frequency the drives make at least twice
+        as certain as the vehicle file; no wheel hops where the spectra deviate by more than 10 % from the fitted ones,
+        as a mass on mounts near them would distort them. `stable_rate` is 0.
+
+    Notes
+    -----
+    Deviations of frequency f and damping ratio x are those of the fit by the delta method (`CornerFit.modes_std`), to
+    which are added in squares
+
+    - the error d of the model, the RMS of measured over fitted spectra less 1 beyond chance: the spectrum at a
+      resonance is in proportion to 1 / x^2, but other parts compensate; drives with an engine on mounts that the
+      vehicle file lacks scatter by d x, and by d x f / 4 in frequency;
+    - what is not linear in a suspension: 1 % of f and 6 % of x (1.5 and 12 % for wheel hop), which covers the modes of
+      the linear vehicle of the same forces, whether loud or quiet parts of a drive define it.
+    """
+    exact = fit.modes()
+    frequency_std, damping_std = fit.modes_std()
+    prior_std = np.sqrt(np.einsum("im,i->m", fit.modes_derivatives()[0] ** 2, fit.model.prior_std**2))
+    shapes = exact.mode_shapes[:, [exact.channels.index(name) for name in channels]]
+    wanted = MOTIONS if fit.model_error > _IMPERFECT else (*MOTIONS, "wheel_hop")
+    is_named = np.array([label in wanted for label in exact.labels], dtype=np.bool_)
+    chosen = np.flatnonzero(is_named & shapes.any(axis=1) & (frequency_std < IDENTIFIABLE * prior_std))
+    error = fit.model_error
+    nonlinear = np.array([_NONLINEAR_BODY if label in MOTIONS else _NONLINEAR_HOP for label in exact.labels])
+    f, x = exact.natural_frequency, exact.damping_ratio
+    modes = Modes(
+        poles=exact.poles,
+        mode_shapes=unit_shapes(shapes),
+        channels=tuple(channels),
+        natural_frequency_std=np.hypot(frequency_std, f * np.hypot(nonlinear[:, 0], error * x / 4)),
+        damping_ratio_std=np.hypot(damping_std, x * np.hypot(nonlinear[:, 1], error)),
+        stable_rate=np.zeros(len(f)),
+        labels=exact.labels,
+    )
+    return modes.take(chosen)
+
+
+def with_road_modes(
+    modes: Modes,
+    fit: CornerFit,
+    channels: Sequence[Channel],
+    spectra: SpectralMatrix,
+    *,
+    band: tuple[float, float] | None,
+) -> CombinedModes:
+    """Return the modes of a fitted vehicle, and those of SSI that the vehicle does not explain.
+
+    Parameters
+    ----------
+    modes
+        Modes by SSI from the same recordings.
+    fit
+        Vehicle fitted to the recordings.
+    channels
+        Channels of `modes`.
+    spectra
+        Spectral matrix of the channels.
+    band
+        Band of interest [Hz]; None: all modes are.
+    """
+    road = modes_of_fit(fit, modes.channels)
+    if band is not None:
+        road = road.take(np.flatnonzero((road.natural_frequency >= band[0]) & (road.natural_frequency <= band[1])))
+    is_kept = unexplained(modes, fit, channels, spectra)
+    replaced = _replaced(road, modes, np.flatnonzero(~is_kept))
+    rate = np.where(replaced >= 0, np.append(modes.stable_rate, 0.0)[replaced], 0.0)
+    kept = modes.take(np.flatnonzero(is_kept))
+    labels = tuple(None if label in road.labels else label for label in kept.labels)
+    together = join_modes([replace(road, stable_rate=rate), replace(kept, labels=labels)])
+    sources = np.repeat(["road_likelihood", "ssi"], [len(road), len(kept)])
+    order = np.argsort(together.natural_frequency, kind="stable")
+    return CombinedModes(
+        together.take(order),
+        np.concatenate([replaced, np.flatnonzero(is_kept)])[order],
+        tuple(sources[order].tolist()),
+    )
+
+
+def unexplained(modes: Modes, fit: CornerFit, channels: Sequence[Channel], spectra: SpectralMatrix) -> Booleans:
+    """Return which modes by SSI are none of a fitted vehicle on its road, shape (modes,).
+
+    Parameters
+    ----------
+    modes, fit, channels, spectra
+        As for `with_road_modes`.
+
+    Notes
+    -----
+    SSI takes the excitation for white; the delay between the axles puts poles between its nulls. A mode of SSI is real
+    if the body bends or twists in it; within the fitted band and above the modes of the body, if the measured power
+    exceeds that of the fitted vehicle by 25 % and three standard deviations of chance about it; beyond the band, or
+    within it where the spectra deviate by more than 10 %, if it is lightly damped and a peak of the power in its shape.
+    """
+    shares, explained = rigid_body_participation(modes, channels)
+    is_flexible = (explained < _RIGID) & np.isfinite(shares).all(axis=1).any()
+    frequencies = fit.model.spectra.frequencies
+    exact = fit.modes()
+    body = [f for f, label in zip(exact.natural_frequency, exact.labels, strict=True) if label in MOTIONS]
+    is_real = []
+    for f, x, shape in zip(modes.natural_frequency, modes.damping_ratio, modes.mode_shapes, strict=True):
+        is_resonance = x < _LIGHT and _prominence(f, x, shape, spectra) > _PROMINENT
+        if f > frequencies[-1]:
+            is_real.append(is_resonance)
+        else:
+            is_unlike = _exceeds(f, x, fit) or (is_resonance and fit.model_error > _IMPERFECT)
+            is_real.append(f > _OVER_BODY * max(body, default=0.0) and is_unlike)
+    return np.asarray(is_flexible | np.array(is_real, dtype=np.bool_))
+
+
+def _exceeds(frequency: float, damping: float, fit: CornerFit) -> bool:
+    """Return whether the measured power about a mode exceeds that of the fitted vehicle."""
+    frequencies = fit.model.spectra.frequencies
+    resolution = frequencies[1] - frequencies[0]
+    about = np.abs(frequencies - frequency) <= max(damping * frequency, resolution)
+    excess = fit.misfit[:, about].mean(axis=1).max()
+    chance = np.sqrt(_CHANCE / (fit.n_segments * about.sum()))
+    return bool(excess > max(_UNEXPLAINED, 3 * chance))
+
+
+def _prominence(frequency: float, damping: float, shape: Complex, spectra: SpectralMatrix) -> float:
+    """Return the power in a shape within the bandwidth of a mode over the median power on both sides; 0 if unknown."""
+    width = max(damping * frequency, 2 * float(spectra.frequencies[1]))
+    distance = np.abs(spectra.frequencies - frequency)
+    power = np.einsum("i,ijf,j->f", shape.conj(), spectra.matrix, shape).real
+    within, sides = power[distance <= width], power[(distance >= 2 * width) & (distance <= 4 * width)]
+    return float(within.mean() / np.median(sides)) if within.size and sides.size else 0.0
+
+
+def _replaced(road: Modes, modes: Modes, candidates: Indices) -> Indices:
+    """Return for each mode of the fitted vehicle the mode by SSI that estimates it, each once; -1 for none."""
+    replaced = np.full(len(road), -1)
+    if not candidates.size or not len(road):
+        return replaced
+    likeness = mac(road.mode_shapes, modes.mode_shapes[candidates])
+    distance = np.abs(np.log(modes.natural_frequency[candidates] / road.natural_frequency[:, None]))
+    cost = np.where((likeness >= _ALIKE) & (distance <= _NEARBY), distance + 1 - likeness, np.inf)
+    while np.isfinite(cost.min()):
+        row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
+        replaced[row] = candidates[column]
+        cost[row], cost[:, column] = np.inf, np.inf
+    return replaced
+
+
+def note_on_road(modes: CombinedModes, fit: CornerFit, *, n_ssi: int) -> str:
+    """Return which modes are those of the fitted vehicle, in a sentence.
+
+    Parameters
+    ----------
+    modes
+        Modes of both sources.
+    fit
+        Fitted vehicle.
+    n_ssi
+        Number of modes by SSI before.
+    """
+    labels = [label for label, source in zip(modes.modes.labels, modes.sources, strict=True) if source != "ssi"]
+    n_hops = labels.count("wheel_hop")
+    names = [label for label in MOTIONS if label in labels] + ([f"{n_hops} of wheel hop"] if n_hops else [])
+    n_left_out = n_ssi - modes.sources.count("ssi")
+    sentence = (
+        f"{' and '.join([', '.join(names[:-1]), names[-1]] if len(names) > 1 else names)}: modes of the vehicle file"
+        " fitted to the spectra on the road (likelihood), whose damping depends on the amplitude by some 6 %;"
+        f" {n_left_out} of {n_ssi} modes by SSI estimate these or the delay between the axles, and are left out"
+    )
+    if fit.model_error <= _IMPERFECT:
+        return sentence
+    return f"{sentence}; the spectra deviate {100 * fit.model_error:.0f} % from those of the fitted vehicle"
+
+
+def combined_modes(
+    modes: Modes,
+    recordings: Sequence[Recording],
+    records: CorrelatedRecords,
+    *,
+    vehicle: AnyVehicle | None,
+    band: tuple[float, float] | None,
+    report: Progress,
+) -> tuple[CombinedModes, tuple[str, ...]]:
+    """Return modes by SSI with those of the vehicle on its road in their place, and notes.
+
+    Parameters
+    ----------
+    modes
+        Modes by SSI, with labels.
+    recordings
+        Recordings from `kept_records`; none if `has_road` says no.
+    records
+        Channels and spectra of the recordings.
+    vehicle
+        Vehicle of the recordings.
+    band
+        Band of interest [Hz]; None: all modes are.
+    report
+        Function called before the fit.
+
+    Returns
+    -------
+    CombinedModes
+        Where the vehicle cannot be fitted, the modes by SSI.
+    notes
+        Which modes are those of the fitted vehicle, or why none is.
+    """
+    as_they_are = CombinedModes(modes, np.arange(len(modes)), ("ssi",) * len(modes))
+    if not recordings or not isinstance(vehicle, Vehicle):
+        return as_they_are, ()
+    report("fitting the vehicle to its road", 0.98)
+    try:
+        fit = fit_of_road(recordings, vehicle)
+    except (DataError, ParameterError) as error:
+        return as_they_are, (
+            f"all modes are by SSI, which on a road misses modes of the body and adds others: {error}",
+        )
+    combined = with_road_modes(modes, fit, records.channels, records.spectra, band=band)
+    if "road_likelihood" not in combined.sources:
+        return as_they_are, ("all modes are by SSI: the drive does not determine those of the vehicle file",)
+    return combined, (note_on_road(combined, fit, n_ssi=len(modes)),)
