@@ -26,7 +26,7 @@ _MOST_VALUES = 2**25
 _UNLIKE, _IMPERFECT = 0.5, 0.1
 #: Relative deviations of frequency and damping by what is not linear in a suspension (friction, valves, bump stops): of
 #: the body's modes, and of wheel hop, whose smaller motion depends more on friction.
-_NONLINEAR_BODY, _NONLINEAR_HOP = (0.01, 0.06), (0.015, 0.12)
+_NONLINEAR_BODY, _NONLINEAR_HOP = (0.015, 0.06), (0.015, 0.12)
 #: Measured over fitted power less 1 about a mode that the fitted vehicle lacks.
 _UNEXPLAINED = 0.25
 #: Power at a mode beyond the fitted band over that on both sides of it, and its largest damping ratio: a resonance.
@@ -159,7 +159,7 @@ def modes_of_fit(fit: CornerFit, channels: Sequence[str]) -> Modes:
     - the error d of the model, the RMS of measured over fitted spectra less 1 beyond chance: the spectrum at a
       resonance is in proportion to 1 / x^2, but other parts compensate; drives with an engine on mounts that the
       vehicle file lacks scatter by d x, and by d x f / 4 in frequency;
-    - what is not linear in a suspension: 1 % of f and 6 % of x (1.5 and 12 % for wheel hop), which covers the modes of
+    - what is not linear in a suspension: 1.5 % of f and 6 % of x (12 % for wheel hop), which covers the modes of
       the linear vehicle of the same forces, whether loud or quiet parts of a drive define it.
     """
     exact = fit.modes()
@@ -190,7 +190,7 @@ def with_road_modes(
     channels: Sequence[Channel],
     spectra: SpectralMatrix,
     *,
-    band: tuple[float, float] | None,
+    band: tuple[float, float] | None = None,
 ) -> CombinedModes:
     """Return the modes of a fitted vehicle, and those of SSI that the vehicle does not explain.
 
