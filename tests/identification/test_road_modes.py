@@ -194,6 +194,7 @@ def test_recordings_that_can_be_read_once_are_kept_within_bounds() -> None:
 
     small, large = record(10), Recording(np.broadcast_to(np.zeros(1), (1, 2**25)), 100.0, (Channel("a"),))
     given, kept = kept_records(iter([small, large, small]))
+    assert not isinstance(given, Recording)
     assert [recording.n_samples for recording in given] == [10, 2**25, 10]
     assert kept == [small]
     assert kept_records(small) == (small, [small])
