@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sprung._arrays import Booleans, Complex, Indices
+from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
 from sprung.errors import DataError, ParameterError
 from sprung.identification.records import CorrelatedRecords, Progress
@@ -27,9 +27,9 @@ _UNLIKE, _IMPERFECT = 0.5, 0.1
 #: Relative deviations of frequency and damping by what is not linear in a suspension (friction, valves, bump stops): of
 #: the body's modes, and of wheel hop, whose smaller motion depends more on friction.
 _NONLINEAR_BODY, _NONLINEAR_HOP = (0.015, 0.06), (0.015, 0.12)
-#: Measured over fitted power less 1 about a mode that the fitted vehicle lacks.
+#: Power at a mode over that on either side, less 1, in measured over fitted spectra: the fitted vehicle lacks the mode.
 _UNEXPLAINED = 0.25
-#: Power at a mode beyond the fitted band over that on both sides of it, and its largest damping ratio: a resonance.
+#: The same in measured spectra alone, and largest damping ratio: a resonance.
 _PROMINENT, _LIGHT = 2.0, 0.15
 #: Share of its shape that the rigid body explains below which a mode is one of a flexible body.
 _RIGID = 0.7
@@ -236,43 +236,48 @@ def unexplained(modes: Modes, fit: CornerFit, channels: Sequence[Channel], spect
     Notes
     -----
     SSI takes the excitation for white; the delay between the axles puts poles between its nulls. A mode of SSI is real
-    if the body bends or twists in it; within the fitted band and above the modes of the body, if the measured power
-    exceeds that of the fitted vehicle by 25 % and three standard deviations of chance about it; beyond the band, or
-    within it where the spectra deviate by more than 10 %, if it is lightly damped and a peak of the power in its shape.
+    if the body bends or twists in it. Above the modes of the body it is also real if it is lightly damped and a peak,
+    with twice the power on either side: of the measured over the fitted spectra of a motion (there 25 % and three
+    standard deviations of chance are enough); beyond the fitted band, or where the spectra deviate by more than 10 %,
+    of the measured power in its shape.
     """
     shares, explained = rigid_body_participation(modes, channels)
-    is_flexible = (explained < _RIGID) & np.isfinite(shares).all(axis=1).any()
-    frequencies = fit.model.spectra.frequencies
+    is_flexible = (explained < _RIGID) & np.isfinite(shares).any()
     exact = fit.modes()
     body = [f for f, label in zip(exact.natural_frequency, exact.labels, strict=True) if label in MOTIONS]
+    lowest, highest = _OVER_BODY * float(max(body, default=0.0)), float(fit.model.spectra.frequencies[-1])
     is_real = []
     for f, x, shape in zip(modes.natural_frequency, modes.damping_ratio, modes.mode_shapes, strict=True):
-        is_resonance = x < _LIGHT and _prominence(f, x, shape, spectra) > _PROMINENT
-        if f > frequencies[-1]:
-            is_real.append(is_resonance)
-        else:
-            is_unlike = _exceeds(f, x, fit) or (is_resonance and fit.model_error > _IMPERFECT)
-            is_real.append(f > _OVER_BODY * max(body, default=0.0) and is_unlike)
+        counts_alone = f > highest or fit.model_error > _IMPERFECT
+        is_peak = (counts_alone and _is_resonance(f, x, shape, spectra)) or (f < highest and _exceeds(f, x, fit))
+        is_real.append(bool(lowest < f and x < _LIGHT and is_peak))
     return np.asarray(is_flexible | np.array(is_real, dtype=np.bool_))
 
 
 def _exceeds(frequency: float, damping: float, fit: CornerFit) -> bool:
-    """Return whether the measured power about a mode exceeds that of the fitted vehicle."""
+    """Return whether measured over fitted power of a motion has a peak at a mode."""
     frequencies = fit.model.spectra.frequencies
-    resolution = frequencies[1] - frequencies[0]
-    about = np.abs(frequencies - frequency) <= max(damping * frequency, resolution)
-    excess = fit.misfit[:, about].mean(axis=1).max()
-    chance = np.sqrt(_CHANCE / (fit.n_segments * about.sum()))
-    return bool(excess > max(_UNEXPLAINED, 3 * chance))
+    ratios = [_over_sides(frequency, damping, frequencies, 1 + misfit) for misfit in fit.misfit]
+    n_about = max(1, np.count_nonzero(np.abs(frequencies - frequency) <= damping * frequency))
+    return max(ratios) > 1 + max(_UNEXPLAINED, 3 * float(np.sqrt(_CHANCE / (fit.n_segments * n_about))))
 
 
-def _prominence(frequency: float, damping: float, shape: Complex, spectra: SpectralMatrix) -> float:
-    """Return the power in a shape within the bandwidth of a mode over the median power on both sides; 0 if unknown."""
-    width = max(damping * frequency, 2 * float(spectra.frequencies[1]))
-    distance = np.abs(spectra.frequencies - frequency)
+def _is_resonance(frequency: float, damping: float, shape: Complex, spectra: SpectralMatrix) -> bool:
+    """Return whether the power in a shape has a peak at a mode."""
     power = np.einsum("i,ijf,j->f", shape.conj(), spectra.matrix, shape).real
-    within, sides = power[distance <= width], power[(distance >= 2 * width) & (distance <= 4 * width)]
-    return float(within.mean() / np.median(sides)) if within.size and sides.size else 0.0
+    return _over_sides(frequency, damping, spectra.frequencies, power) > _PROMINENT
+
+
+def _over_sides(frequency: float, damping: float, frequencies: Real, power: Real) -> float:
+    """Return the mean power in the bandwidth of a mode over the median of the stronger side; 0 if a side is missing."""
+    width = max(damping * frequency, 2 * float(frequencies[1] - frequencies[0]))
+    offset = (frequencies - frequency) / width
+    within, below, above = (
+        power[(offset >= low) & (offset <= high)] for low, high in ((-1.0, 1.0), (-4.0, -2.0), (2.0, 4.0))
+    )
+    if not (within.size and below.size and above.size):
+        return 0.0
+    return float(within.mean() / max(np.median(below), np.median(above)))
 
 
 def _replaced(road: Modes, modes: Modes, candidates: Indices) -> Indices:
