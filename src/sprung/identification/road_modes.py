@@ -10,18 +10,29 @@ from sprung._checks import freeze
 from sprung.errors import DataError, ParameterError
 from sprung.identification.records import CorrelatedRecords, Progress
 from sprung.identification.settings import IdentificationSettings
-from sprung.likelihood.corners import IDENTIFIABLE, CornerFit
+from sprung.identification.stabilisation import StabilityCriteria
+from sprung.likelihood.corners import CornerFit
 from sprung.likelihood.fitting import fit_windows
+from sprung.likelihood.vehicle import CornerSettings
 from sprung.modal import Modes, join_modes, mac, unit_shapes
 from sprung.recording import Channel, Recording
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles import Vehicle
-from sprung.vehicles.labels import MOTIONS, rigid_body_participation
+from sprung.vehicles.labels import MOTIONS, body_range, rigid_body_participation
 from sprung.vehicles.usable import AnyVehicle
 from sprung.vehicles.window import Window, window_of
 
 #: Most values that are kept of recordings that can be read only once.
 _MOST_VALUES = 2**25
+#: Prior standard deviation of ln(value / nominal value) of springs, dampers and tyres: with less than `sprung corners`
+#: has, modes that a drive hardly determines stay near those of the file.
+_PRIOR = 0.35
+#: A mode is determined if the drives reduce the standard deviation of its frequency to this share of the prior's.
+_DETERMINED = 0.75
+#: Factor of both springs of an axle beyond which a fit with a model error is that of another vehicle.
+_OTHER_SPRINGS = 2.0
+#: Largest physical damping ratio of a mode of the body.
+_MOST_DAMPED = StabilityCriteria().max_damping
 #: Model error above which the fitted vehicle is not used, and above which a note names it.
 _UNLIKE, _IMPERFECT = 0.5, 0.1
 #: Relative deviations of frequency and damping by what is not linear in a suspension (friction, valves, bump stops): of
@@ -115,12 +126,30 @@ def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
     windows = [window for record in recordings for window in _windows(record, vehicle)]
     if not windows:
         raise DataError("no recording has the speed of the vehicle: record it")
-    fit = fit_windows(windows)
-    if fit.model_error > _UNLIKE:
-        raise DataError(
-            f"the spectra deviate {100 * fit.model_error:.0f} % from those of any fitted vehicle: correct its file"
-        )
+    fit = fit_windows(windows, settings=CornerSettings(prior_std=_PRIOR))
+    doubts = _doubts(fit)
+    if doubts:
+        raise DataError(f"{doubts}: correct the vehicle file, or calibrate it on healthy drives")
     return fit
+
+
+def _doubts(fit: CornerFit) -> str:
+    """Return why a fitted vehicle is not that of the file; empty if it may be."""
+    if fit.model_error > _UNLIKE:
+        return f"the spectra deviate {100 * fit.model_error:.0f} % from those of the fitted vehicle"
+    unlike = [
+        f"{name} {ratio:.2g} times the file's"
+        for name, ratio in fit.implausible_axles.items()
+        if "springs" in name and abs(np.log(ratio)) > np.log(_OTHER_SPRINGS)
+    ]
+    if fit.model_error > _IMPERFECT and unlike:
+        return f"the fitted vehicle has implausible values ({', '.join(unlike)})"
+    lowest, highest = body_range(fit.model.structure.modes())
+    exact = fit.modes()
+    for f, x, label in zip(exact.natural_frequency, exact.damping_ratio, exact.labels, strict=True):
+        if label in MOTIONS and not (lowest <= f <= highest and x <= _MOST_DAMPED):
+            return f"the {label} of the fitted vehicle is implausible ({f:.2g} Hz, {100 * x:.0f} % damped)"
+    return ""
 
 
 def _windows(recording: Recording, vehicle: Vehicle) -> Iterator[Window]:
@@ -147,8 +176,8 @@ def modes_of_fit(fit: CornerFit, channels: Sequence[str]) -> Modes:
     Returns
     -------
     Modes
-        Bounce, pitch, roll and wheel hops that the channels observe and whose frequency the drives make at least twice
-        as certain as the vehicle file; no wheel hops where the spectra deviate by more than 10 % from the fitted ones,
+        Bounce, pitch, roll and wheel hops that the channels observe and whose frequency the drives make more certain
+        than the prior, to three quarters of its standard deviation; no wheel hops where the spectra deviate by more than 10 % from the fitted ones,
         as a mass on mounts near them would distort them. `stable_rate` is 0.
 
     Notes
@@ -168,7 +197,7 @@ def modes_of_fit(fit: CornerFit, channels: Sequence[str]) -> Modes:
     shapes = exact.mode_shapes[:, [exact.channels.index(name) for name in channels]]
     wanted = MOTIONS if fit.model_error > _IMPERFECT else (*MOTIONS, "wheel_hop")
     is_named = np.array([label in wanted for label in exact.labels], dtype=np.bool_)
-    chosen = np.flatnonzero(is_named & shapes.any(axis=1) & (frequency_std < IDENTIFIABLE * prior_std))
+    chosen = np.flatnonzero(is_named & shapes.any(axis=1) & (frequency_std < _DETERMINED * prior_std))
     error = fit.model_error
     nonlinear = np.array([_NONLINEAR_BODY if label in MOTIONS else _NONLINEAR_HOP for label in exact.labels])
     f, x = exact.natural_frequency, exact.damping_ratio
@@ -244,8 +273,9 @@ def unexplained(modes: Modes, fit: CornerFit, channels: Sequence[Channel], spect
     shares, explained = rigid_body_participation(modes, channels)
     is_flexible = (explained < _RIGID) & np.isfinite(shares).any()
     exact = fit.modes()
-    body = [f for f, label in zip(exact.natural_frequency, exact.labels, strict=True) if label in MOTIONS]
-    lowest, highest = _OVER_BODY * float(max(body, default=0.0)), float(fit.model.spectra.frequencies[-1])
+    is_body = np.array([label in MOTIONS for label in exact.labels])
+    lowest = _OVER_BODY * float(exact.natural_frequency[is_body].max(initial=0.0))
+    highest = float(fit.model.spectra.frequencies[-1])
     is_real = []
     for f, x, shape in zip(modes.natural_frequency, modes.damping_ratio, modes.mode_shapes, strict=True):
         counts_alone = f > highest or fit.model_error > _IMPERFECT
@@ -258,8 +288,9 @@ def _exceeds(frequency: float, damping: float, fit: CornerFit) -> bool:
     """Return whether measured over fitted power of a motion has a peak at a mode."""
     frequencies = fit.model.spectra.frequencies
     ratios = [_over_sides(frequency, damping, frequencies, 1 + misfit) for misfit in fit.misfit]
-    n_about = max(1, np.count_nonzero(np.abs(frequencies - frequency) <= damping * frequency))
-    return max(ratios) > 1 + max(_UNEXPLAINED, 3 * float(np.sqrt(_CHANCE / (fit.n_segments * n_about))))
+    n_about = max(1, int(np.count_nonzero(np.abs(frequencies - frequency) <= damping * frequency)))
+    chance = float(np.sqrt(_CHANCE / (fit.n_segments * n_about)))
+    return max(ratios) > 1 + max(_UNEXPLAINED, 3 * chance)
 
 
 def _is_resonance(frequency: float, damping: float, shape: Complex, spectra: SpectralMatrix) -> bool:

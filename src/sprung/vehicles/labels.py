@@ -151,11 +151,25 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
 def _plausible(modes: Modes, motions: Sequence[str | None], vehicle: Vehicle | None) -> tuple[float, float]:
     """Return the lowest and the highest frequency [Hz] of modes of the body."""
     if vehicle is not None:
-        exact = structure(vehicle).modes()
-        body = [f for f, label in zip(exact.natural_frequency, exact.labels, strict=True) if label in MOTIONS]
-        return (min(body) / _UNSURE, _UNSURE * max(body)) if body else (0.0, np.inf)
+        return body_range(structure(vehicle).modes())
     rigid = [f for f, motion in zip(modes.natural_frequency, motions, strict=True) if motion is not None]
     return 0.0, _SPREAD * min(rigid, default=np.inf)
+
+
+def body_range(exact: ExactModes) -> tuple[float, float]:
+    """Return the lowest and the highest plausible frequency of a mode of the body [Hz].
+
+    Parameters
+    ----------
+    exact
+        Modes of the vehicle file.
+
+    Notes
+    -----
+    From the lowest of bounce, pitch and roll over 1.6 to the highest times 1.6; 0 to infinity where none oscillates.
+    """
+    body = [float(f) for f, label in zip(exact.natural_frequency, exact.labels, strict=True) if label in MOTIONS]
+    return (min(body) / _UNSURE, _UNSURE * max(body)) if body else (0.0, np.inf)
 
 
 def _shows_twist(channels: Sequence[Channel], vehicle: Vehicle | None) -> bool:
