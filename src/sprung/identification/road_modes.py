@@ -177,8 +177,8 @@ def modes_of_fit(fit: CornerFit, channels: Sequence[str]) -> Modes:
     -------
     Modes
         Bounce, pitch, roll and wheel hops that the channels observe and whose frequency the drives make more certain
-        than the prior, to three quarters of its standard deviation; no wheel hops where the spectra deviate by more than 10 % from the fitted ones,
-        as a mass on mounts near them would distort them. `stable_rate` is 0.
+        than the prior, to three quarters of its standard deviation; no wheel hops where the spectra deviate by more
+        than 10 % from the fitted ones, as a mass on mounts near them would distort them. `stable_rate` is 0.
 
     Notes
     -----
