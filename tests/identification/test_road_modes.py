@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from sprung.errors import DataError
-from sprung.identification import METHODS, IdentificationSettings, cov_ssi
+from sprung.identification import METHODS, IdentificationSettings, as_in_thesis, cov_ssi
 from sprung.identification.road_modes import (
+    doubts,
     fit_of_road,
+    has_road,
     kept_records,
     modes_of_fit,
     unexplained,
@@ -118,6 +120,36 @@ def test_a_drive_too_short_for_the_fit_has_a_note() -> None:
     brief = simulate_drive(CAR, RoadDrive(duration=30.0, speed=(15.0, 15.0), snr=50.0), seed=5).recording
     with pytest.raises(DataError):
         fit_of_road([brief.part(0, 400)], CAR)
+
+
+def test_only_a_car_with_tyres_and_sensors_has_a_road() -> None:
+    settings = IdentificationSettings()
+    assert has_road(CAR, settings)
+    assert not has_road(CAR, IdentificationSettings(has_road_modes=False))
+    assert not has_road(CAR, as_in_thesis())
+    axles = tuple(axle.model_copy(update={"tyre_stiffness": None}) for axle in CAR.axle)
+    for other in ({"axle": axles}, {"sensor": ()}, {"kind": "rail"}):
+        assert not has_road(CAR.model_copy(update=other), settings)
+
+
+@pytest.mark.parametrize(
+    ("component", "model_error", "doubt"),
+    [
+        ("spring", 0.6, "the spectra deviate 60 %"),
+        ("spring", 0.2, "front springs 4 times the file's"),
+        ("spring", 0.0, "of the fitted vehicle is implausible"),
+        ("damper", 0.0, "% damped"),
+    ],
+)
+def test_a_fit_of_another_vehicle_is_refused(fit, component, model_error, doubt) -> None:
+    nominal = replace(fit, parameters=fit.model.start, model_error=0.0)
+    assert doubts(nominal) == ""
+    parameters = fit.model.start.copy()
+    factor = {"spring": 4.0, "damper": 4.5}[component]
+    rows = [row for row, name in enumerate(fit.model.names) if name.endswith(f".{component}")]
+    parameters[rows] = np.log(factor)
+    unlike = replace(fit, parameters=parameters, covariance=1e-6 * fit.covariance, model_error=model_error)
+    assert doubt in doubts(unlike)
 
 
 def test_without_a_vehicle_file_or_with_one_of_a_rig_nothing_is_fitted(drive) -> None:

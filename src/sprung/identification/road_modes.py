@@ -102,8 +102,10 @@ def _keeping(recordings: Iterable[Recording], kept: list[Recording]) -> Iterator
 
 
 def has_road(vehicle: AnyVehicle | None, settings: IdentificationSettings) -> bool:
-    """Return whether modes may be those of a vehicle on its road: one with axles and sensors, if the settings agree."""
-    return settings.has_road_modes and isinstance(vehicle, Vehicle) and vehicle.kind == "road" and bool(vehicle.sensor)
+    """Return whether modes may be those of a vehicle on its road: with tyres and sensors, if the settings agree."""
+    if not settings.has_road_modes or not isinstance(vehicle, Vehicle) or vehicle.kind != "road":
+        return False
+    return bool(vehicle.sensor) and all(axle.tyre_stiffness is not None for axle in vehicle.axle)
 
 
 def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
@@ -127,14 +129,25 @@ def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
     if not windows:
         raise DataError("no recording has the speed of the vehicle: record it")
     fit = fit_windows(windows, settings=CornerSettings(prior_std=_PRIOR))
-    doubts = _doubts(fit)
-    if doubts:
-        raise DataError(f"{doubts}: correct the vehicle file, or calibrate it on healthy drives")
+    doubt = doubts(fit)
+    if doubt:
+        raise DataError(f"{doubt}: correct the vehicle file, or calibrate it on healthy drives")
     return fit
 
 
-def _doubts(fit: CornerFit) -> str:
-    """Return why a fitted vehicle is not that of the file; empty if it may be."""
+def doubts(fit: CornerFit) -> str:
+    """Return why a fitted vehicle is not that of the file; empty if it may be.
+
+    Parameters
+    ----------
+    fit
+        Vehicle fitted to drives.
+
+    Notes
+    -----
+    Another vehicle has spectra that deviate by more than 50 %; or by more than 10 %, with springs of an axle that are
+    more than a factor of 2 off; or modes of the body beyond `labels.body_range`, or more than 60 % damped.
+    """
     if fit.model_error > _UNLIKE:
         return f"the spectra deviate {100 * fit.model_error:.0f} % from those of the fitted vehicle"
     unlike = [
