@@ -133,19 +133,18 @@ def test_only_a_car_with_tyres_and_sensors_has_a_road() -> None:
 
 
 @pytest.mark.parametrize(
-    ("component", "model_error", "doubt"),
+    ("component", "factor", "model_error", "doubt"),
     [
-        ("spring", 0.6, "the spectra deviate 60 %"),
-        ("spring", 0.2, "front springs 4 times the file's"),
-        ("spring", 0.0, "of the fitted vehicle is implausible"),
-        ("damper", 0.0, "% damped"),
+        ("spring", 1.2, 0.6, "the spectra deviate 60 %"),
+        ("spring", 3.0, 0.2, "front springs 3 times the file's"),
+        ("spring", 0.2, 0.0, "the bounce of the fitted vehicle is implausible"),
+        ("damper", 4.5, 0.0, "% damped"),
     ],
 )
-def test_a_fit_of_another_vehicle_is_refused(fit, component, model_error, doubt) -> None:
+def test_a_fit_of_another_vehicle_is_refused(fit, component, factor, model_error, doubt) -> None:
     nominal = replace(fit, parameters=fit.model.start, model_error=0.0)
     assert doubts(nominal) == ""
     parameters = fit.model.start.copy()
-    factor = {"spring": 4.0, "damper": 4.5}[component]
     rows = [row for row, name in enumerate(fit.model.names) if name.endswith(f".{component}")]
     parameters[rows] = np.log(factor)
     unlike = replace(fit, parameters=parameters, covariance=1e-6 * fit.covariance, model_error=model_error)
