@@ -18,6 +18,7 @@ MODE_KEYS = {
     "mode_shape": dict,
     "label": type(None),
     "stable_rate": float,
+    "source": str,
     "subsets": list,
     "mpc": float,
     "participation": type(None),

@@ -219,6 +219,44 @@ def test_each_motion_names_its_lowest_mode_only() -> None:
     assert labelled(modes, LAYOUTS["four corners"]).labels == ("bounce", None)
 
 
+def shapes_at_the_corners(*motions):
+    """Shapes at four corners of bounce, pitch, roll and twist."""
+    rows = [[z - x * p + y * r + x * y * t for (x, y) in CORNERS] for z, p, r, t in motions]
+    return np.array(rows, dtype=complex)
+
+
+BOUNCE, PITCH, ROLL, TWIST = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)
+
+
+@pytest.mark.parametrize("vehicle", [CAR, None], ids=["with its file", "without a file"])
+def test_a_shape_alone_is_no_motion_of_the_body(vehicle) -> None:
+    """Rigid shapes at 17.6 and 23.7 Hz next to a car whose body moves at 1.5 to 2.2 Hz."""
+    modes = as_modes(2j * np.pi * np.array([1.5, 17.6, 23.7]), shapes_at_the_corners(BOUNCE, ROLL, PITCH), "abcd")
+    assert labelled(modes, LAYOUTS["four corners"], vehicle=vehicle).labels == ("bounce", None, None)
+
+
+def test_a_loaded_car_and_one_with_locked_springs_keep_their_names() -> None:
+    exact = structure(CAR).modes()
+    for factor in (0.7, 1.5):
+        modes = as_modes(factor * exact.poles[:3], exact.mode_shapes[:3], exact.channels)
+        channels = [sensor.as_channel() for sensor in CAR.sensor]
+        assert labelled(modes, channels, vehicle=CAR).labels == BODY
+
+
+def test_the_body_of_a_scale_model_moves_far_faster_than_that_of_a_car() -> None:
+    """Without a file only the ratio of the frequencies counts: 19, 22 and 25 Hz."""
+    shapes = shapes_at_the_corners(BOUNCE, PITCH, ROLL)
+    modes = as_modes(2j * np.pi * np.array([19.0, 22.0, 25.0]), shapes, "abcd")
+    assert labelled(modes, LAYOUTS["four corners"]).labels == BODY
+
+
+def test_a_twist_of_the_body_near_wheel_hop_is_none() -> None:
+    hop = wheel_hop_frequencies(CAR)[0]
+    shapes = shapes_at_the_corners(TWIST, BOUNCE)
+    modes = as_modes(2j * np.pi * hop * np.array([1.0, 1.01]), shapes, "abcd")
+    assert labelled(modes, LAYOUTS["four corners"], vehicle=CAR).labels == (None, "wheel_hop")
+
+
 def test_no_modes_are_named_without_complaint() -> None:
     modes = as_modes(np.zeros(0), np.zeros((0, 4)), "abcd")
     assert labelled(modes, LAYOUTS["four corners"], vehicle=CAR).labels == ()

@@ -41,6 +41,7 @@ def fit_drive(
 def _modes(recordings: list[Recording], vehicle: Vehicle) -> Modes | None:
     """Return the modes in recordings; None where there are none."""
     try:
-        return cov_ssi(recordings, vehicle=vehicle, settings=IdentificationSettings(refine=False)).modes
+        settings = IdentificationSettings(has_road_modes=False, refine=False)
+        return cov_ssi(recordings, settings=settings, vehicle=vehicle).modes
     except (DataError, IdentificationError):
         return None

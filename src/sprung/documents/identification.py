@@ -23,8 +23,9 @@ class SubsetValues(ModeValues):
 
 
 class MergedMode(IdentifiedMode):
-    """A mode with its share in the rigid-body motions, and its values in each subset."""
+    """A mode with the method that gave it, its share in the rigid-body motions, and its values in each subset."""
 
+    source: Literal["ssi", "road_likelihood"] = "ssi"
     participation: Participation | None
     subsets: tuple[SubsetValues | None, ...]
 
@@ -206,14 +207,16 @@ def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) ->
     return [
         {
             **dict(mode),
+            "source": source,
             "participation": participation,
             "subsets": [
                 _subset_values(subset, int(member)) if member >= 0 else None
                 for subset, member in zip(identification.subsets, members, strict=True)
             ],
         }
-        for mode, participation, members in zip(
+        for mode, source, participation, members in zip(
             identified_modes(identification.modes),
+            identification.sources,
             participations(identification.modes, identification.channels, vehicle),
             identification.members,
             strict=True,

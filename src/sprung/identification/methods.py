@@ -17,6 +17,7 @@ from sprung.identification.preparation import as_measured, without_lifter
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
 from sprung.identification.refinement import Refinement, refine
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
+from sprung.identification.road_modes import combined_modes, has_road, kept_records
 from sprung.identification.settings import IdentificationSettings
 from sprung.identification.stabilisation import (
     StabilisationDiagram,
@@ -251,7 +252,7 @@ def summarise(
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
-    """Return the modes of a summary: those of the identification of its recordings before any refinement.
+    """Return the modes of a summary: those by SSI of the identification of its recordings, before any refinement.
 
     Parameters
     ----------
@@ -263,7 +264,7 @@ def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None 
     Returns
     -------
     Modes
-        Modes by rising frequency, merged over the subsets.
+        Modes by SSI by rising frequency, merged over the subsets.
     """
     merged = _merge(summary, _modes_of_subsets(summary, _no_report))[1]
     return labelled(merged.modes, summary.channels, vehicle=vehicle)
@@ -294,18 +295,21 @@ def _identify(
 ) -> Identification:
     """Correlate, sort, realise, select, merge and label."""
     report, settings = on_progress or _no_report, _suitable(method, settings or IdentificationSettings())
-    records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
+    given, kept = kept_records(recordings) if has_road(vehicle, settings) else (recordings, [])
+    records = correlate_records(given, method=method, settings=settings, vehicle=vehicle, report=report)
     summary, notes_on_subsets = _summary(method, settings, records)
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
-    modes, refinement = _refine(merged.modes, records)
+    refined, refinement = _refine(merged.modes, records)
+    modes = labelled(refined, summary.channels, vehicle=vehicle)
+    combined, note_on_road = combined_modes(modes, kept, records, vehicle=vehicle, band=settings.band, report=report)
     report("done", 1.0)
     return Identification(
         method=method,
         channels=summary.channels,
         sampling_rate=summary.average.sampling_rate,
-        modes=labelled(modes, summary.channels, vehicle=vehicle),
+        modes=combined.modes,
         subsets=tuple(subsets),
-        members=merged.members,
+        members=np.vstack([merged.members, np.full((1, len(subsets)), -1)])[combined.replaced],
         harmonics=summary.harmonics,
         spectra=records.spectra,
         edited_spectra=records.edited_spectra,
@@ -315,9 +319,11 @@ def _identify(
             *records.plan.preparation.notes,
             *records.notes,
             *notes_on_subsets,
-            *_notes_on_modes(merged.modes, settings.lifter),
+            *note_on_road,
+            *_notes_on_modes(combined.modes, settings.lifter),
             *_notes_on_refinement(refinement, settings),
         ),
+        sources=combined.sources,
         refinement=refinement,
     )
 

@@ -75,6 +75,9 @@ class Identification:
         Choices, omissions and warnings, one sentence each.
     refinement
         What the refinement changed; None without it.
+    sources
+        Method that gave each mode: "ssi", or "road_likelihood" for a mode of the vehicle file fitted to the spectra of
+        a drive. Left out: all by SSI.
     """
 
     method: str
@@ -90,9 +93,11 @@ class Identification:
     plan: Plan
     notes: tuple[str, ...]
     refinement: Refinement | None = None
+    sources: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, members=2, dtype=np.intp)
+        object.__setattr__(self, "sources", self.sources or ("ssi",) * len(self.modes))
 
     @property
     def band(self) -> tuple[float, float]:

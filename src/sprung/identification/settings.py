@@ -48,6 +48,10 @@ class IdentificationSettings:
         identification.
     refine
         Whether modes are refined to the largest likelihood of the records' spectra.
+    has_road_modes
+        Whether bounce, pitch, roll and wheel hop of a vehicle on a road are those of the vehicle file fitted to the
+        spectra, where the speed is recorded: SSI misses some of them, as the rear wheels repeat the road of the front
+        ones.
 
     Raises
     ------
@@ -68,6 +72,7 @@ class IdentificationSettings:
     criteria: StabilityCriteria = field(default_factory=StabilityCriteria)
     harmonics: tuple[Harmonic, ...] | None = None
     refine: bool = True
+    has_road_modes: bool = True
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1]:
@@ -128,7 +133,13 @@ def as_in_thesis(
     F. Liu (2020), eq. 3-35 to 3-57 and 4-1.
     """
     criteria = replace(THESIS_CRITERIA, stable_rate=stable_rate)
-    return replace(settings or IdentificationSettings(), ladder=BlockRowLadder(*rows), criteria=criteria, refine=False)
+    return replace(
+        settings or IdentificationSettings(),
+        ladder=BlockRowLadder(*rows),
+        criteria=criteria,
+        has_road_modes=False,
+        refine=False,
+    )
 
 
 @dataclass(frozen=True, slots=True)

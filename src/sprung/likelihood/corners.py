@@ -185,20 +185,29 @@ class CornerFit:
 
         Notes
         -----
-        By the delta method: variance g^T covariance g, g the derivative with respect to the parameters of the vehicle,
-        here by central differences.
+        By the delta method: variance g^T covariance g, g the derivative with respect to the parameters of the vehicle
+        (`modes_derivatives`).
+        """
+        derivatives = self.modes_derivatives()
+        frequency, damping = np.sqrt(np.einsum("qim,ij,qjm->qm", derivatives, self.covariance, derivatives))
+        return frequency, damping
+
+    def modes_derivatives(self) -> Real:
+        """Return the derivatives of natural frequencies [Hz] and damping ratios of `modes`, by central differences.
+
+        Returns
+        -------
+        ndarray
+            With respect to each of `parameters`, shape (2, parameters, modes); 0 for those of inputs and sensors.
         """
         modes = self.modes()
-        rows = np.flatnonzero(_is_structural(self.model))
-        derivatives = np.empty((2, rows.size, modes.poles.size))
-        for number, row in enumerate(rows):
+        derivatives = np.zeros((2, self.parameters.size, modes.poles.size))
+        for row in np.flatnonzero(_is_structural(self.model)):
             step = _STEP * self.model.prior_std[row]
             above, below = (self._poles_near(modes.poles, int(row), sign * step) for sign in (1, -1))
-            derivatives[0, number] = (np.abs(above) - np.abs(below)) / (4 * np.pi * step)
-            derivatives[1, number] = (-above.real / np.abs(above) + below.real / np.abs(below)) / (2 * step)
-        covariance = self.covariance[np.ix_(rows, rows)]
-        frequency, damping = np.sqrt(np.einsum("qim,ij,qjm->qm", derivatives, covariance, derivatives))
-        return frequency, damping
+            derivatives[0, row] = (np.abs(above) - np.abs(below)) / (4 * np.pi * step)
+            derivatives[1, row] = (-above.real / np.abs(above) + below.real / np.abs(below)) / (2 * step)
+        return derivatives
 
     def _poles_near(self, poles: Complex, row: int, step: float) -> Complex:
         """Poles of the vehicle with one parameter changed, each the nearest to one of `poles`."""

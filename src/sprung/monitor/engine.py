@@ -420,7 +420,9 @@ class VehicleMonitor:
         else:
             try:
                 is_complete = self._n_samples == self._needed(self._blocks[0])
-                known = IdentificationSettings(harmonics=None if is_complete else self._harmonics, refine=False)
+                known = IdentificationSettings(
+                    harmonics=None if is_complete else self._harmonics, has_road_modes=False, refine=False
+                )
                 identify = METHODS[self._settings.method]
                 identification = identify(joined(self._blocks), settings=known, vehicle=self._vehicle)
                 modes = tuple(mode_documents(identification.modes))

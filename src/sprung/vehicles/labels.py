@@ -28,6 +28,11 @@ _LEAST_SHARE = 0.5
 _LEAST_EXPLAINED = 0.7
 #: Largest relative difference from a known natural frequency of a mode identified with it.
 _NEARBY = 0.2
+#: Factor by which a mode of the body may be below or above all of those of the vehicle file: with a full load or one
+#: broken spring, or with friction that locks springs.
+_UNSURE = 1.6
+#: Largest ratio of the natural frequencies of two motions of one body on its suspension.
+_SPREAD = 3.0
 
 
 def rigid_body_participation(
@@ -115,24 +120,63 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
 
     Notes
     -----
-    Each motion labels one mode: the lowest in which it has more than half of the energy. A mode within 20 % of
-    sqrt((spring + tyre) / unsprung mass) / 2 pi of an axle is wheel hop.
+    Each motion labels one mode: the lowest in which it has more than half of the energy, if its frequency is plausible.
+    With a vehicle file that is from the lowest of its modes of the body over 1.6 to the highest times 1.6; without one,
+    up to three times the frequency of the lowest mode of a rigid body. A mode within 20 % of
+    sqrt((spring + tyre) / unsprung mass) / 2 pi of an axle is wheel hop, unless the body twists or bends in it: the
+    wheels move a rigid body.
     """
     if vehicle is not None and not isinstance(vehicle, Vehicle):
         return replace(modes, labels=_labels_by_frequency(modes, structure(vehicle).modes()))
     mass = None if vehicle is None else structure(vehicle).mass[:3, :3]
     hops = np.zeros(0) if vehicle is None else wheel_hop_frequencies(vehicle)
     shares, explained = rigid_body_participation(modes, channels, mass=mass)
+    is_twisted = (explained < _LEAST_EXPLAINED) & np.isfinite(shares).any() & _shows_twist(channels, vehicle)
+    motions = [
+        MOTIONS[int(np.argmax(share))] if fit >= _LEAST_EXPLAINED and share.max() >= _LEAST_SHARE else None
+        for share, fit in zip(shares, explained, strict=True)
+    ]
+    lowest, highest = _plausible(modes, motions, vehicle)
     labels: list[str | None] = []
-    for frequency, share, fit in zip(modes.natural_frequency, shares, explained, strict=True):
+    for frequency, motion, twisted in zip(modes.natural_frequency, motions, is_twisted, strict=True):
         label = None
-        if np.any(np.abs(frequency - hops) <= _NEARBY * hops):
+        if np.any(np.abs(frequency - hops) <= _NEARBY * hops) and not twisted:
             label = "wheel_hop"
-        elif fit >= _LEAST_EXPLAINED and share.max() >= _LEAST_SHARE:
-            label = MOTIONS[int(np.argmax(share))]
-            label = None if label in labels else label
+        elif lowest <= frequency <= highest and motion not in labels:
+            label = motion
         labels.append(label)
     return replace(modes, labels=tuple(labels))
+
+
+def _plausible(modes: Modes, motions: Sequence[str | None], vehicle: Vehicle | None) -> tuple[float, float]:
+    """Return the lowest and the highest frequency [Hz] of modes of the body."""
+    if vehicle is not None:
+        return body_range(structure(vehicle).modes())
+    rigid = [f for f, motion in zip(modes.natural_frequency, motions, strict=True) if motion is not None]
+    return 0.0, _SPREAD * min(rigid, default=np.inf)
+
+
+def body_range(exact: ExactModes) -> tuple[float, float]:
+    """Return the lowest and the highest plausible frequency of a mode of the body [Hz].
+
+    Parameters
+    ----------
+    exact
+        Modes of the vehicle file.
+
+    Notes
+    -----
+    From the lowest of bounce, pitch and roll over 1.6 to the highest times 1.6; 0 to infinity where none oscillates.
+    """
+    body = [float(f) for f, label in zip(exact.natural_frequency, exact.labels, strict=True) if label in MOTIONS]
+    return (min(body) / _UNSURE, _UNSURE * max(body)) if body else (0.0, np.inf)
+
+
+def _shows_twist(channels: Sequence[Channel], vehicle: Vehicle | None) -> bool:
+    """Return whether the channels show that a body twists or bends: more of them than motions, all on the body."""
+    elsewhere = {sensor.channel for sensor in vehicle.sensor if sensor.on != "body"} if vehicle is not None else set()
+    is_placed = all(_is_placed(channel) and channel.name not in elsewhere for channel in channels)
+    return is_placed and len(channels) > len(MOTIONS)
 
 
 def _labels_by_frequency(modes: Modes, exact: ExactModes) -> tuple[str | None, ...]:
