@@ -44,7 +44,10 @@ def test_scaled_channels_give_the_same_poles_and_scaled_shapes(method, factors) 
     records = [run(seed) for seed in range(3)]
     scale = np.array(factors)
     scaled = [record.changed("scaled", samples=record.samples * scale[:, None]) for record in records]
-    straight, changed = METHODS[method](records), METHODS[method](scaled)
+    refined = METHODS[method](records), METHODS[method](scaled)
+    assert_same(*refined, deviations=0.03)  # the search ends within 0.01 standard deviations
+    settings = IdentificationSettings(refine=False)
+    straight, changed = METHODS[method](records, settings=settings), METHODS[method](scaled, settings=settings)
     assert_same(straight, changed, deviations=1e-6)
     back = mac(changed.modes.mode_shapes / scale, straight.modes.mode_shapes)
     assert 1 - np.diag(back).min() < 1e-9

@@ -88,7 +88,8 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
     Notes
     -----
     Steps (I + diag(1 / prior_std^2))^-1 slope, shortened where they do not decrease the objective enough, then
-    `descent`, for data that the model does not explain. The search has converged if the slope is below 0.1 standard deviations.
+    `descent`, for data that the model does not explain. The search has converged if the slope is below 0.1 standard
+    deviations.
 
     References
     ----------
