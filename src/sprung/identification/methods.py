@@ -13,7 +13,9 @@ from sprung.identification.merging import MergedModes, merge_modes
 from sprung.identification.planning import disjoint_splits
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
+from sprung.identification.roving import group_by_setup
 from sprung.identification.settings import IdentificationSettings
+from sprung.identification.setups import identify_setups
 from sprung.identification.stabilisation import (
     StabilisationDiagram,
     select_modes,
@@ -43,7 +45,8 @@ def cov_ssi(
     ----------
     recordings
         One record, or several of one condition, whose correlations are averaged. An iterator is read once, one record
-        at a time. Choices from the data are made from the first usable record.
+        at a time. Choices from the data are made from the first usable record. Records in a sequence whose channels
+        differ in names, positions or directions are set-ups of roving sensors (`setups.identify_setups`).
     settings
         Settings; default: everything is chosen from the data.
     vehicle
@@ -185,6 +188,11 @@ def _identify(
 ) -> Identification:
     """Correlate, sort, realise, select, merge and label."""
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
+    if isinstance(recordings, Sequence) and len(setups := group_by_setup(recordings, vehicle=vehicle)) > 1:
+        each, names = replace(settings, references=None), settings.references
+        return identify_setups(
+            METHODS[method], setups, references=names, settings=each, vehicle=vehicle, on_progress=on_progress
+        )
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
     summary, notes_on_subsets = _summary(method, settings, records)
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
