@@ -249,3 +249,61 @@ def test_names_are_no_markup_and_no_control_sequences(sprung, tmp_path):
         float(next(line for line in outcome.out.splitlines() if "±" in line).split()[0]), 18 / 2 / np.pi, rel_tol=0.01
     )
     assert "\x1b" not in sprung("info", tmp_path / "no\n\x1b[31mfile.csv").err
+
+
+@pytest.fixture
+def roving(chain, tmp_path):
+    """Two halves of the run of the chain: first mass with the second, first with the third, under equal names."""
+    run = read(chain)
+    paths = []
+    for number, (name, names) in enumerate(
+        (("acc_2", ("base", "rov")), ("acc_3", ("base", "rov")), ("acc_3", ("base", "third")))
+    ):
+        first = run.n_samples // 2 * min(number, 1)
+        part = run.part(first, first + run.n_samples // 2).select(["acc_1", name])
+        channels = tuple(Channel(new, "acceleration") for new in names)
+        paths.append(tmp_path / f"{number}.parquet")
+        write(Recording(part.samples, part.sampling_rate, channels), paths[-1])
+    return paths
+
+
+def test_files_as_set_ups_of_roving_sensors(sprung, chain, roving):
+    true = json.loads(Path(f"{chain}.truth.json").read_text())["modes"]
+    words = ("identify", *roving[:2], "--setups", "--references", "base")
+    result = sprung(*words, "--json", "-").document()
+    assert result["channels"] == ["base", "rov (1)", "rov (2)"]
+    assert result["setups"]["references"] == ["base"]
+    assert [part["channels"] for part in result["setups"]["parts"]] == [["base", "rov (1)"], ["base", "rov (2)"]]
+    assert [part["members"] for part in result["setups"]["parts"]] == [[0, 1, 2], [0, 1, 2]]
+    assert result["subsets"] == []
+    assert len(result["modes"]) == 3
+    for mode, truth in zip(result["modes"], true, strict=True):
+        assert mode["natural_frequency"] == pytest.approx(truth["natural_frequency"], rel=0.01)
+        assert mac(shape_of(mode)[None], shape_of(truth)[None])[0, 0] > 0.98
+    shown = sprung(*words)
+    assert shown.code == 0
+    heading = shown.out.splitlines()[0]
+    assert heading == "2 files: 3 modes by cov from 3 channels at 200 Hz, 2 set-ups over references base"
+    assert "2 of 2" in shown.out
+
+
+def test_files_of_other_channels_are_set_ups_without_being_told(sprung, roving, tmp_path):
+    outcome = sprung("identify", roving[0], roving[2], "--figures", tmp_path / "figures")
+    assert outcome.code == 0
+    assert "2 set-ups over references base" in outcome.out
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert {"stabilisation_set-up_1.png", "stabilisation_set-up_2.png", "mode_shapes.png", "mac.png"} <= names
+
+
+@pytest.mark.parametrize(
+    ("files", "words", "sentence"),
+    [
+        (slice(0, 1), ["--setups"], "--setups needs at least two files, one for each set-up"),
+        (slice(0, 2), ["--setups"], "the 2 set-ups have the same channels base, rov: name those that stayed in place"),
+        (slice(0, 2), ["--setups", "--references", "rob"], "reference 'rob' is not a channel of set-up 1"),
+    ],
+)
+def test_set_ups_that_cannot_be_merged(sprung, roving, files, words, sentence):
+    outcome = sprung("identify", *roving[files], *words)
+    assert outcome.code != 0
+    assert sentence in outcome.err

@@ -71,7 +71,7 @@ def test_a_chain_of_set_ups_has_no_point_in_common() -> None:
         (
             [channels("a", "b"), channels("a", "b")],
             None,
-            "all 2 set-ups have the same channels a, b: name those that stayed in place as references (--references)",
+            "the 2 set-ups have the same channels a, b: name those that stayed in place as references (--references)",
         ),
         (
             [channels("a", "b"), channels("c", "d")],

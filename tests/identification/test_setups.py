@@ -146,9 +146,26 @@ def test_deviations_of_glued_shapes_are_their_scatter(distinct) -> None:
 
 def test_names_that_repeat_need_references() -> None:
     building, plan, records = setup_records(names="same", n_setups=5)
-    with pytest.raises(ParameterError, match="all 5 set-ups have the same channels"):
+    with pytest.raises(ParameterError, match="the 5 set-ups have the same channels"):
         identify_setups(cov_ssi, records)
     check_modes(identify_setups(cov_ssi, records, references=("ref_1", "ref_2")), building, plan)
+
+
+def test_moved_sensors_under_equal_names_give_a_note() -> None:
+    _, _, records = setup_records(names="same")
+    identification = cov_ssi(records)
+    assert len(identification.modes) < N_MODES
+    (note,) = [note for note in identification.notes if "move differently from record to record" in note]
+    assert "such as ref_1, ref_2, as references (--references)" in note
+
+
+@pytest.mark.parametrize("noise", [0.05, 1.0])
+def test_parts_of_one_record_give_no_note(noise) -> None:
+    _, _, (record,) = setup_records(names="same", n_setups=1, duration=600.0, noise=noise)
+    parts = [record.part(first, first + 6000) for first in range(0, record.n_samples, 6000)]
+    levels = np.random.default_rng(1).uniform(0.1, 10.0, len(parts))
+    parts = [Recording(level * part.samples, 100.0, part.channels) for level, part in zip(levels, parts, strict=True)]
+    assert not any("differently" in note for note in cov_ssi(parts).notes)
 
 
 def test_positions_tell_set_ups_apart() -> None:

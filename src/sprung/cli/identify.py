@@ -1,6 +1,7 @@
 """The command `sprung identify`."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -52,11 +53,20 @@ def identify(
         str | None,
         option(
             "A,B,..",
-            "Reference channels; or disjoint: outputs and references from disjoint sets of channels, against sensor"
-            " noise in the band of the modes.",
+            "Reference channels, with --setups those that stay in place; or disjoint: outputs and references from"
+            " disjoint sets of channels, against sensor noise in the band of the modes.",
             panel=_SIZES,
         ),
     ] = None,
+    setups: Annotated[
+        bool,
+        typer.Option(
+            "--setups",
+            help="Each file is a set-up of roving sensors: identify them one by one and glue the mode shapes over the"
+            " references. Files whose channels differ in names are set-ups without this.",
+            rich_help_panel=_SIZES,
+        ),
+    ] = False,
     thesis: Annotated[
         bool,
         typer.Option(
@@ -88,13 +98,15 @@ def identify(
     from sprung import tables
     from sprung.documents import identification_document
     from sprung.formats.records import read_records
-    from sprung.identification import METHODS
+    from sprung.identification import METHODS, identify_setups
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
     check_folder("--figures", figures)
     if subsets is not None and method != "coss":
         raise ParameterError(f"--subsets {subsets} needs --method coss: {method} does not sort segments")
+    if setups and len(files) < 2:
+        raise ParameterError("--setups needs at least two files, one for each set-up")
     settings = _settings(
         thesis=thesis,
         stable_rate=stable_rate,
@@ -110,8 +122,18 @@ def identify(
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
     with progress_bar() as report:
         description = None if vehicle is None else read_description(vehicle)
-        recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
-        identification = METHODS[method](recordings, settings=settings, vehicle=description, on_progress=report)
+        read = partial(read_records, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
+        if setups:
+            identification = identify_setups(
+                METHODS[method],
+                [read([file]) for file in files],
+                references=settings.references,
+                settings=replace(settings, references=None),
+                vehicle=description,
+                on_progress=report,
+            )
+        else:
+            identification = METHODS[method](read(files), settings=settings, vehicle=description, on_progress=report)
         if figures is not None:
             report("drawing figures", 1.0)
         paths = _draw(identification, figures, Path(source).name)

@@ -13,7 +13,7 @@ from sprung.identification.merging import MergedModes, merge_modes
 from sprung.identification.planning import disjoint_splits
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
-from sprung.identification.roving import group_by_setup
+from sprung.identification.roving import group_by_setup, note_on_moved_sensors
 from sprung.identification.settings import IdentificationSettings
 from sprung.identification.setups import identify_setups
 from sprung.identification.stabilisation import (
@@ -195,6 +195,7 @@ def _identify(
         )
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
     summary, notes_on_subsets = _summary(method, settings, records)
+    several = recordings if isinstance(recordings, Sequence) else ()
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
     report("done", 1.0)
     return Identification(
@@ -212,6 +213,7 @@ def _identify(
         notes=(
             *records.plan.preparation.notes,
             *records.notes,
+            *note_on_moved_sensors(several, records.segments, records.counts, vehicle=vehicle),
             *notes_on_subsets,
             *_notes_on_modes(merged.modes, settings.lifter),
         ),

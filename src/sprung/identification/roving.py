@@ -2,13 +2,25 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
+import numpy as np
+
+from sprung._arrays import Complex, Indices
 from sprung.errors import ParameterError
+from sprung.identification.correlation import SegmentCorrelations
+from sprung.modal import mac
 from sprung.recording import Channel, Recording
-from sprung.vehicles.usable import AnyVehicle, output_channels
+from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel
 
 #: Positions [m] and directions are the same up to this difference.
 _SAME_PLACE = 1e-6
+#: Shapes are compared at up to so many peaks of a spectrum of so many lines per lag, and at no fewer than two ...
+_MOST_RESONANCES, _PADDING, _LEAST_RESONANCES = 4, 4, 2
+#: ... where the halves of the records have this MAC; sensors have moved where that between records is lower by this.
+_CLEAR, _MOVED = 0.8, 0.2
+#: MAC of two channels that have stayed in place.
+_STEADY = 0.97
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -115,7 +127,7 @@ def common_points(layouts: Sequence[Sequence[Channel]], *, references: Sequence[
     _check_references(layouts, references)
     if all(len(numbers) == len(layouts) for _, numbers in points):
         raise ParameterError(
-            f"all {len(layouts)} set-ups have the same channels {', '.join(point.name for point, _ in points)}: name"
+            f"the {len(layouts)} set-ups have the same channels {', '.join(point.name for point, _ in points)}: name"
             " those that stayed in place as references (--references)"
         )
     _check_connected(rows, layouts)
@@ -156,3 +168,150 @@ def _check_connected(rows: Sequence[Sequence[int]], layouts: Sequence[Sequence[C
         for number in linked:
             joined |= set(rows[number])
             waiting.remove(number)
+
+
+def note_on_moved_sensors(
+    records: Sequence[Recording], segments: SegmentCorrelations, counts: Sequence[int], *, vehicle: AnyVehicle | None
+) -> tuple[str, ...]:
+    """Return a note if records of equal channel names look like set-ups of roving sensors.
+
+    Parameters
+    ----------
+    records
+        Records of one condition. If they have a speed or known positions nothing is tested: the shape in which a
+        vehicle moves depends on its speed, and known positions are the same.
+    segments, counts
+        Correlations of the segments of all usable records, and the number of segments of each record.
+    vehicle
+        Vehicle file, if any; nothing is tested then.
+
+    Returns
+    -------
+    tuple of str
+        One note, or none.
+    """
+    is_placed = any(channel.position is not None for record in records for channel in record.channels)
+    if vehicle is not None or is_placed or any(speed_channel(record) for record in records):
+        return ()
+    change = change_of_shapes(segments, counts)
+    if change is None:
+        return ()
+    steady = f", such as {', '.join(change.steady)}," if change.steady else ""
+    return (
+        f"the channels move differently from record to record (MAC {change.between:.2f} between records,"
+        f" {change.within:.2f} within them, at {', '.join(f'{value:.3g}' for value in change.frequencies)} Hz): if"
+        f" sensors were moved, identify each record as a set-up (--setups) and name the channels that stayed{steady} as"
+        " references (--references)",
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ChangeOfShapes:
+    """Evidence that the channels of several records are at different points.
+
+    Parameters
+    ----------
+    frequencies
+        Resonances at which shapes are compared [Hz].
+    between, within
+        Median over the resonances of the mean MAC between records, and between the halves of the records.
+    steady
+        Names of channels that move alike in all records.
+    """
+
+    frequencies: tuple[float, ...]
+    between: float
+    within: float
+    steady: tuple[str, ...]
+
+
+def change_of_shapes(segments: SegmentCorrelations, counts: Sequence[int]) -> ChangeOfShapes | None:
+    """Compare the shapes in which the channels move at the first resonances between records and within them.
+
+    Parameters
+    ----------
+    segments
+        Correlations of the segments of all records.
+    counts
+        Number of segments of each record.
+
+    Returns
+    -------
+    ChangeOfShapes or None
+        None where the shapes of the records are alike, or those of their halves are not.
+
+    Notes
+    -----
+    A shape is the first singular vector of the half spectrum (the transform of the correlations at positive lags, which
+    hold no sensor noise) at the highest peaks of the first singular value. It does not depend on the level of the
+    excitation. Sensors have moved where the MAC between records is lower than that within records by more than chance
+    or a lack of data makes it.
+    """
+    starts = np.cumsum([0, *counts])
+    halves = [
+        (np.arange(first, first + count // 2), np.arange(first + count // 2, first + count))
+        for first, count in zip(starts, counts, strict=False)
+        if count > 1
+    ]
+    if len(halves) < 2 or len(segments.channels) < 2:
+        return None
+    early, late = ([_half_spectrum(segments, own[side]) for own in halves] for side in (0, 1))
+    whole = [_half_spectrum(segments, np.concatenate(own)) for own in halves]
+    lines = _highest_peaks(whole)
+    shapes = [_first_vectors(spectrum[lines]) for spectrum in whole]
+    pairs = zip((_first_vectors(s[lines]) for s in early), (_first_vectors(s[lines]) for s in late), strict=True)
+    within = np.mean([np.diag(mac(one, two)) for one, two in pairs], axis=0)
+    between = np.mean([np.diag(mac(one, two)) for one, two in combinations(shapes, 2)], axis=0)
+    is_clear = within >= _CLEAR
+    if np.count_nonzero(is_clear) < _LEAST_RESONANCES:
+        return None
+    if np.median((within - between)[is_clear]) < _MOVED:
+        return None
+    spacing = segments.sampling_rate / (_PADDING * segments.n_lags)
+    return ChangeOfShapes(
+        frequencies=tuple(sorted(float(line * spacing) for line in lines[is_clear])),
+        between=float(np.median(between[is_clear])),
+        within=float(np.median(within[is_clear])),
+        steady=_steady_channels(segments.channels, [shape[is_clear] for shape in shapes]),
+    )
+
+
+def _half_spectrum(segments: SegmentCorrelations, chosen: Indices) -> Complex:
+    """Return the tapered transform of the correlations at positive lags, shape (frequencies, channels, references)."""
+    lags = np.arange(1, segments.n_lags)
+    sums, n_products = segments.sums[chosen].sum(axis=0), segments.n_products[chosen].sum(axis=0)
+    values = sums[..., 1:] / np.maximum(n_products[1:], 1.0)
+    taper = 0.5 + 0.5 * np.cos(np.pi * lags / segments.n_lags)
+    return np.fft.rfft(values * taper, _PADDING * segments.n_lags).transpose(2, 0, 1)
+
+
+def _highest_peaks(spectra: Sequence[Complex]) -> Indices:
+    """Return the lines of the highest peaks of the first singular value, on average over the records."""
+    level = np.mean([np.log(np.linalg.norm(s, ord=2, axis=(1, 2)) + np.finfo(float).tiny) for s in spectra], axis=0)
+    reach = 2 * _PADDING
+    inner = np.arange(reach, len(level) - reach)
+    is_peak = np.array([level[k] == level[k - _PADDING : k + _PADDING + 1].max() for k in inner], dtype=np.bool_)
+    peaks = inner[is_peak]
+    return peaks[np.argsort(-level[peaks], kind="stable")][:_MOST_RESONANCES]
+
+
+def _first_vectors(matrices: Complex) -> Complex:
+    """Return the first left singular vector of each matrix, shape (matrices, channels)."""
+    return np.asarray(np.linalg.svd(matrices, full_matrices=False)[0][:, :, 0])
+
+
+def _steady_channels(names: Sequence[str], shapes: Sequence[Complex]) -> tuple[str, ...]:
+    """Return the channels, two or more, whose motion relative to each other is the same in all records."""
+    n = len(names)
+    likeness = np.zeros((n, n))
+    for i, j in combinations(range(n), 2):
+        own = [shape[:, [i, j]] for shape in shapes]
+        likeness[i, j] = likeness[j, i] = np.mean([np.diag(mac(a, b)).mean() for a, b in combinations(own, 2)])
+    best = np.unravel_index(np.argmax(likeness), likeness.shape)
+    if likeness[best] < _STEADY:
+        return ()
+    chosen = sorted(int(k) for k in best)
+    for k in np.argsort(-likeness[chosen].min(axis=0)):
+        if k not in chosen and likeness[k, chosen].min() >= _STEADY:
+            chosen.append(int(k))
+    return tuple(names[k] for k in sorted(chosen))
