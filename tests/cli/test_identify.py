@@ -307,3 +307,21 @@ def test_set_ups_that_cannot_be_merged(sprung, roving, files, words, sentence):
     outcome = sprung("identify", *roving[files], *words)
     assert outcome.code != 0
     assert sentence in outcome.err
+
+
+def test_shapes_are_written_by_the_ending_of_the_file(sprung, chain, tmp_path):
+    page = sprung("identify", chain, "--shapes", tmp_path / "shapes.html")
+    assert page.code == 0
+    assert "wrote" in page.out
+    assert "shapes.html" in page.out
+    assert "Mode shapes: run.csv" in (tmp_path / "shapes.html").read_text(encoding="utf-8")
+    outcome = sprung("identify", chain, "--shapes", tmp_path / "shapes.txt")
+    assert outcome.code != 0
+    assert "ending of --shapes '.txt' is not one of .gif, .html, .uff, .unv" in outcome.err
+
+
+def test_shapes_as_a_universal_file(sprung, chain, tmp_path):
+    package = pytest.importorskip("pyuff")
+    assert sprung("identify", chain, "--shapes", tmp_path / "shapes.unv").code == 0
+    sets = package.UFF(str(tmp_path / "shapes.unv")).read_sets()
+    assert [each["type"] for each in sets] == [164, 15, 82, 55, 55, 55]

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from sprung._checks import check_one_of
 from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Channels, Figures, Files, Json, SamplingRate, option
+from sprung.cli.options import INPUT, OUTPUT, Channels, Figures, Files, Json, SamplingRate, option
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 from sprung.errors import IdentificationError, ParameterError
@@ -16,6 +17,7 @@ from sprung.errors import IdentificationError, ParameterError
 if TYPE_CHECKING:
     from sprung.identification import Identification, IdentificationSettings
 
+_SHAPES = (".gif", ".html", ".unv", ".uff")
 _PREPARATION, _SIZES = "Preparation (default: chosen from the data)", "Identification (default: chosen from the data)"
 
 
@@ -92,6 +94,14 @@ def identify(
         ),
     ] = None,
     figures: Figures = None,
+    shapes: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "Write the mode shapes: animated as .gif or .html, or with the geometry as a universal file, .unv or .uff.",
+            panel=OUTPUT,
+        ),
+    ] = None,
     json: Json = None,
 ) -> None:
     """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
@@ -103,6 +113,9 @@ def identify(
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
     check_folder("--figures", figures)
+    check_file("--shapes", shapes, inputs=files)
+    if shapes is not None:
+        check_one_of("ending of --shapes", shapes.suffix.lower(), _SHAPES)
     if subsets is not None and method != "coss":
         raise ParameterError(f"--subsets {subsets} needs --method coss: {method} does not sort segments")
     if setups and len(files) < 2:
@@ -136,7 +149,10 @@ def identify(
             identification = METHODS[method](read(files), settings=settings, vehicle=description, on_progress=report)
         if figures is not None:
             report("drawing figures", 1.0)
-        paths = _draw(identification, figures, Path(source).name)
+        paths = [
+            *_draw(identification, figures, Path(source).name),
+            *_write_shapes(identification, shapes, Path(source).name),
+        ]
     if write_result(identification_document(identification, vehicle=description), json):
         words = [*identification.notes, *(f"wrote {path}" for path in paths)]
         heading = f"{source}: {tables.identification_in_words(identification)}"
@@ -187,3 +203,19 @@ def _draw(identification: "Identification", folder: Path | None, source: str) ->
     from sprung.plotting import save_figures
 
     return save_figures(identification, folder, source=source)
+
+
+def _write_shapes(identification: "Identification", path: Path | None, source: str) -> list[Path]:
+    """Write the mode shapes to a file if there is one and there are modes, and return its path."""
+    if path is None or not len(identification.modes):
+        return []
+    modes, channels = identification.modes, identification.channels
+    if path.suffix.lower() in {".unv", ".uff"}:
+        from sprung.formats.universal import write_universal
+
+        write_universal(modes, channels, path)
+    else:
+        from sprung.plotting import save_animation
+
+        save_animation(modes, channels, path, source=source)
+    return [path]
