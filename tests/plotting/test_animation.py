@@ -70,7 +70,9 @@ def test_points_move_by_the_real_part_of_the_turning_shape() -> None:
         assert np.asarray(points) == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("channels", [BODY, MAST, BARE])
+@pytest.mark.parametrize(
+    "channels", [BODY, pytest.param(MAST, marks=pytest.mark.slow), pytest.param(BARE, marks=pytest.mark.slow)]
+)
 def test_a_gif_has_all_frames_and_no_two_are_the_same(tmp_path, channels) -> None:
     save_animation(modes_of(channels), channels, tmp_path / "shapes.gif", source="run.csv")
     with Image.open(tmp_path / "shapes.gif") as picture:

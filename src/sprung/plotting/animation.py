@@ -205,7 +205,8 @@ def _draw(axes: Axes, modes: Modes, scene: Scene, motions: Complex, index: int) 
     """Draw one mode at rest, and return the function that moves it to a frame."""
     colour, rest = mode_colour(index), scene.flat(scene.positions)
     axes.set_aspect("equal")
-    axes.set_title(_title(modes, index), fontsize=NORMAL, color=colour)
+    axes.set_title(_title(modes, index), fontsize=NORMAL, color=colour, y=1.0)
+    axes.set(xticks=[], yticks=[])  # hidden ticks and a title without a fixed height would be laid out in every frame
     axes.add_collection(LineCollection(list(rest[scene.lines]), colors="#C8C8C8", linewidths=1.0, zorder=1))
     axes.plot(*rest.T, linestyle="none", marker="o", markersize=2.5, color="#C8C8C8", zorder=1)
     face = PolyCollection([rest[list(scene.face)]] if scene.face else [], facecolors=colour, alpha=0.25, zorder=2)
