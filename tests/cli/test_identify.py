@@ -260,3 +260,79 @@ def test_second_opinions_agree_and_modes_are_picked(sprung, chain, method):
     picked = sprung("identify", chain, "--method", method, "--pick", "19.5,7", "--json", "-").document()
     assert [mode["natural_frequency"] for mode in picked["modes"]] == pytest.approx([7.01, 19.65], rel=0.02)
     assert sum("picked by hand" in note for note in picked["notes"]) == 2
+
+
+@pytest.fixture
+def roving(chain, tmp_path):
+    """Two halves of the run of the chain: first mass with the second, first with the third, under equal names."""
+    run = read(chain)
+    paths = []
+    for number, (name, names) in enumerate(
+        (("acc_2", ("base", "rov")), ("acc_3", ("base", "rov")), ("acc_3", ("base", "third")))
+    ):
+        first = run.n_samples // 2 * min(number, 1)
+        part = run.part(first, first + run.n_samples // 2).select(["acc_1", name])
+        channels = tuple(Channel(new, "acceleration") for new in names)
+        paths.append(tmp_path / f"{number}.parquet")
+        write(Recording(part.samples, part.sampling_rate, channels), paths[-1])
+    return paths
+
+
+def test_files_as_set_ups_of_roving_sensors(sprung, chain, roving):
+    true = json.loads(Path(f"{chain}.truth.json").read_text())["modes"]
+    words = ("identify", *roving[:2], "--setups", "--references", "base")
+    result = sprung(*words, "--json", "-").document()
+    assert result["channels"] == ["base", "rov (1)", "rov (2)"]
+    assert result["setups"]["references"] == ["base"]
+    assert [part["channels"] for part in result["setups"]["parts"]] == [["base", "rov (1)"], ["base", "rov (2)"]]
+    assert [part["members"] for part in result["setups"]["parts"]] == [[0, 1, 2], [0, 1, 2]]
+    assert result["subsets"] == []
+    assert len(result["modes"]) == 3
+    for mode, truth in zip(result["modes"], true, strict=True):
+        assert mode["natural_frequency"] == pytest.approx(truth["natural_frequency"], rel=0.01)
+        assert mac(shape_of(mode)[None], shape_of(truth)[None])[0, 0] > 0.98
+    shown = sprung(*words)
+    assert shown.code == 0
+    heading = shown.out.splitlines()[0]
+    assert heading == "2 files: 3 modes by cov from 3 channels at 200 Hz, 2 set-ups over references base"
+    assert "2 of 2" in shown.out
+
+
+def test_files_of_other_channels_are_set_ups_without_being_told(sprung, roving, tmp_path):
+    outcome = sprung("identify", roving[0], roving[2], "--figures", tmp_path / "figures")
+    assert outcome.code == 0
+    assert "2 set-ups over references base" in outcome.out
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert {"stabilisation_set-up_1.png", "stabilisation_set-up_2.png", "mode_shapes.png", "mac.png"} <= names
+
+
+@pytest.mark.parametrize(
+    ("files", "words", "sentence"),
+    [
+        (slice(0, 1), ["--setups"], "--setups needs at least two files, one for each set-up"),
+        (slice(0, 2), ["--setups"], "the 2 set-ups have the same channels base, rov: name those that stayed in place"),
+        (slice(0, 2), ["--setups", "--references", "rob"], "reference 'rob' is not a channel of set-up 1"),
+    ],
+)
+def test_set_ups_that_cannot_be_merged(sprung, roving, files, words, sentence):
+    outcome = sprung("identify", *roving[files], *words)
+    assert outcome.code != 0
+    assert sentence in outcome.err
+
+
+def test_shapes_are_written_by_the_ending_of_the_file(sprung, chain, tmp_path):
+    page = sprung("identify", chain, "--shapes", tmp_path / "shapes.html")
+    assert page.code == 0
+    assert "wrote" in page.out
+    assert "shapes.html" in page.out
+    assert "Mode shapes: run.csv" in (tmp_path / "shapes.html").read_text(encoding="utf-8")
+    outcome = sprung("identify", chain, "--shapes", tmp_path / "shapes.txt")
+    assert outcome.code != 0
+    assert "ending of --shapes '.txt' is not one of .gif, .html, .uff, .unv" in outcome.err
+
+
+def test_shapes_as_a_universal_file(sprung, chain, tmp_path):
+    package = pytest.importorskip("pyuff")
+    assert sprung("identify", chain, "--shapes", tmp_path / "shapes.unv").code == 0
+    sets = package.UFF(str(tmp_path / "shapes.unv")).read_sets()
+    assert [each["type"] for each in sets] == [164, 15, 82, 55, 55, 55]

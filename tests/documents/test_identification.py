@@ -32,3 +32,23 @@ def test_harmonics_have_the_unit_of_their_kind(identification, plain) -> None:
     assert [line["unit"] for line in written] == ["Hz", "1/m"]
     assert list(written[0])[-1] == "unit"
     assert identification_document(replace(identification, harmonics=document.harmonics)).harmonics == lines
+
+
+def test_set_ups_are_read_as_they_were_written(plain, tmp_path) -> None:
+    from sprung.simulation import simulate, usual_excitation
+    from sprung.vehicles import read_description, structure
+
+    chain = structure(read_description("chain3"))
+    runs = [
+        simulate(chain, usual_excitation(chain), duration=60.0, sampling_rate=200.0, seed=seed).select(names)
+        for seed, names in enumerate((["acc_1", "acc_2"], ["acc_1", "acc_3"]))
+    ]
+    identification = sprung.cov_ssi(runs)
+    sprung.write_identification(identification, tmp_path / "modes.json")
+    document = sprung.read_identification(tmp_path / "modes.json")
+    assert plain(document) == plain(identification_document(identification))
+    assert document.setups is not None
+    assert identification.setups is not None
+    assert document.setups.references == ("acc_1",)
+    assert document.setups.parts[1].members == tuple(identification.setups.parts[1].members.tolist())
+    assert document.as_modes().mode_shapes.shape == (len(identification.modes), 3)

@@ -1,13 +1,15 @@
 """The command `sprung identify`."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from sprung._checks import check_one_of
 from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Channels, Figures, Files, Json, Page, SamplingRate, option
+from sprung.cli.options import INPUT, OUTPUT, Channels, Figures, Files, Json, Page, SamplingRate, option
 from sprung.cli.output import show, write_result
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
@@ -16,6 +18,7 @@ from sprung.errors import IdentificationError, ParameterError
 if TYPE_CHECKING:
     from sprung.identification import Identification, IdentificationSettings
 
+_SHAPES = (".gif", ".html", ".unv", ".uff")
 _PREPARATION, _SIZES = "Preparation (default: chosen from the data)", "Identification (default: chosen from the data)"
 
 
@@ -54,11 +57,20 @@ def identify(
         str | None,
         option(
             "A,B,..",
-            "Reference channels; or disjoint: outputs and references from disjoint sets of channels, against sensor"
-            " noise in the band of the modes.",
+            "Reference channels, with --setups those that stay in place; or disjoint: outputs and references from"
+            " disjoint sets of channels, against sensor noise in the band of the modes.",
             panel=_SIZES,
         ),
     ] = None,
+    setups: Annotated[
+        bool,
+        typer.Option(
+            "--setups",
+            help="Each file is a set-up of roving sensors: identify them one by one and glue the mode shapes over the"
+            " references. Files whose channels differ in names are set-ups without this.",
+            rich_help_panel=_SIZES,
+        ),
+    ] = False,
     thesis: Annotated[
         bool,
         typer.Option(
@@ -101,20 +113,33 @@ def identify(
     ] = None,
     figures: Figures = None,
     page: Page = None,
+    shapes: Annotated[
+        Path | None,
+        option(
+            "FILE",
+            "Write the mode shapes: animated as .gif or .html, or with the geometry as a universal file, .unv or .uff.",
+            panel=OUTPUT,
+        ),
+    ] = None,
     json: Json = None,
 ) -> None:
     """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
     from sprung import reports, tables
     from sprung.documents import identification_document
     from sprung.formats.records import read_records
-    from sprung.identification import METHODS, pick_modes
+    from sprung.identification import METHODS, identify_setups, pick_modes
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
     check_file("--report", page, inputs=[*files, *([vehicle] if vehicle else [])])
     check_folder("--figures", figures)
+    check_file("--shapes", shapes, inputs=files)
+    if shapes is not None:
+        check_one_of("ending of --shapes", shapes.suffix.lower(), _SHAPES)
     if subsets is not None and method != "coss":
         raise ParameterError(f"--subsets {subsets} needs --method coss: {method} does not sort segments")
+    if setups and len(files) < 2:
+        raise ParameterError("--setups needs at least two files, one for each set-up")
     settings = _settings(
         thesis=thesis,
         stable_rate=stable_rate,
@@ -132,13 +157,26 @@ def identify(
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
     with progress_bar() as report:
         description = None if vehicle is None else read_description(vehicle)
-        recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
-        identification = METHODS[method](recordings, settings=settings, vehicle=description, on_progress=report)
+        read = partial(read_records, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
+        if setups:
+            identification = identify_setups(
+                METHODS[method],
+                [read([file]) for file in files],
+                references=settings.references,
+                settings=replace(settings, references=None),
+                vehicle=description,
+                on_progress=report,
+            )
+        else:
+            identification = METHODS[method](read(files), settings=settings, vehicle=description, on_progress=report)
         if picked:
             identification = pick_modes(identification, picked, vehicle=description)
         if figures is not None:
             report("drawing figures", 1.0)
-        paths = _draw(identification, figures, Path(source).name)
+        paths = [
+            *_draw(identification, figures, Path(source).name),
+            *_write_shapes(identification, shapes, Path(source).name),
+        ]
         document = identification_document(identification, vehicle=description)
         paths += write_page(
             page,
@@ -209,3 +247,19 @@ def _draw(identification: "Identification", folder: Path | None, source: str) ->
     from sprung.plotting import save_figures
 
     return save_figures(identification, folder, source=source)
+
+
+def _write_shapes(identification: "Identification", path: Path | None, source: str) -> list[Path]:
+    """Write the mode shapes to a file if there is one and there are modes, and return its path."""
+    if path is None or not len(identification.modes):
+        return []
+    modes, channels = identification.modes, identification.channels
+    if path.suffix.lower() in {".unv", ".uff"}:
+        from sprung.formats.universal import write_universal
+
+        write_universal(modes, channels, path)
+    else:
+        from sprung.plotting import save_animation
+
+        save_animation(modes, channels, path, source=source)
+    return [path]

@@ -9,7 +9,7 @@ from pydantic import Field
 from sprung._arrays import Complex
 from sprung.documents.document import Computed, Document, Number, Pair, checked, plain, read_fields, write_document
 from sprung.documents.modes import IdentifiedMode, ModeValues, Participation, identified_modes, participations
-from sprung.identification import Identification, SubsetModes
+from sprung.identification import Identification, RovingSetups, SubsetModes
 from sprung.identification.refinement import Refinement
 from sprung.modal import Modes
 from sprung.signals.harmonics import Harmonic
@@ -63,6 +63,24 @@ class RefinementDocument(Document):
     bands: tuple[BandDocument, ...]
 
 
+class SetUpDocument(Document):
+    """A set-up of roving sensors, with its own modes."""
+
+    number: int
+    channels: tuple[str, ...]
+    modes: tuple[IdentifiedMode, ...]
+    members: tuple[int | None, ...]
+    mac: tuple[Number, ...]
+
+
+class SetUpsDocument(Document):
+    """The set-ups that are merged."""
+
+    references: tuple[str, ...]
+    mode_shape_std: tuple[Complex, ...]
+    parts: tuple[SetUpDocument, ...]
+
+
 class IdentificationDocument(Document):
     """An identification as a file holds it: without stabilisation diagrams, spectra and places of the sensors."""
 
@@ -77,6 +95,7 @@ class IdentificationDocument(Document):
     refinement: RefinementDocument | None = None
     settings: dict[str, Any]
     notes: tuple[str, ...]
+    setups: SetUpsDocument | None = None
 
     def as_modes(self) -> Modes:
         """Return the modes as arrays, for comparisons and pictures."""
@@ -139,6 +158,7 @@ def identification_document(
             "refinement": None if identification.refinement is None else _refinement(identification.refinement),
             "settings": {**plain(settings), "lifter": lifter},
             "notes": identification.notes,
+            **({} if identification.setups is None else {"setups": _setups(identification.setups)}),
         }
     )
 
@@ -201,6 +221,23 @@ def read_identification(path: str | Path) -> IdentificationDocument:
         If it holds something else.
     """
     return checked(IdentificationDocument, read_fields(path), source=str(path))
+
+
+def _setups(setups: RovingSetups) -> SetUpsDocument:
+    return SetUpsDocument(
+        references=setups.references,
+        mode_shape_std=tuple(setups.mode_shape_std),
+        parts=tuple(
+            SetUpDocument(
+                number=part.number,
+                channels=part.channels,
+                modes=identified_modes(part.identification.modes),
+                members=tuple(None if member < 0 else int(member) for member in part.members),
+                mac=tuple(part.mac.tolist()),
+            )
+            for part in setups.parts
+        ),
+    )
 
 
 def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) -> list[dict[str, Any]]:

@@ -13,8 +13,9 @@ from sprung.identification.methods import (
     summarise,
 )
 from sprung.identification.picking import pick_modes
-from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
+from sprung.identification.results import CorrelationSummary, Identification, RovingSetups, SetUp, SubsetModes
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan, as_in_thesis
+from sprung.identification.setups import identify_setups
 
 __all__ = [
     "METHODS",
@@ -26,12 +27,15 @@ __all__ = [
     "OrderLadder",
     "Plan",
     "PreparationPlan",
+    "RovingSetups",
+    "SetUp",
     "SubsetModes",
     "acs_ssi",
     "as_in_thesis",
     "coss_ssi",
     "cov_ssi",
     "enhanced_fdd",
+    "identify_setups",
     "modes_of_summary",
     "pick_modes",
     "poly_lscf",

@@ -18,7 +18,9 @@ from sprung.identification.records import CorrelatedRecords, Progress, correlate
 from sprung.identification.refinement import Refinement, refine
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
 from sprung.identification.road_modes import combined_modes, has_road, kept_records
+from sprung.identification.roving import group_by_setup, note_on_moved_sensors
 from sprung.identification.settings import IdentificationSettings
+from sprung.identification.setups import identify_setups
 from sprung.identification.stabilisation import (
     StabilisationDiagram,
     StabilityCriteria,
@@ -53,7 +55,8 @@ def cov_ssi(
     ----------
     recordings
         One record, or several of one condition, whose correlations are averaged. An iterator is read once, one record
-        at a time. Choices from the data are made from the first usable record.
+        at a time. Choices from the data are made from the first usable record. Records in a sequence whose channels
+        differ in names, positions or directions are set-ups of roving sensors (`setups.identify_setups`).
     settings
         Settings; default: everything is chosen from the data.
     vehicle
@@ -295,9 +298,15 @@ def _identify(
 ) -> Identification:
     """Correlate, sort, realise, select, merge and label."""
     report, settings = on_progress or _no_report, _suitable(method, settings or IdentificationSettings())
+    if isinstance(recordings, Sequence) and len(setups := group_by_setup(recordings, vehicle=vehicle)) > 1:
+        each, names = replace(settings, references=None), settings.references
+        return identify_setups(
+            METHODS[method], setups, references=names, settings=each, vehicle=vehicle, on_progress=on_progress
+        )
     given, kept = kept_records(recordings) if has_road(vehicle, settings) else (recordings, [])
     records = correlate_records(given, method=method, settings=settings, vehicle=vehicle, report=report)
     summary, notes_on_subsets = _summary(method, settings, records)
+    several = recordings if isinstance(recordings, Sequence) else ()
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
     refined, refinement = _refine(merged.modes, records)
     modes = labelled(refined, summary.channels, vehicle=vehicle)
@@ -318,6 +327,7 @@ def _identify(
         notes=(
             *records.plan.preparation.notes,
             *records.notes,
+            *note_on_moved_sensors(several, records.segments, records.counts, vehicle=vehicle),
             *notes_on_subsets,
             *note_on_road,
             *_notes_on_modes(combined.modes, settings.lifter),

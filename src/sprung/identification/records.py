@@ -43,6 +43,8 @@ class CorrelatedRecords:
         Outputs.
     segments
         Correlations of all segments, the power of loud segments limited.
+    counts
+        Number of segments of each record.
     spectra, edited_spectra
         Spectral matrices of all records before and after cepstrum editing (None without editing).
     harmonics
@@ -56,6 +58,7 @@ class CorrelatedRecords:
     plan: Plan
     channels: tuple[Channel, ...]
     segments: SegmentCorrelations
+    counts: tuple[int, ...]
     spectra: SpectralMatrix
     edited_spectra: SpectralMatrix | None
     harmonics: tuple[Harmonic, ...]
@@ -132,6 +135,7 @@ def correlate_records(
         plan=plan,
         channels=first.channels,
         segments=with_limited_power(join_segments([record.segments for record in correlated])),
+        counts=tuple(record.segments.n_segments for record in correlated),
         spectra=reduce(add, [record.spectra for record in correlated]),
         edited_spectra=reduce(add, edited) if edited else None,
         harmonics=_common_harmonics([record.harmonics for record in correlated]),

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sprung._arrays import Indices
+from sprung._arrays import Complex, Indices, Real
 from sprung._checks import freeze
 from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import BlockRowLadder
@@ -78,6 +78,8 @@ class Identification:
     sources
         Method that gave each mode: "ssi", or "road_likelihood" for a mode of the vehicle file fitted to the spectra of
         a drive. Left out: all by SSI.
+    setups
+        Set-ups of roving sensors that are merged, each with its own identification, and no subsets; None: one set-up.
     """
 
     method: str
@@ -94,6 +96,7 @@ class Identification:
     notes: tuple[str, ...]
     refinement: Refinement | None = None
     sources: tuple[str, ...] = ()
+    setups: "RovingSetups | None" = None
 
     def __post_init__(self) -> None:
         freeze(self, members=2, dtype=np.intp)
@@ -122,6 +125,58 @@ class Identification:
             damping = f"{100 * modes.damping_ratio[k]:8.3g} ± {100 * modes.damping_ratio_std[k]:<8.2g}"
             lines.append(f"{frequency} {damping} {modes.stable_rate[k]:7.2f}  {label or ''}".rstrip())
         return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SetUp:
+    """One set-up of roving sensors.
+
+    Parameters
+    ----------
+    number
+        Number of the set-up as given, from 1.
+    channels
+        Names of its channels in the merged mode shapes.
+    identification
+        Its own modes, and everything that led to them.
+    members
+        Index of its own mode for each merged mode, -1 for none; shape (modes,).
+    mac
+        MAC of its own mode with the merged one on its channels, shape (modes,); NaN without an own mode.
+    """
+
+    number: int
+    channels: tuple[str, ...]
+    identification: Identification
+    members: Indices
+    mac: Real
+
+    def __post_init__(self) -> None:
+        freeze(self, members=1, dtype=np.intp)
+        freeze(self, mac=1)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RovingSetups:
+    """Set-ups of roving sensors behind merged modes.
+
+    Parameters
+    ----------
+    references
+        Names of the channels over which the set-ups are merged.
+    parts
+        The set-ups.
+    mode_shape_std
+        Standard deviations of real and imaginary parts of the mode shapes (as real and imaginary part) from the scatter
+        between the set-ups, shape (modes, channels); NaN where they share too few channels to show it.
+    """
+
+    references: tuple[str, ...]
+    parts: tuple[SetUp, ...]
+    mode_shape_std: Complex
+
+    def __post_init__(self) -> None:
+        freeze(self, mode_shape_std=2, dtype=np.complex128)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

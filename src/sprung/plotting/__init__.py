@@ -1,5 +1,6 @@
 """Figures: one function for each, from values to a matplotlib figure."""
 
+from sprung.plotting.animation import save_animation
 from sprung.plotting.calibration import learnt_figure, misfit_figure
 from sprung.plotting.corners import corners_figure, correlation_figure, fitted_spectra_figure
 from sprung.plotting.diagnosis import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
@@ -36,6 +37,7 @@ __all__ = [
     "reference_mac_figure",
     "response_figure",
     "runs_figure",
+    "save_animation",
     "save_figures",
     "shapes_figure",
     "spectra_figure",

@@ -36,8 +36,9 @@ def save_figures(identification: Identification, directory: str | PathLike[str],
     Returns
     -------
     list of pathlib.Path
-        Paths of the files: always stabilisation.png and spectra.png; with modes of several channels mode_shapes.png,
-        complexity.png and mac.png; with segments sorted by level subsets.png.
+        Paths of the files: always stabilisation.png and spectra.png (for each set-up of roving sensors, where there are
+        several); with modes of several channels mode_shapes.png, complexity.png and mac.png; with segments sorted by
+        level subsets.png.
     """
     return save(figures(identification, source=source), directory)
 
@@ -54,18 +55,25 @@ def save(figures_by_name: Mapping[str, Figure], directory: str | PathLike[str]) 
 
 def figures(identification: Identification, *, source: str = "") -> dict[str, Figure]:
     """Return all figures that apply to an identification, by the name of their file."""
-    figures_by_name = {
-        "stabilisation": stabilisation_figure(identification, source=source),
-        "spectra": spectra_figure(identification, source=source),
-    }
+    figures_by_name: dict[str, Figure] = {}
+    for end, each in _set_ups(identification).items():
+        figures_by_name[f"stabilisation{end}"] = stabilisation_figure(each, source=source + end.replace("_", " "))
+        figures_by_name[f"spectra{end}"] = spectra_figure(each, source=source + end.replace("_", " "))
     modes, channels = identification.modes, identification.channels
     if len(modes) and len(channels) > 1:
         figures_by_name["mode_shapes"] = shapes_figure(modes, channels, source=source)
         figures_by_name["complexity"] = complexity_figure(modes, source=source)
         figures_by_name["mac"] = mac_figure(identification, source=source)
-    if all(subset.level is not None for subset in identification.subsets):
+    if identification.subsets and all(subset.level is not None for subset in identification.subsets):
         figures_by_name["subsets"] = subsets_figure(identification, source=source)
     return figures_by_name
+
+
+def _set_ups(identification: Identification) -> dict[str, Identification]:
+    """Return the identification of each set-up of roving sensors with the end of its file names, or the only one."""
+    if identification.setups is None:
+        return {"": identification}
+    return {f"_set-up_{part.number}": part.identification for part in identification.setups.parts}
 
 
 def corner_figures(fit: CornerFit, *, source: str = "") -> dict[str, Figure]:

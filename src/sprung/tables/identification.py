@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from sprung._arrays import Complex
-from sprung.identification import Identification, SubsetModes
-from sprung.modal import PoleStatus
+from sprung.identification import Identification, RovingSetups, SubsetModes
+from sprung.modal import Modes, PoleStatus
 from sprung.signals.harmonics import Harmonic
 from sprung.tables.table import Table, counted, in_words, with_deviation
 
@@ -27,6 +27,8 @@ _MODES_CAPTION = (
 
 def why_none(identification: Identification) -> str:
     """Return a sentence that explains why there is no mode."""
+    if identification.setups is not None:
+        return "no mode found in half of the set-ups or more: identify each file by itself to see its modes"
     reasons: Counter[int] = Counter()
     for subset in identification.subsets:
         for diagram in subset.diagrams:
@@ -46,7 +48,11 @@ def why_none(identification: Identification) -> str:
 def identification_in_words(identification: Identification) -> str:
     """Return the number of modes, the method and the channels of an identification in a line."""
     modes, channels = counted(len(identification.modes), "mode"), counted(len(identification.channels), "channel")
-    return f"{modes} by {identification.method} from {channels} at {identification.sampling_rate:.5g} Hz"
+    words = f"{modes} by {identification.method} from {channels} at {identification.sampling_rate:.5g} Hz"
+    if identification.setups is None:
+        return words
+    names = _listed(identification.setups.references, ", ")
+    return f"{words}, {len(identification.setups.parts)} set-ups over references {names}"
 
 
 def identification_tables(identification: Identification) -> list[Table]:
@@ -56,6 +62,8 @@ def identification_tables(identification: Identification) -> list[Table]:
         tables.append(modes_table(identification))
     if len(identification.modes) and len(identification.subsets) > 1:
         tables.append(subsets_table(identification))
+    if len(identification.modes) and identification.setups is not None:
+        tables.append(setups_table(identification.modes, identification.setups))
     if identification.harmonics:
         tables.append(harmonics_table(identification.harmonics))
     return tables
@@ -135,6 +143,33 @@ def _subset_mode(subset: SubsetModes, member: int) -> str:
     if member < 0:
         return "-"
     return f"{subset.modes.natural_frequency[member]:.4g} Hz, {100 * subset.modes.damping_ratio[member]:.3g} %"
+
+
+def setups_table(modes: Modes, setups: RovingSetups) -> Table:
+    """Return the table of each mode in the set-ups: how many show it, and how much they differ."""
+    rows = tuple(
+        (f"{frequency:.4g} Hz", *_in_setups(setups, mode)) for mode, frequency in enumerate(modes.natural_frequency)
+    )
+    columns = ("mode", "found in", "frequency [Hz]", "damping [%]", "lowest MAC")
+    return Table(
+        "Modes in the set-ups",
+        columns,
+        rows,
+        caption="lowest and highest value of all set-ups; MAC of a set-up's own shape with the merged one",
+    )
+
+
+def _in_setups(setups: RovingSetups, mode: int) -> tuple[str, ...]:
+    """Return number of set-ups that show a mode, ranges of frequency and damping, and lowest MAC."""
+    showing = [part for part in setups.parts if part.members[mode] >= 0]
+    frequency = [part.identification.modes.natural_frequency[part.members[mode]] for part in showing]
+    damping = [100 * part.identification.modes.damping_ratio[part.members[mode]] for part in showing]
+    return (
+        f"{len(showing)} of {len(setups.parts)}",
+        f"{min(frequency):.4g} to {max(frequency):.4g}",
+        f"{min(damping):.3g} to {max(damping):.3g}",
+        f"{min(part.mac[mode] for part in showing):.3f}",
+    )
 
 
 def harmonics_table(harmonics: Sequence[Harmonic]) -> Table:

@@ -1,0 +1,317 @@
+"""Roving sensors: which records are different set-ups, and which of their channels are the same points."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from sprung._arrays import Complex, Indices
+from sprung.errors import ParameterError
+from sprung.identification.correlation import SegmentCorrelations
+from sprung.modal import mac
+from sprung.recording import Channel, Recording
+from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel
+
+#: Positions [m] and directions are the same up to this difference.
+_SAME_PLACE = 1e-6
+#: Shapes are compared at up to so many peaks of a spectrum of so many lines per lag, and at no fewer than two ...
+_MOST_RESONANCES, _PADDING, _LEAST_RESONANCES = 4, 4, 2
+#: ... where the halves of the records have this MAC; sensors have moved where that between records is lower by this.
+_CLEAR, _MOVED = 0.8, 0.2
+#: MAC of two channels that have stayed in place.
+_STEADY = 0.97
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Points:
+    """Points of a structure, measured by the channels of several set-ups.
+
+    Parameters
+    ----------
+    channels
+        One channel for each point. Channels of one name that were moved between set-ups carry the number of the set-up:
+        "acc (2)".
+    rows
+        Index into `channels` of each channel of each set-up.
+    references
+        Names of the points that every set-up measures; if there are none, of those that several set-ups measure.
+    """
+
+    channels: tuple[Channel, ...]
+    rows: tuple[tuple[int, ...], ...]
+    references: tuple[str, ...]
+
+
+def group_by_setup(records: Sequence[Recording], *, vehicle: AnyVehicle | None = None) -> tuple[list[Recording], ...]:
+    """Group the records that measure the same points.
+
+    Parameters
+    ----------
+    records
+        Records of one structure.
+    vehicle
+        Vehicle whose sensors are the outputs; None: every channel of motion is one.
+
+    Returns
+    -------
+    tuple of list
+        Records of each set-up, in their order. Two records are of one set-up if their outputs have the same names, and
+        no output of one name has another position or direction.
+    """
+    groups: list[list[Recording]] = []
+    layouts: list[dict[str, Channel]] = []
+    for record in records:
+        layout = {name: record.channels[record.index(name)] for name in output_channels(record, vehicle)}
+        same = [k for k, known in enumerate(layouts) if _is_same_layout(layout, known)]
+        if same:
+            groups[same[0]].append(record)
+        else:
+            groups.append([record])
+            layouts.append(layout)
+    return tuple(groups)
+
+
+def _is_same_layout(layout: dict[str, Channel], other: dict[str, Channel]) -> bool:
+    """Whether two records have the same outputs at the same places, as far as places are known."""
+    return layout.keys() == other.keys() and all(_is_same_place(layout[name], other[name]) for name in layout)
+
+
+def _is_same_place(channel: Channel, other: Channel) -> bool:
+    """Whether two channels may measure the same point: no known position or direction differs."""
+    pairs = ((channel.position, other.position), (channel.direction, other.direction))
+    return all(
+        one is None or two is None or all(abs(a - b) <= _SAME_PLACE for a, b in zip(one, two, strict=True))
+        for one, two in pairs
+    )
+
+
+def common_points(layouts: Sequence[Sequence[Channel]], *, references: Sequence[str] | None = None) -> Points:
+    """Return the points that the channels of several set-ups measure.
+
+    Parameters
+    ----------
+    layouts
+        Channels of each set-up.
+    references
+        Names of the channels that stay in place in all set-ups; all others have moved, also where names repeat. None:
+        channels of one name are one point unless their positions or directions differ.
+
+    Returns
+    -------
+    Points
+
+    Raises
+    ------
+    ParameterError
+        If a set-up lacks a reference, all set-ups have the same channels at the same places, or a set-up shares no
+        point with the others.
+    """
+    points: list[tuple[Channel, list[int]]] = []
+    rows: list[tuple[int, ...]] = []
+    for number, layout in enumerate(layouts):
+        own = []
+        for channel in layout:
+            same = [
+                k
+                for k, (point, _) in enumerate(points)
+                if point.name == channel.name
+                and (channel.name in references if references is not None else _is_same_place(channel, point))
+            ]
+            if same:
+                points[same[0]][1].append(number)
+            else:
+                points.append((channel, [number]))
+            own.append(same[0] if same else len(points) - 1)
+        rows.append(tuple(own))
+    _check_references(layouts, references)
+    if all(len(numbers) == len(layouts) for _, numbers in points):
+        raise ParameterError(
+            f"the {len(layouts)} set-ups have the same channels {', '.join(point.name for point, _ in points)}: name"
+            " those that stayed in place as references (--references)"
+        )
+    _check_connected(rows, layouts)
+    shared = [point.name for point, numbers in points if len(numbers) == len(layouts)]
+    names = [point.name for point, _ in points]
+    channels = tuple(
+        replace(point, name=f"{point.name} ({numbers[0] + 1})") if names.count(point.name) > 1 else point
+        for point, numbers in points
+    )
+    several = [channel.name for channel, (_, numbers) in zip(channels, points, strict=True) if len(numbers) > 1]
+    return Points(channels, tuple(rows), tuple(shared or several))
+
+
+def _check_references(layouts: Sequence[Sequence[Channel]], references: Sequence[str] | None) -> None:
+    """Refuse references that are not channels of every set-up."""
+    for number, layout in enumerate(layouts, start=1):
+        names = [channel.name for channel in layout]
+        missing = [name for name in references or () if name not in names]
+        if missing:
+            raise ParameterError(
+                f"reference {missing[0]!r} is not a channel of set-up {number}, which has {', '.join(names)}:"
+                " name channels that all set-ups have"
+            )
+
+
+def _check_connected(rows: Sequence[Sequence[int]], layouts: Sequence[Sequence[Channel]]) -> None:
+    """Refuse set-ups that share no point with the first one, directly or through others."""
+    joined, waiting = set(rows[0]), set(range(1, len(rows)))
+    while waiting:
+        linked = [number for number in waiting if joined & set(rows[number])]
+        if not linked:
+            number = min(waiting)
+            names = ", ".join(channel.name for channel in layouts[number])
+            raise ParameterError(
+                f"set-up {number + 1} ({names}) shares no channel with the others, so that its mode shapes have no"
+                " common scale: keep at least one sensor in place, or identify it by itself"
+            )
+        for number in linked:
+            joined |= set(rows[number])
+            waiting.remove(number)
+
+
+def note_on_moved_sensors(
+    records: Sequence[Recording], segments: SegmentCorrelations, counts: Sequence[int], *, vehicle: AnyVehicle | None
+) -> tuple[str, ...]:
+    """Return a note if records of equal channel names look like set-ups of roving sensors.
+
+    Parameters
+    ----------
+    records
+        Records of one condition. If they have a speed or known positions nothing is tested: the shape in which a
+        vehicle moves depends on its speed, and known positions are the same.
+    segments, counts
+        Correlations of the segments of all usable records, and the number of segments of each record.
+    vehicle
+        Vehicle file, if any; nothing is tested then.
+
+    Returns
+    -------
+    tuple of str
+        One note, or none.
+    """
+    is_placed = any(channel.position is not None for record in records for channel in record.channels)
+    if vehicle is not None or is_placed or any(speed_channel(record) for record in records):
+        return ()
+    change = change_of_shapes(segments, counts)
+    if change is None:
+        return ()
+    steady = f", such as {', '.join(change.steady)}," if change.steady else ""
+    return (
+        f"the channels move differently from record to record (MAC {change.between:.2f} between records,"
+        f" {change.within:.2f} within them, at {', '.join(f'{value:.3g}' for value in change.frequencies)} Hz): if"
+        f" sensors were moved, identify each record as a set-up (--setups) and name the channels that stayed{steady} as"
+        " references (--references)",
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ChangeOfShapes:
+    """Evidence that the channels of several records are at different points.
+
+    Parameters
+    ----------
+    frequencies
+        Resonances at which shapes are compared [Hz].
+    between, within
+        Median over the resonances of the mean MAC between records, and between the halves of the records.
+    steady
+        Names of channels that move alike in all records.
+    """
+
+    frequencies: tuple[float, ...]
+    between: float
+    within: float
+    steady: tuple[str, ...]
+
+
+def change_of_shapes(segments: SegmentCorrelations, counts: Sequence[int]) -> ChangeOfShapes | None:
+    """Compare the shapes in which the channels move at the first resonances between records and within them.
+
+    Parameters
+    ----------
+    segments
+        Correlations of the segments of all records.
+    counts
+        Number of segments of each record.
+
+    Returns
+    -------
+    ChangeOfShapes or None
+        None where the shapes of the records are alike, or those of their halves are not.
+
+    Notes
+    -----
+    A shape is the first singular vector of the half spectrum (the transform of the correlations at positive lags, which
+    hold no sensor noise) at the highest peaks of the first singular value. It does not depend on the level of the
+    excitation. Sensors have moved where the MAC between records is lower than that within records by more than chance
+    or a lack of data makes it.
+    """
+    starts = np.cumsum([0, *counts])
+    halves = [
+        (np.arange(first, first + count // 2), np.arange(first + count // 2, first + count))
+        for first, count in zip(starts, counts, strict=False)
+        if count > 1
+    ]
+    if len(halves) < 2 or len(segments.channels) < 2:
+        return None
+    early, late = ([_half_spectrum(segments, own[side]) for own in halves] for side in (0, 1))
+    whole = [_half_spectrum(segments, np.concatenate(own)) for own in halves]
+    lines = _highest_peaks(whole)
+    shapes = [_first_vectors(spectrum[lines]) for spectrum in whole]
+    pairs = zip((_first_vectors(s[lines]) for s in early), (_first_vectors(s[lines]) for s in late), strict=True)
+    within = np.mean([np.diag(mac(one, two)) for one, two in pairs], axis=0)
+    between = np.mean([np.diag(mac(one, two)) for one, two in combinations(shapes, 2)], axis=0)
+    is_clear = within >= _CLEAR
+    if np.count_nonzero(is_clear) < _LEAST_RESONANCES:
+        return None
+    if np.median((within - between)[is_clear]) < _MOVED:
+        return None
+    spacing = segments.sampling_rate / (_PADDING * segments.n_lags)
+    return ChangeOfShapes(
+        frequencies=tuple(sorted(float(line * spacing) for line in lines[is_clear])),
+        between=float(np.median(between[is_clear])),
+        within=float(np.median(within[is_clear])),
+        steady=_steady_channels(segments.channels, [shape[is_clear] for shape in shapes]),
+    )
+
+
+def _half_spectrum(segments: SegmentCorrelations, chosen: Indices) -> Complex:
+    """Return the tapered transform of the correlations at positive lags, shape (frequencies, channels, references)."""
+    lags = np.arange(1, segments.n_lags)
+    sums, n_products = segments.sums[chosen].sum(axis=0), segments.n_products[chosen].sum(axis=0)
+    values = sums[..., 1:] / np.maximum(n_products[1:], 1.0)
+    taper = 0.5 + 0.5 * np.cos(np.pi * lags / segments.n_lags)
+    return np.fft.rfft(values * taper, _PADDING * segments.n_lags).transpose(2, 0, 1)
+
+
+def _highest_peaks(spectra: Sequence[Complex]) -> Indices:
+    """Return the lines of the highest peaks of the first singular value, on average over the records."""
+    level = np.mean([np.log(np.linalg.norm(s, ord=2, axis=(1, 2)) + np.finfo(float).tiny) for s in spectra], axis=0)
+    reach = 2 * _PADDING
+    inner = np.arange(reach, len(level) - reach)
+    is_peak = np.array([level[k] == level[k - _PADDING : k + _PADDING + 1].max() for k in inner], dtype=np.bool_)
+    peaks = inner[is_peak]
+    return peaks[np.argsort(-level[peaks], kind="stable")][:_MOST_RESONANCES]
+
+
+def _first_vectors(matrices: Complex) -> Complex:
+    """Return the first left singular vector of each matrix, shape (matrices, channels)."""
+    return np.asarray(np.linalg.svd(matrices, full_matrices=False)[0][:, :, 0])
+
+
+def _steady_channels(names: Sequence[str], shapes: Sequence[Complex]) -> tuple[str, ...]:
+    """Return the channels, two or more, whose motion relative to each other is the same in all records."""
+    n = len(names)
+    likeness = np.zeros((n, n))
+    for i, j in combinations(range(n), 2):
+        own = [shape[:, [i, j]] for shape in shapes]
+        likeness[i, j] = likeness[j, i] = np.mean([np.diag(mac(a, b)).mean() for a, b in combinations(own, 2)])
+    best = np.unravel_index(np.argmax(likeness), likeness.shape)
+    if likeness[best] < _STEADY:
+        return ()
+    chosen = sorted(int(k) for k in best)
+    for k in np.argsort(-likeness[chosen].min(axis=0)):
+        if k not in chosen and likeness[k, chosen].min() >= _STEADY:
+            chosen.append(int(k))
+    return tuple(names[k] for k in sorted(chosen))

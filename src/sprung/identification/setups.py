@@ -1,0 +1,346 @@
+"""Modes of a structure measured in several set-ups of roving sensors."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import reduce
+from operator import add
+from typing import Protocol, TypeGuard
+
+import numpy as np
+from scipy import fft
+
+from sprung._arrays import Complex, Indices, Real
+from sprung.errors import DataError, ParameterError
+from sprung.identification.contribution import complete_shapes
+from sprung.identification.correlation import Correlations, exact_correlations
+from sprung.identification.gluing import GluedShape, combine, glue, match_modes
+from sprung.identification.results import Identification, RovingSetups, SetUp
+from sprung.identification.roving import Points, common_points
+from sprung.identification.settings import IdentificationSettings
+from sprung.modal import Modes, mac, unit_shapes
+from sprung.recording import Recording
+from sprung.signals.harmonics import Harmonic
+from sprung.signals.spectrum import SpectralMatrix
+from sprung.vehicles.labels import labelled
+from sprung.vehicles.usable import AnyVehicle, output_channels
+
+#: Share of a spectral segment up to which its correlations are used: the window leaves more than half of them.
+_USED_SHARE = 0.25
+
+
+class Identify(Protocol):
+    """Function that identifies the modes of one condition: `cov_ssi`, `acs_ssi` or `coss_ssi`."""
+
+    def __call__(
+        self,
+        recordings: Recording | Iterable[Recording],
+        *,
+        settings: IdentificationSettings | None = None,
+        vehicle: AnyVehicle | None = None,
+        on_progress: Callable[[str, float], None] | None = None,
+    ) -> Identification:
+        """Return the modes of one condition."""
+
+
+def identify_setups(
+    identify: Identify,
+    setups: Iterable[Recording | Iterable[Recording]],
+    *,
+    references: Sequence[str] | None = None,
+    settings: IdentificationSettings | None = None,
+    vehicle: AnyVehicle | None = None,
+    on_progress: Callable[[str, float], None] | None = None,
+) -> Identification:
+    """Identify the modes of several set-ups of roving sensors and merge them.
+
+    Parameters
+    ----------
+    identify
+        Method that identifies each set-up by itself: `cov_ssi`, `acs_ssi` or `coss_ssi`.
+    setups
+        Record, or records, of each set-up. An iterator is read once, one set-up at a time.
+    references
+        Names of the channels that stay in place in all set-ups; all others have moved, also where names repeat. None:
+        channels of one name are one point unless their positions or directions differ.
+    settings
+        Settings of the identification of each set-up; its `references` are those of the correlations.
+    vehicle
+        As for `cov_ssi`.
+    on_progress
+        Function called with the current step in words and the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Identification
+        Modes on the points of all set-ups, which are in `setups`. Spectra are those of the references, plan and
+        sampling rate those of the first set-up.
+
+    Raises
+    ------
+    DataError
+        If no set-up is usable. One bad set-up of several is left out, with a note.
+    ParameterError
+        If set-ups do not share channels, all have the same channels and no references are given, or a setting does not
+        suit the records.
+
+    Notes
+    -----
+    Modes of the set-ups are matched by frequency and by MAC on the shared points, and kept where at least half of the
+    set-ups show them; in the others their shape is the least-squares fit of the correlations with all merged modes.
+    Shapes are glued over the shared points by least squares, so that set-ups may be excited at any level. Frequencies
+    and damping ratios are means weighted by their variance and the scatter between the set-ups.
+
+    References
+    ----------
+    E. Reynders, F. Magalhaes, G. De Roeck and A. Cunha (2009), Merging strategies for multi-setup operational modal
+    analysis: application to the Luiz I steel arch bridge, Proceedings of the 27th International Modal Analysis
+    Conference (PoSER: post separate estimation re-scaling).
+    """
+    report = on_progress or _no_report
+    if isinstance(setups, Sequence):
+        _check_channels(setups, references, vehicle)
+    identifications: list[Identification] = []
+    numbers: list[int] = []
+    left_out: dict[int, DataError] = {}
+    for number, records in enumerate(setups, start=1):
+        report(f"identifying set-up {number}", 0.0)
+        try:
+            identifications.append(identify(records, settings=settings, vehicle=vehicle))
+            numbers.append(number)
+        except DataError as error:
+            left_out[number] = error
+    if not identifications:
+        raise next(iter(left_out.values()), DataError("there is no set-up to identify modes from: give at least two"))
+    if len(identifications) == 1:
+        reason = f": set-up {next(iter(left_out))} {next(iter(left_out.values()))}" if left_out else ""
+        raise ParameterError(f"modes of roving sensors need at least two usable set-ups, got 1{reason}")
+    report("merging the set-ups", 1.0)
+    points = common_points([identification.channels for identification in identifications], references=references)
+    notes = [f"set-up {number} left out: {error}" for number, error in left_out.items()]
+    return _merged(identifications, points, numbers, vehicle=vehicle, notes=notes)
+
+
+def _no_report(doing: str, share: float) -> None:
+    """Report nothing."""
+
+
+def _check_channels(
+    setups: Sequence[Recording | Iterable[Recording]], references: Sequence[str] | None, vehicle: AnyVehicle | None
+) -> None:
+    """Refuse set-ups that cannot be merged before the first is identified, where that shows."""
+    firsts = [setup if isinstance(setup, Recording) else setup[0] for setup in setups if _is_read(setup)]
+    layouts = [[record.channels[record.index(name)] for name in output_channels(record, vehicle)] for record in firsts]
+    if len(layouts) == len(setups) > 1:
+        common_points(layouts, references=references)
+
+
+def _is_read(setup: Recording | Iterable[Recording]) -> TypeGuard[Recording | Sequence[Recording]]:
+    """Whether the records of a set-up can be looked at without reading them."""
+    return isinstance(setup, Recording) or (isinstance(setup, Sequence) and len(setup) > 0)
+
+
+def _merged(
+    identifications: Sequence[Identification],
+    points: Points,
+    numbers: Sequence[int],
+    *,
+    vehicle: AnyVehicle | None,
+    notes: Sequence[str],
+) -> Identification:
+    """Return the merged identification."""
+    first = identifications[0]
+    parts = [identification.modes for identification in identifications]
+    members = match_modes(parts, points.rows)
+    glued = [_glued_mode(parts, points, row) for row in members]
+    modes = _modes(parts, members, glued, points)
+    order = np.argsort(modes.natural_frequency)
+    modes, members, glued = modes.take(order), members[order], [glued[k] for k in order]
+    if np.any(members < 0):
+        modes, glued = _completed(identifications, points, members, modes)
+    deviations = np.array([_deviations(shape) for shape in glued], dtype=complex)
+    parts_of_result = tuple(
+        SetUp(
+            number=number,
+            channels=tuple(points.channels[row].name for row in rows),
+            identification=identification,
+            members=members[:, k],
+            mac=_likeness(identification.modes, members[:, k], modes.mode_shapes[:, list(rows)]),
+        )
+        for k, (number, rows, identification) in enumerate(zip(numbers, points.rows, identifications, strict=True))
+    )
+    return replace(
+        first,
+        channels=points.channels,
+        modes=labelled(modes, points.channels, vehicle=vehicle),
+        subsets=(),
+        members=np.zeros((len(modes), 0), dtype=np.intp),
+        harmonics=_harmonics(identifications),
+        spectra=_reference_spectra([x.spectra for x in identifications], points),
+        edited_spectra=None,
+        notes=(*notes, *_notes(identifications, points, members, numbers)),
+        setups=RovingSetups(
+            references=points.references,
+            parts=parts_of_result,
+            mode_shape_std=deviations.reshape(len(modes), len(points.channels)),
+        ),
+    )
+
+
+def _glued_mode(parts: Sequence[Modes], points: Points, members: Indices) -> GluedShape:
+    """Return the shape of one mode, glued from the set-ups that show it."""
+    showing = np.flatnonzero(members >= 0).tolist()
+    shapes = [parts[k].mode_shapes[members[k]] for k in showing]
+    return glue(shapes, [points.rows[k] for k in showing], n_points=len(points.channels))
+
+
+def _modes(parts: Sequence[Modes], members: Indices, glued: Sequence[GluedShape], points: Points) -> Modes:
+    """Return the merged modes with frequency and damping combined over the set-ups."""
+    n_modes, showing = len(members), [np.flatnonzero(row >= 0).tolist() for row in members]
+
+    def values(name: str) -> list[Real]:
+        return [
+            np.array([getattr(parts[k], name)[row[k]] for k in own]) for row, own in zip(members, showing, strict=True)
+        ]
+
+    frequency, frequency_std = _combined(values("natural_frequency"), values("natural_frequency_std"))
+    ratios = values("damping_ratio")
+    # A ratio that is low by chance has a low deviation (both as the root of the ratio), and would weigh too much.
+    even = [std * np.sqrt(own.mean() / own) for own, std in zip(ratios, values("damping_ratio_std"), strict=True)]
+    ratio, ratio_std = _combined(ratios, even)
+    return Modes(
+        poles=2 * np.pi * frequency * (1j * np.sqrt(1 - ratio**2) - ratio),
+        mode_shapes=np.array([shape.shape for shape in glued], dtype=complex).reshape(n_modes, len(points.channels)),
+        channels=tuple(channel.name for channel in points.channels),
+        natural_frequency_std=frequency_std,
+        damping_ratio_std=ratio_std,
+        stable_rate=np.array([rates.mean() for rates in values("stable_rate")]),
+        labels=(None,) * n_modes,
+    )
+
+
+def _combined(values: Sequence[Real], deviations: Sequence[Real]) -> tuple[Real, Real]:
+    """Return means and standard deviations of the estimates of several modes."""
+    pairs = [combine(*pair) for pair in zip(values, deviations, strict=True)]
+    mean, std = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
+    return mean, std
+
+
+def _completed(
+    identifications: Sequence[Identification], points: Points, members: Indices, modes: Modes
+) -> tuple[Modes, list[GluedShape]]:
+    """Return modes and shapes with those of set-ups that do not show a mode, fitted to their correlations."""
+    shapes = [[np.zeros(0, dtype=complex)] * len(identifications) for _ in range(len(modes))]
+    for k, (identification, rows) in enumerate(zip(identifications, points.rows, strict=True)):
+        own = identification.modes
+        fitted = _fitted_shapes(identification, modes, members[:, k], list(rows)) if np.any(members[:, k] < 0) else None
+        for mode, member in enumerate(members[:, k]):
+            if member >= 0:
+                shapes[mode][k] = own.mode_shapes[member]
+            elif fitted is not None:
+                shapes[mode][k] = fitted[mode]
+    glued = [glue(own, points.rows, n_points=len(points.channels)) for own in shapes]
+    return replace(modes, mode_shapes=unit_shapes(np.array([shape.shape for shape in glued]))), glued
+
+
+def _fitted_shapes(identification: Identification, modes: Modes, members: Indices, rows: list[int]) -> Complex:
+    """Return the shapes of all modes in one set-up by least squares of its correlations, some of them unknown."""
+    known = [
+        column for column, point in enumerate(rows) if np.all(np.isfinite(modes.mode_shapes[:, point]))
+    ]  # measured in a set-up that shows the mode
+    correlations = correlations_of(identification.spectra)
+    names = [correlations.channels[column] for column in known]
+    shapes = modes.mode_shapes[:, [rows[column] for column in known]]
+    return complete_shapes(modes.poles, shapes, correlations, names)
+
+
+def correlations_of(spectra: SpectralMatrix) -> Correlations:
+    """Return the correlations at short lags that belong to averaged spectra, without the effect of their window.
+
+    Notes
+    -----
+    The expectation of an averaged periodogram is the transform of the correlations times the window's own correlation.
+    """
+    matrix = spectra.matrix.copy()
+    n_samples = 2 * (matrix.shape[-1] - 1)
+    rate = 2 * spectra.frequencies[-1]
+    matrix[..., 1:-1] /= 2
+    lagged = fft.irfft(matrix, n_samples, axis=-1) * rate
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_samples) / n_samples)
+    n_lags = int(_USED_SHARE * n_samples)
+    own = fft.irfft(np.abs(fft.rfft(window, 2 * n_samples)) ** 2)[:n_lags] / np.sum(window**2)
+    return exact_correlations(
+        lagged[..., :n_lags] / own, sampling_rate=rate, channels=spectra.names, references=spectra.names
+    )
+
+
+def _deviations(glued: GluedShape) -> Complex:
+    """Return the standard deviations of real and imaginary part, as those of one complex array."""
+    share = np.sqrt(glued.variance / 2)
+    return np.asarray(share + 1j * share)
+
+
+def _likeness(own: Modes, members: Indices, merged: Complex) -> Real:
+    """Return the MAC of each merged mode with the set-up's own, NaN where it has none."""
+    values = np.full(len(members), np.nan)
+    for mode in np.flatnonzero(members >= 0):
+        values[mode] = mac(own.mode_shapes[[members[mode]]], merged[[mode]])[0, 0]
+    return values
+
+
+def _reference_spectra(spectra: Sequence[SpectralMatrix], points: Points) -> SpectralMatrix:
+    """Return the spectra of the references, averaged over the set-ups with the same frequencies as the first."""
+    rows = [list(own) for own in points.rows]
+    names = [channel.name for channel in points.channels]
+    in_all = [name for name in points.references if all(names.index(name) in own for own in rows)]
+    shown = [names.index(name) for name in in_all] or rows[0]
+    picked = []
+    for matrix, own in zip(spectra, rows, strict=True):
+        if in_all or matrix is spectra[0]:
+            columns = [own.index(row) for row in shown]
+            picked.append(
+                replace(matrix, matrix=matrix.matrix[np.ix_(columns, columns)], names=tuple(names[r] for r in shown))
+            )
+    alike = [matrix for matrix in picked if np.array_equal(matrix.frequencies, picked[0].frequencies)]
+    return reduce(add, alike)
+
+
+def _harmonics(identifications: Sequence[Identification]) -> tuple[Harmonic, ...]:
+    """Return the lines of all set-ups, each as in the first set-up that has it."""
+    lines: list[Harmonic] = []
+    for identification in identifications:
+        for line in identification.harmonics:
+            same = (
+                line.kind == known.kind and abs(line.frequency - known.frequency) <= line.resolution for known in lines
+            )
+            if not any(same):
+                lines.append(line)
+    return tuple(sorted(lines, key=lambda line: (line.kind, line.frequency)))
+
+
+def _notes(
+    identifications: Sequence[Identification], points: Points, members: Indices, numbers: Sequence[int]
+) -> list[str]:
+    """Return notes on the set-ups, on modes that some lack, and the notes of each set-up once."""
+    n_setups = len(identifications)
+    notes = [
+        f"{n_setups} set-ups over references {', '.join(points.references)}, identified one by one; their mode shapes"
+        " are glued over the references"
+    ]
+    if not len(members):
+        notes.append("no mode was found in half of the set-ups or more: look at each set-up by itself")
+    if np.any(members < 0):
+        notes.append(
+            f"{np.count_nonzero(np.any(members < 0, axis=1))} of {len(members)} modes were not found in every set-up:"
+            " there their shape is fitted to the correlations"
+        )
+    low, high = np.array([identification.band for identification in identifications]).T
+    notes.append(f"band of the set-ups: {low.min():.3g} to {high.max():.3g} Hz")
+    said: dict[str, list[int]] = {}
+    for number, identification in zip(numbers, identifications, strict=True):
+        for note in identification.notes:
+            if note not in identification.plan.preparation.notes[:1]:  # the band
+                said.setdefault(note, []).append(number)
+    for note, which in said.items():
+        where = "" if len(which) == n_setups else f"set-up {', '.join(map(str, which))}: "
+        notes.append(where + note)
+    return notes

@@ -1,0 +1,262 @@
+"""Set-ups of roving sensors: recognised, identified one by one, and merged.
+
+The structure is a frame of four rigid floors measured in fifteen set-ups, simulated by modes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.signal import cont2discrete, lfilter, ss2tf
+
+from sprung.errors import DataError, ParameterError
+from sprung.formats import read
+from sprung.identification import IdentificationSettings, coss_ssi, cov_ssi, identify_setups
+from sprung.identification.setups import correlations_of
+from sprung.modal import mac
+from sprung.recording import Channel, Recording
+from sprung.signals.spectrum import spectral_matrix
+
+N_FLOORS, N_MODES, N_SETUPS, DAMPING = 4, 11, 15, 0.012
+CORNERS = ((6.0, 3.5), (6.0, -3.5), (-6.0, -3.5), (-6.0, 3.5))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Natural frequencies [Hz], mode shapes of the degrees of freedom, and of 32 sensors: x and y at all corners."""
+
+    frequencies: np.ndarray
+    shapes: np.ndarray
+    sensed: np.ndarray
+    places: tuple
+
+
+def frame():
+    """Return a building with unequal storeys whose floors move in x and y and turn: the lowest 11 of 12 modes."""
+    mass, inertia = 20e3, 20e3 * (12.0**2 + 7.0**2) / 12
+    size = 3 * N_FLOORS
+    stiffness = np.zeros((size, size))
+    for floor in range(N_FLOORS):
+        storey = np.array([[22e6, 0, -13.2e6], [0, 30e6, 27e6], [-13.2e6, 27e6, 950e6]]) * (1 - 0.04 * floor)
+        above = slice(3 * floor, 3 * floor + 3)
+        stiffness[above, above] += storey
+        if floor:
+            below = slice(3 * floor - 3, 3 * floor)
+            stiffness[below, below] += storey
+            stiffness[above, below] -= storey
+            stiffness[below, above] -= storey
+    squares, shapes = eigh(stiffness, np.diag([mass, mass, inertia] * N_FLOORS))
+    shapes = shapes[:, :N_MODES]
+    places, sensed = [], []
+    for floor in range(N_FLOORS):
+        for x, y in CORNERS:
+            u, v, turn = shapes[3 * floor : 3 * floor + 3]
+            places += [((x, y, 3.0 * (floor + 1)), (1.0, 0.0, 0.0)), ((x, y, 3.0 * (floor + 1)), (0.0, 1.0, 0.0))]
+            sensed += [u - y * turn, v + x * turn]
+    return Frame(np.sqrt(squares[:N_MODES]) / (2 * np.pi), shapes, np.array(sensed), tuple(places))
+
+
+def sensors_of_setups(n_setups=N_SETUPS):
+    """Return for each set-up the numbers of its sensors: two references on the roof, and two that rove."""
+    references = [8 * (N_FLOORS - 1), 8 * (N_FLOORS - 1) + 5]
+    rest = [k for k in range(8 * N_FLOORS) if k not in references]
+    return [references + rest[2 * k : 2 * k + 2] for k in range(n_setups)]
+
+
+def accelerations(building, sensors, *, duration, rate, generator, noise):
+    """Return accelerations under white forces on all floors: modes by recursion at four times the rate."""
+    n_samples, fine = int(duration * rate), 4
+    forces = generator.standard_normal((len(building.shapes), (n_samples + int(20 * rate)) * fine))
+    modal = np.empty((N_MODES, n_samples))
+    for k, frequency in enumerate(building.frequencies):
+        omega = 2 * np.pi * frequency
+        row = [-(omega**2), -2 * DAMPING * omega]
+        state, force, output = (np.array(rows, dtype=float) for rows in ([[0, 1], row], [[0], [1]], [row]))
+        system = cont2discrete((state, force, output, np.ones((1, 1))), 1 / (fine * rate), "zoh")
+        numerator, denominator = ss2tf(*system[:4])
+        motion = lfilter(numerator[0], denominator, building.shapes[:, k] @ forces)[-n_samples * fine :]
+        modal[k] = np.fft.irfft(np.fft.rfft(motion)[: n_samples // 2 + 1], n_samples)
+    samples = building.sensed[sensors] @ modal
+    return samples + noise * samples.std(axis=1, keepdims=True) * generator.standard_normal(samples.shape)
+
+
+def setup_records(*, names, duration=120.0, seed=1, noise=0.05, n_setups=N_SETUPS):
+    """Return the building, the sensors of each set-up and a record of each, at levels that differ up to 25 times.
+
+    `names`: "distinct" for each point its own; "same" in all set-ups; "places" the same, with positions.
+    """
+    building, generator = frame(), np.random.default_rng(seed)
+    plan = sensors_of_setups(n_setups)
+    records = []
+    for sensors in plan:
+        samples = accelerations(building, sensors, duration=duration, rate=100.0, generator=generator, noise=noise)
+        channels = []
+        for column, sensor in enumerate(sensors):
+            name = f"p{sensor}" if names == "distinct" else ("ref_1", "ref_2", "rov_1", "rov_2")[column]
+            place = building.places[sensor] if names == "places" else (None, None)
+            channels.append(Channel(name, "acceleration", *place))
+        records.append(Recording(10 ** generator.uniform(-0.7, 0.7) * samples, 100.0, tuple(channels)))
+    return building, plan, records
+
+
+def setups_of(identification):
+    """Return the set-ups behind an identification."""
+    assert identification.setups is not None
+    return identification.setups
+
+
+def check_modes(identification, building, plan, *, likeness=0.95):
+    """Assert that all modes of the frame come out on all points, and nothing else."""
+    modes, points = identification.modes, list(dict.fromkeys(sensor for sensors in plan for sensor in sensors))
+    assert modes.natural_frequency == pytest.approx(building.frequencies, rel=0.01)
+    assert modes.damping_ratio == pytest.approx(np.full(N_MODES, DAMPING), rel=0.3)
+    true = building.sensed[points].T.astype(complex)
+    assert modes.mode_shapes.shape == true.shape
+    assert np.diag(mac(modes.mode_shapes, true)).min() > likeness
+
+
+@pytest.fixture(scope="module")
+def distinct():
+    """The frame, its plan, and its modes from set-ups whose points have names of their own."""
+    building, plan, records = setup_records(names="distinct")
+    return building, plan, cov_ssi(records)
+
+
+def test_eleven_of_eleven_modes_of_a_frame_in_fifteen_set_ups(distinct) -> None:
+    building, plan, identification = distinct
+    check_modes(identification, building, plan)
+    setups = setups_of(identification)
+    assert setups.references == ("p24", "p29")
+    assert [part.channels for part in setups.parts] == [tuple(f"p{k}" for k in sensors) for sensors in plan]
+    assert identification.subsets == ()
+    assert identification.notes[0].startswith("15 set-ups over references p24, p29")
+
+
+def test_deviations_of_glued_shapes_are_their_scatter(distinct) -> None:
+    building, plan, identification = distinct
+    shapes, std = identification.modes.mode_shapes, setups_of(identification).mode_shape_std
+    points = list(dict.fromkeys(sensor for sensors in plan for sensor in sensors))
+    true = building.sensed[points].T
+    largest = np.argmax(np.abs(shapes), axis=1)
+    errors = shapes.real - true / true[np.arange(N_MODES), largest][:, None]
+    relative = (errors / np.where(std.real > 0, std.real, np.inf))[std.real > 0]
+    assert 0.7 < np.sqrt(np.mean(relative**2)) < 1.4
+
+
+def test_names_that_repeat_need_references() -> None:
+    building, plan, records = setup_records(names="same", n_setups=5)
+    with pytest.raises(ParameterError, match="the 5 set-ups have the same channels"):
+        identify_setups(cov_ssi, records)
+    check_modes(identify_setups(cov_ssi, records, references=("ref_1", "ref_2")), building, plan)
+
+
+def test_moved_sensors_under_equal_names_give_a_note() -> None:
+    _, _, records = setup_records(names="same")
+    identification = cov_ssi(records)
+    assert len(identification.modes) < N_MODES
+    (note,) = [note for note in identification.notes if "move differently from record to record" in note]
+    assert "such as ref_1, ref_2, as references (--references)" in note
+
+
+@pytest.mark.parametrize("noise", [0.05, 1.0])
+def test_parts_of_one_record_give_no_note(noise) -> None:
+    _, _, (record,) = setup_records(names="same", n_setups=1, duration=600.0, noise=noise)
+    parts = [record.part(first, first + 6000) for first in range(0, record.n_samples, 6000)]
+    levels = np.random.default_rng(1).uniform(0.1, 10.0, len(parts))
+    parts = [Recording(level * part.samples, 100.0, part.channels) for level, part in zip(levels, parts, strict=True)]
+    assert not any("differently" in note for note in cov_ssi(parts).notes)
+
+
+def test_positions_tell_set_ups_apart() -> None:
+    building, plan, records = setup_records(names="places", n_setups=6)
+    identification = cov_ssi(records)
+    points = list(dict.fromkeys(sensor for sensors in plan for sensor in sensors))
+    assert [channel.position for channel in identification.channels] == [building.places[k][0] for k in points]
+    assert setups_of(identification).references == ("ref_1", "ref_2")
+    check_modes(identification, building, plan)
+
+
+def test_scales_units_and_order_of_set_ups_do_not_matter() -> None:
+    building, plan, records = setup_records(names="distinct", n_setups=4)
+    modes = cov_ssi(records).modes
+    scaled = [Recording(1e3 * record.samples, record.sampling_rate, record.channels) for record in records]
+    turned = cov_ssi(scaled[::-1]).modes
+    columns = [turned.channels.index(name) for name in modes.channels]
+    assert turned.natural_frequency == pytest.approx(modes.natural_frequency, rel=1e-9)
+    assert turned.mode_shapes[:, columns] == pytest.approx(modes.mode_shapes, abs=1e-6)
+    assert len(building.frequencies) == len(modes)
+    assert len(plan) == 4
+
+
+def test_a_mode_that_one_set_up_lacks_is_fitted_there() -> None:
+    building, plan, records = setup_records(names="distinct", n_setups=4, duration=240.0)
+    whole = cov_ssi(records)
+    narrow = IdentificationSettings(band=(4.0, 14.0))
+
+    def identify(record, *, settings=None, vehicle=None, on_progress=None):
+        is_second = record.names == records[1].names
+        return cov_ssi(record, settings=narrow if is_second else settings)
+
+    identification = identify_setups(identify, records)
+    members = setups_of(identification).parts[1].members
+    assert np.array_equal(members < 0, building.frequencies < 4.0)
+    assert np.isnan(setups_of(identification).parts[1].mac[members < 0]).all()
+    assert np.diag(mac(identification.modes.mode_shapes, whole.modes.mode_shapes)).min() > 0.98
+    assert any("3 of 11 modes were not found in every set-up" in note for note in identification.notes)
+    check_modes(identification, building, plan, likeness=0.9)
+
+
+def test_correlations_of_spectra_are_those_of_the_samples() -> None:
+    generator = np.random.default_rng(5)
+    samples = lfilter([1.0], [1.0, -1.2, 0.8], generator.standard_normal((2, 200_000)))
+    samples[1] += 0.5 * np.roll(samples[0], 3)
+    recording = Recording(samples, 100.0, (Channel("a"), Channel("b")))
+    correlations = correlations_of(spectral_matrix(recording, segment_length=5.0))
+    n = samples.shape[1]
+    for lag in (0, 3, 20):
+        expected = samples[:, lag:] @ samples[:, : n - lag].T / (n - lag)
+        assert correlations.values[..., lag] == pytest.approx(expected, abs=0.02 * np.abs(samples).var())
+
+
+def test_several_records_of_a_set_up_are_averaged() -> None:
+    _, _, records = setup_records(names="distinct", n_setups=2)
+    halves = [[record.part(0, 6000), record.part(6000, 12000)] for record in records]
+    identification = cov_ssi([part for pair in halves for part in pair])
+    assert len(setups_of(identification).parts) == 2
+    one_by_one = identify_setups(cov_ssi, halves)
+    assert one_by_one.modes.natural_frequency == pytest.approx(identification.modes.natural_frequency, rel=1e-12)
+
+
+def test_a_bad_set_up_is_left_out_with_a_note() -> None:
+    _, _, records = setup_records(names="distinct", n_setups=3)
+    dead = np.array(records[1].samples)
+    dead[2] = 0.0
+    identification = cov_ssi([records[0], Recording(dead, 100.0, records[1].channels), records[2]])
+    assert [part.number for part in setups_of(identification).parts] == [1, 3]
+    assert identification.notes[0].startswith("set-up 2 left out: channel 'p2' is constant at 0")
+    with pytest.raises(ParameterError, match=r"need at least two usable set-ups, got 1: set-up 1 channel 'p2'"):
+        identify_setups(cov_ssi, [Recording(dead, 100.0, records[1].channels), records[2]])
+    with pytest.raises(DataError, match="there is no set-up"):
+        identify_setups(cov_ssi, [])
+
+
+def test_set_ups_by_coss() -> None:
+    building, plan, records = setup_records(names="distinct", n_setups=2, duration=300.0)
+    identification = coss_ssi(records)
+    assert identification.method == "coss"
+    assert all(len(part.identification.subsets) > 1 for part in setups_of(identification).parts)
+    found = identification.modes.natural_frequency
+    assert len(found) >= 9
+    assert all(np.abs(building.frequencies / value - 1).min() < 0.01 for value in found)
+    assert len(plan) == 2
+
+
+def test_three_storey_building_of_three_set_ups(real_file) -> None:
+    # Exact natural frequencies of the finite-element model behind the samples. As one condition: twins, and four lost.
+    exact = [2.63186, 2.69173, 3.43042, 8.29742, 8.42882, 10.6272, 14.0053, 14.093, 17.5741]
+    records = [read(real_file(f"three_storey_L_fe/set{k}_100Hz.npy"), sampling_rate=100.0) for k in (1, 2, 3)]
+    identification = identify_setups(cov_ssi, records, references=records[0].names[:3])
+    assert identification.modes.natural_frequency == pytest.approx(exact, rel=0.01)
+    assert len(identification.channels) == 3 + 3 * 7
+    assert min(part.mac.min() for part in setups_of(identification).parts) > 0.99
