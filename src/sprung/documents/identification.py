@@ -70,7 +70,7 @@ class IdentificationDocument(Document):
         )
 
 
-_UNITS = {"constant": "Hz", "speed": "1/m"}
+_UNITS = {"constant": "Hz", "drifting": "Hz", "speed": "1/m"}
 
 
 def identification_document(
