@@ -125,7 +125,7 @@ class IdentificationDocument(Document):
         return np.array(stds, dtype=np.complex128).reshape(len(self.modes), len(self.channels))
 
 
-_UNITS = {"constant": "Hz", "speed": "1/m"}
+_UNITS = {"constant": "Hz", "drifting": "Hz", "speed": "1/m"}
 
 
 def identification_document(

@@ -34,12 +34,14 @@ from sprung.identification.subsets import subsets_of_equal_width
 from sprung.modal import Modes, PoleStatus, unit_shapes
 from sprung.recording import Recording
 from sprung.signals.cepstrum import Lifter, ShortPass
-from sprung.signals.harmonics import near_harmonic
+from sprung.signals.harmonics import Harmonic, near_harmonic
 from sprung.vehicles.labels import labelled
 from sprung.vehicles.usable import AnyVehicle
 
 #: Largest relative change of the damping ratio between polynomial orders.
 _DAMPING_OF_POLYNOMIALS = 0.4
+#: Most families of lines in a note.
+_MOST_LINES = 6
 
 
 def cov_ssi(
@@ -329,6 +331,7 @@ def _identify(
             *records.notes,
             *note_on_moved_sensors(several, records.segments, records.counts, vehicle=vehicle),
             *notes_on_subsets,
+            *_notes_on_lines(summary.harmonics, settings),
             *note_on_road,
             *_notes_on_modes(combined.modes, settings.lifter),
             *_notes_on_refinement(refinement, settings),
@@ -382,6 +385,35 @@ def _summary(
         average=overall,
         harmonics=records.harmonics,
     ), notes
+
+
+def _notes_on_lines(harmonics: Sequence[Harmonic], settings: IdentificationSettings) -> list[str]:
+    """Return notes on the lines that were subtracted, and on those that were left in."""
+    drifting = [line for line in harmonics if line.kind == "drifting"]
+    steady = [line for line in harmonics if line.kind == "constant"]
+    if settings.ladder is not None:
+        steady = []
+    notes = []
+    if steady:
+        notes.append(f"lines of constant frequency were subtracted before correlation: {_in_words(steady)}")
+    if drifting:
+        notes.append(f"drifting lines were left in; narrow poles in their bands are not modes: {_in_words(drifting)}")
+    return notes
+
+
+def _in_words(harmonics: Sequence[Harmonic]) -> str:
+    """Return lines in words, families by fundamental, the most prominent first."""
+    families: dict[float, list[Harmonic]] = {}
+    for line in sorted(harmonics, key=lambda line: -line.prominence):
+        families.setdefault(line.fundamental or line.frequency, []).append(line)
+    words = [
+        f"{len(lines)} multiples of {fundamental:.4g} Hz up to {max(line.order for line in lines)} times"
+        if len(lines) > 1
+        else f"{lines[0].frequency:.4g} Hz"
+        for fundamental, lines in families.items()
+    ]
+    n_omitted = max(len(words) - _MOST_LINES, 0)
+    return ", ".join(words[:_MOST_LINES]) + (f" and {n_omitted} more" if n_omitted else "")
 
 
 def _notes_on_modes(modes: Modes, lifter: Lifter | None) -> list[str]:

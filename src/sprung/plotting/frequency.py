@@ -105,7 +105,7 @@ def harmonic_label(harmonic: Harmonic) -> str:
     >>> harmonic_label(Harmonic(1.032, "speed", (5.0, 20.0), 0.01, 20.0, ("a",), fundamental=0.516, order=2))
     '2 × 0.516 per m'
     """
-    if harmonic.kind == "constant":
+    if harmonic.kind != "speed":
         return in_hertz(harmonic.frequency)
     if harmonic.fundamental is None:
         return f"{harmonic.frequency:.3g} per m"
@@ -116,9 +116,9 @@ def harmonic_label(harmonic: Harmonic) -> str:
 def harmonic_handles(harmonics: Sequence[Harmonic]) -> list[Line2D | Patch]:
     """Return legend entries for lines and bands of harmonics, with their families of multiples."""
     handles: list[Line2D | Patch] = []
-    constant = [line for line in harmonics if line.kind == "constant"]
-    if constant:
-        label = f"harmonics{_families(constant, 'Hz')}"
+    over_time = [line for line in harmonics if line.kind != "speed"]
+    if over_time:
+        label = f"harmonics{_families(over_time, 'Hz')}"
         handles.append(Line2D([], [], color=HARMONIC_COLOUR, linestyle=_DASHES, linewidth=1.2, label=label))
     swept = [line for line in harmonics if line.kind == "speed"]
     if swept:

@@ -43,6 +43,14 @@ SLIP = 0.004
 FAINTEST_MULTIPLE = 4.0
 #: Smallest spread of speed (middle half over median) that separates lines proportional to it from constant ones.
 LEAST_SPREAD = 0.03
+#: Largest distance of the pole of a residue from a line that was subtracted, over the line's resolution.
+_RESIDUE = 5.0
+#: Parts of a line's frequency that are tried as fundamental, and number of lines tried that are not regular themselves.
+DIVISORS, MOST_BASES = (1, 2, 3, 4), 40
+#: Fewest further multiples that make a family of a line that is not regular: two light modes may be in any proportion.
+FEWEST_OF_DOUBTFUL = 3
+#: Fewest lines of a family of constant frequency whose other multiples are subtracted too, seen or not.
+LARGE_FAMILY = 4
 #: Damping of the narrowest mode in the comparison of a peak with its neighbourhood over the smallest damping ratio.
 NARROWEST = 0.6
 #: Largest damping ratio of the pole of a line; poles with more belong to modes, even near a line.
@@ -131,12 +139,18 @@ def find_harmonics(
     *Constant frequency.* Averaged periodograms with segments of 2/7 of the recording (at most 256 s) and shorter
     ones in octaves. A line must (a) exceed the bins 3 to 12 on each side of it at the resolution of the segments,
     and (b) be regular: its power is nearly equal in consecutive segments
-    (`sprung.signals.narrow_lines.chance_of_regularity`; the false discovery rate of all peaks together is
-    `false_alarm_rate`).
+    (`sprung.signals.narrow_lines.chance_of_regularity`), or narrower than any mode at the resolution of the whole
+    recording (`sprung.signals.narrow_lines.chance_of_narrowness`). The probability of any line in a recording of random
+    vibration is at most `false_alarm_rate` (Holm's method over all peaks).
     Segments of a narrow mode are independent only if they lie about a time constant 1 / (xi omega) of the mode
     apart: so `least_damping` sets the lowest frequency at which a recording of T seconds separates a tone from a
-    mode, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %. Narrow peaks that are not regular count if more of them lie at
-    multiples of a regular one than chance explains.
+    mode, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %; below it a line has to be narrow, or wider than the resolution of
+    longer segments, as that of an engine whose speed wanders: then it is regular though its own width makes the
+    powers of random vibration independent. Narrow peaks that are not regular count if more of them lie at multiples
+    of a line, or of a half, third or fourth of one, than chance explains.
+
+    A line is *constant* at the finest resolution that holds most of its energy, and *drifting* if that is far coarser
+    than the recording's, or if half of its family or the highest order of it drifts.
 
     *Proportional to speed.* The same search over distance with segments of 150 to 300 cycles, by the geometric mean
     of the segments. Such lines change level with speed, so (b) is replaced: in no channel that shows it may a line
@@ -149,8 +163,8 @@ def find_harmonics(
     J. Antoni (2006), The spectral kurtosis: a useful tool for characterising non-stationary signals, Mechanical Systems
     and Signal Processing 20, 282-307.
 
-    Y. Benjamini and Y. Hochberg (1995), Controlling the false discovery rate: a practical and powerful approach to
-    multiple testing, Journal of the Royal Statistical Society B 57, 289-300.
+    S. Holm (1979), A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics 6,
+    65-70.
 
     Examples
     --------
@@ -171,8 +185,8 @@ def find_harmonics(
     lines = _constant_lines(recording.select(names), prominence, false_alarm_rate, least_damping)
     finest = NOISE_BANDWIDTH / min(_longest_stretch(recording), LONGEST_SEGMENT)
     constant = _as_harmonics(lines, names, "constant", (1.0, 1.0))
-    constant = tuple(
-        replace(line, kind="drifting") if line.resolution > DRIFTING * finest else line for line in constant
+    constant = _drifting_together(
+        [replace(line, kind="drifting") if line.resolution > DRIFTING * finest else line for line in constant]
     )
     if speed is None or not moving_parts(recording, speed, minimum_speed=minimum_speed):
         return constant
@@ -183,7 +197,8 @@ def find_harmonics(
         return constant
     along = over_distance(moving, speed, interval=middle / recording.sampling_rate, minimum_speed=minimum_speed)
     lines = _speed_lines(along.select(names), moving.select(names), (low, middle, high), prominence, false_alarm_rate)
-    return constant + _as_harmonics(lines, names, "speed", (slow, fast))
+    following = _as_harmonics(lines, names, "speed", (slow, fast))
+    return tuple(line for line in constant if not _is_swept(line, following)) + following
 
 
 def near_harmonic(
@@ -227,14 +242,85 @@ def near_harmonic(
     if f.shape != xi.shape:
         raise ParameterError(f"{f.shape} natural frequencies need as many damping ratios, but there are {xi.shape}")
     is_near = np.zeros(f.shape, dtype=np.bool_)
-    for harmonic in harmonics:
+    for harmonic in (*harmonics, *missing_multiples(harmonics)):
         is_left = harmonic.kind != "constant" or not is_subtracted
         reach = resolution if is_left else harmonic.resolution
         width = max(reach, harmonic.resolution) if harmonic.kind == "drifting" else reach
         is_narrow = (harmonic.kind == "speed") | (2 * xi * f <= width)
         low, high = harmonic.band
+        # Frequencies of the residue of a line scatter more than the line: where it starts and stops it has many.
+        reach = reach if is_left else _RESIDUE * reach
         is_near |= is_narrow & (low - reach <= f) & (f <= high + reach)
     return is_near & (xi <= MOST_DAMPED_LINE)
+
+
+def missing_multiples(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
+    """Return the multiples of families that the search did not find, up to the highest that it found.
+
+    Parameters
+    ----------
+    harmonics
+        Harmonics from `find_harmonics`.
+
+    Returns
+    -------
+    tuple of Harmonic
+        Lines of prominence 0 at all other orders of drifting families and of families with four or more constant lines.
+
+    Notes
+    -----
+    Where a fundamental is known, its next multiple may hide in the neighbourhood of a mode. Subtracting a sine that is
+    not there costs a mode next to nothing.
+    """
+    missing = []
+    for family in _families(harmonics):
+        first = max(family, key=lambda line: line.resolution / line.order)
+        if first.fundamental is None or (first.kind == "constant" and len(family) < LARGE_FAMILY):
+            continue
+        orders = {line.order for line in family}
+        for order in set(range(1, max(orders))) - orders:
+            frequency = order * first.fundamental
+            resolution = first.resolution * (order / first.order if first.kind == "drifting" else 1.0)
+            band = (frequency - resolution / 2, frequency + resolution / 2)
+            missing.append(
+                replace(first, frequency=frequency, band=band, resolution=resolution, prominence=0.0, order=order)
+            )
+    return tuple(missing)
+
+
+def _is_swept(line: Harmonic, following: Sequence[Harmonic]) -> bool:
+    """Return whether a line that drifts is one proportional to speed."""
+    return line.kind == "drifting" and any(
+        other.band[0] - line.resolution <= line.frequency <= other.band[1] + line.resolution for other in following
+    )
+
+
+def _families(harmonics: Sequence[Harmonic]) -> list[list[Harmonic]]:
+    """Return the lines over time in their families; single lines are left out."""
+    families: dict[float, list[Harmonic]] = {}
+    for line in harmonics:
+        if line.fundamental is not None and line.kind != "speed":
+            families.setdefault(line.fundamental, []).append(line)
+    return list(families.values())
+
+
+def _drifting_together(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
+    """Let all lines of a family drift in proportion to their orders if half of them or the highest do."""
+    drifting: dict[float, float] = {}
+    for family in _families(harmonics):
+        widths = [line.resolution / line.order for line in family if line.kind == "drifting"]
+        is_highest = max(family, key=lambda line: line.order).kind == "drifting"
+        if family[0].fundamental is not None and (is_highest or 2 * len(widths) >= len(family)):
+            drifting[family[0].fundamental] = min(widths)
+    lines = []
+    for line in harmonics:
+        if line.fundamental in drifting:
+            half = max(line.resolution, line.order * drifting[line.fundamental]) / 2
+            band = (line.frequency - half, line.frequency + half)
+            lines.append(replace(line, kind="drifting", band=band, resolution=2 * half))
+        else:
+            lines.append(line)
+    return tuple(lines)
 
 
 def _longest_stretch(recording: Recording) -> float:
@@ -260,31 +346,41 @@ def _constant_lines(
             least_damping=NARROWEST * least_damping,
         )
         for peak in narrow:
-            if peak.frequency < lowest and not (len(levels) > 3 and has_own_width(peak, levels[-3])):
-                peak = replace(peak, chance=1.0)
-            peaks.append(peak)
+            is_resolved = peak.frequency >= lowest or (len(levels) > 3 and has_own_width(peak, levels[-3]))
+            peaks.append(peak if is_resolved else replace(peak, chance=1.0))
     if not peaks:
         return []
-    from scipy.stats import false_discovery_control
-
-    is_regular = false_discovery_control([peak.chance for peak in peaks]) <= false_alarm_rate
-    regular = merge_peaks(whole_lines([peak for peak, holds in zip(peaks, is_regular, strict=True) if holds], peaks))
-    doubtful = merge_peaks((peak for peak, holds in zip(peaks, is_regular, strict=True) if not holds), known=regular)
+    peaks.sort(key=lambda peak: peak.chance)
+    # Holm's method: the k-th smallest of M chances may be as large as the rate / (M - k).
+    tests = (peak.chance * (len(peaks) - k) > false_alarm_rate for k, peak in enumerate(peaks))
+    n_regular = next((k for k, fails in enumerate(tests) if fails), len(peaks))
+    regular = merge_peaks(whole_lines(peaks[:n_regular], peaks))
+    doubtful = merge_peaks(peaks[n_regular:], known=regular)
     return _with_multiples(regular, doubtful, false_alarm_rate)
 
 
 def _with_multiples(regular: list[Line], doubtful: list[Line], false_alarm_rate: float) -> list[Line]:
-    """Add doubtful lines at multiples of regular ones if there are more than chance explains."""
+    """Add doubtful lines at multiples of a line, or of a part of one, if there are more than chance explains."""
     lines, left = list(regular), list(doubtful)
-    for base in regular:
-        family = multiples(base.frequency, base.tolerance, left)
-        if family.members:
-            width = 2 * max(left[i].tolerance + order * family.tolerance for i, order in family.members)
-            coincidence = special.bdtrc(len(family.members) - 1, len(left), min(1.0, width / base.frequency))
-            if coincidence < false_alarm_rate:
-                taken = {i for i, _ in family.members}
-                lines += [left[i] for i in taken]
-                left = [line for i, line in enumerate(left) if i not in taken]
+    finest = min((line.resolution for line in [*regular, *doubtful]), default=0.0)
+    bases = [(base, divisor) for base in [*regular, *doubtful[:MOST_BASES]] for divisor in DIVISORS]
+    for base, divisor in bases:
+        family = multiples(base.frequency / divisor, base.tolerance / divisor, left)
+        widest = max(base.resolution, DRIFTING * finest)
+        if base.resolution > DRIFTING * finest:
+            widest *= max(order for _, order in family.members) if family.members else 1
+        members = [(i, order) for i, order in family.members if left[i] is not base and left[i].resolution <= widest]
+        is_known = divisor == 1 and base in regular
+        if len(members) < (1 if base in regular else FEWEST_OF_DOUBTFUL):
+            continue
+        width = 2 * max(left[i].tolerance + order * family.tolerance for i, order in members)
+        coincidence = special.bdtrc(len(members) - 1, len(left), min(1.0, width * divisor / base.frequency))
+        if base in regular:
+            coincidence *= min(left[i].chance for i, _ in members)
+        if coincidence * (1 if is_known else len(bases)) < false_alarm_rate:
+            taken = {i for i, _ in members} | {i for i, line in enumerate(left) if line is base}
+            lines += [left[i] for i in taken]
+            left = [line for i, line in enumerate(left) if i not in taken]
     return sorted(lines, key=lambda line: line.frequency)
 
 

@@ -1,6 +1,6 @@
 """Subtraction of the lines of the excitation from a recording, so that modes next to them remain."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -8,7 +8,7 @@ from scipy import fft
 
 from sprung._arrays import Complex, Real
 from sprung.recording import Recording
-from sprung.signals.harmonics import Harmonic
+from sprung.signals.harmonics import Harmonic, missing_multiples
 
 #: Amplitudes for each length over which the amplitude of a line may change at the fastest.
 _PER_LENGTH = 8
@@ -20,7 +20,7 @@ _SHORTEST = 2.0
 _CONTRADICTION = 5.0
 
 
-def subtract_lines(recording: Recording, harmonics: Iterable[Harmonic]) -> Recording:
+def subtract_lines(recording: Recording, harmonics: Sequence[Harmonic]) -> Recording:
     """Subtract lines of constant frequency: a sine of slowly varying amplitude and phase in each channel.
 
     Parameters
@@ -28,7 +28,8 @@ def subtract_lines(recording: Recording, harmonics: Iterable[Harmonic]) -> Recor
     recording
         Recording without missing values, at any sampling rate.
     harmonics
-        Lines; those proportional to speed, and those above half the sampling rate, are left in.
+        Lines; those that drift or are proportional to speed, and those above half the sampling rate, are left in. Of
+        large families all multiples are subtracted (`harmonics.missing_multiples`).
 
     Returns
     -------
@@ -60,7 +61,8 @@ def subtract_lines(recording: Recording, harmonics: Iterable[Harmonic]) -> Recor
     True
     """
     rate = recording.sampling_rate
-    lines = [line for line in harmonics if line.kind == "constant" and line.frequency < rate / 2]
+    every = (*harmonics, *missing_multiples(harmonics))
+    lines = [line for line in every if line.kind == "constant" and line.frequency < rate / 2]
     if not lines:
         return recording
     samples = np.array(recording.samples)

@@ -19,9 +19,8 @@ NOISE_BANDWIDTH = 1.5
 BLOCK, FEWEST_SEGMENTS = 6, 5
 #: Smallest number of samples of a segment, and number of segment lengths.
 SHORTEST_SEGMENT, N_OCTAVES = 64, 8
-#: Loss of energy [dB] at a finer resolution up to which a line is resolved there (half), and up to which it hardly
-#: reaches beyond (the scalloping of a Hann window is 1.4 dB).
-HALF, NEARLY_ALL = 3.0, 1.5
+#: Loss of energy [dB] at a finer resolution up to which a line is steady, and up to which its band reaches no further.
+MOST, NEARLY_ALL = 2.0, 1.0
 #: Smallest resolution of a line that drifts over the finest resolution of the recording.
 DRIFTING = 5.0
 #: Number of correlated bins of a Hann window that say as much as one independent bin, 1 + 2 (4/9 + 1/36).
@@ -161,12 +160,13 @@ def lines_of(
         bins, heights = _peaks(density)
         is_high = heights >= max(prominence, random)
         for k, height in zip(bins[is_high].tolist(), heights[is_high].tolist(), strict=True):
-            frequency = (k + _offset(density[k - 1 : k + 2])) * bin_width
+            offset, level = _vertex(density[k - 1 : k + 2])
+            frequency = (k + offset) * bin_width
             chance = chance_of_regularity(powers[row, :, k])
             if least_damping is not None:
                 ratio = 2 * least_damping * frequency / bin_width
                 narrowness = n_channels * n_bins * chance_of_narrowness(density, k, ratio, n_segments)
-                chance = min(1.0, 2 * chance, 2 * narrowness)
+                chance = min(chance, narrowness)
             lines.append(
                 Line(
                     frequency=frequency,
@@ -175,7 +175,7 @@ def lines_of(
                     prominence=height,
                     rows=frozenset([row]),
                     chance=chance,
-                    level=10 * math.log10(density[k]),
+                    level=level,
                 )
             )
     return lines
@@ -282,12 +282,17 @@ def merge_peaks(peaks: Iterable[Line], *, known: Sequence[Line] = ()) -> list[Li
             lines.append(peak)
         else:
             line = lines[same]
-            lines[same] = replace(line, prominence=max(peak.prominence, line.prominence), rows=line.rows | peak.rows)
+            lines[same] = replace(
+                line,
+                prominence=max(peak.prominence, line.prominence),
+                chance=min(peak.chance, line.chance),
+                rows=line.rows | peak.rows,
+            )
     return sorted(lines, key=lambda line: line.frequency)
 
 
 def whole_lines(regular: Iterable[Line], peaks: Sequence[Line]) -> list[Line]:
-    """Return regular lines at the finest resolution that holds at least half of their energy, without their parts.
+    """Return regular lines at the finest resolution that holds most of their energy, without their parts.
 
     Parameters
     ----------
@@ -310,9 +315,9 @@ def whole_lines(regular: Iterable[Line], peaks: Sequence[Line]) -> list[Line]:
     lines: list[Line] = []
     drifting: list[Line] = []
     for line in sorted(regular, key=lambda line: -line.resolution):
-        if any(_is_same(line, other) and _is_part(line, other, HALF) for other in drifting):
+        if any(_is_same(line, other) and _is_part(line, other, MOST) for other in drifting):
             continue
-        sharp = _sharpest(line, peaks, HALF)
+        sharp = _sharpest(line, peaks, MOST)
         if sharp.resolution > finest * DRIFTING:
             drifting.append(line)
             sharp = _sharpest(line, peaks, NEARLY_ALL)
@@ -434,10 +439,11 @@ def _peaks(density: Real) -> tuple[Indices, Real]:
     return bins, 10 * np.log10(density[bins] / floor)
 
 
-def _offset(three: Real) -> float:
-    """Return the vertex of the parabola through the logarithms of a peak and its neighbours [bins]."""
-    below, at, above = np.log(np.maximum(three, np.finfo(np.float64).tiny))
-    return float((below - above) / (2 * (below - 2 * at + above))) if at > max(below, above) else 0.0
+def _vertex(three: Real) -> tuple[float, float]:
+    """Return place [bins] and level [dB] of the vertex of the parabola through the logarithms of a peak."""
+    below, at, above = (math.log(max(value, np.finfo(np.float64).tiny)) for value in three.tolist())
+    offset = (below - above) / (2 * (below - 2 * at + above)) if at > max(below, above) else 0.0
+    return offset, 10 / math.log(10) * (at - (below - above) * offset / 4)
 
 
 def _is_same(first: Line, second: Line) -> bool:

@@ -192,12 +192,12 @@ def _faintness(family: tuple[tuple[str, float], Sequence[Harmonic]]) -> float:
 
 def _family(fundamental: float, lines: Sequence[Harmonic]) -> tuple[str, ...]:
     """Return the row of a fundamental and its multiples."""
-    is_constant = lines[0].kind == "constant"
+    is_over_time = lines[0].kind != "speed"
     low, high = min(line.band[0] for line in lines), max(line.band[1] for line in lines)
     return (
-        f"{fundamental:.4g} {'Hz' if is_constant else 'per metre'}",
+        f"{fundamental:.4g} {'Hz' if is_over_time else 'per metre'}",
         orders_in_words(sorted(line.order for line in lines)),
-        f"{low:.3g} to {high:.3g}" if len(lines) > 1 or not is_constant else f"{lines[0].frequency:.4g}",
+        f"{lines[0].frequency:.4g}" if len(lines) == 1 and lines[0].kind == "constant" else f"{low:.3g} to {high:.3g}",
         f"{max(line.prominence for line in lines):.0f} dB",
         _listed(sorted({name for line in lines for name in line.channels})),
     )
