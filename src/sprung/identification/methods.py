@@ -9,6 +9,7 @@ from sprung._arrays import Indices, Real
 from sprung._checks import check_one_of
 from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import Correlations, average
+from sprung.identification.levels import LevelSet, level_sets
 from sprung.identification.merging import MergedModes, merge_modes
 from sprung.identification.planning import disjoint_splits
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
@@ -22,6 +23,7 @@ from sprung.identification.stabilisation import (
     with_status,
 )
 from sprung.identification.subsets import subsets_of_equal_width
+from sprung.identification.trends import LevelTrends, level_trends, trends_in_words
 from sprung.modal import Modes, PoleStatus, unit_shapes
 from sprung.recording import Recording
 from sprung.signals.cepstrum import Exponential, Lifter, ShortPass, subtract_lifter_damping
@@ -103,13 +105,16 @@ def coss_ssi(
     vehicle: AnyVehicle | None = None,
     on_progress: Progress | None = None,
 ) -> Identification:
-    """Identify modes from subsets of segments of similar level and merge them (CoSS-SSI); parameters as `cov_ssi`.
+    """Identify modes from products of similar level and merge them (CoSS-SSI); parameters as `cov_ssi`.
 
     Notes
     -----
     The modes of the subsets stay in the result: for a suspension with friction and progressive springs, their change
-    with the level is information. For a linear system, sorting short segments by level biases damping (high in the
-    subset of low level, low in that of high level); longer segments reduce the bias.
+    with the level is information. Products y(n + m) y_ref(n) are sorted by the level of all channels just before n,
+    which does not bias the subsets of a linear system (`levels.correlate_by_level`); whether frequency and damping
+    depend on the level is tested (`Identification.level_trends`). The thesis sorts segments by the level of the
+    correlations that are averaged (`settings.as_in_thesis`): for a linear system, too, that biases damping, high in the
+    subset of low level and low in that of high level.
 
     References
     ----------
@@ -150,7 +155,7 @@ def summarise(
     check_one_of("method", method, METHODS)
     settings = settings or IdentificationSettings()
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=_no_report)
-    return _summary(method, settings, records)[0]
+    return _summary(method, settings, records, _level_sets(settings, records))[0]
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
@@ -186,8 +191,10 @@ def _identify(
     """Correlate, sort, realise, select, merge and label."""
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
-    summary, notes_on_subsets = _summary(method, settings, records)
+    sets = _level_sets(settings, records)
+    summary, notes_on_subsets = _summary(method, settings, records, sets)
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
+    trends = _level_trends(merged.modes, summary, sets)
     report("done", 1.0)
     return Identification(
         method=method,
@@ -206,18 +213,37 @@ def _identify(
             *records.notes,
             *notes_on_subsets,
             *_notes_on_modes(merged.modes, settings.lifter),
+            *([] if trends is None else trends_in_words(merged.modes, trends)),
         ),
+        level_trends=trends,
     )
 
 
+def _level_sets(settings: IdentificationSettings, records: CorrelatedRecords) -> tuple[LevelSet, ...]:
+    """Return the averages by the level just before; none where products are not sorted by it."""
+    return () if records.levels is None else level_sets(records.levels, settings.n_subsets)
+
+
+def _level_trends(modes: Modes, summary: CorrelationSummary, sets: Sequence[LevelSet]) -> LevelTrends | None:
+    """Return the dependence of measured modes on the level; None for a single level."""
+    if len(sets) < 2:
+        return None
+    preparation = summary.plan.preparation
+    factors = np.array([preparation.factors[name] for name in preparation.channels])
+    return level_trends(replace(modes, mode_shapes=modes.mode_shapes * factors), summary.average, sets)
+
+
 def _summary(
-    method: str, settings: IdentificationSettings, records: CorrelatedRecords
+    method: str, settings: IdentificationSettings, records: CorrelatedRecords, sets: Sequence[LevelSet]
 ) -> tuple[CorrelationSummary, tuple[str, ...]]:
-    """Average the segments, for CoSS-SSI by their level; also return the notes on the subsets."""
+    """Average the segments, for CoSS-SSI by level; also return the notes on the subsets."""
     segments, is_biased = records.segments, records.plan.ladder.is_biased
     overall = average(segments)
     subsets: tuple[tuple[tuple[float, float] | None, Correlations], ...]
-    if method == "coss":
+    notes: tuple[str, ...] = ()
+    if sets:
+        subsets = tuple((part.level, part.correlations) for part in sets)
+    elif method == "coss":
         by_level = subsets_of_equal_width(segments, settings.n_subsets)
         subsets = tuple(
             (subset.level, average(segments.take(subset.segments), is_biased=is_biased)) for subset in by_level.subsets
@@ -225,7 +251,6 @@ def _summary(
         notes = by_level.notes
     else:
         subsets = ((None, average(segments, is_biased=True) if is_biased else overall),)
-        notes = ()
     return CorrelationSummary(
         method=method,
         settings=settings,

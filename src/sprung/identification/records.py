@@ -15,6 +15,7 @@ from sprung.identification.correlation import (
     join_segments,
     with_limited_power,
 )
+from sprung.identification.levels import LevelCorrelations, LevelScale, correlate_by_level, joined_levels, level_scale
 from sprung.identification.planning import make_plan, plan_preparation
 from sprung.identification.preparation import Prepared, prepare, search_harmonics
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
@@ -39,6 +40,8 @@ class CorrelatedRecords:
         Outputs.
     segments
         Correlations of all segments, the power of loud segments limited.
+    levels
+        Correlations by segment and by the level just before; None where they are not needed.
     spectra, edited_spectra
         Spectral matrices of all records before and after cepstrum editing (None without editing).
     harmonics
@@ -50,6 +53,7 @@ class CorrelatedRecords:
     plan: Plan
     channels: tuple[Channel, ...]
     segments: SegmentCorrelations
+    levels: LevelCorrelations | None
     spectra: SpectralMatrix
     edited_spectra: SpectralMatrix | None
     harmonics: tuple[Harmonic, ...]
@@ -62,6 +66,7 @@ class _Correlated:
 
     channels: tuple[Channel, ...]
     segments: SegmentCorrelations
+    levels: LevelCorrelations | None
     spectra: SpectralMatrix
     edited_spectra: SpectralMatrix | None
     harmonics: tuple[Harmonic, ...]
@@ -113,14 +118,17 @@ def correlate_records(
         try:
             prepared = prepare(recording, plan.preparation, lifter=settings.lifter)
             harmonics = _harmonics(recording, plan.preparation, settings, vehicle)
-            correlated.append(_correlate(method, prepared, harmonics, plan, settings))
+            scale = None if first.levels is None else first.levels.scale
+            correlated.append(_correlate(method, prepared, harmonics, plan, settings, scale=scale))
         except DataError as error:
             left_out[number] = error
+    levels = [record.levels for record in correlated if record.levels is not None]
     edited = [record.edited_spectra for record in correlated if record.edited_spectra is not None]
     return CorrelatedRecords(
         plan=plan,
         channels=first.channels,
         segments=with_limited_power(join_segments([record.segments for record in correlated])),
+        levels=joined_levels(levels) if levels else None,
         spectra=reduce(add, [record.spectra for record in correlated]),
         edited_spectra=reduce(add, edited) if edited else None,
         harmonics=_common_harmonics([record.harmonics for record in correlated]),
@@ -163,10 +171,13 @@ def _first_record(
                 prepared,
                 harmonics,
                 settings=settings,
-                method=method,
+                method="cov" if _is_by_level(method, settings) else method,
                 total_duration=total_duration or recording.duration,
             )
-            return plan, _correlate(method, prepared, harmonics, plan, settings)
+            scale = None
+            if _is_by_level(method, settings):
+                scale = level_scale(prepared.motion, n_lags=plan.ladder.n_lags, n_subsets=settings.n_subsets)
+            return plan, _correlate(method, prepared, harmonics, plan, settings, scale=scale)
         except DataError as error:
             left_out[number] = error
     reasons = [*left_out.values(), DataError("there is no recording to identify modes from: give at least one")]
@@ -182,18 +193,33 @@ def _harmonics(
     return search_harmonics(recording, plan, speed=speed_channel(recording, vehicle))
 
 
+def _is_by_level(method: str, settings: IdentificationSettings) -> bool:
+    """Return whether products are sorted by the level just before them."""
+    return method == "coss" and not settings.has_own_levels
+
+
 def _correlate(
-    method: str, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
+    method: str,
+    prepared: Prepared,
+    harmonics: tuple[Harmonic, ...],
+    plan: Plan,
+    settings: IdentificationSettings,
+    *,
+    scale: LevelScale | None,
 ) -> _Correlated:
-    """Correlate the segments of one prepared record."""
+    """Correlate the segments of one prepared record, with a scale also by level."""
+    n_lags, references = plan.ladder.n_lags, settings.references
     segments = correlate_segments(
         prepared.motion,
-        n_lags=plan.ladder.n_lags,
+        n_lags=n_lags,
         segment=plan.segment,
-        references=settings.references,
-        is_continued=method == "cov",
+        references=references,
+        is_continued=method == "cov" or scale is not None,
     )
-    return _Correlated(prepared.motion.channels, segments, prepared.spectra, prepared.edited_spectra, harmonics)
+    levels = None
+    if scale is not None:
+        levels = correlate_by_level(prepared.motion, scale, n_lags=n_lags, segment=plan.segment, references=references)
+    return _Correlated(prepared.motion.channels, segments, levels, prepared.spectra, prepared.edited_spectra, harmonics)
 
 
 def _common_harmonics(records: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, ...]:

@@ -10,6 +10,7 @@ from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import BlockRowLadder
 from sprung.identification.settings import IdentificationSettings, Plan
 from sprung.identification.stabilisation import StabilisationDiagram
+from sprung.identification.trends import LevelTrends
 from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.signals.harmonics import Harmonic
@@ -23,9 +24,10 @@ class SubsetModes:
     Parameters
     ----------
     level
-        Range of the segments' levels (relative to the mean power of the record); None where segments are not sorted.
+        Range of levels: RMS of the channels, each relative to its own RMS in the first record (of the thesis: smallest
+        RMS of the correlations); None where nothing is sorted.
     n_segments
-        Number of segments averaged.
+        Number of segments averaged, or the equivalent number for products sorted one by one.
     modes
         Modes identified from the average.
     diagrams
@@ -72,6 +74,8 @@ class Identification:
         Decisions made from the settings and the data.
     notes
         Choices, omissions and warnings, one sentence each.
+    level_trends
+        Dependence of the modes on the level, with the test whether there is one (CoSS-SSI); None where it is unknown.
     """
 
     method: str
@@ -86,6 +90,7 @@ class Identification:
     settings: IdentificationSettings
     plan: Plan
     notes: tuple[str, ...]
+    level_trends: LevelTrends | None = None
 
     def __post_init__(self) -> None:
         freeze(self, members=2, dtype=np.intp)

@@ -46,6 +46,10 @@ class IdentificationSettings:
     harmonics
         Known harmonics of the excitation; None: they are searched for, which takes most of the time of an
         identification.
+    has_own_levels
+        Whether CoSS-SSI sorts segments by the level of the very correlations that it averages (the form of the thesis),
+        which biases damping: high at low level, low at high level, in a linear system, too. False: products are sorted
+        by the level just before them.
 
     Raises
     ------
@@ -65,6 +69,7 @@ class IdentificationSettings:
     has_disjoint_references: bool = False
     criteria: StabilityCriteria = field(default_factory=StabilityCriteria)
     harmonics: tuple[Harmonic, ...] | None = None
+    has_own_levels: bool = False
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1]:
@@ -119,13 +124,16 @@ def as_in_thesis(
     -----
     Correlations are divided by the number of samples N (biased), not by the number of products (N - m at lag m): 1/N is
     the form of the thesis. It falls off with the lag, which reads as additional damping where segments are short.
+    CoSS-SSI sorts segments by the level of the correlations that it averages, which selects segments of much or little
+    excitation: in a linear system, too, damping comes out high at low level and low at high level.
 
     References
     ----------
     F. Liu (2020), eq. 3-35 to 3-57 and 4-1.
     """
     criteria = replace(THESIS_CRITERIA, stable_rate=stable_rate)
-    return replace(settings or IdentificationSettings(), ladder=BlockRowLadder(*rows), criteria=criteria)
+    chosen = settings or IdentificationSettings()
+    return replace(chosen, ladder=BlockRowLadder(*rows), criteria=criteria, has_own_levels=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -335,6 +335,45 @@ def _eigenvalue_changes(
     return spectra.reshape(n_blocks, -1) @ convolution.reshape(-1, len(eigenvalues))
 
 
+def eigenvalue_weights(realisation: Realisation, order: int, eigenvalue: complex) -> tuple[Complex, Complex]:
+    """Return the weights of the correlations in the eigenvalue of one model order.
+
+    Parameters
+    ----------
+    realisation
+        Decomposition of a block Toeplitz matrix.
+    order
+        Model order, up to the `max_order` of the realisation.
+    eigenvalue
+        Value near an eigenvalue of that order.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Weights W of the numerator and V of the denominator, shape (channels, references, lags from 1 on): the
+        eigenvalue is sum(W Lambda) / sum(V Lambda).
+
+    Notes
+    -----
+    chi^H O_up^+ T_down Z psi / chi^H O_up^+ T_up Z psi with the eigenvectors of that order. Correlations
+    C A^(m - 1) G' of the same system with any other G' have the same quotient, the eigenvalue itself: it is a modal
+    filter, which shows whether the poles of other correlations differ, without a realisation of them.
+    """
+    n_channels = len(realisation.channels)
+    O_up, O_down = realisation.observability[:-n_channels, :order], realisation.observability[n_channels:, :order]
+    Q, R = np.linalg.qr(O_up)
+    eigenvalues, psi = np.linalg.eig(linalg.solve_triangular(R, Q.T @ O_down, check_finite=False))
+    nearest = int(np.argmin(np.abs(eigenvalues - eigenvalue)))
+    left = Q @ np.linalg.solve(R.T.astype(complex), np.linalg.inv(psi)[nearest])
+    before = left.reshape(-1, n_channels).T
+    after = (realisation.right_factor[..., :order] @ psi[:, nearest]).T
+    n_lags = before.shape[1] + after.shape[1]
+    n_fft = fft.next_fast_len(n_lags)
+    product = fft.ifft(fft.fft(before, n_fft)[:, None] * fft.fft(after, n_fft))[..., : n_lags - 1]
+    zero = np.zeros((*product.shape[:2], 1))
+    return np.concatenate([zero, product], axis=-1), np.concatenate([product, zero], axis=-1)
+
+
 def _standard_deviations(poles: Complex, change: Complex) -> tuple[Real, Real]:
     """Return standard deviations of frequency and damping from the changes of the poles, shape (blocks, poles)."""
     modulus = np.abs(poles)

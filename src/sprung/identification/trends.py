@@ -1,0 +1,192 @@
+"""Dependence of modes on the level of the motion, and the test whether there is one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from sprung._arrays import Booleans, Complex, Real
+from sprung._checks import freeze
+from sprung.identification.correlation import Correlations
+from sprung.identification.levels import LevelSet
+from sprung.identification.subspace import eigenvalue_weights, poles_of_orders, realise
+from sprung.modal import Modes, Poles, mac
+
+#: Probability of calling a trend in any mode of a record without one.
+FALSE_TRENDS = 0.02
+#: Orders up to this one are searched for a mode, and shapes with at least this MAC are the same.
+_MAX_ORDER, _SAME_SHAPE = 40, 0.8
+#: Smallest number of blocks, and smallest ratio of a mode's share in a subset to its standard deviation.
+_FEWEST_BLOCKS, _LEAST_SHARE = 8, 2.0
+#: Change over its standard deviation from which frequency or damping is named.
+_CLEAR = 2.5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LevelTrends:
+    """Change of frequency and damping of each mode with the level of the motion, NaN where unknown.
+
+    Parameters
+    ----------
+    natural_frequency
+        Relative change of the natural frequency for twice the level, shape (modes,).
+    natural_frequency_std
+        Its standard deviation, shape (modes,).
+    damping_ratio
+        Change of the damping ratio for twice the level, shape (modes,).
+    damping_ratio_std
+        Its standard deviation, shape (modes,).
+    p_value
+        Probability of changes at least as large in a linear system, for frequency and damping together, shape (modes,).
+    contrast
+        Level in the highest subset over that in the lowest, during the ring-down of each mode, shape (modes,).
+    """
+
+    natural_frequency: Real
+    natural_frequency_std: Real
+    damping_ratio: Real
+    damping_ratio_std: Real
+    p_value: Real
+    contrast: Real
+
+    def __post_init__(self) -> None:
+        freeze(self, natural_frequency=1, natural_frequency_std=1, damping_ratio=1, damping_ratio_std=1)
+        freeze(self, p_value=1, contrast=1)
+
+    @property
+    def is_detected(self) -> Booleans:
+        """Whether each mode depends on the level beyond chance (2 % for any mode of a linear system)."""
+        return np.asarray(self.p_value * max(len(self.p_value), 1) < FALSE_TRENDS, dtype=np.bool_)
+
+
+def level_trends(modes: Modes, average: Correlations, sets: Sequence[LevelSet]) -> LevelTrends:
+    """Return the dependence of modes on the level.
+
+    Parameters
+    ----------
+    modes
+        Modes on the channels of the correlations.
+    average
+        Correlations of all levels.
+    sets
+        Correlations by rising level, with the same blocks.
+
+    Returns
+    -------
+    LevelTrends
+
+    Notes
+    -----
+    The modal filter of each mode (`subspace.eigenvalue_weights`), made from the average, gives the pole of each subset
+    without a new realisation, and its change with each block. Slope: weighted least squares of ln frequency and of the
+    damping ratio over log2 of the level, which is the RMS of all channels during the ring-down that follows, weighted
+    with the mode's decay. It is this level that acts on the mode: the level before the products only sorts them (an
+    instrument), so that its scatter does not flatten the slope. p: Hotelling's T^2 of both slopes over the blocks.
+
+    References
+    ----------
+    H. Hotelling (1931), The generalization of Student's ratio, Annals of Mathematical Statistics 2, 360-378.
+    """
+    rows = np.full((6, len(modes)), np.nan)
+    if len(modes) and len(sets) > 1 and len(average.blocks) >= _FEWEST_BLOCKS:
+        block_rows = average.n_lags // 2
+        largest = min((block_rows - 1) * len(average.channels), block_rows * len(average.references), _MAX_ORDER)
+        realisation = realise(average, block_rows=block_rows, max_order=largest - largest % 2)
+        poles = poles_of_orders(realisation, range(2, largest + 1, 2))
+        for k in range(len(modes)):
+            chosen = _nearest(poles, modes.take(np.array([k])))
+            if chosen is not None:
+                eigenvalue = np.exp(poles.poles[chosen] / average.sampling_rate)
+                weights = eigenvalue_weights(realisation, poles.ladder[poles.rungs[chosen]], complex(eigenvalue))
+                rows[:, k] = _trend(weights, abs(eigenvalue), sets)
+    return LevelTrends(*rows)
+
+
+def _nearest(poles: Poles, mode: Modes) -> int | None:
+    """Return the most certain pole of the mode's shape near its frequency; None without one."""
+    half_width = np.abs(mode.poles.real[0]) + 0.01 * np.abs(mode.poles[0])
+    distance = np.abs(np.abs(poles.poles) - np.abs(mode.poles[0]))
+    is_near = (distance <= half_width) & (mac(poles.mode_shapes, mode.mode_shapes)[:, 0] >= _SAME_SHAPE)
+    is_near &= poles.poles.real < 0
+    if not is_near.any():
+        return None
+    variance = poles.natural_frequency_std**2 + (poles.natural_frequency * poles.damping_ratio_std) ** 2
+    squares = np.abs(poles.poles - mode.poles[0]) ** 2 / (2 * np.pi) ** 2 + variance
+    return int(np.argmin(np.where(is_near, squares, np.inf)))
+
+
+def _trend(weights: tuple[Complex, Complex], modulus: float, sets: Sequence[LevelSet]) -> Real:
+    """Return slopes with standard deviations, p and contrast of one mode; NaN where a subset hardly has the mode."""
+    values, changes, levels = [], [], []
+    for part in sets:
+        value, change = _pole(weights, part.correlations)
+        values.append(value)
+        changes.append(change)
+        decay = modulus ** (2 * np.arange(len(part.powers)))
+        levels.append(np.log2(np.sum(decay * part.powers) / decay.sum()) / 2)
+    y, blocks, x = np.array(values), np.array(changes), np.array(levels)
+    if not (np.isfinite(y).all() and np.ptp(x) > 0):
+        return np.full(6, np.nan)
+    certainty = 1 / np.sum(blocks**2, axis=2)
+    away = x[:, None] - np.sum(certainty * x[:, None], axis=0) / certainty.sum(axis=0)
+    contrasts = certainty * away / np.sum(certainty * away**2, axis=0)
+    slopes = np.sum(contrasts * y, axis=0)
+    spread = np.einsum("sq,sqb->qb", contrasts, blocks)
+    covariance = spread @ spread.T
+    n_blocks = blocks.shape[2]
+    statistic = slopes @ np.linalg.solve(covariance, slopes) * (n_blocks - 2) / (2 * (n_blocks - 1))
+    p_value = special.fdtrc(2, n_blocks - 2, statistic)
+    deviations = np.sqrt(np.diag(covariance))
+    return np.array([slopes[0], deviations[0], slopes[1], deviations[1], p_value, 2 ** (x[-1] - x[0])])
+
+
+def _pole(weights: tuple[Complex, Complex], correlations: Correlations) -> tuple[Real, Real]:
+    """Return ln frequency and damping ratio by the modal filter, and their changes with each block, (2, blocks)."""
+    n_lags = weights[0].shape[-1]
+    terms = [
+        np.einsum("bcrm,crm->b", correlations.blocks[..., 1 : n_lags + 1], weight) * correlations.weights
+        for weight in weights
+    ]
+    numerator, denominator = (term.sum() for term in terms)
+    scale = np.sqrt(len(terms[0]) / (len(terms[0]) - 1))
+    eigenvalue = numerator / denominator
+    share = np.sqrt(np.sum(np.abs(terms[1] - correlations.weights * denominator) ** 2))
+    if abs(denominator) < _LEAST_SHARE * scale * share:
+        return np.full(2, np.nan), np.full((2, len(terms[0])), np.nan)
+    pole = np.log(eigenvalue) * correlations.sampling_rate
+    change = scale * (terms[0] - eigenvalue * terms[1]) / numerator * correlations.sampling_rate
+    modulus = np.abs(pole)
+    d_modulus = np.real(np.conj(pole) * change) / modulus
+    return (
+        np.array([np.log(modulus), -pole.real / modulus]),
+        np.array([d_modulus / modulus, -change.real / modulus + pole.real * d_modulus / modulus**2]),
+    )
+
+
+def trends_in_words(modes: Modes, trends: LevelTrends) -> list[str]:
+    """Return a sentence for each dependence on the level that stands out of chance, or that there is none."""
+    sentences = []
+    for k in np.flatnonzero(trends.is_detected):
+        name = f"of the mode at {modes.natural_frequency[k]:.3g} Hz"
+        change, std = 100 * trends.natural_frequency[k], 100 * trends.natural_frequency_std[k]
+        damping, damping_std = 100 * trends.damping_ratio[k], 100 * trends.damping_ratio_std[k]
+        is_clear = [abs(change) > _CLEAR * std, abs(damping) > _CLEAR * damping_std]
+        is_clear = is_clear if any(is_clear) else [True, True]
+        if is_clear[0]:
+            way = "rises" if change > 0 else "falls"
+            sentences.append(
+                f"the frequency {name} {way} by {abs(change):.2g} % ± {std:.2g} % for twice the level: a nonlinearity"
+            )
+        if is_clear[1]:
+            way = "rises" if damping > 0 else "falls"
+            sentences.append(
+                f"the damping ratio {name} {way} by {abs(damping):.2g} ± {damping_std:.2g} percentage points for twice"
+                " the level: a nonlinearity"
+            )
+    if sentences:
+        return sentences
+    if not np.isfinite(trends.p_value).any():
+        return []
+    contrast = np.nanmedian(trends.contrast)
+    return [f"no dependence on the level detected (highest subset over lowest: {contrast:.2f})"]
