@@ -30,6 +30,8 @@ class SegmentCorrelations:
         Sampling rate [Hz].
     channels, references
         Names of the outputs and of the references.
+    records
+        Number of the record of each segment, from 0; empty: all are of one record.
     """
 
     sums: Real
@@ -37,6 +39,7 @@ class SegmentCorrelations:
     sampling_rate: float
     channels: tuple[str, ...]
     references: tuple[str, ...]
+    records: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, sums=4, n_products=2)
@@ -53,7 +56,8 @@ class SegmentCorrelations:
 
     def take(self, segments: Indices | Sequence[int]) -> "SegmentCorrelations":
         """Return only the given segments."""
-        return replace(self, sums=self.sums[segments], n_products=self.n_products[segments])
+        records = tuple(np.array(self.records)[segments].tolist()) if self.records else ()
+        return replace(self, sums=self.sums[segments], n_products=self.n_products[segments], records=records)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,6 +79,8 @@ class Correlations:
         Names of the outputs and of the references.
     n_segments
         Number of segments averaged.
+    records
+        Number of the record in which each block begins, from 0; empty: all are of one record.
     """
 
     values: Real
@@ -84,6 +90,7 @@ class Correlations:
     channels: tuple[str, ...]
     references: tuple[str, ...]
     n_segments: int = 1
+    records: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, values=3, blocks=4, weights=1)
@@ -297,6 +304,7 @@ def join_segments(parts: Sequence[SegmentCorrelations]) -> SegmentCorrelations:
         first,
         sums=np.concatenate([part.sums for part in parts]),
         n_products=np.concatenate([part.n_products for part in parts]),
+        records=tuple(number for number, part in enumerate(parts) for _ in range(part.n_segments)),
     )
 
 
@@ -366,6 +374,7 @@ def average(segments: SegmentCorrelations, *, is_biased: bool = False) -> Correl
         channels=segments.channels,
         references=segments.references,
         n_segments=segments.n_segments,
+        records=tuple(segments.records[start] for start in starts) if segments.records else (),
     )
 
 

@@ -224,6 +224,7 @@ def joined_levels(records: Sequence[LevelCorrelations]) -> LevelCorrelations:
             first.parts,
             sums=np.concatenate([record.parts.sums for record in records]),
             n_products=np.concatenate([record.parts.n_products for record in records]),
+            records=tuple(number for number, record in enumerate(records) for _ in record.segments),
         ),
         segments=np.concatenate(
             [record.segments + offset for record, offset in zip(records, offsets[:-1], strict=True)]
@@ -278,7 +279,12 @@ def _level_set(levels: LevelCorrelations, chosen: Indices, weights: Real) -> Lev
     n_products = np.zeros((n_segments, parts.n_lags))
     np.add.at(sums, levels.segments[is_chosen], factors[:, None, None, None] * parts.sums[is_chosen])
     np.add.at(n_products, levels.segments[is_chosen], factors[:, None] * parts.n_products[is_chosen])
-    correlations = average(replace(parts, sums=sums, n_products=n_products))
+    # Sums by Fourier transforms are not exactly zero where there is no product.
+    sums[np.broadcast_to(n_products[:, None, None] <= 0, sums.shape)] = 0.0
+    records = (
+        tuple(parts.records[row] for row in np.unique(levels.segments, return_index=True)[1]) if parts.records else ()
+    )
+    correlations = average(replace(parts, sums=sums, n_products=n_products, records=records))
     powers = np.sum(factors[:, None] * levels.powers[is_chosen], axis=0) / n_products.sum(axis=0)
     share = n_products[:, 0].sum() / (weights[levels.classes] * parts.n_products[:, 0]).sum()
     return LevelSet(

@@ -70,6 +70,32 @@ def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> MergedMo
     return MergedModes(modes.take(order), np.array(members, dtype=np.intp).reshape(-1, len(parts))[order])
 
 
+def merged_deviations(deviations: Sequence[Real], weights: Sequence[float], members: Indices) -> Real:
+    """Return the standard deviations of merged modes from those of the parts.
+
+    Parameters
+    ----------
+    deviations
+        Standard deviations of the modes of each part, shapes (values, modes of the part).
+    weights
+        Weights of the parts.
+    members
+        Index of the part's mode for each merged mode and part, -1 for none; shape (modes, parts).
+
+    Returns
+    -------
+    numpy.ndarray
+        Standard deviations of the weighted means of independent parts, shape (values, modes).
+    """
+    merged = np.zeros((2, len(members)))
+    for row, places in enumerate(members):
+        owners = np.flatnonzero(places >= 0)
+        shares = np.asarray(weights, dtype=float)[owners]
+        values = np.array([deviations[owner][:, places[owner]] for owner in owners.tolist()]).T
+        merged[:, row] = np.sqrt(np.sum((shares / shares.sum() * values) ** 2, axis=1))
+    return merged
+
+
 def _mean_mode(estimates: Modes, weights: Real) -> Modes:
     """Return one mode from several estimates of it."""
     shares = weights / weights.sum()

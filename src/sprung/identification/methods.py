@@ -10,7 +10,7 @@ from sprung._checks import check_one_of
 from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import Correlations, average
 from sprung.identification.levels import LevelSet, level_sets
-from sprung.identification.merging import MergedModes, merge_modes
+from sprung.identification.merging import MergedModes, merge_modes, merged_deviations
 from sprung.identification.planning import disjoint_splits
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
@@ -293,11 +293,12 @@ def _subset_modes(
     """Identify the modes of one average, in all splits of outputs and references."""
     names = correlations.channels
     splits = disjoint_splits(names) if summary.settings.has_disjoint_references else ()
-    parts, diagrams, alignments = [], [], []
+    parts, diagrams, alignments, deviations = [], [], [], []
     for outputs, references in splits or [(names, correlations.references)]:
         diagram = _diagram(correlations.select(outputs, references) if splits else correlations, summary)
-        selected = select_modes(diagram)
+        selected = select_modes(diagram, correlations.records)
         modes = selected.modes
+        deviations.append(selected.growth * [modes.natural_frequency_std, modes.damping_ratio_std])
         if splits:
             shapes = complete_shapes(modes.poles, modes.mode_shapes, correlations, outputs)
             modes = replace(modes, mode_shapes=unit_shapes(shapes), channels=names)
@@ -305,11 +306,13 @@ def _subset_modes(
         diagrams.append(diagram)
         alignments.append(selected.alignments)
     merged = merge_modes(parts, weights=[1.0] * len(parts))
+    independent = np.array([merged.modes.natural_frequency_std, merged.modes.damping_ratio_std])
+    growth = merged_deviations(deviations, [1.0] * len(parts), merged.members) / independent
     behind = np.full(merged.members.shape, -1)
     for k, selected_alignments in enumerate(alignments):
         members = merged.members[:, k]
         behind[:, k] = np.where(members >= 0, np.append(selected_alignments, -1)[members], -1)
-    return SubsetModes(level, correlations.n_segments, merged.modes, tuple(diagrams), behind)
+    return SubsetModes(level, correlations.n_segments, merged.modes, tuple(diagrams), behind, growth)
 
 
 def _diagram(correlations: Correlations, summary: CorrelationSummary) -> StabilisationDiagram:
@@ -327,20 +330,41 @@ def _diagram(correlations: Correlations, summary: CorrelationSummary) -> Stabili
 
 def _merge(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple[list[SubsetModes], MergedModes]:
     """Merge the modes of the subsets and drop the insignificant ones; return the subsets and the merged modes."""
-    merged = merge_modes([s.modes for s in subsets], weights=[s.n_segments for s in subsets])
+    weights = [subset.n_segments for subset in subsets]
+    merged = merge_modes([s.modes for s in subsets], weights=weights)
     members = merged.members
     is_kept = significant(merged.modes, summary.average, least=summary.settings.criteria.contribution)
+    modes = _with_deviations(
+        merged.modes, merged_deviations([_deviations(subset) for subset in subsets], weights, members)
+    )
     judged = [_with_verdicts(subset, members[~is_kept, k], members[:, k]) for k, subset in enumerate(subsets)]
     preparation = summary.plan.preparation
     factors = np.array([preparation.factors[name] for name in preparation.channels])
     lifter = summary.settings.lifter
     return (
-        [replace(subset, modes=_as_measured(subset.modes, factors, lifter)) for subset in judged],
+        [
+            replace(
+                subset,
+                modes=_as_measured(_with_deviations(subset.modes, _deviations(subset)), factors, lifter),
+                growth=np.ones_like(subset.growth),
+            )
+            for subset in judged
+        ],
         MergedModes(
-            _as_measured(merged.modes.take(np.flatnonzero(is_kept)), factors, lifter),
+            _as_measured(modes.take(np.flatnonzero(is_kept)), factors, lifter),
             members[is_kept],
         ),
     )
+
+
+def _deviations(subset: SubsetModes) -> Real:
+    """Return the standard deviations of a subset's modes with slow variation, shape (2, modes)."""
+    return subset.growth * [subset.modes.natural_frequency_std, subset.modes.damping_ratio_std]
+
+
+def _with_deviations(modes: Modes, deviations: Real) -> Modes:
+    """Return modes with other standard deviations of frequency and damping ratio."""
+    return replace(modes, natural_frequency_std=deviations[0], damping_ratio_std=deviations[1])
 
 
 def _with_verdicts(subset: SubsetModes, insignificant: Indices, merged: Indices) -> SubsetModes:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sprung._arrays import Indices
+from sprung._arrays import Indices, Real
 from sprung._checks import freeze
 from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import BlockRowLadder
@@ -34,6 +34,9 @@ class SubsetModes:
         Stabilisation diagrams behind the modes, one for each split of outputs and references.
     alignments
         Number of the alignment behind each mode in each diagram, -1 for none; shape (modes, diagrams).
+    growth
+        Factors that make the standard deviations of the modes' frequency and damping hold slow variation and the choice
+        of the model order (1 where they do already), shape (2, modes).
     """
 
     level: tuple[float, float] | None
@@ -41,9 +44,11 @@ class SubsetModes:
     modes: Modes
     diagrams: tuple[StabilisationDiagram, ...]
     alignments: Indices
+    growth: Real
 
     def __post_init__(self) -> None:
         freeze(self, alignments=2, dtype=np.intp)
+        freeze(self, growth=2)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -10,7 +10,7 @@ from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import freeze
 from sprung.identification.correlation import Correlations
 from sprung.identification.levels import LevelSet
-from sprung.identification.subspace import eigenvalue_weights, poles_of_orders, realise
+from sprung.identification.subspace import eigenvalue_weights, frequency_and_damping_changes, poles_of_orders, realise
 from sprung.modal import Modes, Poles, mac
 
 #: Probability of calling a trend in any mode of a record without one.
@@ -156,11 +156,11 @@ def _pole(weights: tuple[Complex, Complex], correlations: Correlations) -> tuple
         return np.full(2, np.nan), np.full((2, len(terms[0])), np.nan)
     pole = np.log(eigenvalue) * correlations.sampling_rate
     change = scale * (terms[0] - eigenvalue * terms[1]) / numerator * correlations.sampling_rate
+    frequency, damping = frequency_and_damping_changes(pole, change)
     modulus = np.abs(pole)
-    d_modulus = np.real(np.conj(pole) * change) / modulus
     return (
         np.array([np.log(modulus), -pole.real / modulus]),
-        np.array([d_modulus / modulus, -change.real / modulus + pole.real * d_modulus / modulus**2]),
+        np.array([2 * np.pi * frequency / modulus, damping]),
     )
 
 
