@@ -4,6 +4,7 @@ from sprung.identification.ladders import BlockRowLadder, OrderLadder
 from sprung.identification.methods import METHODS, acs_ssi, coss_ssi, cov_ssi, modes_of_summary, summarise
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan, as_in_thesis
+from sprung.identification.trends import LevelTrends
 
 __all__ = [
     "METHODS",
@@ -11,6 +12,7 @@ __all__ = [
     "CorrelationSummary",
     "Identification",
     "IdentificationSettings",
+    "LevelTrends",
     "OrderLadder",
     "Plan",
     "PreparationPlan",

@@ -1,4 +1,4 @@
-"""Correlations by the level just before, which shows no trend in a linear system."""
+"""Correlations by the level that the past lets expect, which shows no trend in a linear system."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,38 +16,19 @@ from sprung.identification.correlation import (
 )
 from sprung.recording import Recording
 
-#: Window of the level over the span of the lags.
-_WINDOW = 0.125
-#: Samples between the window of the level and the sample: filters without phase spread each sample over its neighbours.
+#: Windows of the past and of the future over the number of lags.
+_WINDOWS, _AHEAD = (0.125, 0.5, 2.0, 8.0), 0.25
+#: Samples between the windows of the past and the sample: filters without phase spread each sample over its neighbours.
 _GUARD = 4
-#: Classes of level for each subset; beyond those of the first record each is this much wider, this many on each side.
-_CLASSES, _STEP, _N_STEPS = 4, 1.4, 6
+#: Bounds between the classes of level, 5 % wide.
+_EDGES = np.geomspace(0.05, 20.0, 124)
 #: A level counts at most like this multiple of the median power: one pothole does not decide.
 _MOST_POWER = 4.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class LevelScale:
-    """Window of the level of a sample, and the classes of level.
-
-    Parameters
-    ----------
-    window
-        Number of samples over which the level is taken, at least 1.
-    edges
-        Rising bounds between the classes, shape (classes - 1,).
-    """
-
-    window: int
-    edges: Real
-
-    def __post_init__(self) -> None:
-        freeze(self, edges=1)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
 class LevelCorrelations:
-    """Sums of lagged products by segment and by the level just before the earlier factor.
+    """Sums of lagged products by segment and by the level expected after the earlier factor.
 
     Parameters
     ----------
@@ -57,8 +38,6 @@ class LevelCorrelations:
         Segment and class of each part, shape (parts,).
     powers
         Sums over the same products of the mean square of all channels at the later factor, shape (parts, lags).
-    scale
-        Classes of level.
     span
         Lowest and highest level.
     """
@@ -67,7 +46,6 @@ class LevelCorrelations:
     segments: Indices
     classes: Indices
     powers: Real
-    scale: LevelScale
     span: tuple[float, float]
 
     def __post_init__(self) -> None:
@@ -77,7 +55,7 @@ class LevelCorrelations:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LevelSet:
-    """Correlations whose earlier factor follows on a level within a range.
+    """Correlations after whose earlier factor a level within a range is expected.
 
     Parameters
     ----------
@@ -97,74 +75,74 @@ class LevelSet:
         freeze(self, powers=1)
 
 
-def past_levels(recording: Recording, window: int) -> Real:
-    """Return the level just before each sample.
+def expected_levels(recording: Recording, n_lags: int) -> Real:
+    """Return the level to be expected after each sample, from the past alone.
 
     Parameters
     ----------
     recording
         Recording whose channels are scaled to an RMS of about 1.
-    window
-        Number of samples.
+    n_lags
+        Number of lags of the correlations.
 
     Returns
     -------
     numpy.ndarray
-        Root of the mean square of all channels over `window` samples, of which the last is five samples earlier; 1 for
-        the first samples of each stretch, which have no past. Shape (samples,).
-    """
-    levels = np.ones(recording.samples.shape[1])
-    for stretch in recording.stretches():
-        power = np.mean(recording.samples[:, stretch] ** 2, axis=0)
-        total = np.concatenate([[0.0], np.cumsum(power)])
-        late = window + _GUARD
-        if len(power) > late:
-            mean = (total[window : len(power) - _GUARD] - total[: len(power) - late]) / window
-            levels[stretch.start + late : stretch.stop] = np.sqrt(np.maximum(mean, 0.0))
-    return levels
+        Expected RMS of all channels over the next quarter of the lags, shape (samples,).
 
+    Notes
+    -----
+    Linear prediction of the logarithm of the mean square from those over several windows that end five samples before:
+    short ones hold the free motion that goes on, long ones a slow variation of the excitation. The first samples of
+    each stretch have no past: their expected level is the mean.
 
-def level_scale(recording: Recording, *, n_lags: int, n_subsets: int) -> LevelScale:
-    """Return the classes of level for records like this one.
-
-    Parameters
+    References
     ----------
-    recording
-        First prepared record.
-    n_lags
-        Number of lags of the correlations.
-    n_subsets
-        Number of subsets that the classes are joined to.
-
-    Returns
-    -------
-    LevelScale
-        Window of an eighth of the lags; classes with equal numbers of samples of this record, and wider ones beyond.
+    F. Corsi (2009), A simple approximate long-memory model of realized volatility, Journal of Financial Econometrics 7,
+    174-196 (prediction from several windows).
     """
-    window = max(1, round(_WINDOW * n_lags))
-    levels = past_levels(recording, window)
-    shares = np.arange(1, _CLASSES * n_subsets) / (_CLASSES * n_subsets)
-    edges = np.unique(np.quantile(levels, shares)) if len(shares) else np.ones(1)
-    beyond = _STEP ** np.arange(1, _N_STEPS + 1)
-    return LevelScale(window, np.concatenate([edges[0] / beyond[::-1], edges, edges[-1] * beyond]))
+    pasts, futures = [], []
+    ahead = max(1, round(_AHEAD * n_lags))
+    for stretch in recording.stretches():
+        total = np.concatenate([[0.0], np.cumsum(np.mean(recording.samples[:, stretch] ** 2, axis=0))])
+        n_samples = len(total) - 1
+        now = np.arange(n_samples)
+        late = np.maximum(now - _GUARD, 0)
+        early = [np.maximum(late - max(1, round(window * n_lags)), 0) for window in _WINDOWS]
+        pasts.append([_log_power(total, first, np.where(late < n_lags / 8, first, late)) for first in early])
+        end = now + ahead
+        futures.append(_log_power(total, now, np.where(end <= n_samples, end, now)))
+    past, future = np.concatenate(pasts, axis=1).T, np.concatenate(futures)
+    has_past = np.asarray(np.isfinite(past).all(axis=1))
+    is_known = has_past & np.isfinite(future)
+    if not is_known.any():
+        return np.ones(len(future))
+    mean, centre = future[is_known].mean(), past[is_known].mean(axis=0)
+    weights = np.linalg.lstsq(past[is_known] - centre, future[is_known] - mean, rcond=1e-8)[0]
+    expected = np.full(len(future), mean)
+    expected[has_past] += (past[has_past] - centre) @ weights
+    return np.exp(expected / 2)
+
+
+def _log_power(total: Real, first: Indices, end: Indices) -> Real:
+    """Return the logarithm of the mean from the sums up to each sample, NaN over none."""
+    power = (total[end] - total[first]) / np.maximum(end - first, 1)
+    return np.log(np.where((end > first) & (power > 0), power, np.nan))
 
 
 def correlate_by_level(
     recording: Recording,
-    scale: LevelScale,
     *,
     n_lags: int,
     segment: float | None = None,
     references: Sequence[str] | None = None,
 ) -> LevelCorrelations:
-    """Cut a recording into segments and correlate each, separately for each level just before.
+    """Cut a recording into segments and correlate each, separately for each level expected from the past.
 
     Parameters
     ----------
     recording
         Recording with finite samples, channels scaled to an RMS of about 1.
-    scale
-        Window of the level and classes.
     n_lags, segment, references
         As for `correlate_segments`; the later factor of a product may lie in the next segment.
 
@@ -179,15 +157,15 @@ def correlate_by_level(
 
     Notes
     -----
-    sum of y(n + m) y_ref(n) over the n of a segment whose level a(n) lies in a class. For a linear system whose
-    excitation has no memory, E[y(n + m) z(n)] = C A^(m - 1) G for every z(n) made of the past up to n: all classes have
-    the poles of the whole, however the level of the excitation varies. Sorting by the level of the products themselves
-    selects the excitation after n, too, which biases damping.
+    sum of y(n + m) y_ref(n) over the n of a segment at which a level within the class is to be expected
+    (`expected_levels`). For a linear system whose excitation has no memory, E[y(n + m) z(n)] = C A^(m - 1) G for every
+    z(n) made of the past up to n: all classes have the poles of the whole, however the level of the excitation varies.
+    Sorting by the level of the products themselves selects the excitation after n, too, which biases damping.
     """
     names = recording.names if references is None else tuple(references)
     rows = [recording.index(name) for name in names]
-    levels = past_levels(recording, scale.window)
-    where = np.digitize(levels, scale.edges)
+    levels = expected_levels(recording, n_lags)
+    where = np.digitize(levels, _EDGES)
     power = np.mean(recording.samples**2, axis=0)
     sums, counts, powers, segments, classes = [], [], [], [], []
     for k, (first, last, stop) in enumerate(segment_bounds(recording, segment, n_lags)):
@@ -209,13 +187,12 @@ def correlate_by_level(
         np.concatenate(segments),
         np.concatenate(classes),
         np.concatenate(powers),
-        scale,
         (float(levels.min()), float(levels.max())),
     )
 
 
 def joined_levels(records: Sequence[LevelCorrelations]) -> LevelCorrelations:
-    """Put the segments of several records, which have one scale, one after another."""
+    """Put the segments of several records one after another."""
     first = records[0]
     offsets = np.cumsum([0, *(record.segments.max() + 1 for record in records)])
     return replace(
@@ -250,28 +227,24 @@ def level_sets(levels: LevelCorrelations, n_subsets: int) -> tuple[LevelSet, ...
     tuple of LevelSet
         Averages by rising level, with the same blocks.
     """
-    n_classes = len(levels.scale.edges) + 1
-    counts = np.bincount(levels.classes, levels.parts.n_products[:, 0], n_classes).astype(np.float64)
+    counts = np.bincount(levels.classes, levels.parts.n_products[:, 0], len(_EDGES) + 1).astype(np.float64)
     middle = (np.cumsum(counts) - counts / 2) / counts.sum()
-    subset = np.unique(np.minimum((middle * n_subsets).astype(int), n_subsets - 1), return_inverse=True)[1]
-    weights = _weights(levels, counts)
-    return tuple(
-        _level_set(levels, np.flatnonzero(subset == k), weights)
-        for k in range(subset.max() + 1)
-        if counts[subset == k].any()
-    )
+    occurring = np.flatnonzero(counts)
+    subsets = np.minimum((middle[occurring] * n_subsets).astype(int), n_subsets - 1)
+    weights = _weights(counts)
+    return tuple(_level_set(levels, occurring[subsets == k], weights) for k in np.unique(subsets))
 
 
-def _weights(levels: LevelCorrelations, counts: Real) -> Real:
+def _weights(counts: Real) -> Real:
     """Return the weight of each class, less than 1 for levels far above the median."""
-    inner = np.concatenate([levels.scale.edges[:1], levels.scale.edges])
+    inner = np.concatenate([_EDGES[:1], _EDGES])
     median = inner[np.searchsorted(np.cumsum(counts), counts.sum() / 2)]
     return np.minimum(1.0, _MOST_POWER * (median / inner) ** 2)
 
 
 def _level_set(levels: LevelCorrelations, chosen: Indices, weights: Real) -> LevelSet:
     """Return the average over some classes."""
-    parts, edges = levels.parts, np.concatenate([[-np.inf], levels.scale.edges, [np.inf]])
+    parts, edges = levels.parts, np.concatenate([[-np.inf], _EDGES, [np.inf]])
     is_chosen = np.isin(levels.classes, chosen)
     n_segments = int(levels.segments.max()) + 1
     factors = weights[levels.classes[is_chosen]]

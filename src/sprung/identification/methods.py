@@ -23,7 +23,7 @@ from sprung.identification.stabilisation import (
     with_status,
 )
 from sprung.identification.subsets import subsets_of_equal_width
-from sprung.identification.trends import LevelTrends, level_trends, trends_in_words
+from sprung.identification.trends import N_LEVELS, LevelTrends, level_trends, trends_in_words
 from sprung.modal import Modes, PoleStatus, unit_shapes
 from sprung.recording import Recording
 from sprung.signals.cepstrum import Exponential, Lifter, ShortPass, subtract_lifter_damping
@@ -110,7 +110,7 @@ def coss_ssi(
     Notes
     -----
     The modes of the subsets stay in the result: for a suspension with friction and progressive springs, their change
-    with the level is information. Products y(n + m) y_ref(n) are sorted by the level of all channels just before n,
+    with the level is information. Products y(n + m) y_ref(n) are sorted by the level that the past lets expect at n,
     which does not bias the subsets of a linear system (`levels.correlate_by_level`); whether frequency and damping
     depend on the level is tested (`Identification.level_trends`). The thesis sorts segments by the level of the
     correlations that are averaged (`settings.as_in_thesis`): for a linear system, too, that biases damping, high in the
@@ -155,7 +155,7 @@ def summarise(
     check_one_of("method", method, METHODS)
     settings = settings or IdentificationSettings()
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=_no_report)
-    return _summary(method, settings, records, _level_sets(settings, records))[0]
+    return _summary(method, settings, records, _level_sets(settings.n_subsets, records))[0]
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
@@ -191,10 +191,10 @@ def _identify(
     """Correlate, sort, realise, select, merge and label."""
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=report)
-    sets = _level_sets(settings, records)
+    sets = _level_sets(settings.n_subsets, records)
     summary, notes_on_subsets = _summary(method, settings, records, sets)
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
-    trends = _level_trends(merged.modes, summary, sets)
+    trends = _level_trends(merged.modes, summary, _level_sets(N_LEVELS, records) if len(sets) > 1 else ())
     report("done", 1.0)
     return Identification(
         method=method,
@@ -211,6 +211,7 @@ def _identify(
         notes=(
             *records.plan.preparation.notes,
             *records.notes,
+            *_notes_on_deviations(summary),
             *notes_on_subsets,
             *_notes_on_modes(merged.modes, settings.lifter),
             *([] if trends is None else trends_in_words(merged.modes, trends)),
@@ -219,9 +220,9 @@ def _identify(
     )
 
 
-def _level_sets(settings: IdentificationSettings, records: CorrelatedRecords) -> tuple[LevelSet, ...]:
-    """Return the averages by the level just before; none where products are not sorted by it."""
-    return () if records.levels is None else level_sets(records.levels, settings.n_subsets)
+def _level_sets(n_subsets: int, records: CorrelatedRecords) -> tuple[LevelSet, ...]:
+    """Return the averages by the expected level; none where products are not sorted by it."""
+    return () if records.levels is None else level_sets(records.levels, n_subsets)
 
 
 def _level_trends(modes: Modes, summary: CorrelationSummary, sets: Sequence[LevelSet]) -> LevelTrends | None:
@@ -260,6 +261,16 @@ def _summary(
         average=overall,
         harmonics=records.harmonics,
     ), notes
+
+
+def _notes_on_deviations(summary: CorrelationSummary) -> list[str]:
+    """Return what the standard deviations hold."""
+    n_records = len(set(summary.average.records)) or 1
+    if not len(summary.average.changes):
+        return []
+    if n_records > 1:
+        return [f"standard deviations hold the variation between parts of the records and between {n_records} records"]
+    return ["standard deviations hold the variation between parts of the record, none that is slower than the record"]
 
 
 def _notes_on_modes(modes: Modes, lifter: Lifter | None) -> list[str]:

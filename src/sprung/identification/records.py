@@ -15,7 +15,7 @@ from sprung.identification.correlation import (
     join_segments,
     with_limited_power,
 )
-from sprung.identification.levels import LevelCorrelations, LevelScale, correlate_by_level, joined_levels, level_scale
+from sprung.identification.levels import LevelCorrelations, correlate_by_level, joined_levels
 from sprung.identification.planning import make_plan, plan_preparation
 from sprung.identification.preparation import Prepared, prepare, search_harmonics
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
@@ -118,8 +118,7 @@ def correlate_records(
         try:
             prepared = prepare(recording, plan.preparation, lifter=settings.lifter)
             harmonics = _harmonics(recording, plan.preparation, settings, vehicle)
-            scale = None if first.levels is None else first.levels.scale
-            correlated.append(_correlate(method, prepared, harmonics, plan, settings, scale=scale))
+            correlated.append(_correlate(method, prepared, harmonics, plan, settings))
         except DataError as error:
             left_out[number] = error
     levels = [record.levels for record in correlated if record.levels is not None]
@@ -174,10 +173,7 @@ def _first_record(
                 method="cov" if _is_by_level(method, settings) else method,
                 total_duration=total_duration or recording.duration,
             )
-            scale = None
-            if _is_by_level(method, settings):
-                scale = level_scale(prepared.motion, n_lags=plan.ladder.n_lags, n_subsets=settings.n_subsets)
-            return plan, _correlate(method, prepared, harmonics, plan, settings, scale=scale)
+            return plan, _correlate(method, prepared, harmonics, plan, settings)
         except DataError as error:
             left_out[number] = error
     reasons = [*left_out.values(), DataError("there is no recording to identify modes from: give at least one")]
@@ -199,27 +195,22 @@ def _is_by_level(method: str, settings: IdentificationSettings) -> bool:
 
 
 def _correlate(
-    method: str,
-    prepared: Prepared,
-    harmonics: tuple[Harmonic, ...],
-    plan: Plan,
-    settings: IdentificationSettings,
-    *,
-    scale: LevelScale | None,
+    method: str, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
 ) -> _Correlated:
-    """Correlate the segments of one prepared record, with a scale also by level."""
-    n_lags, references = plan.ladder.n_lags, settings.references
+    """Correlate the segments of one prepared record."""
+    motion, n_lags, references = prepared.motion, plan.ladder.n_lags, settings.references
+    is_by_level = _is_by_level(method, settings)
     segments = correlate_segments(
-        prepared.motion,
+        motion,
         n_lags=n_lags,
         segment=plan.segment,
         references=references,
-        is_continued=method == "cov" or scale is not None,
+        is_continued=method == "cov" or is_by_level,
     )
     levels = None
-    if scale is not None:
-        levels = correlate_by_level(prepared.motion, scale, n_lags=n_lags, segment=plan.segment, references=references)
-    return _Correlated(prepared.motion.channels, segments, levels, prepared.spectra, prepared.edited_spectra, harmonics)
+    if is_by_level:
+        levels = correlate_by_level(motion, n_lags=n_lags, segment=plan.segment, references=references)
+    return _Correlated(motion.channels, segments, levels, prepared.spectra, prepared.edited_spectra, harmonics)
 
 
 def _common_harmonics(records: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, ...]:

@@ -49,7 +49,7 @@ class IdentificationSettings:
     has_own_levels
         Whether CoSS-SSI sorts segments by the level of the very correlations that it averages (the form of the thesis),
         which biases damping: high at low level, low at high level, in a linear system, too. False: products are sorted
-        by the level just before them.
+        by the level that the past lets expect.
 
     Raises
     ------

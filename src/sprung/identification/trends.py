@@ -14,11 +14,14 @@ from sprung.identification.subspace import eigenvalue_weights, frequency_and_dam
 from sprung.modal import Modes, Poles, mac
 
 #: Probability of calling a trend in any mode of a record without one.
-FALSE_TRENDS = 0.02
+FALSE_TRENDS = 0.01
+#: Number of ranges of level between which the test compares.
+N_LEVELS = 6
 #: Orders up to this one are searched for a mode, and shapes with at least this MAC are the same.
 _MAX_ORDER, _SAME_SHAPE = 40, 0.8
-#: Smallest number of blocks, and smallest ratio of a mode's share in a subset to its standard deviation.
-_FEWEST_BLOCKS, _LEAST_SHARE = 8, 2.0
+#: Smallest number of blocks, of all levels and (effectively) of one, and smallest ratio of a mode's share in a range of
+#: levels to its standard deviation.
+_FEWEST_BLOCKS, _FEWEST_OF_LEVEL, _LEAST_SHARE = 8, 4.0, 2.0
 #: Change over its standard deviation from which frequency or damping is named.
 _CLEAR = 2.5
 
@@ -56,7 +59,7 @@ class LevelTrends:
 
     @property
     def is_detected(self) -> Booleans:
-        """Whether each mode depends on the level beyond chance (2 % for any mode of a linear system)."""
+        """Whether each mode depends on the level beyond chance (1 % for any mode of a linear system)."""
         return np.asarray(self.p_value * max(len(self.p_value), 1) < FALSE_TRENDS, dtype=np.bool_)
 
 
@@ -126,7 +129,9 @@ def _trend(weights: tuple[Complex, Complex], modulus: float, sets: Sequence[Leve
         decay = modulus ** (2 * np.arange(len(part.powers)))
         levels.append(np.log2(np.sum(decay * part.powers) / decay.sum()) / 2)
     y, blocks, x = np.array(values), np.array(changes), np.array(levels)
-    if not (np.isfinite(y).all() and np.ptp(x) > 0):
+    is_known = np.isfinite(y).all(axis=1)
+    y, blocks, x = y[is_known], blocks[is_known], x[is_known]
+    if len(x) < 2 or np.ptp(x) <= 0:
         return np.full(6, np.nan)
     certainty = 1 / np.sum(blocks**2, axis=2)
     away = x[:, None] - np.sum(certainty * x[:, None], axis=0) / certainty.sum(axis=0)
@@ -134,11 +139,21 @@ def _trend(weights: tuple[Complex, Complex], modulus: float, sets: Sequence[Leve
     slopes = np.sum(contrasts * y, axis=0)
     spread = np.einsum("sq,sqb->qb", contrasts, blocks)
     covariance = spread @ spread.T
-    n_blocks = blocks.shape[2]
-    statistic = slopes @ np.linalg.solve(covariance, slopes) * (n_blocks - 2) / (2 * (n_blocks - 1))
-    p_value = special.fdtrc(2, n_blocks - 2, statistic)
+    degrees = _degrees_of_freedom(spread)
+    statistic = slopes @ np.linalg.solve(covariance, slopes) * (degrees - 1) / (2 * degrees)
+    p_value = special.fdtrc(2, degrees - 1, statistic)
     deviations = np.sqrt(np.diag(covariance))
     return np.array([slopes[0], deviations[0], slopes[1], deviations[1], p_value, 2 ** (x[-1] - x[0])])
+
+
+def _degrees_of_freedom(spread: Real) -> float:
+    """Return the degrees of freedom of a variance from blocks that may differ in power, spread (values, blocks).
+
+    Satterthwaite's: for n equally powerful normal blocks, 3 (sum of squares)^2 / sum of fourth powers is near n.
+    """
+    squares = spread**2
+    of_equal = 3 * np.sum(squares, axis=1) ** 2 / np.sum(squares**2, axis=1)
+    return max(min(float(np.min(of_equal)), spread.shape[1]) - 1, 3.0)
 
 
 def _pole(weights: tuple[Complex, Complex], correlations: Correlations) -> tuple[Real, Real]:
@@ -149,10 +164,11 @@ def _pole(weights: tuple[Complex, Complex], correlations: Correlations) -> tuple
         for weight in weights
     ]
     numerator, denominator = (term.sum() for term in terms)
-    scale = np.sqrt(len(terms[0]) / (len(terms[0]) - 1))
+    n_effective = 1 / np.sum(correlations.weights**2)
+    scale = np.sqrt(n_effective / max(n_effective - 1, 0.1))
     eigenvalue = numerator / denominator
     share = np.sqrt(np.sum(np.abs(terms[1] - correlations.weights * denominator) ** 2))
-    if abs(denominator) < _LEAST_SHARE * scale * share:
+    if n_effective < _FEWEST_OF_LEVEL or abs(denominator) < _LEAST_SHARE * scale * share:
         return np.full(2, np.nan), np.full((2, len(terms[0])), np.nan)
     pole = np.log(eigenvalue) * correlations.sampling_rate
     change = scale * (terms[0] - eigenvalue * terms[1]) / numerator * correlations.sampling_rate
