@@ -62,6 +62,7 @@ def _levels(generator, n_samples):
 def test_a_linear_record_of_varying_level_has_no_trend() -> None:
     found = coss_ssi(oscillator(1), settings=QUIET)
     assert len(found.modes) == 1
+    assert found.level_trends is not None
     assert not found.level_trends.is_detected.any()
     assert found.level_trends.contrast[0] > 1.2
     assert found.notes[-1].startswith("no dependence on the level detected (highest subset over lowest: 1.")
@@ -73,6 +74,7 @@ def test_a_linear_record_of_varying_level_has_no_trend() -> None:
 def test_a_hardening_spring_raises_the_frequency() -> None:
     found = coss_ssi(oscillator(2, hardening=4.0), settings=QUIET)
     trends = found.level_trends
+    assert trends is not None
     nearest = int(np.argmax(trends.natural_frequency / trends.natural_frequency_std))
     assert trends.is_detected[nearest]
     assert trends.natural_frequency[nearest] > 0
@@ -90,7 +92,7 @@ def modes_at(*frequencies):
     n = len(frequencies)
     return Modes(
         poles=2 * np.pi * np.array(frequencies) * (-0.02 + 1j * np.sqrt(1 - 0.02**2)),
-        mode_shapes=np.ones((n, 2)),
+        mode_shapes=np.ones((n, 2), dtype=complex),
         channels=("a", "b"),
         natural_frequency_std=np.full(n, 0.01),
         damping_ratio_std=np.full(n, 0.001),

@@ -81,11 +81,12 @@ def level_trends(modes: Modes, average: Correlations, sets: Sequence[LevelSet]) 
 
     Notes
     -----
-    The modal filter of each mode (`subspace.eigenvalue_weights`), made from the average, gives the pole of each subset
-    without a new realisation, and its change with each block. Slope: weighted least squares of ln frequency and of the
-    damping ratio over log2 of the level, which is the RMS of all channels during the ring-down that follows, weighted
-    with the mode's decay. It is this level that acts on the mode: the level before the products only sorts them (an
-    instrument), so that its scatter does not flatten the slope. p: Hotelling's T^2 of both slopes over the blocks.
+    The modal filter of each mode (`subspace.eigenvalue_weights`), made from the average, gives the pole of each range
+    of levels without a new realisation, and its change with each block. Slope: least squares, weighted with the number
+    of products, of ln frequency and of the damping ratio over log2 of the level. That is the RMS of all channels during
+    the ring-down that follows, weighted with the mode's decay: it acts on the mode, while the expected level only sorts
+    the products (an instrument), so that its error does not flatten the slope. p: Hotelling's T^2 of both slopes over
+    the blocks.
 
     References
     ----------
@@ -130,20 +131,20 @@ def _trend(weights: tuple[Complex, Complex], modulus: float, sets: Sequence[Leve
         levels.append(np.log2(np.sum(decay * part.powers) / decay.sum()) / 2)
     y, blocks, x = np.array(values), np.array(changes), np.array(levels)
     is_known = np.isfinite(y).all(axis=1)
-    y, blocks, x = y[is_known], blocks[is_known], x[is_known]
+    shares = np.array([part.correlations.n_segments for part in sets], dtype=np.float64)[is_known, None]
+    y, blocks, x = y[is_known], blocks[is_known], x[is_known, None]
     if len(x) < 2 or np.ptp(x) <= 0:
         return np.full(6, np.nan)
-    certainty = 1 / np.sum(blocks**2, axis=2)
-    away = x[:, None] - np.sum(certainty * x[:, None], axis=0) / certainty.sum(axis=0)
-    contrasts = certainty * away / np.sum(certainty * away**2, axis=0)
+    away = x - np.sum(shares * x) / shares.sum()
+    contrasts = shares * away / np.sum(shares * away**2)
     slopes = np.sum(contrasts * y, axis=0)
-    spread = np.einsum("sq,sqb->qb", contrasts, blocks)
+    spread = np.sum(contrasts[..., None] * blocks, axis=0)
     covariance = spread @ spread.T
     degrees = _degrees_of_freedom(spread)
     statistic = slopes @ np.linalg.solve(covariance, slopes) * (degrees - 1) / (2 * degrees)
     p_value = special.fdtrc(2, degrees - 1, statistic)
     deviations = np.sqrt(np.diag(covariance))
-    return np.array([slopes[0], deviations[0], slopes[1], deviations[1], p_value, 2 ** (x[-1] - x[0])])
+    return np.array([slopes[0], deviations[0], slopes[1], deviations[1], p_value, float(2 ** (x[-1, 0] - x[0, 0]))])
 
 
 def _degrees_of_freedom(spread: Real) -> float:
