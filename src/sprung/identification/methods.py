@@ -342,7 +342,8 @@ def _diagram(correlations: Correlations, summary: CorrelationSummary) -> Stabili
 def _merge(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple[list[SubsetModes], MergedModes]:
     """Merge the modes of the subsets and drop the insignificant ones; return the subsets and the merged modes."""
     weights = [subset.n_segments for subset in subsets]
-    merged = merge_modes([s.modes for s in subsets], weights=weights)
+    has_mean_shapes = not summary.settings.has_own_levels
+    merged = merge_modes([s.modes for s in subsets], weights=weights, has_mean_shapes=has_mean_shapes)
     members = merged.members
     is_kept = significant(merged.modes, summary.average, least=summary.settings.criteria.contribution)
     modes = _with_deviations(
