@@ -124,6 +124,9 @@ class Poles:
         Names of the channels.
     natural_frequency_std, damping_ratio_std
         Standard deviations from the spread of the blocks, shape (poles,); NaN where the correlations have one block.
+    changes
+        First-order change of each pole with each block [rad/s], scaled so that the squares add up to the variance of
+        independent blocks, shape (blocks, poles); no blocks where they are unknown.
 
     Raises
     ------
@@ -138,9 +141,12 @@ class Poles:
     channels: tuple[str, ...]
     natural_frequency_std: Real
     damping_ratio_std: Real
+    changes: Complex = field(default_factory=lambda: np.zeros((0, 0), dtype=np.complex128))
 
     def __post_init__(self) -> None:
         freeze(self, poles=1, dtype=np.complex128)
+        changes = frozen_array("changes", self.changes, ndim=2, dtype=np.complex128)
+        object.__setattr__(self, "changes", changes)
         n_poles = len(self.poles)
         freeze(self, natural_frequency_std=1, damping_ratio_std=1)
         shapes = frozen_array("mode_shapes", self.mode_shapes, ndim=2, dtype=np.complex128)

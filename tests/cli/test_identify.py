@@ -22,6 +22,7 @@ MODE_KEYS = {
     "subsets": list,
     "mpc": float,
     "participation": type(None),
+    "level_trend": type(None),
 }
 
 

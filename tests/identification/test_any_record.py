@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import linalg, signal
 
-from sprung.identification import cov_ssi
+from sprung.identification import OrderLadder, cov_ssi
 from sprung.recording import Channel, Gap, Recording
 
 
@@ -88,6 +88,7 @@ def test_seventeen_channels_show_a_faint_first_mode() -> None:
     shapes[0] *= 0.08
     samples = modal_motion(frequencies, [0.012] * 5, shapes, n_samples, rate=rate, generator=generator)
     found = cov_ssi(recorded(with_noise(samples, generator, 0.2), rate))
+    assert isinstance(found.plan.ladder, OrderLadder)
     assert found.plan.ladder.strides[-1] > 1
     np.testing.assert_allclose(found.modes.natural_frequency, frequencies, rtol=0.01)
 

@@ -44,6 +44,14 @@ def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own() -> None
     assert merged.modes.stable_rate.tolist() == [0.5, 0.5]
 
 
+def test_shapes_can_be_averaged_whatever_their_phase_and_scale() -> None:
+    parts = [modes_of((3.0, 0.02, (1, 0.5))), modes_of((3.0, 0.02, (2j, 1.2j)))]
+    merged = merge_modes(parts, weights=[3.0, 1.0], has_mean_shapes=True)
+    scaled = np.array([1.0, 0.6]) * 1.25 / 1.3
+    expected = 0.75 * np.array([1.0, 0.5]) + 0.25 * scaled
+    np.testing.assert_allclose(merged.modes.mode_shapes, [expected / expected[0]])
+
+
 def test_a_mode_of_less_than_half_of_the_parts_is_left_out() -> None:
     one, none = modes_of((3.0, 0.02, (1, 1))), modes_of((3.0, 0.02, (1, 1))).take(np.zeros(0, dtype=int))
     assert len(merge_modes([one, none], weights=[1, 1]).modes) == 1

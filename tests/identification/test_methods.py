@@ -120,10 +120,12 @@ def test_poor_records_among_good_ones_are_left_out_and_noted(first) -> None:
 
 
 def test_one_subset_is_the_average_of_all_segments() -> None:
-    """F. Liu (2020), section 4.2: J = 1 is ACS-Cov-SSI."""
+    """F. Liu (2020), section 4.2: J = 1 is ACS-Cov-SSI; sorted by the expected level it is Cov-SSI."""
     records = [run(seed) for seed in range(3)]
     settings = IdentificationSettings(n_subsets=1, segment=10.0)
-    assert_same(coss_ssi(records, settings=settings), acs_ssi(records, settings=settings), deviations=1e-9)
+    assert_same(coss_ssi(records, settings=settings), cov_ssi(records, settings=settings), deviations=1e-6)
+    thesis = replace(settings, has_own_levels=True)
+    assert_same(coss_ssi(records, settings=thesis), acs_ssi(records, settings=thesis), deviations=1e-9)
 
 
 def test_the_ladder_of_the_thesis_averages_with_bias() -> None:

@@ -35,6 +35,24 @@ def test_values_and_intervals_stand_at_the_levels(subsets) -> None:
             assert merged == pytest.approx(factor * getattr(subsets.modes, name)[k])
 
 
+def test_a_dependence_on_the_level_is_a_line(subsets) -> None:
+    trends = replace(
+        subsets.level_trends,
+        natural_frequency=np.array([0.05, 0.0, 0.0]),
+        damping_ratio=np.array([-0.01, 0.0, 0.0]),
+        p_value=np.array([1e-9, 0.5, 0.5]),
+    )
+    modes, _ = panels(subsets_figure(replace(subsets, level_trends=trends)))
+    lines = [[line for line in upper.get_lines() if line.get_gid() == "trend"] for upper, _ in modes]
+    assert [len(drawn) for drawn in lines] == [1, 0, 0]
+    x, y = lines[0][0].get_data()
+    frequency = subsets.modes.natural_frequency[0]
+    assert (y[-1] - y[0]) / np.log2(x[-1] / x[0]) == pytest.approx(0.05 * frequency)
+    (damping,) = (line for line in modes[0][1].get_lines() if line.get_gid() == "trend")
+    x, y = damping.get_data()
+    assert (y[-1] - y[0]) / np.log2(x[-1] / x[0]) == pytest.approx(-1.0)
+
+
 def test_small_changes_look_small(subsets) -> None:
     for upper, lower in panels(subsets_figure(subsets))[0]:
         assert np.ptp(upper.get_ylim()) >= 0.04 * np.mean(upper.get_ylim()) * 0.95
@@ -67,7 +85,7 @@ def test_without_levels_or_modes_that_is_said(chain, subsets) -> None:
 
 def test_many_modes_go_into_several_bands(subsets) -> None:
     chosen = np.arange(7) % len(subsets.modes)
-    many = replace(subsets, modes=subsets.modes.take(chosen), members=subsets.members[chosen])
+    many = replace(subsets, modes=subsets.modes.take(chosen), members=subsets.members[chosen], level_trends=None)
     figure = subsets_figure(many)
     assert len(panels(figure)[0]) == 7
     figure.draw_without_rendering()

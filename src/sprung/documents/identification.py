@@ -22,12 +22,25 @@ class SubsetValues(ModeValues):
     stable_rate: Number
 
 
+class LevelTrend(Document):
+    """Dependence of a mode on the level of the motion."""
+
+    natural_frequency: float
+    natural_frequency_std: float
+    damping_ratio: float
+    damping_ratio_std: float
+    p_value: float
+    contrast: float
+    is_detected: bool
+
+
 class MergedMode(IdentifiedMode):
     """A mode with the method that gave it, its share in the rigid-body motions, and its values in each subset."""
 
     source: Literal["ssi", "road_likelihood"] = "ssi"
     participation: Participation | None
     subsets: tuple[SubsetValues | None, ...]
+    level_trend: LevelTrend | None = None
 
 
 class SubsetDocument(Document):
@@ -250,14 +263,26 @@ def _merged_modes(identification: Identification, vehicle: AnyVehicle | None) ->
                 _subset_values(subset, int(member)) if member >= 0 else None
                 for subset, member in zip(identification.subsets, members, strict=True)
             ],
+            "level_trend": trend,
         }
-        for mode, source, participation, members in zip(
+        for mode, source, participation, members, trend in zip(
             identified_modes(identification.modes),
             identification.sources,
             participations(identification.modes, identification.channels, vehicle),
             identification.members,
+            _level_trends(identification),
             strict=True,
         )
+    ]
+
+
+def _level_trends(identification: Identification) -> list[dict[str, float] | None]:
+    trends = identification.level_trends
+    if trends is None:
+        return [None] * len(identification.modes)
+    return [
+        {name: getattr(trends, name)[k] for name in LevelTrend.model_fields} if np.isfinite(trends.p_value[k]) else None
+        for k in range(len(identification.modes))
     ]
 
 

@@ -16,6 +16,7 @@ from sprung.identification.picking import pick_modes
 from sprung.identification.results import CorrelationSummary, Identification, RovingSetups, SetUp, SubsetModes
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan, as_in_thesis
 from sprung.identification.setups import identify_setups
+from sprung.identification.trends import LevelTrends
 
 __all__ = [
     "METHODS",
@@ -24,6 +25,7 @@ __all__ = [
     "CorrelationSummary",
     "Identification",
     "IdentificationSettings",
+    "LevelTrends",
     "OrderLadder",
     "Plan",
     "PreparationPlan",

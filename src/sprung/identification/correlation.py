@@ -30,6 +30,8 @@ class SegmentCorrelations:
         Sampling rate [Hz].
     channels, references
         Names of the outputs and of the references.
+    records
+        Number of the record of each segment, from 0; empty: all are of one record.
     """
 
     sums: Real
@@ -37,6 +39,7 @@ class SegmentCorrelations:
     sampling_rate: float
     channels: tuple[str, ...]
     references: tuple[str, ...]
+    records: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, sums=4, n_products=2)
@@ -53,7 +56,8 @@ class SegmentCorrelations:
 
     def take(self, segments: Indices | Sequence[int]) -> "SegmentCorrelations":
         """Return only the given segments."""
-        return replace(self, sums=self.sums[segments], n_products=self.n_products[segments])
+        records = tuple(np.array(self.records)[segments].tolist()) if self.records else ()
+        return replace(self, sums=self.sums[segments], n_products=self.n_products[segments], records=records)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -77,6 +81,8 @@ class Correlations:
         Number of segments averaged.
     n_products
         Number of products averaged at lag 0; infinite for exact correlations, or where it is not known.
+    records
+        Number of the record in which each block begins, from 0; empty: all are of one record.
     """
 
     values: Real
@@ -87,6 +93,7 @@ class Correlations:
     references: tuple[str, ...]
     n_segments: int = 1
     n_products: float = np.inf
+    records: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, values=3, blocks=4, weights=1)
@@ -210,22 +217,35 @@ def correlate_segments(
     n_lags = int(check_number("n_lags", n_lags, at_least=2))
     names = recording.names if references is None else tuple(references)
     rows = [recording.index(name) for name in names]
-    bounds = list(_segment_bounds(recording, segment, n_lags))
+    bounds = segment_bounds(recording, segment, n_lags)
+    sums = np.empty((len(bounds), len(recording.channels), len(rows), n_lags))
+    n_products = np.empty((len(bounds), n_lags))
+    for k, (first, last, stop) in enumerate(bounds):
+        end = stop if is_continued else last
+        late = recording.samples[:, first:end]
+        sums[k] = lagged_sums(late, late[rows, : last - first], n_lags)
+        n_products[k] = np.minimum(last - first, end - first - np.arange(n_lags))
+    return SegmentCorrelations(sums, n_products, recording.sampling_rate, recording.names, names)
+
+
+def segment_bounds(recording: Recording, segment: float | None, n_lags: int) -> list[tuple[int, int, int]]:
+    """Return first sample and end of each segment, and the end of its stretch; parameters as `correlate_segments`.
+
+    Raises
+    ------
+    DataError
+        If no stretch holds `n_lags` samples.
+    """
+    bounds = list(_bounds(recording, segment, n_lags))
     if not bounds:
         raise DataError(
             f"no stretch of the recording is as long as {n_lags} lags"
             f" ({n_lags / recording.sampling_rate:.3g} s): record longer or use fewer block rows"
         )
-    sums = np.empty((len(bounds), len(recording.channels), len(rows), n_lags))
-    n_products = np.empty((len(bounds), n_lags))
-    for k, (first, last, stop) in enumerate(bounds):
-        end = stop if is_continued else last
-        sums[k] = _lagged_sums(recording.samples[:, first:end], rows, last - first, n_lags)
-        n_products[k] = np.minimum(last - first, end - first - np.arange(n_lags))
-    return SegmentCorrelations(sums, n_products, recording.sampling_rate, recording.names, names)
+    return bounds
 
 
-def _segment_bounds(recording: Recording, segment: float | None, n_lags: int) -> Iterator[tuple[int, int, int]]:
+def _bounds(recording: Recording, segment: float | None, n_lags: int) -> Iterator[tuple[int, int, int]]:
     """Yield first sample of a segment, end of the segment and end of its stretch."""
     for stretch in recording.stretches():
         length = stretch.stop - stretch.start
@@ -238,16 +258,32 @@ def _segment_bounds(recording: Recording, segment: float | None, n_lags: int) ->
         yield from ((first, last, stretch.stop) for first, last in itertools.pairwise(edges))
 
 
-def _lagged_sums(samples: Real, rows: Sequence[int], n_early: int, n_lags: int) -> Real:
-    """Sum products of the first `n_early` reference samples with later ones; (channels, references, lags)."""
+def lagged_sums(late: Real, early: Real, n_lags: int) -> Real:
+    """Return sums over n of late(n + m) early(n) for lags m from 0.
+
+    Parameters
+    ----------
+    late
+        Later factors, shape (channels, samples).
+    early
+        Earlier factors from the same first sample on, shape (references, up to as many samples).
+    n_lags
+        Number of lags.
+
+    Returns
+    -------
+    numpy.ndarray
+        Sums, shape (channels, references, lags).
+    """
+    n_early = early.shape[1]
     n_fft = int(fft.next_fast_len(min(max(8 * n_lags, 2048), n_early + n_lags - 1), real=True))
     step = n_fft - n_lags + 1
-    cross = np.zeros((samples.shape[0], len(rows), n_fft // 2 + 1), dtype=complex)
+    cross = np.zeros((len(late), len(early), n_fft // 2 + 1), dtype=complex)
     for first in range(0, n_early, step):
-        late = fft.rfft(samples[:, first : first + n_fft], n_fft)
-        early = fft.rfft(samples[rows, first : min(first + step, n_early)], n_fft)
-        cross += late[:, None] * early.conj()
-    return fft.irfft(cross, n_fft)[..., :n_lags]
+        later = fft.rfft(late[:, first : first + n_fft], n_fft)
+        earlier = fft.rfft(early[:, first : first + step], n_fft)
+        cross += later[:, None] * earlier.conj()
+    return np.asarray(fft.irfft(cross, n_fft)[..., :n_lags])
 
 
 def join_segments(parts: Sequence[SegmentCorrelations]) -> SegmentCorrelations:
@@ -271,6 +307,7 @@ def join_segments(parts: Sequence[SegmentCorrelations]) -> SegmentCorrelations:
         first,
         sums=np.concatenate([part.sums for part in parts]),
         n_products=np.concatenate([part.n_products for part in parts]),
+        records=tuple(number for number, part in enumerate(parts) for _ in range(part.n_segments)),
     )
 
 
@@ -341,6 +378,7 @@ def average(segments: SegmentCorrelations, *, is_biased: bool = False) -> Correl
         references=segments.references,
         n_segments=segments.n_segments,
         n_products=float(n_products[:, 0].sum()),
+        records=tuple(segments.records[start] for start in starts) if segments.records else (),
     )
 
 

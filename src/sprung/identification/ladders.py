@@ -147,6 +147,9 @@ def _join_rungs(parts: Sequence[Poles], edges: Sequence[float]) -> Poles:
         rungs=rungs[order],
         natural_frequency_std=joined("natural_frequency_std"),
         damping_ratio_std=joined("damping_ratio_std"),
+        changes=np.concatenate([part.changes[:, rows] for part, rows in zip(parts, taken, strict=True)], axis=1)[
+            :, order
+        ],
     )
 
 

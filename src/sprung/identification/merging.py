@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sprung._arrays import Indices, Real
+from sprung._arrays import Complex, Indices, Real
 from sprung._checks import freeze
 from sprung.identification.stabilisation import align
-from sprung.modal import Modes, join_modes
+from sprung.modal import Modes, join_modes, unit_shapes
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -30,7 +30,7 @@ class MergedModes:
         freeze(self, members=2, dtype=np.intp)
 
 
-def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> MergedModes:
+def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float], has_mean_shapes: bool = False) -> MergedModes:
     """Merge the modes of several identifications of one system.
 
     Parameters
@@ -39,12 +39,15 @@ def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> MergedMo
         Modes of the same channels: from subsets of segments, or from splits of outputs and references.
     weights
         Weights of the parts, above 0: the numbers of segments for subsets.
+    has_mean_shapes
+        Whether shapes are weighted means, too, of shapes with one phase and scale; False: the shape is that of the part
+        of largest weight (the form of the thesis).
 
     Returns
     -------
     MergedModes
-        Modes of at least half of the parts. Poles are weighted means; the shape is that of the part of largest weight.
-        Of several modes of one part that merge, the one with the largest stable rate represents the part.
+        Modes of at least half of the parts. Poles are weighted means. Of several modes of one part that merge, the one
+        with the largest stable rate represents the part.
 
     References
     ----------
@@ -64,10 +67,46 @@ def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float]) -> MergedMo
         row = np.full(len(parts), -1)
         row[owners[same]] = places[same]
         members.append(row)
-        merged.append(_mean_mode(together.take(same), np.asarray(weights, dtype=float)[owners[same]]))
+        mean = _mean_mode(together.take(same), np.asarray(weights, dtype=float)[owners[same]])
+        if has_mean_shapes:
+            shape = _mean_shape(together.mode_shapes[same], np.asarray(weights, dtype=float)[owners[same]])
+            mean = replace(mean, mode_shapes=unit_shapes(shape[None]))
+        merged.append(mean)
     modes = join_modes(merged) if merged else together.take(np.zeros(0, dtype=np.intp))
     order = np.argsort(modes.natural_frequency)
     return MergedModes(modes.take(order), np.array(members, dtype=np.intp).reshape(-1, len(parts))[order])
+
+
+def merged_deviations(deviations: Sequence[Real], weights: Sequence[float], members: Indices) -> Real:
+    """Return the standard deviations of merged modes from those of the parts.
+
+    Parameters
+    ----------
+    deviations
+        Standard deviations of the modes of each part, shapes (values, modes of the part).
+    weights
+        Weights of the parts.
+    members
+        Index of the part's mode for each merged mode and part, -1 for none; shape (modes, parts).
+
+    Returns
+    -------
+    numpy.ndarray
+        Standard deviations of the weighted means of independent parts, shape (values, modes).
+    """
+    merged = np.zeros((2, len(members)))
+    for row, places in enumerate(members):
+        owners = np.flatnonzero(places >= 0)
+        shares = np.asarray(weights, dtype=float)[owners]
+        values = np.array([deviations[owner][:, places[owner]] for owner in owners.tolist()]).T
+        merged[:, row] = np.sqrt(np.sum((shares / shares.sum() * values) ** 2, axis=1))
+    return merged
+
+
+def _mean_shape(shapes: Complex, weights: Real) -> Complex:
+    """Return the weighted mean of shapes, each scaled to the same product with that of largest weight."""
+    best = shapes[np.argmax(weights)]
+    return np.asarray((weights / (shapes @ np.conj(best))) @ shapes)
 
 
 def _mean_mode(estimates: Modes, weights: Real) -> Modes:

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from sprung._arrays import Indices
+from sprung._arrays import Indices, Real
 from sprung._checks import check_one_of
 from sprung.errors import ParameterError
 from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import Correlations, average
 from sprung.identification.fdd import find_bells, modes_of_bells
-from sprung.identification.merging import MergedModes, merge_modes
+from sprung.identification.levels import LevelSet, level_sets
+from sprung.identification.merging import MergedModes, merge_modes, merged_deviations
 from sprung.identification.planning import disjoint_splits
 from sprung.identification.preparation import as_measured, without_lifter
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
@@ -31,6 +32,7 @@ from sprung.identification.stabilisation import (
     with_status,
 )
 from sprung.identification.subsets import subsets_of_equal_width
+from sprung.identification.trends import N_LEVELS, LevelTrends, level_trends, trends_in_words
 from sprung.modal import Modes, PoleStatus, unit_shapes
 from sprung.recording import Recording
 from sprung.signals.cepstrum import Lifter, ShortPass
@@ -118,13 +120,16 @@ def coss_ssi(
     vehicle: AnyVehicle | None = None,
     on_progress: Progress | None = None,
 ) -> Identification:
-    """Identify modes from subsets of segments of similar level and merge them (CoSS-SSI); parameters as `cov_ssi`.
+    """Identify modes from products of similar level and merge them (CoSS-SSI); parameters as `cov_ssi`.
 
     Notes
     -----
     The modes of the subsets stay in the result: for a suspension with friction and progressive springs, their change
-    with the level is information. For a linear system, sorting short segments by level biases damping (high in the
-    subset of low level, low in that of high level); longer segments reduce the bias.
+    with the level is information. Products y(n + m) y_ref(n) are sorted by the level that the past lets expect at n,
+    which does not bias the subsets of a linear system (`levels.correlate_by_level`); whether frequency and damping
+    depend on the level is tested (`Identification.level_trends`). The thesis sorts segments by the level of the
+    correlations that are averaged (`settings.as_in_thesis`): for a linear system, too, that biases damping, high in the
+    subset of low level and low in that of high level.
 
     References
     ----------
@@ -186,7 +191,8 @@ def enhanced_fdd(
     report("fitting the peaks of the spectra", 0.5)
     modes = _modes_of_spectra(records, settings)
     report("done", 1.0)
-    subset = SubsetModes(None, records.segments.n_segments, modes, (), np.zeros((len(modes), 0), dtype=np.intp))
+    nothing, growth = np.zeros((len(modes), 0), dtype=np.intp), np.ones((2, len(modes)))
+    subset = SubsetModes(None, records.segments.n_segments, modes, (), nothing, growth)
     return Identification(
         method="fdd",
         channels=records.channels,
@@ -253,7 +259,7 @@ def summarise(
     check_one_of("method", method, [name for name in METHODS if name != "fdd"])
     settings = _suitable(method, settings or IdentificationSettings())
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=_no_report)
-    return _summary(method, settings, records)[0]
+    return _summary(method, settings, records, _level_sets(settings.n_subsets, records))[0]
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
@@ -307,12 +313,15 @@ def _identify(
         )
     given, kept = kept_records(recordings) if has_road(vehicle, settings) else (recordings, [])
     records = correlate_records(given, method=method, settings=settings, vehicle=vehicle, report=report)
-    summary, notes_on_subsets = _summary(method, settings, records)
+    sets = _level_sets(settings.n_subsets, records)
+    summary, notes_on_subsets = _summary(method, settings, records, sets)
     several = recordings if isinstance(recordings, Sequence) else ()
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
+    trends = _level_trends(merged.modes, summary, _level_sets(N_LEVELS, records) if len(sets) > 1 else ())
     refined, refinement = _refine(merged.modes, records)
     modes = labelled(refined, summary.channels, vehicle=vehicle)
     combined, note_on_road = combined_modes(modes, kept, records, vehicle=vehicle, band=settings.band, report=report)
+    trends = None if trends is None else trends.of(combined.replaced)
     report("done", 1.0)
     return Identification(
         method=method,
@@ -330,15 +339,32 @@ def _identify(
             *records.plan.preparation.notes,
             *records.notes,
             *note_on_moved_sensors(several, records.segments, records.counts, vehicle=vehicle),
+            *_notes_on_deviations(summary),
             *notes_on_subsets,
             *_notes_on_lines(summary.harmonics, settings),
             *note_on_road,
             *_notes_on_modes(combined.modes, settings.lifter),
             *_notes_on_refinement(refinement, settings),
+            *([] if trends is None else trends_in_words(combined.modes, trends)),
         ),
         sources=combined.sources,
         refinement=refinement,
+        level_trends=trends,
     )
+
+
+def _level_sets(n_subsets: int, records: CorrelatedRecords) -> tuple[LevelSet, ...]:
+    """Return the averages by the expected level; none where products are not sorted by it."""
+    return () if records.levels is None else level_sets(records.levels, n_subsets)
+
+
+def _level_trends(modes: Modes, summary: CorrelationSummary, sets: Sequence[LevelSet]) -> LevelTrends | None:
+    """Return the dependence of measured modes on the level; None for a single level."""
+    if len(sets) < 2:
+        return None
+    preparation = summary.plan.preparation
+    factors = np.array([preparation.factors[name] for name in preparation.channels])
+    return level_trends(replace(modes, mode_shapes=modes.mode_shapes * factors), summary.average, sets)
 
 
 def _refine(modes: Modes, records: CorrelatedRecords) -> tuple[Modes, Refinement | None]:
@@ -361,13 +387,16 @@ def _notes_on_refinement(refinement: Refinement | None, settings: Identification
 
 
 def _summary(
-    method: str, settings: IdentificationSettings, records: CorrelatedRecords
+    method: str, settings: IdentificationSettings, records: CorrelatedRecords, sets: Sequence[LevelSet]
 ) -> tuple[CorrelationSummary, tuple[str, ...]]:
-    """Average the segments, for CoSS-SSI by their level; also return the notes on the subsets."""
+    """Average the segments, for CoSS-SSI by level; also return the notes on the subsets."""
     segments, is_biased = records.segments, records.plan.ladder.is_biased
     overall = average(segments)
     subsets: tuple[tuple[tuple[float, float] | None, Correlations], ...]
-    if method == "coss":
+    notes: tuple[str, ...] = ()
+    if sets:
+        subsets = tuple((part.level, part.correlations) for part in sets)
+    elif method == "coss":
         by_level = subsets_of_equal_width(segments, settings.n_subsets)
         subsets = tuple(
             (subset.level, average(segments.take(subset.segments), is_biased=is_biased)) for subset in by_level.subsets
@@ -375,7 +404,6 @@ def _summary(
         notes = by_level.notes
     else:
         subsets = ((None, average(segments, is_biased=True) if is_biased else overall),)
-        notes = ()
     return CorrelationSummary(
         method=method,
         settings=settings,
@@ -416,6 +444,16 @@ def _in_words(harmonics: Sequence[Harmonic]) -> str:
     return ", ".join(words[:_MOST_LINES]) + (f" and {n_omitted} more" if n_omitted else "")
 
 
+def _notes_on_deviations(summary: CorrelationSummary) -> list[str]:
+    """Return what the standard deviations hold."""
+    n_records = len(set(summary.average.records)) or 1
+    if not len(summary.average.changes):
+        return []
+    if n_records > 1:
+        return [f"standard deviations hold the variation between parts of the records and between {n_records} records"]
+    return ["standard deviations hold the variation between parts of the record, none that is slower than the record"]
+
+
 def _notes_on_modes(modes: Modes, lifter: Lifter | None) -> list[str]:
     """Return notes on a lack of modes, and on modes whose ring-down a short-pass lifter cuts off."""
     if not len(modes):
@@ -447,11 +485,12 @@ def _subset_modes(
     """Identify the modes of one average, in all splits of outputs and references."""
     names = correlations.channels
     splits = disjoint_splits(names) if summary.settings.has_disjoint_references else ()
-    parts, diagrams, alignments = [], [], []
+    parts, diagrams, alignments, deviations = [], [], [], []
     for outputs, references in splits or [(names, correlations.references)]:
         diagram = _diagram(correlations.select(outputs, references) if splits else correlations, summary)
-        selected = select_modes(diagram)
+        selected = select_modes(diagram, correlations.records)
         modes = selected.modes
+        deviations.append(selected.growth * [modes.natural_frequency_std, modes.damping_ratio_std])
         if splits:
             shapes = complete_shapes(modes.poles, modes.mode_shapes, correlations, outputs)
             shapes = unit_shapes(shapes)
@@ -460,11 +499,13 @@ def _subset_modes(
         diagrams.append(diagram)
         alignments.append(selected.alignments)
     merged = merge_modes(parts, weights=[1.0] * len(parts))
+    independent = np.array([merged.modes.natural_frequency_std, merged.modes.damping_ratio_std])
+    growth = merged_deviations(deviations, [1.0] * len(parts), merged.members) / independent
     behind = np.full(merged.members.shape, -1)
     for k, selected_alignments in enumerate(alignments):
         members = merged.members[:, k]
         behind[:, k] = np.where(members >= 0, np.append(selected_alignments, -1)[members], -1)
-    return SubsetModes(level, correlations.n_segments, merged.modes, tuple(diagrams), behind)
+    return SubsetModes(level, correlations.n_segments, merged.modes, tuple(diagrams), behind, growth)
 
 
 def _diagram(correlations: Correlations, summary: CorrelationSummary) -> StabilisationDiagram:
@@ -483,19 +524,41 @@ def _diagram(correlations: Correlations, summary: CorrelationSummary) -> Stabili
 
 def _merge(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple[list[SubsetModes], MergedModes]:
     """Merge the modes of the subsets and drop the insignificant ones; return the subsets and the merged modes."""
-    merged = merge_modes([s.modes for s in subsets], weights=[s.n_segments for s in subsets])
+    weights = [subset.n_segments for subset in subsets]
+    has_mean_shapes = not summary.settings.has_own_levels
+    merged = merge_modes([s.modes for s in subsets], weights=weights, has_mean_shapes=has_mean_shapes)
     members = merged.members
     is_kept = significant(merged.modes, summary.average, least=summary.settings.criteria.contribution)
+    modes = _with_deviations(
+        merged.modes, merged_deviations([_deviations(subset) for subset in subsets], weights, members)
+    )
     judged = [_with_verdicts(subset, members[~is_kept, k], members[:, k]) for k, subset in enumerate(subsets)]
     preparation = summary.plan.preparation
     lifter = summary.settings.lifter
     return (
-        [replace(subset, modes=as_measured(subset.modes, preparation, lifter)) for subset in judged],
+        [
+            replace(
+                subset,
+                modes=as_measured(_with_deviations(subset.modes, _deviations(subset)), preparation, lifter),
+                growth=np.ones_like(subset.growth),
+            )
+            for subset in judged
+        ],
         MergedModes(
-            as_measured(merged.modes.take(np.flatnonzero(is_kept)), preparation, lifter),
+            as_measured(modes.take(np.flatnonzero(is_kept)), preparation, lifter),
             members[is_kept],
         ),
     )
+
+
+def _deviations(subset: SubsetModes) -> Real:
+    """Return the standard deviations of a subset's modes with slow variation, shape (2, modes)."""
+    return subset.growth * [subset.modes.natural_frequency_std, subset.modes.damping_ratio_std]
+
+
+def _with_deviations(modes: Modes, deviations: Real) -> Modes:
+    """Return modes with other standard deviations of frequency and damping ratio."""
+    return replace(modes, natural_frequency_std=deviations[0], damping_ratio_std=deviations[1])
 
 
 def _with_verdicts(subset: SubsetModes, insignificant: Indices, merged: Indices) -> SubsetModes:

@@ -10,7 +10,7 @@ from sprung._arrays import Complex, Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
-from sprung.identification.subspace import pole_deviations, stack_rungs
+from sprung.identification.subspace import stack_rungs
 from sprung.modal import Poles
 
 #: Lines above this share of the sampling rate are left out: decimation passes everything up to there.
@@ -219,7 +219,7 @@ def _real_over_imaginary(values: Complex) -> Real:
     return np.concatenate([values.real, values.imag], axis=1)
 
 
-def _poles_of_order(equations: _Equations, order: int) -> tuple[Complex, Complex, Real, Real]:
+def _poles_of_order(equations: _Equations, order: int) -> tuple[Complex, Complex, Complex]:
     """Return poles, shapes and standard deviations of frequency and damping of one order."""
     n_references = equations.changes.shape[2]
     n_unknowns = (order + 1) * n_references
@@ -235,11 +235,10 @@ def _poles_of_order(equations: _Equations, order: int) -> tuple[Complex, Complex
     shapes: Complex = np.einsum("np,opr,nr->no", powers[:, 1:], numerators, right_null, optimize=True)
     poles = np.asarray(np.log(roots) * equations.sampling_rate, dtype=np.complex128)
     if not len(equations.changes) or not len(roots):
-        unknown = np.full(len(roots), np.nan)
-        return poles, shapes, unknown, unknown
+        return poles, shapes, np.zeros((len(equations.changes), len(roots)), dtype=np.complex128)
     outer = inverse @ (powers[:, 1:, None] * left_null[:, None]).reshape(len(roots), -1).T
     change = _root_changes(equations, order, A @ right_null.T, outer) / slopes
-    return poles, shapes, *pole_deviations(poles, change / roots * equations.sampling_rate)
+    return poles, shapes, change / roots * equations.sampling_rate
 
 
 def _inverse(matrix: Real) -> Real:

@@ -17,6 +17,7 @@ from sprung.identification.correlation import (
     with_limited_power,
 )
 from sprung.identification.fdd import with_long_segments
+from sprung.identification.levels import LevelCorrelations, correlate_by_level, joined_levels
 from sprung.identification.planning import make_plan, plan_preparation
 from sprung.identification.preparation import Prepared, prepare, search_harmonics, without_slow_motion
 from sprung.identification.refinement import RecordSpectra, record_spectra
@@ -45,6 +46,8 @@ class CorrelatedRecords:
         Correlations of all segments, the power of loud segments limited.
     counts
         Number of segments of each record.
+    levels
+        Correlations by segment and by the level just before; None where they are not needed.
     spectra, edited_spectra
         Spectral matrices of all records before and after cepstrum editing (None without editing).
     harmonics
@@ -59,6 +62,7 @@ class CorrelatedRecords:
     channels: tuple[Channel, ...]
     segments: SegmentCorrelations
     counts: tuple[int, ...]
+    levels: LevelCorrelations | None
     spectra: SpectralMatrix
     edited_spectra: SpectralMatrix | None
     harmonics: tuple[Harmonic, ...]
@@ -72,6 +76,7 @@ class _Correlated:
 
     channels: tuple[Channel, ...]
     segments: SegmentCorrelations
+    levels: LevelCorrelations | None
     spectra: SpectralMatrix
     edited_spectra: SpectralMatrix | None
     harmonics: tuple[Harmonic, ...]
@@ -129,6 +134,7 @@ def correlate_records(
             correlated.append(_correlate(method, prepared, harmonics, plan, settings))
         except DataError as error:
             left_out[number] = error
+    levels = [record.levels for record in correlated if record.levels is not None]
     edited = [record.edited_spectra for record in correlated if record.edited_spectra is not None]
     lines = [record.lines for record in correlated if record.lines is not None]
     return CorrelatedRecords(
@@ -136,6 +142,7 @@ def correlate_records(
         channels=first.channels,
         segments=with_limited_power(join_segments([record.segments for record in correlated])),
         counts=tuple(record.segments.n_segments for record in correlated),
+        levels=joined_levels(levels) if levels else None,
         spectra=reduce(add, [record.spectra for record in correlated]),
         edited_spectra=reduce(add, edited) if edited else None,
         harmonics=_common_harmonics([record.harmonics for record in correlated]),
@@ -192,7 +199,12 @@ def _first_record(
                 )
             prepared = prepare(recording, preparation, lifter=settings.lifter)
             plan = make_plan(
-                preparation, prepared, harmonics, settings=settings, method=method, total_duration=duration
+                preparation,
+                prepared,
+                harmonics,
+                settings=settings,
+                method="cov" if _is_by_level(method, settings) else method,
+                total_duration=duration,
             )
             if plan.preparation.high_pass != preparation.high_pass:
                 prepared = without_slow_motion(prepared, plan.preparation.high_pass)
@@ -221,22 +233,33 @@ def _harmonics(
     return search_harmonics(recording, plan, speed=speed_channel(recording, vehicle))
 
 
+def _is_by_level(method: str, settings: IdentificationSettings) -> bool:
+    """Return whether products are sorted by the level just before them."""
+    return method == "coss" and not settings.has_own_levels
+
+
 def _correlate(
     method: str, prepared: Prepared, harmonics: tuple[Harmonic, ...], plan: Plan, settings: IdentificationSettings
 ) -> _Correlated:
     """Correlate the segments of one prepared record."""
     # The thesis keeps the lines in and judges the poles on them.
     motion = prepared.motion if settings.ladder is not None else subtract_lines(prepared.motion, harmonics)
+    n_lags, references = plan.ladder.n_lags, settings.references
+    is_by_level = _is_by_level(method, settings)
     segments = correlate_segments(
         motion,
-        n_lags=plan.ladder.n_lags,
+        n_lags=n_lags,
         segment=plan.segment,
-        references=settings.references,
-        is_continued=method not in ("acs", "coss"),
+        references=references,
+        is_continued=method not in ("acs", "coss") or is_by_level,
     )
+    levels = None
+    if is_by_level:
+        levels = correlate_by_level(motion, n_lags=n_lags, segment=plan.segment, references=references)
     return _Correlated(
-        channels=prepared.motion.channels,
+        channels=motion.channels,
         segments=segments,
+        levels=levels,
         spectra=prepared.spectra,
         edited_spectra=prepared.edited_spectra,
         harmonics=harmonics,

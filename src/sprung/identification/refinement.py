@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
+from sprung.identification.scatter import deviation_of_mean
 from sprung.identification.settings import Plan
 from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.modal import ModalModel, ModalParameters
@@ -631,7 +632,8 @@ def _scatter(fit: _Fitted, covariance: Real, spectra: RecordSpectra) -> Real:
         deviation = inverse @ sums @ inverse.conj().swapaxes(-1, -2) - counts[:, None, None] * np.eye(model.n_channels)
         scores.append(slopes.reshape(len(slopes), -1) @ real_coordinates(deviation).ravel())
     influences = np.array(scores) @ covariance
-    variances = np.sum((influences - influences.mean(axis=0)) ** 2, axis=0) * n_blocks / (n_blocks - 1)
+    centred = (influences - influences.mean(axis=0)) * np.sqrt(n_blocks / (n_blocks - 1))
+    variances = deviation_of_mean(centred, spectra.records) ** 2
     ratios = variances / np.diag(covariance)
     counts_for_it = ratios > 1 + _SCATTER_BEYOND_CHANCE * np.sqrt(2 / n_blocks)
     for name in ("natural_frequency", "damping_ratio"):

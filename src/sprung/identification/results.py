@@ -11,6 +11,7 @@ from sprung.identification.ladders import BlockRowLadder
 from sprung.identification.refinement import Refinement
 from sprung.identification.settings import IdentificationSettings, Plan
 from sprung.identification.stabilisation import StabilisationDiagram
+from sprung.identification.trends import LevelTrends
 from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.signals.harmonics import Harmonic
@@ -24,15 +25,19 @@ class SubsetModes:
     Parameters
     ----------
     level
-        Range of the segments' levels (relative to the mean power of the record); None where segments are not sorted.
+        Range of levels: RMS of the channels, each relative to its own RMS in the first record (of the thesis: smallest
+        RMS of the correlations); None where nothing is sorted.
     n_segments
-        Number of segments averaged.
+        Number of segments averaged, or the equivalent number for products sorted one by one.
     modes
         Modes identified from the average.
     diagrams
         Stabilisation diagrams behind the modes, one for each split of outputs and references.
     alignments
         Number of the alignment behind each mode in each diagram, -1 for none; shape (modes, diagrams).
+    growth
+        Factors that make the standard deviations of the modes' frequency and damping hold slow variation and the choice
+        of the model order (1 where they do already), shape (2, modes).
     """
 
     level: tuple[float, float] | None
@@ -40,9 +45,11 @@ class SubsetModes:
     modes: Modes
     diagrams: tuple[StabilisationDiagram, ...]
     alignments: Indices
+    growth: Real
 
     def __post_init__(self) -> None:
         freeze(self, alignments=2, dtype=np.intp)
+        freeze(self, growth=2)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -80,6 +87,8 @@ class Identification:
         a drive. Left out: all by SSI.
     setups
         Set-ups of roving sensors that are merged, each with its own identification, and no subsets; None: one set-up.
+    level_trends
+        Dependence of the modes on the level, with the test whether there is one (CoSS-SSI); None where it is unknown.
     """
 
     method: str
@@ -97,6 +106,7 @@ class Identification:
     refinement: Refinement | None = None
     sources: tuple[str, ...] = ()
     setups: "RovingSetups | None" = None
+    level_trends: LevelTrends | None = None
 
     def __post_init__(self) -> None:
         freeze(self, members=2, dtype=np.intp)

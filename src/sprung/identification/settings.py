@@ -52,6 +52,10 @@ class IdentificationSettings:
         Whether bounce, pitch, roll and wheel hop of a vehicle on a road are those of the vehicle file fitted to the
         spectra, where the speed is recorded: SSI misses some of them, as the rear wheels repeat the road of the front
         ones.
+    has_own_levels
+        Whether CoSS-SSI sorts segments by the level of the very correlations that it averages (the form of the thesis),
+        which biases damping: high at low level, low at high level, in a linear system, too. False: products are sorted
+        by the level that the past lets expect.
 
     Raises
     ------
@@ -73,6 +77,7 @@ class IdentificationSettings:
     harmonics: tuple[Harmonic, ...] | None = None
     refine: bool = True
     has_road_modes: bool = True
+    has_own_levels: bool = False
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1]:
@@ -127,6 +132,8 @@ def as_in_thesis(
     -----
     Correlations are divided by the number of samples N (biased), not by the number of products (N - m at lag m): 1/N is
     the form of the thesis. It falls off with the lag, which reads as additional damping where segments are short.
+    CoSS-SSI sorts segments by the level of the correlations that it averages, which selects segments of much or little
+    excitation: in a linear system, too, damping comes out high at low level and low at high level.
 
     References
     ----------
@@ -138,6 +145,7 @@ def as_in_thesis(
         ladder=BlockRowLadder(*rows),
         criteria=criteria,
         has_road_modes=False,
+        has_own_levels=True,
         refine=False,
     )
 

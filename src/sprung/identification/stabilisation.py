@@ -1,6 +1,6 @@
 """From the poles of a ladder to modes: criteria, alignments, selection."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.cluster import hierarchy
 
-from sprung._arrays import Booleans, Complex, Indices
+from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
 from sprung.identification.contribution import contributions, excesses
 from sprung.identification.correlation import Correlations
+from sprung.identification.scatter import deviation_of_mean
+from sprung.identification.subspace import frequency_and_damping_changes
 from sprung.modal import Modes, Poles, PoleStatus, mac, mpc, unit_shapes
 
 #: Two poles of one shape are one mode if they lie within this multiple of their half-power half-bandwidth (between
@@ -294,22 +296,29 @@ class SelectedModes:
         Modes by rising frequency.
     alignments
         Number of the alignment behind each mode, shape (modes,).
+    growth
+        Standard deviations of frequency and damping with slow variation and the choice of the model order over those
+        of independent blocks, shape (2, modes).
     """
 
     modes: Modes
     alignments: Indices
+    growth: Real
 
     def __post_init__(self) -> None:
         freeze(self, alignments=1, dtype=np.intp)
+        freeze(self, growth=2)
 
 
-def select_modes(diagram: StabilisationDiagram) -> SelectedModes:
+def select_modes(diagram: StabilisationDiagram, records: Sequence[int] = ()) -> SelectedModes:
     """Return the modes of the selected alignments, each from its most reliable pole.
 
     Parameters
     ----------
     diagram
         Stabilisation diagram from `stabilise`.
+    records
+        Number of the record of each block; empty: one record.
 
     Returns
     -------
@@ -319,7 +328,8 @@ def select_modes(diagram: StabilisationDiagram) -> SelectedModes:
     -----
     The pole with the smallest sum of its variance and its squared distance from the alignment's median pole represents
     the mode, with its own shape and standard deviations: high orders scatter more than low ones, and the lowest may
-    still be biased.
+    still be biased. The poles of the alignment scatter by more than chance where no order holds the system (an
+    excitation with a spectrum of its own): that scatter is added to the variance.
     """
     poles = diagram.poles
     kept = np.unique(diagram.alignments[diagram.status == PoleStatus.SELECTED])
@@ -335,7 +345,26 @@ def select_modes(diagram: StabilisationDiagram) -> SelectedModes:
         labels=(None,) * len(chosen),
     )
     order = np.argsort(modes.natural_frequency)
-    return SelectedModes(modes.take(order), kept[order])
+    return SelectedModes(modes.take(order), kept[order], _growth(diagram, chosen, records)[:, order])
+
+
+def _growth(diagram: StabilisationDiagram, chosen: Indices, records: Sequence[int]) -> Real:
+    """Return the deviations of the chosen poles over those of independent blocks, shape (2, poles)."""
+    poles = diagram.poles
+    if not len(poles.changes) or not len(chosen):
+        return np.ones((2, len(chosen)))
+    scatter = np.array([_scatter_of_orders(diagram, pole) for pole in chosen]).T
+    changes = frequency_and_damping_changes(poles.poles[chosen], poles.changes[:, chosen])
+    numbers = np.array(records, dtype=np.intp) if len(records) else None
+    deviations = np.array([deviation_of_mean(change, numbers) for change in changes])
+    independent = np.array([poles.natural_frequency_std[chosen], poles.damping_ratio_std[chosen]])
+    return np.asarray(np.hypot(deviations, scatter) / np.maximum(independent, np.finfo(float).tiny))
+
+
+def _scatter_of_orders(diagram: StabilisationDiagram, pole: int) -> tuple[float, float]:
+    """Return the standard deviations of frequency and damping ratio among the poles of a pole's alignment."""
+    members = diagram.alignments == diagram.alignments[pole]
+    return float(np.std(diagram.poles.natural_frequency[members])), float(np.std(diagram.poles.damping_ratio[members]))
 
 
 def with_status(diagram: StabilisationDiagram, alignments: Iterable[int], status: PoleStatus) -> StabilisationDiagram:

@@ -303,8 +303,8 @@ def _conjugate_spectra(changes: Real) -> Complex:
 
 def _poles_of_order(
     realisation: Realisation, Q: Real, R: Real, X: Real, spectra: Complex
-) -> tuple[Complex, Complex, Real, Real]:
-    """Return poles, shapes and standard deviations of frequency and damping of one order."""
+) -> tuple[Complex, Complex, Complex]:
+    """Return poles and shapes of one order, and the change of the poles with each block."""
     order = len(R)
     eigenvalues, psi = np.linalg.eig(linalg.solve_triangular(R, X, check_finite=False))
     chosen = np.flatnonzero(eigenvalues.imag > 0)
@@ -312,11 +312,10 @@ def _poles_of_order(
     poles = np.log(eigenvalues) * realisation.sampling_rate
     shapes = (realisation.observability[: len(realisation.channels), :order] @ right).T
     if not len(spectra) or not len(chosen):
-        unknown = np.full(len(chosen), np.nan)
-        return poles, shapes, unknown, unknown
+        return poles, shapes, np.zeros((len(spectra), len(chosen)), dtype=np.complex128)
     left = np.linalg.solve(R.T.astype(complex), np.linalg.inv(psi)[chosen].T)
     change = _eigenvalue_changes(realisation, spectra, eigenvalues, np.asarray(Q @ left, dtype=complex), right)
-    return poles, shapes, *pole_deviations(poles, change / eigenvalues * realisation.sampling_rate)
+    return poles, shapes, change / eigenvalues * realisation.sampling_rate
 
 
 def _eigenvalue_changes(
@@ -335,21 +334,62 @@ def _eigenvalue_changes(
     return spectra.reshape(n_blocks, -1) @ convolution.reshape(-1, len(eigenvalues))
 
 
-def pole_deviations(poles: Complex, change: Complex) -> tuple[Real, Real]:
-    """Return standard deviations of frequency and damping from the changes of the poles, shape (blocks, poles)."""
+def eigenvalue_weights(realisation: Realisation, order: int, eigenvalue: complex) -> tuple[Complex, Complex]:
+    """Return the weights of the correlations in the eigenvalue of one model order.
+
+    Parameters
+    ----------
+    realisation
+        Decomposition of a block Toeplitz matrix.
+    order
+        Model order, up to the `max_order` of the realisation.
+    eigenvalue
+        Value near an eigenvalue of that order.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Weights W of the numerator and V of the denominator, shape (channels, references, lags from 1 on): the
+        eigenvalue is sum(W Lambda) / sum(V Lambda).
+
+    Notes
+    -----
+    chi^H O_up^+ T_down Z psi / chi^H O_up^+ T_up Z psi with the eigenvectors of that order. Correlations
+    C A^(m - 1) G' of the same system with any other G' have the same quotient, the eigenvalue itself: it is a modal
+    filter, which shows whether the poles of other correlations differ, without a realisation of them.
+    """
+    n_channels = len(realisation.channels)
+    O_up, O_down = realisation.observability[:-n_channels, :order], realisation.observability[n_channels:, :order]
+    Q, R = np.linalg.qr(O_up)
+    eigenvalues, psi = np.linalg.eig(linalg.solve_triangular(R, Q.T @ O_down, check_finite=False))
+    nearest = int(np.argmin(np.abs(eigenvalues - eigenvalue)))
+    left = Q @ np.linalg.solve(R.T.astype(complex), np.linalg.inv(psi)[nearest])
+    before = left.reshape(-1, n_channels).T
+    after = (realisation.right_factor[..., :order] @ psi[:, nearest]).T
+    n_lags = before.shape[1] + after.shape[1]
+    n_fft = fft.next_fast_len(n_lags)
+    product = fft.ifft(fft.fft(before, n_fft)[:, None] * fft.fft(after, n_fft))[..., : n_lags - 1]
+    zero = np.zeros((*product.shape[:2], 1))
+    return np.concatenate([zero, product], axis=-1), np.concatenate([product, zero], axis=-1)
+
+
+def frequency_and_damping_changes(poles: Complex, changes: Complex) -> tuple[Real, Real]:
+    """Return the changes of natural frequencies [Hz] and damping ratios with those of the poles, (blocks, poles)."""
     modulus = np.abs(poles)
-    d_modulus = np.real(np.conj(poles) * change) / modulus
-    d_damping = -change.real / modulus + poles.real * d_modulus / modulus**2
-    return np.sqrt(np.sum(d_modulus**2, axis=0)) / (2 * np.pi), np.sqrt(np.sum(d_damping**2, axis=0))
+    d_modulus = np.real(np.conj(poles) * changes) / modulus
+    return d_modulus / (2 * np.pi), -changes.real / modulus + poles.real * d_modulus / modulus**2
 
 
 def stack_rungs(
-    rungs: Sequence[tuple[Complex, Complex, Real, Real]],
+    rungs: Sequence[tuple[Complex, Complex, Complex]],
     ladder: tuple[int, ...],
     channels: tuple[str, ...],
 ) -> Poles:
     """Join the rungs of a ladder."""
-    poles, shapes, frequency_std, damping_std = (np.concatenate(parts) for parts in zip(*rungs, strict=True))
+    poles, shapes = (np.concatenate([rung[k] for rung in rungs]) for k in range(2))
+    changes = np.concatenate([rung[2] for rung in rungs], axis=1)
+    deviations = [np.sqrt(np.sum(change**2, axis=0)) for change in frequency_and_damping_changes(poles, changes)]
+    frequency_std, damping_std = deviations if len(changes) else np.full((2, len(poles)), np.nan)
     return Poles(
         poles=poles,
         mode_shapes=shapes,
@@ -358,6 +398,7 @@ def stack_rungs(
         channels=channels,
         natural_frequency_std=frequency_std,
         damping_ratio_std=damping_std,
+        changes=changes,
     )
 
 
@@ -376,6 +417,7 @@ def join_ladders(parts: Sequence[Poles]) -> Poles:
         ladder=tuple(rung for part in parts for rung in part.ladder),
         natural_frequency_std=joined("natural_frequency_std"),
         damping_ratio_std=joined("damping_ratio_std"),
+        changes=np.concatenate([part.changes for part in parts], axis=1),
     )
 
 

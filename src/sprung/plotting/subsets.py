@@ -91,6 +91,7 @@ def _legend() -> list[Line2D]:
     return [
         Line2D([], [], **value, label="in one subset; vertical: 95 % interval, horizontal: range of levels"),
         Line2D([], [], color=FAINT, linestyle=(0, (5, 3)), label="merged over the subsets"),
+        Line2D([], [], color=INK, linewidth=1.2, label="dependence on the level, where detected"),
         Line2D([], [], **cross, label="on the axis: not found in that subset"),
     ]
 
@@ -110,6 +111,7 @@ def _draw_mode(upper: Axes, lower: Axes, identification: Identification, index: 
         values = [factor * getattr(part, name)[m] if m >= 0 else np.nan for part, m in rows]
         spreads = [factor * getattr(part, f"{name}_std")[m] if m >= 0 else np.nan for part, m in rows]
         axes.axhline(whole, color=colour, linestyle=(0, (5, 3)), linewidth=1.0, gid="merged")
+        _draw_trend(axes, identification, index, name, factor)
         _draw_values(axes, _levels(identification), np.array(values), HALF_WIDTH_95 * np.array(spreads), colour)
         _widen(axes, whole, least * whole)
     upper.tick_params(labelbottom=False)
@@ -121,6 +123,21 @@ def _draw_mode(upper: Axes, lower: Axes, identification: Identification, index: 
         color=colour,
         fontweight="bold",
     )
+
+
+def _draw_trend(axes: Axes, identification: Identification, index: int, name: str, factor: float) -> None:
+    """Draw the dependence of a value on the level, if the mode has one."""
+    trends = identification.level_trends
+    if trends is None or not trends.is_detected[index]:
+        return
+    levels = _levels(identification)
+    centres = levels.mean(axis=1)
+    counts = np.array([subset.n_segments for subset in identification.subsets], dtype=np.float64)
+    middle = np.exp(np.sum(counts * np.log(centres)) / counts.sum())
+    value, slope = getattr(identification.modes, name)[index], getattr(trends, name)[index]
+    slope = slope * value if name == "natural_frequency" else slope
+    x = np.geomspace(centres[0], centres[-1], 40)
+    axes.plot(x, factor * (value + slope * np.log2(x / middle)), color=INK, linewidth=1.2, gid="trend")
 
 
 def _levels(identification: Identification) -> Real:
@@ -179,4 +196,7 @@ def _draw_counts(axes: Axes, identification: Identification) -> None:
     axes.set_ylim(0, max(1.35 * max(counts), 3))
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
     axes.set_ylabel("Segments [-]", fontsize=SMALL)
-    axes.set_xlabel("Level of the segments: RMS of their correlations over the record's mean power [-]", fontsize=SMALL)
+    axes.set_xlabel(
+        "Level: RMS of the channels over that of the first record; of the thesis: RMS of the correlations [-]",
+        fontsize=SMALL,
+    )

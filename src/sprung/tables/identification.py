@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from sprung._arrays import Complex
-from sprung.identification import Identification, RovingSetups, SubsetModes
+from sprung.identification import Identification, LevelTrends, RovingSetups, SubsetModes
 from sprung.modal import Modes, PoleStatus
 from sprung.signals.harmonics import Harmonic
 from sprung.tables.table import Table, counted, in_words, with_deviation
@@ -117,7 +117,7 @@ def _sign(part: complex) -> str:
 
 def subsets_table(identification: Identification) -> Table:
     """Return the table of each mode in each subset of segments."""
-    columns = ("mode", *(_heading(subset) for subset in identification.subsets), "")
+    columns = ("mode", *(_heading(subset) for subset in identification.subsets), "for twice the level")
     rows = tuple(
         (
             f"{identification.modes.natural_frequency[k]:.4g} Hz",
@@ -125,7 +125,7 @@ def subsets_table(identification: Identification) -> Table:
                 _subset_mode(subset, int(member))
                 for subset, member in zip(identification.subsets, identification.members[k], strict=True)
             ),
-            "",
+            _level_trend(identification.level_trends, k),
         )
         for k in range(len(identification.modes))
     )
@@ -136,6 +136,16 @@ def _heading(subset: SubsetModes) -> str:
     """Return level and number of segments."""
     level = "" if subset.level is None else f"{subset.level[0]:.3g} to {subset.level[1]:.3g}\n"
     return f"{level}{counted(subset.n_segments, 'segment')}"
+
+
+def _level_trend(trends: LevelTrends | None, k: int) -> str:
+    """Return the change of frequency and damping of a mode for twice the level, with standard deviations."""
+    if trends is None or not np.isfinite(trends.p_value[k]):
+        return ""
+    frequency, damping = 100 * trends.natural_frequency[k], 100 * trends.damping_ratio[k]
+    frequency_std, damping_std = 100 * trends.natural_frequency_std[k], 100 * trends.damping_ratio_std[k]
+    verdict = "" if trends.is_detected[k] else " (chance)"
+    return f"f {frequency:+.2g} ± {frequency_std:.2g} %, damping {damping:+.2g} ± {damping_std:.2g}{verdict}"
 
 
 def _subset_mode(subset: SubsetModes, member: int) -> str:
