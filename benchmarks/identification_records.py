@@ -2,7 +2,7 @@
 
 Modes of known structures beside tones, harmonics, drift and strong channels, in short records and in many channels,
 simulated by a modal superposition that is written here and shares no code with `sprung.simulation`. A record counts as
-complete if every mode that it must show is found within 1 % (short records: 3 %) of its natural frequency and no mode
+complete if every mode that it must show is found within 1.5 % (short records: 3 %) of its natural frequency and no mode
 is reported that the structure does not have. Shares have exact 95 % intervals (Clopper and Pearson). The peers are
 given the number of block rows and the largest order that the record length and the modes suggest, and the preset of
 pyOMA2 that selects best on the chain.
@@ -84,7 +84,7 @@ class Case:
     rate: float
     modes: Array
     tones: Array = field(default_factory=lambda: np.zeros(0))
-    tolerance: float = 0.01
+    tolerance: float = 0.015
     block_rows: int = 40
     optional: Array = field(default_factory=lambda: np.zeros(0))
 
