@@ -300,13 +300,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("cases", nargs="*", help="parts of names of cases; default: all")
     parser.add_argument("--records", type=int, default=40, help="records of each case")
-    parser.add_argument("--methods", default="cov", help="cov, coss or both, separated by a comma")
+    parser.add_argument(
+        "--methods", default="cov", help="cov, coss or both, separated by a comma; '' for the peers only"
+    )
     parser.add_argument("--processes", type=int, default=os.cpu_count())
     parser.add_argument("--without-peers", action="store_true")
     arguments = parser.parse_args()
     print_circumstances(peers=() if arguments.without_peers else ("pyoma-2", "koma-python"))
     estimators: dict[str, Callable[[str, int], Score]] = {
-        f"sprung, {method}": partial(_by_method, method) for method in arguments.methods.split(",")
+        f"sprung, {method}": partial(_by_method, method) for method in arguments.methods.split(",") if method
     }
     if not arguments.without_peers:
         estimators |= {f"pyOMA2, {PRESET}": pyoma_score, "koma, clusters": koma_score}
