@@ -31,6 +31,8 @@ from sprung.identification import coss_ssi, cov_ssi
 from sprung.recording import Channel, Recording
 
 Array = NDArray[np.float64]
+#: Largest order for the peers.
+PEER_ORDER = 60
 #: The preset of pyOMA2 that selects best on the chain.
 PRESET = "Neu"
 
@@ -85,7 +87,7 @@ class Case:
     modes: Array
     tones: Array = field(default_factory=lambda: np.zeros(0))
     tolerance: float = 0.015
-    block_rows: int = 40
+    block_rows: int = 45
     optional: Array = field(default_factory=lambda: np.zeros(0))
 
 
@@ -269,7 +271,7 @@ def pyoma_score(name: str, number: int) -> Score:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            algorithm, _ = pyoma_ssi(case.samples, case.rate, block_rows=case.block_rows, max_order=40)
+            algorithm, _ = pyoma_ssi(case.samples, case.rate, block_rows=case.block_rows, max_order=PEER_ORDER)
             frequencies = np.atleast_1d(pyoma_modes(algorithm, PRESET)[0])
         except (TypeError, ValueError, IndexError, AttributeError, np.linalg.LinAlgError):
             frequencies = np.zeros(0)
@@ -283,7 +285,9 @@ def koma_score(name: str, number: int) -> Score:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            poles = koma_ssi(case.samples, case.rate, block_rows=case.block_rows, orders=np.arange(2, 41, 2))
+            poles = koma_ssi(
+                case.samples, case.rate, block_rows=case.block_rows, orders=np.arange(2, PEER_ORDER + 1, 2)
+            )
             frequencies = koma_modes(*koma_stable(*poles, n_levels=2))[0]
         except (TypeError, ValueError, IndexError, AttributeError, np.linalg.LinAlgError):
             frequencies = np.zeros(0)
