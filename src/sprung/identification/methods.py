@@ -29,6 +29,7 @@ from sprung.identification.stabilisation import (
     significant,
     stabilise,
     with_honest_deviations,
+    with_known_deviations,
     with_status,
 )
 from sprung.identification.subsets import subsets_of_equal_width
@@ -374,7 +375,8 @@ def _refine(modes: Modes, records: CorrelatedRecords) -> tuple[Modes, Refinement
     factors = np.array([records.plan.preparation.factors[channel.name] for channel in records.channels])
     spectra = replace(records.lines, lines=records.lines.lines.scaled(1 / factors))
     spectra = replace(spectra, blocks=tuple(block.scaled(1 / factors) for block in spectra.blocks))
-    return refine(modes, spectra, records.channels, harmonics=records.harmonics)
+    refined, refinement = refine(modes, spectra, records.channels, harmonics=records.harmonics)
+    return with_known_deviations(refined, average(records.segments)), refinement
 
 
 def _notes_on_refinement(refinement: Refinement | None, settings: IdentificationSettings) -> tuple[str, ...]:

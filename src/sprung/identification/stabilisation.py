@@ -147,6 +147,29 @@ def with_honest_deviations(poles: Poles, correlations: Correlations) -> Poles:
     return replace(poles, natural_frequency_std=unknown, damping_ratio_std=unknown)
 
 
+def with_known_deviations(modes: Modes, correlations: Correlations) -> Modes:
+    """Return refined modes, without standard deviations where poles have none (`with_honest_deviations`).
+
+    Parameters
+    ----------
+    modes
+        Refined modes. The likelihood holds for many independent lines within a bandwidth; a record of so few blocks has
+        a few, and deviations of its curvature are two thirds of the errors.
+    correlations
+        Correlations of all segments.
+
+    Returns
+    -------
+    Modes
+        Modes with standard deviations of frequency, damping ratio and shape, or with NaN in their place.
+    """
+    if len(correlations.blocks) >= _FEWEST_BLOCKS:
+        return modes
+    unknown = np.full(len(modes), np.nan)
+    shapes = np.full(modes.mode_shapes.shape, np.nan + 1j * np.nan)
+    return replace(modes, natural_frequency_std=unknown, damping_ratio_std=unknown, mode_shape_std=shapes)
+
+
 def stabilise(
     poles: Poles,
     *,
