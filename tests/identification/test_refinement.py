@@ -138,6 +138,19 @@ def test_every_method_is_refined_by_all_records(runs) -> None:
     assert frequencies == pytest.approx(np.broadcast_to(frequencies[0], frequencies.shape), rel=2e-4)
 
 
+def test_refinement_of_modes_from_elsewhere_says_so(runs) -> None:
+    identified = cov_ssi(runs[0])
+    refinement = refinement_of(identified)
+    turned = refinement.of(identified.modes, np.array([2, -1, 0]), instead="picked")
+    assert turned.reasons == ("", "picked", "")
+    np.testing.assert_array_equal(turned.distances, refinement.distances[[2, 0, 0]] * [1, np.nan, 1])
+    np.testing.assert_array_equal(turned.start.poles[[0, 2]], refinement.start.poles[[2, 0]])
+    assert turned.start.poles[1] == identified.modes.poles[1]
+    assert [sorted(band.modes) for band in turned.bands] == [
+        sorted({0: 2, 2: 0}[k] for k in band.modes if k != 1) for band in refinement.bands if set(band.modes) != {1}
+    ]
+
+
 def test_gaps_cost_little(runs, vehicle) -> None:
     run = replace(runs[0], gaps=(Gap(8000, 3.0), Gap(18000, 1.0)))
     modes, whole = cov_ssi(run).modes, cov_ssi(runs[0]).modes
