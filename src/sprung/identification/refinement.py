@@ -15,7 +15,7 @@ from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.modal import ModalModel, ModalParameters
 from sprung.likelihood.modal_spectra import LineSpectra, LineSums, block_sums, line_edges, line_sums
 from sprung.likelihood.search import scored
-from sprung.modal import Modes, unit_shapes
+from sprung.modal import Modes, join_modes, unit_shapes
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
 
@@ -175,6 +175,28 @@ class Refinement:
 
     def __post_init__(self) -> None:
         freeze(self, distances=1)
+
+    def of(self, modes: Modes, origins: Indices, *, instead: str = "") -> "Refinement":
+        """Return the refinement of modes of which some are the refined ones.
+
+        Parameters
+        ----------
+        modes
+            Modes as they are used.
+        origins
+            Index here of each of these modes, -1 for one from elsewhere; shape (modes,).
+        instead
+            Why modes from elsewhere are not refined.
+        """
+        numbers = {int(origin): k for k, origin in enumerate(origins) if origin >= 0}
+        places = [tuple(numbers[k] for k in band.modes if k in numbers) for band in self.bands]
+        chosen = np.where(origins >= 0, origins, len(self.start) + np.arange(len(modes)))
+        return Refinement(
+            start=join_modes([self.start, modes]).take(chosen),
+            bands=tuple(replace(band, modes=own) for band, own in zip(self.bands, places, strict=True) if own),
+            distances=np.append(self.distances, np.nan)[origins],
+            reasons=tuple((*self.reasons, instead)[k] for k in origins),
+        )
 
     @property
     def is_refined(self) -> Booleans:
