@@ -1,5 +1,6 @@
 """Chapter 4: a chain of three masses, noise of two sizes, three methods."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.tables import numbers_table, theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate, usual_excitation, with_noise
 from sprung.tables import Table
 from sprung.vehicles import Structure, read_description, structure
@@ -106,10 +108,13 @@ def settings(method: str) -> IdentificationSettings:
     )
 
 
-def identified(method: str, runs: list[Recording], *, is_default: bool = False) -> Identification:
+def identified(
+    method: str, runs: list[Recording], *, is_default: bool = False, harmonics: tuple[Harmonic, ...] | None = None
+) -> Identification:
     """Return what a method identifies: Cov-SSI in the first record, the other methods in all."""
     chosen = runs[:1] if method == "cov" else runs
-    return SUBSPACE_METHODS[method](chosen, settings=None if is_default else settings(method))
+    options = IdentificationSettings() if is_default else settings(method)
+    return SUBSPACE_METHODS[method](chosen, settings=replace(options, harmonics=harmonics))
 
 
 def experiment(seed: int) -> Real:
@@ -121,8 +126,11 @@ def experiment(seed: int) -> Real:
         for j, band in enumerate(BANDS.values()):
             runs = noisy(clean, snr, band, seed=seed)
             for k, is_default in enumerate((False, True) if snr < 1 else (False,)):
+                harmonics: tuple[Harmonic, ...] | None = None
                 for m, method in enumerate(SUBSPACE_METHODS):
-                    match = matched(identified(method, runs, is_default=is_default).modes, truth)
+                    identification = identified(method, runs, is_default=is_default, harmonics=harmonics)
+                    harmonics = identification.harmonics if method == "acs" else None
+                    match = matched(identification.modes, truth)
                     results[i, j, k, m, :3] = match.natural_frequency, match.damping_ratio, match.mac
                     results[i, j, k, m, 3] = match.n_others
     return results
