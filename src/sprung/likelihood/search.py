@@ -107,7 +107,11 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
         parameters, value, slope = parameters + length * step, new_value, new_slope
     for point in islice(descent(model, parameters), _MOST_AFTER_SCORES):
         parameters = point
-    return parameters, _score_step(model, parameters, model.objective(parameters)[1])[1] < _CONVERGED
+    value, slope = model.objective(parameters)
+    step, squared = _score_step(model, parameters, slope)
+    if _SCORED <= squared < _CONVERGED:
+        parameters = parameters + _shortened(model, parameters, step, value, squared)[0] * step
+    return parameters, squared < _CONVERGED
 
 
 def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real, float]:
