@@ -1,6 +1,6 @@
 """Refinement of identified modes by the Whittle likelihood of the records' spectra."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -50,6 +50,8 @@ _FEW_CHANNELS, _MORE_COORDINATES = 6, 2
 _LEAST_NOISE = 1e-9
 #: Why a mode is in no fit.
 _TOO_LITTLE = "the spectra around it do not determine the modes, the spectra of their forces and the noise"
+_DEVIATING = "spectra deviate from the model"
+_CAUSES = "; causes may be a tone, a faulty channel, a further mode or a narrow-band excitation"
 #: Fewest blocks whose scatter counts, fewest of their lines in a mode's half-width, and how far beyond chance it has to
 #: be, in standard deviations.
 _BLOCKS_THAT_COUNT, _LINES_THAT_COUNT, _SCATTER_BEYOND_CHANCE = 8, 2.0, 2.5
@@ -183,12 +185,20 @@ class Refinement:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Modes that keep the values of the start and why, one sentence each."""
-        return tuple(
-            f"mode at {frequency:.4g} Hz not refined: {reason}"
-            for frequency, reason in zip(self.start.natural_frequency, self.reasons, strict=True)
-            if reason
-        )
+        """Modes that keep the values of the start and why: one sentence, or none."""
+        return self.notes_on(range(len(self.reasons)))
+
+    def notes_on(self, modes: Iterable[int]) -> tuple[str, ...]:
+        """Return which of the given modes keep the values of the start and why: one sentence, or none."""
+        which: dict[str, list[str]] = {}
+        for k in modes:
+            if self.reasons[k]:
+                which.setdefault(self.reasons[k], []).append(f"{self.start.natural_frequency[k]:.4g} Hz")
+        if not which:
+            return ()
+        words = "; ".join(f"{', '.join(places)} ({reason})" for reason, places in which.items())
+        hint = _CAUSES if any(reason.startswith(_DEVIATING) for reason in which) else ""
+        return (f"not refined by the likelihood: {words}{hint}",)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -299,13 +309,13 @@ def _why_not(modes: Modes, k: int, longest: float) -> str:
     damping, half_width = modes.damping_ratio[k], modes.damping_ratio[k] * modes.natural_frequency[k]
     if damping > _MOST_DAMPED:
         return (
-            f"its damping ratio of {100 * damping:.3g} % is above {100 * _MOST_DAMPED:.0f} %, so that its peak is no"
-            " narrower than the changes of the excitation over frequency"
+            f"damping of {100 * damping:.3g} %, above {100 * _MOST_DAMPED:.0f} %: a peak as wide as the changes of the"
+            " excitation over frequency"
         )
     if half_width * longest < _FEWEST_LINES:
         return (
-            f"its half-power bandwidth of {2 * half_width:.2g} Hz is narrower than"
-            f" {2 * _FEWEST_LINES:.0f} lines of the longest stretch ({longest:.3g} s): record longer"
+            f"half-power bandwidth of {2 * half_width:.2g} Hz, narrower than"
+            f" {2 * _FEWEST_LINES:.0f} lines of the longest stretch of {longest:.3g} s: record longer"
         )
     return ""
 
@@ -315,10 +325,7 @@ def _why_bad(band: BandFit) -> str:
     if not band.is_converged:
         return "the search for the largest likelihood did not converge"
     if not band.fits:
-        return (
-            f"the spectra from {band.band[0]:.3g} to {band.band[1]:.3g} Hz deviate from the model"
-            f" {band.misfit:.3g} times as much as by chance: something else moves there, or the input is not smooth"
-        )
+        return f"{_DEVIATING} {band.misfit:.2g} times as much as by chance"
     return ""
 
 
