@@ -88,7 +88,6 @@ def test_a_mode_far_from_the_largest_likelihood_keeps_its_values() -> None:
     assert modes.poles[2] == start.poles[2]
     assert np.isnan(modes.natural_frequency_std).sum() == 0
     assert refinement.notes == (f"not refined by the likelihood: 7.07 Hz ({refinement.reasons[2]})",)
-    assert refinement.notes_on([0, 1]) == ()
 
 
 def test_heavily_damped_and_unresolved_modes_keep_their_values() -> None:

@@ -17,7 +17,7 @@ from sprung.identification.planning import disjoint_splits
 from sprung.identification.preparation import as_measured, without_lifter
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
 from sprung.identification.refinement import Refinement, refine
-from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
+from sprung.identification.results import CorrelationSummary, Identification, SubsetModes, source_of
 from sprung.identification.road_modes import CombinedModes, combined_modes, has_road, kept_records
 from sprung.identification.roving import group_by_setup, note_on_moved_sensors
 from sprung.identification.settings import IdentificationSettings
@@ -324,6 +324,7 @@ def _identify(
     modes = labelled(refined, summary.channels, vehicle=vehicle)
     combined, note_on_road = combined_modes(modes, kept, records, vehicle=vehicle, band=settings.band, report=report)
     trends = None if trends is None else trends.of(combined.replaced)
+    refinement, notes_on_refinement = _of_combined(refinement, combined, settings)
     report("done", 1.0)
     return Identification(
         method=method,
@@ -347,10 +348,10 @@ def _identify(
             *_notes_on_modes(combined.modes, settings.lifter),
             *_notes_on_duration(combined.modes, summary),
             *([] if trends is None else trends_in_words(combined.modes, trends)),
-            *_notes_on_refinement(refinement, settings, combined),
+            *notes_on_refinement,
             *_notes_on_deviations(combined.modes, summary),
         ),
-        sources=combined.sources,
+        sources=tuple(source_of(method) if source == "ssi" else source for source in combined.sources),
         refinement=refinement,
         level_trends=trends,
     )
@@ -380,16 +381,18 @@ def _refine(modes: Modes, records: CorrelatedRecords) -> tuple[Modes, Refinement
     return refine(modes, spectra, records.channels, harmonics=records.harmonics)
 
 
-def _notes_on_refinement(
-    refinement: Refinement | None, settings: IdentificationSettings, combined: CombinedModes
-) -> tuple[str, ...]:
-    """Return notes on reported modes that keep their values, and on edited records."""
+def _of_combined(
+    refinement: Refinement | None, combined: CombinedModes, settings: IdentificationSettings
+) -> tuple[Refinement | None, tuple[str, ...]]:
+    """Return the refinement of the combined modes; notes on modes that keep their values, and on edited records."""
     if refinement is not None:
-        rows = zip(combined.replaced.tolist(), combined.sources, strict=True)
-        return refinement.notes_on(row for row, source in rows if source != "road_likelihood")
+        is_own = np.array([source == "ssi" for source in combined.sources], dtype=np.bool_)
+        origins, own = np.where(is_own, combined.replaced, -1), np.flatnonzero(is_own)
+        notes = refinement.of(combined.modes.take(own), origins[own]).notes
+        return refinement.of(combined.modes, origins, instead="it is that of the vehicle fitted to its road"), notes
     if settings.refine and settings.lifter is not None:
-        return ("modes not refined: cepstrum editing smooths the spectra that the likelihood takes as random",)
-    return ()
+        return None, ("modes not refined: cepstrum editing smooths the spectra that the likelihood takes as random",)
+    return None, ()
 
 
 def _summary(

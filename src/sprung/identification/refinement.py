@@ -1,6 +1,6 @@
 """Refinement of identified modes by the Whittle likelihood of the records' spectra."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,11 +11,11 @@ from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
 from sprung.identification.scatter import deviation_of_mean
 from sprung.identification.settings import Plan
-from sprung.likelihood.hermitian import real_coordinates
+from sprung.likelihood.hermitian import real_form
 from sprung.likelihood.modal import ModalModel, ModalParameters
 from sprung.likelihood.modal_spectra import LineSpectra, LineSums, block_sums, line_edges, line_sums
 from sprung.likelihood.search import scored
-from sprung.modal import Modes, unit_shapes
+from sprung.modal import Modes, join_modes, unit_shapes
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
 
@@ -48,6 +48,8 @@ _FARTHEST, _FARTHEST_IN_WIDTHS, _MOST_RATIO = 2.5, 0.5, 2.0
 _FEW_CHANNELS, _MORE_COORDINATES = 6, 2
 #: Smallest density of noise at the start over the largest of the spectra, so that matrices stay positive definite.
 _LEAST_NOISE = 1e-9
+#: Most steps by least squares to the first spectra of forces and noise, and the change of ln noise that ends them.
+_MOST_LINEAR_STEPS, _SMALL_STEP = 8, 0.3
 #: Why a mode is in no fit.
 _TOO_LITTLE = "the spectra around it do not determine the modes, the spectra of their forces and the noise"
 _DEVIATING = "spectra deviate from the model"
@@ -178,6 +180,28 @@ class Refinement:
     def __post_init__(self) -> None:
         freeze(self, distances=1)
 
+    def of(self, modes: Modes, origins: Indices, *, instead: str = "") -> "Refinement":
+        """Return the refinement of modes of which some are the refined ones.
+
+        Parameters
+        ----------
+        modes
+            Modes as they are used.
+        origins
+            Index here of each of these modes, -1 for one from elsewhere; shape (modes,).
+        instead
+            Why modes from elsewhere are not refined.
+        """
+        numbers = {int(origin): k for k, origin in enumerate(origins) if origin >= 0}
+        places = [tuple(numbers[k] for k in band.modes if k in numbers) for band in self.bands]
+        chosen = np.where(origins >= 0, origins, len(self.start) + np.arange(len(modes)))
+        return Refinement(
+            start=join_modes([self.start, modes]).take(chosen),
+            bands=tuple(replace(band, modes=own) for band, own in zip(self.bands, places, strict=True) if own),
+            distances=np.append(self.distances, np.nan)[origins],
+            reasons=tuple((*self.reasons, instead)[k] for k in origins),
+        )
+
     @property
     def is_refined(self) -> Booleans:
         """Whether each mode has refined values, shape (modes,)."""
@@ -186,14 +210,10 @@ class Refinement:
     @property
     def notes(self) -> tuple[str, ...]:
         """Modes that keep the values of the start and why: one sentence, or none."""
-        return self.notes_on(range(len(self.reasons)))
-
-    def notes_on(self, modes: Iterable[int]) -> tuple[str, ...]:
-        """Return which of the given modes keep the values of the start and why: one sentence, or none."""
         which: dict[str, list[str]] = {}
-        for k in modes:
-            if self.reasons[k]:
-                which.setdefault(self.reasons[k], []).append(f"{self.start.natural_frequency[k]:.4g} Hz")
+        for frequency, reason in zip(self.start.natural_frequency, self.reasons, strict=True):
+            if reason:
+                which.setdefault(reason, []).append(f"{frequency:.4g} Hz")
         if not which:
             return ()
         words = "; ".join(f"{', '.join(places)} ({reason})" for reason, places in which.items())
@@ -488,8 +508,11 @@ def _started(modes: Modes, tilted: LineSpectra, coordinates: _Coordinates, chann
         noise_exponents=-2 * coordinates.exponents if is_whole else np.zeros(spectra.matrices.shape[-1]),
     )
     model = ModalModel(spectra, begin, exponent)
-    for _ in range(2):
+    for _ in range(_MOST_LINEAR_STEPS):
+        before = model.begin.noise
         model = replace(model, begin=_with_linear_step(model))
+        if np.max(np.abs(np.log(model.begin.noise / before))) < _SMALL_STEP:
+            break
     return model
 
 
@@ -497,9 +520,9 @@ def _with_linear_step(model: ModalModel) -> ModalParameters:
     """Return the parameters of a model with force and noise spectra by weighted least squares."""
     start = model.start
     rows = np.concatenate([model.rows("forces"), model.rows("noise")])
-    slopes = model.whitened_derivatives(start)[rows].reshape(len(rows), -1)
-    residuals = real_coordinates(model.residuals(start)) * np.sqrt(model.spectra.counts)[:, None]
-    step = np.linalg.lstsq(slopes @ slopes.T, slopes @ residuals.ravel(), rcond=1e-12)[0]
+    slopes = model.whitened_densities(start).reshape(-1, len(rows))
+    residuals = real_form(model.residuals(start)) * np.sqrt(model.spectra.counts)
+    step = np.linalg.lstsq(slopes.T @ slopes, residuals.ravel() @ slopes, rcond=1e-12)[0]
     n_forces, moved = model.n_modes**2, start.copy()
     moved[rows[:n_forces]] += step[:n_forces]
     moved[rows[n_forces:]] += np.log(np.clip(1 + step[n_forces:], 0.1, 10.0))
@@ -629,6 +652,7 @@ def _scatter(fit: _Fitted, covariance: Real, spectra: RecordSpectra) -> Real:
     model = replace(fit.model, spectra=coordinates.spectra(joined))
     inverse = np.linalg.inv(np.linalg.cholesky(model.matrix(fit.parameters)))
     slopes = model.whitened_derivatives(fit.parameters) / np.sqrt(joined.counts)[:, None]
+    slopes = slopes.reshape(-1, fit.parameters.size)
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     tilt = (joined.frequencies[:, None] / fit.spectra.middle) ** -coordinates.exponents
     inverse = inverse @ (coordinates.forward * tilt[:, None, :])
@@ -637,7 +661,7 @@ def _scatter(fit: _Fitted, covariance: Real, spectra: RecordSpectra) -> Real:
         sums = np.add.reduceat(block.matrices[used], starts)
         counts = np.add.reduceat(lines[used], starts)
         deviation = inverse @ sums @ inverse.conj().swapaxes(-1, -2) - counts[:, None, None] * np.eye(model.n_channels)
-        scores.append(slopes.reshape(len(slopes), -1) @ real_coordinates(deviation).ravel())
+        scores.append(real_form(deviation).ravel() @ slopes)
     influences = np.array(scores) @ covariance
     centred = (influences - influences.mean(axis=0)) * np.sqrt(n_blocks / (n_blocks - 1))
     variances = deviation_of_mean(centred, spectra.records) ** 2

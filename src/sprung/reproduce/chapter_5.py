@@ -1,5 +1,7 @@
 """Chapter 5: harmonics, pulses and cepstrum editing on a quarter vehicle."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from sprung._arrays import Real
@@ -22,6 +24,7 @@ from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.tables import numbers_table, theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.signals.cepstrum import ShortPass, edit
+from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate
 from sprung.tables import Table
 from sprung.vehicles import frequency_response, read_description, structure
@@ -78,13 +81,15 @@ def records(case: int, *, seed: int) -> list[Recording]:
     ]
 
 
-def identified(runs: list[Recording], is_edited: bool) -> Identification:
+def identified(
+    runs: list[Recording], is_edited: bool, *, harmonics: tuple[Harmonic, ...] | None = None
+) -> Identification:
     """Return what CoSS-SSI with one subset identifies."""
     lifter = ShortPass(QUEFRENCY) if is_edited else None
     settings = thesis_settings(
         rows=(12, 50), stable_rate=0.5, segment=DURATION, n_subsets=1, sampling_rate=RATE, lifter=lifter
     )
-    return coss_ssi(runs, settings=settings)
+    return coss_ssi(runs, settings=replace(settings, harmonics=harmonics))
 
 
 def line_rate(identification: Identification, frequency: float) -> float:
@@ -99,8 +104,10 @@ def experiment(seed: int) -> Real:
     truth = _truth()
     results = np.empty((len(VARIANTS), 4, 2))
     sets = {case: records(case, seed=seed) for case in (1, 2, 3, 4)}
+    harmonics: dict[int, tuple[Harmonic, ...]] = {}
     for row, (case, is_edited, _, _) in enumerate(VARIANTS):
-        identification = identified(sets[case], is_edited)
+        identification = identified(sets[case], is_edited, harmonics=harmonics.get(case))
+        harmonics[case] = identification.harmonics
         match = matched(identification.modes, truth)
         results[row, :2] = match.natural_frequency, match.damping_ratio
         results[row, 2] = match.n_others
