@@ -253,7 +253,7 @@ def test_names_are_no_markup_and_no_control_sequences(sprung, tmp_path):
     assert "\x1b" not in sprung("info", tmp_path / "no\n\x1b[31mfile.csv").err
 
 
-@pytest.mark.parametrize("method", ["plscf", "fdd"])
+@pytest.mark.parametrize("method", ["cov", "coss", "plscf", "fdd"])
 def test_second_opinions_agree_and_modes_are_picked(sprung, chain, method):
     found = sprung("identify", chain, "--method", method, "--json", "-").document()
     assert found["method"] == method

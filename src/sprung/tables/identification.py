@@ -81,7 +81,7 @@ def modes_table(identification: Identification) -> Table:
         (
             with_deviation(modes.natural_frequency[k], modes.natural_frequency_std[k]),
             with_deviation(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
-            "-" if np.isnan(modes.stable_rate[k]) else f"{100 * modes.stable_rate[k]:.0f} %",
+            _stable(modes.stable_rate[k], identification.sources[k]),
             f"{modes.mpc[k]:.2f}",
             in_words(modes.labels[k] or ""),
             *([_SOURCES[identification.sources[k]]] if has_sources else []),
@@ -90,6 +90,12 @@ def modes_table(identification: Identification) -> Table:
         for k in range(len(modes))
     )
     return Table("", columns, rows, n_words=0, caption=_MODES_CAPTION)
+
+
+def _stable(rate: float, source: str) -> str:
+    """Return the stable rate of a mode; none for FDD, and for a mode of the road likelihood alone."""
+    is_known = np.isfinite(rate) and (rate > 0 or source != "road_likelihood")
+    return f"{100 * rate:.0f} %" if is_known else "-"
 
 
 def shapes_in_words(channels: Sequence[str], mode_shapes: Complex) -> list[str]:
