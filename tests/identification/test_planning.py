@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import signal
 
 from sprung.errors import DataError, ParameterError
 from sprung.identification import BlockRowLadder, IdentificationSettings
 from sprung.identification.planning import disjoint_splits, make_plan, plan_preparation
 from sprung.identification.preparation import prepare, search_harmonics
 from sprung.recording import Channel, Recording
+from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain, read_vehicle, structure
 
@@ -73,6 +75,52 @@ def test_the_band_is_where_channels_move_together_not_where_they_are_loud(run) -
     own *= run.samples.std(axis=1, keepdims=True) / own.std(axis=1, keepdims=True)
     loud = run.changed("noisy", samples=run.samples + own)
     assert planned(loud).preparation.band[1] < 60.0
+
+
+def resonances(frequencies, scales, generator, *, rate=200.0, n_samples=12_000):
+    """Return accelerations of three channels in modes of given RMS and 2 % of damping, with sensor noise."""
+    samples = np.zeros((3, n_samples))
+    shapes = np.linalg.qr(np.vander([1.0, 2.0, 3.5], 3))[0]
+    for frequency, scale, shape in zip(frequencies, scales, shapes, strict=True):
+        root = np.exp(2 * np.pi * frequency / rate * (-0.02 + 1j))
+        mode = signal.lfilter(
+            [1.0, -2.0, 1.0], np.poly([root, root.conj()]).real, generator.standard_normal(n_samples + 3000)
+        )
+        samples += scale * np.outer(shape, mode[3000:] / mode[3000:].std())
+    return samples + 0.1 * samples.std() * generator.standard_normal(samples.shape)
+
+
+def band_of(samples, rate=200.0, harmonics=()):
+    recording = Recording(samples, rate, tuple(Channel(f"a{k}") for k in range(len(samples))))
+    return plan_preparation(recording, settings=IdentificationSettings(), harmonics=harmonics).band
+
+
+def test_a_weak_first_mode_below_a_channel_with_strong_motion_of_its_own_is_in_the_band() -> None:
+    """At 20 dB below the others the first mode has less than 1 % of the coherent power."""
+    for seed in range(4):
+        generator = np.random.default_rng([14, seed])
+        samples = resonances([5.2, 14.6, 21.0], [0.1, 1.0, 1.0], generator)
+        own = signal.lfilter(*signal.butter(2, [18, 30], "band", fs=200.0), generator.standard_normal(12_000))
+        samples[2] += 30 * samples.std() * own
+        assert 3.0 < band_of(samples)[0] < 5.2
+
+
+def test_chance_is_no_peak_below_the_band() -> None:
+    for seed in range(10):
+        generator = np.random.default_rng([15, seed])
+        samples = resonances([14.6, 21.0, 25.0], [1.0, 1.0, 1.0], generator)
+        assert 10.0 < band_of(samples + generator.standard_normal(samples.shape))[0] < 14.6
+
+
+def test_lines_within_the_bandwidths_of_modes_leave_the_modes_in_the_band() -> None:
+    generator = np.random.default_rng(16)
+    samples = resonances([5.2, 14.6, 21.0], [1.0, 1.0, 1.0], generator)
+    frequencies = [5.3, 14.4, 21.2]
+    waves = np.sin(2 * np.pi * np.outer(frequencies, np.arange(12_000) / 200.0)).sum(axis=0)
+    lines = [Harmonic(f, "constant", (f - 0.02, f + 0.02), 0.04, 20.0, ("a0",)) for f in frequencies[1:]]
+    low, high = band_of(samples + 2 * samples.std() * waves, harmonics=lines)
+    assert low < 5.2
+    assert 21.0 < high < 40.0
 
 
 def test_the_band_of_a_vehicle_is_around_its_modes() -> None:

@@ -1,13 +1,14 @@
 """Choices from the data: band, sampling rate, block rows, orders and segments."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
+from scipy import special
 
-from sprung._arrays import Real
+from sprung._arrays import Booleans, Real
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.identification.ladders import Ladder, OrderLadder
@@ -17,6 +18,7 @@ from sprung.identification.settings import IdentificationSettings, Plan, Prepara
 from sprung.recording import Recording
 from sprung.signals.conditioning import detrend
 from sprung.signals.harmonics import Harmonic
+from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 from sprung.vehicles import structure
 from sprung.vehicles.usable import AnyVehicle, speed_channel
@@ -60,6 +62,12 @@ _SPECTRUM_AVERAGES, _FEWEST_AVERAGES = 24, 6
 _LONGEST_SPECTRUM = 8192
 #: Slow motion ends, and resonance begins, where the power common to the channels rises by this factor.
 _RISE = 4.0
+#: Probability that the channels of a record without common motion show a peak of coherence at any frequency.
+_CHANCE_OF_PEAK = 1e-3
+#: Overlapping segments of the spectra that are worth one independent segment.
+_SEGMENTS_OF_ONE = 1.06
+#: Fewest periods of a segment of the spectra in a peak: slower motion is drift.
+_PERIODS_OF_PEAK = 4
 #: Share of its frequency up to which a line of an engine or a machine wanders.
 _WANDERING = 0.03
 #: A fundamental with this many multiples is a pulse train; the lags reach up to this share of its period.
@@ -101,21 +109,25 @@ def plan_preparation(
     -----
     Band: of the coherent part of all cross spectra (of the spectrum, for one channel), weighted with 1/frequency, 1 %
     lies below the lower edge and 99 % below the upper edge over 1.25. Slow motion, whose power falls with the frequency
-    until it first rises to four times its least, does not count. Sampling rate: the lowest integer submultiple of
-    the original one that is at least 3 times the upper edge (5 times that of a given band).
+    until it first rises to four times its least, does not count. Where the coherence has a significant peak between
+    slow motion and the lower edge, the band begins there: a weak first mode needs long lags all the same. Lines of
+    constant frequency are subtracted before; drifting ones are left out with 3 % on both sides. Sampling rate: the
+    lowest integer submultiple of the original one that is at least 3 times the upper edge (5 times that of a given
+    band).
     """
     speed = speed_channel(recording, vehicle)
     outputs = [name for name in recording.names if name != speed]
     fastest = recording.sampling_rate
     _check_length(_longest(recording), fastest)
-    motion = detrend(recording.select(outputs), degree=1)
+    trend = 1 if settings.ladder is None else 0
+    motion = detrend(recording.select(outputs), degree=trend)
     rate_over_band = _RATE_OVER_BAND
     if settings.band is not None:
         band, source, rate_over_band = settings.band, "given", _RATE_OVER_GIVEN_BAND
     elif vehicle is not None:
         band, source = _band_of_vehicle(vehicle, fastest), "around the modes of the vehicle file"
     else:
-        band = _band_of_content(motion, harmonics)
+        band = _band_of_content(motion, harmonics, settings)
         source = "where the channels are coherent" if len(outputs) > 1 else "where most of the power is"
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
     least = max(rate_over_band * band[1], _FEWEST_SAMPLES * fastest / _longest(recording))
@@ -133,6 +145,7 @@ def plan_preparation(
         band=band,
         spectrum_segment=_spectrum_segment(recording, band, rate),
         notes=tuple(notes),
+        trend=trend,
     )
 
 
@@ -197,12 +210,20 @@ def make_plan(
     low, high = settings.band or (0.0, np.inf)
     slowest = _LEAST_PERIODS * rate / ladder.span
     high_pass = preparation.high_pass
-    if settings.band is None and _slow_share(motion, spectra, preparation.factors, slowest) > _SLOW_SHARE:
+    has_own_ladder = settings.ladder is not None
+    if (
+        settings.band is None
+        and not has_own_ladder
+        and _slow_share(motion, spectra, preparation.factors, slowest) > _SLOW_SHARE
+    ):
         high_pass = _HIGH_PASS * slowest
     return Plan(
         preparation=replace(preparation, high_pass=high_pass),
         segment=settings.segment
-        or min(_segment(method, settings.n_subsets, total_duration, ladder.n_lags / rate), _longest(motion) / rate),
+        or min(
+            _segment(method, settings, total_duration, ladder.n_lags / rate),
+            _longest(motion) / rate,
+        ),
         ladder=ladder,
         mode_band=(
             max(low, slowest),
@@ -250,28 +271,43 @@ def _band_of_vehicle(vehicle: AnyVehicle, sampling_rate: float) -> tuple[float, 
     return _BELOW_LOWEST * frequencies.min(), min(_ABOVE_HIGHEST * frequencies.max(), sampling_rate / 2)
 
 
-def _band_of_content(motion: Recording, harmonics: Sequence[Harmonic]) -> tuple[float, float]:
+def _band_of_content(
+    motion: Recording, harmonics: Sequence[Harmonic], settings: IdentificationSettings
+) -> tuple[float, float]:
     """Return the band in which the channels move together [Hz]."""
-    frequencies, widths, power, common = _content(motion)
-    power = power.copy()
-    power[: _end_of_slow_motion(common)] = 0
+    content = _content(subtract_lines(motion, harmonics))
+    frequencies, widths = content.frequencies, content.widths
+    n_slow = _end_of_slow_motion(content.common)
+    is_used = np.arange(frequencies.size) >= n_slow
     for line in harmonics:
-        margin = np.maximum(2 * widths, _WANDERING * line.band[1])
-        power[(frequencies >= line.band[0] - margin) & (frequencies <= line.band[1] + margin)] = 0
-    share = np.cumsum(power * widths / frequencies)
+        if line.kind != "constant":
+            margin = np.maximum(2 * widths, _WANDERING * line.band[1])
+            is_used &= (frequencies < line.band[0] - margin) | (frequencies > line.band[1] + margin)
+    share = np.cumsum(np.where(is_used, content.power * widths / frequencies, 0))
     if share[-1] <= 0:
         return 0.0, motion.sampling_rate / 2
     low, high = np.searchsorted(share / share[-1], [_POWER_ABOVE, _POWER_BELOW])
+    if settings.ladder is None:
+        low = min([int(low), *_weak_peaks(content, is_used, n_slow, int(low))])
     return float(frequencies[low]), float(min(_MARGIN * frequencies[high], motion.sampling_rate / 2))
 
 
-def _content(motion: Recording) -> tuple[Real, Real, Real, Real]:
-    """Return frequencies above 0, their widths, the coherent power there, and that with what chance explains.
+@dataclass(frozen=True, eq=False, slots=True)
+class _Content:
+    """Frequencies above 0, their widths, the coherent power beyond chance and with it, and how probable chance is."""
 
-    The lowest frequencies are those of longer and fewer segments.
-    """
+    frequencies: Real
+    widths: Real
+    power: Real
+    common: Real
+    chance: Real
+    periods: Real
+
+
+def _content(motion: Recording) -> _Content:
+    """Return what the spectra hold; the lowest frequencies are those of longer and fewer segments."""
     stretch = _usual_stretch(motion)
-    parts: list[tuple[Real, Real, Real, Real]] = []
+    parts: list[Real] = []
     start = 0.0
     for averages in (_SPECTRUM_AVERAGES, _FEWEST_AVERAGES):
         length = max(min(motion.n_samples // averages, stretch, _LONGEST_SPECTRUM), 16)
@@ -280,10 +316,42 @@ def _content(motion: Recording) -> tuple[Real, Real, Real, Real]:
         width = motion.sampling_rate / length
         rows = slice(3, None) if not parts else slice(1, int(np.ceil(start / width)))
         start = 3 * width
-        frequencies = spectra.frequencies[rows]
-        parts.insert(0, (frequencies, np.full(frequencies.size, width), power[rows], common[rows]))
-    frequencies, widths, power, common = (np.concatenate(values) for values in zip(*parts, strict=True))
-    return frequencies, widths, power, common
+        frequencies, widths = spectra.frequencies, np.full(power.size, width)
+        values = [frequencies, widths, power, common, _chance_of_coherence(spectra), frequencies / width]
+        parts.insert(0, np.array(values)[:, rows])
+    return _Content(*np.concatenate(parts, axis=1))
+
+
+def _chance_of_coherence(spectra: SpectralMatrix) -> Real:
+    """Return the probability that independent channels are as coherent; 1 for a single channel.
+
+    With K independent segments -(K - 1) ln(1 - coherence) of a pair is exponentially distributed, the sum over pairs
+    nearly as gamma.
+    """
+    densities = np.maximum(spectra.densities, np.finfo(float).tiny)
+    first, second = np.triu_indices(len(densities), 1)
+    if not first.size:
+        return np.ones(densities.shape[1])
+    coherence = np.abs(spectra.matrix[first, second]) ** 2 / (densities[first] * densities[second])
+    freedom = max(spectra.n_segments / _SEGMENTS_OF_ONE - 1, 1.0)
+    surprise = -freedom * np.log(np.maximum(1 - coherence, np.finfo(float).eps))
+    return np.asarray(special.gammaincc(first.size, surprise.sum(axis=0)))
+
+
+def _weak_peaks(content: _Content, is_used: Booleans, start: int, end: int) -> list[int]:
+    """Return where significant peaks of weak modes below the band begin, from `start` to `end`.
+
+    A peak rises over the least power to both of its sides as resonance rises over slow motion.
+    """
+    common = content.common[start : end + 1]
+    if common.size < 3:
+        return []
+    below = np.minimum.accumulate(common)
+    above = np.minimum.accumulate(common[::-1])[::-1]
+    is_peak = common > _RISE * np.maximum(below, above)
+    is_peak &= is_used[start : end + 1] & (content.chance[start : end + 1] < _CHANCE_OF_PEAK / content.chance.size)
+    is_peak &= content.periods[start : end + 1] >= _PERIODS_OF_PEAK
+    return [int(k) + start for k in np.flatnonzero(is_peak)]
 
 
 def _end_of_slow_motion(common: Real) -> int:
@@ -411,9 +479,10 @@ def disjoint_splits(channels: Iterable[Name]) -> tuple[tuple[tuple[Name, ...], t
     return tuple(splits)
 
 
-def _segment(method: str, n_subsets: int, duration: float, lag_span: float) -> float:
+def _segment(method: str, settings: IdentificationSettings, duration: float, lag_span: float) -> float:
     """Return a length of segments that gives enough of them to each subset and is long against the lags [s]."""
     if method not in ("acs", "coss"):
-        return max(duration / _BLOCKS_OF_A_RECORD, _LAG_SPANS_OF_A_BLOCK * lag_span)
-    n_segments = _SEGMENTS_OF_A_SUBSET * (n_subsets if method == "coss" else 1)
+        lag_spans = _LAG_SPANS_OF_A_BLOCK if settings.ladder is None else 1.0
+        return max(duration / _BLOCKS_OF_A_RECORD, lag_spans * lag_span)
+    n_segments = _SEGMENTS_OF_A_SUBSET * (settings.n_subsets if method == "coss" else 1)
     return max(duration / n_segments, _LAG_SPANS_OF_A_SEGMENT * lag_span)

@@ -64,9 +64,9 @@ def prepare(recording: Recording, plan: PreparationPlan, *, lifter: Lifter | Non
     outputs = _at_common_rate(recording, plan).select(plan.channels)
     decimated = _decimate_to(outputs, plan.decimate_to)
     spectra = spectral_matrix(decimated, segment_length=plan.spectrum_segment)
-    motion, edited_spectra = detrend(decimated, degree=1), None
+    motion, edited_spectra = detrend(decimated, degree=plan.trend), None
     if lifter is not None:
-        motion = _decimate_to(edit(detrend(outputs, degree=1), lifter), plan.decimate_to)
+        motion = _decimate_to(edit(detrend(outputs, degree=plan.trend), lifter), plan.decimate_to)
         edited_spectra = spectral_matrix(motion, segment_length=plan.spectrum_segment)
     return without_slow_motion(Prepared(scale(motion, plan.factors), spectra, edited_spectra), plan.high_pass)
 

@@ -191,7 +191,7 @@ def _first_record(
             duration = total_duration or recording.duration
             preparation = plan_preparation(recording, settings=settings, vehicle=vehicle)
             harmonics = _harmonics(recording, preparation, settings, vehicle)
-            if harmonics and settings.band is None and vehicle is None:
+            if harmonics and settings.band is None and settings.ladder is None and vehicle is None:
                 preparation = plan_preparation(recording, settings=settings, vehicle=vehicle, harmonics=harmonics)
             if method == "fdd":
                 preparation = with_long_segments(

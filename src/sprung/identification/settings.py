@@ -172,6 +172,8 @@ class PreparationPlan:
         Length of the segments of spectra [s].
     notes
         The decisions in words.
+    trend
+        Degree of the trend that is removed: 0 for the mean (as in the thesis), 1 for a straight line.
     """
 
     channels: tuple[str, ...]
@@ -182,6 +184,7 @@ class PreparationPlan:
     band: tuple[float, float]
     spectrum_segment: float
     notes: tuple[str, ...]
+    trend: int = 1
 
 
 @dataclass(frozen=True, slots=True)
