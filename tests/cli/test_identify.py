@@ -16,6 +16,7 @@ MODE_KEYS = {
     "damping_ratio": float,
     "damping_ratio_std": float,
     "mode_shape": dict,
+    "mode_shape_std": dict,
     "label": type(None),
     "stable_rate": float,
     "source": str,
