@@ -154,7 +154,7 @@ def test_a_line_of_the_excitation_is_reported_and_subtracted() -> None:
 
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_a_tone_next_to_a_mode_leaves_the_mode(mode) -> None:
-    """A tone as strong as the motion, 0.2 to 0.8 Hz off (100 records: `benchmarks/README.md`)."""
+    """A tone as strong as the motion, 0.2 to 0.8 Hz off."""
     for seed in range(3):
         record = run(seed)
         generator = np.random.default_rng(seed)
