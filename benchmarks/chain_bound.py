@@ -10,12 +10,11 @@ from scipy.linalg import expm
 from sprung.vehicles import chain
 
 Array = NDArray[np.float64]
-N_MODES = 3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Bound:
-    """Least standard deviations that an unbiased estimator can have, shape (modes,)."""
+    """Natural frequencies [Hz] and damping ratios, or the least standard deviations of them, shape (modes,)."""
 
     natural_frequency: Array
     damping_ratio: Array
@@ -35,32 +34,59 @@ def chain_bound(
     exact = chain().modes()
     frequencies = np.arange(1, int(duration * sampling_rate / 2)) / duration
     stiffness = 9800.0 * np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
-    shapes = np.linalg.eigh(stiffness)[1]
-    upper = np.triu_indices(N_MODES)
+    return modal_bound(
+        Bound(exact.natural_frequency, exact.damping_ratio),
+        np.linalg.eigh(stiffness)[1],
+        frequencies,
+        snr=snr,
+        sampling_rate=sampling_rate,
+        has_free_forces=has_free_forces,
+    )
+
+
+def modal_bound(
+    truth: Bound,
+    shapes: Array,
+    frequencies: Array,
+    *,
+    snr: float,
+    sampling_rate: float,
+    powers: Array | None = None,
+    has_free_forces: bool = True,
+) -> Bound:
+    """Return the bound for modes of any real shapes (channels, modes) under white forces of the given powers.
+
+    As `chain_bound`, for lines at the given frequencies; the noise of each channel is white, of its power over the
+    squared signal-to-noise ratio. `truth` holds the natural frequencies [Hz] and damping ratios.
+    """
+    n_channels, n = shapes.shape
+    upper = np.triu_indices(n)
+    powers = np.ones(n) if powers is None else powers
 
     def spectra(parameters: Array) -> NDArray[np.complex128]:
-        natural, damping, phi, forces, noise = np.split(parameters, [3, 6, 15, -3])
-        P = np.eye(N_MODES) * forces[0]
+        ends = np.cumsum([n, n, n_channels * n, n * (n + 1) // 2 if has_free_forces else 1])
+        natural, damping, phi, forces, noise = np.split(parameters, ends)
+        P = np.diag(powers) * forces[0]
         if has_free_forces:
             P[upper] = forces
             P = np.triu(P) + np.triu(P, 1).T
         H = np.array([_response(f, xi, frequencies, sampling_rate) for f, xi in zip(natural, damping, strict=True)])
-        moved = np.einsum("cm,mf->fcm", phi.reshape(N_MODES, N_MODES), H)
+        moved = np.einsum("cm,mf->fcm", phi.reshape(n_channels, n), H)
         return moved @ P @ np.conj(np.swapaxes(moved, 1, 2)) + np.diag(noise)
 
-    forces = np.eye(N_MODES)[upper] if has_free_forces else np.ones(1)
-    known = np.concatenate([exact.natural_frequency, exact.damping_ratio, shapes.ravel(), forces])
-    silent = spectra(np.concatenate([known, np.zeros(3)]))
+    forces = np.diag(powers)[upper] if has_free_forces else np.ones(1)
+    known = np.concatenate([truth.natural_frequency, truth.damping_ratio, shapes.ravel(), forces])
+    silent = spectra(np.concatenate([known, np.zeros(n_channels)]))
     power = np.einsum("fcc->c", silent).real / len(frequencies)
-    truth = np.concatenate([known, power / snr**2])
-    inverse = np.linalg.inv(spectra(truth))
-    slopes = np.array([inverse @ _slope(spectra, truth, k) for k in range(len(truth))])
-    transposed = np.swapaxes(slopes, 2, 3).reshape(len(truth), -1)
-    information = (slopes.reshape(len(truth), -1) @ transposed.T).real
+    at = np.concatenate([known, power / snr**2])
+    inverse = np.linalg.inv(spectra(at))
+    slopes = np.array([inverse @ _slope(spectra, at, k) for k in range(len(at))])
+    transposed = np.swapaxes(slopes, 2, 3).reshape(len(at), -1)
+    information = (slopes.reshape(len(at), -1) @ transposed.T).real
     scale = np.sqrt(np.diag(information))
     covariance = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
     deviations = np.sqrt(np.diag(covariance))
-    return Bound(deviations[:3], deviations[3:6])
+    return Bound(deviations[:n], deviations[n : 2 * n])
 
 
 def _response(

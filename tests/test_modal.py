@@ -131,7 +131,7 @@ def test_every_status_says_in_words_what_became_of_a_pole() -> None:
     sentences = {status.sentence for status in PoleStatus}
     assert len(sentences) == len(PoleStatus)
     assert PoleStatus.SELECTED == 0
-    assert PoleStatus.RARE.sentence == "stable on too few rungs of the ladder"
+    assert PoleStatus.RARE.sentence == "stable at too few model orders"
 
 
 def test_taken_modes_keep_everything_that_belongs_to_them() -> None:

@@ -26,7 +26,10 @@ _NAMES = {
     ),
     "errors": "DataError FormatError IdentificationError MissingPackageError ParameterError SprungError",
     "formats": "read read_blocks write",
-    "identification": "BlockRowLadder Identification IdentificationSettings acs_ssi as_in_thesis coss_ssi cov_ssi",
+    "identification": (
+        "BlockRowLadder Identification IdentificationSettings acs_ssi as_in_thesis coss_ssi cov_ssi enhanced_fdd "
+        "identify_setups pick_modes poly_lscf"
+    ),
     "identification.tracking": "track_modes",
     "identification.tracks": "Jump Track TrackedModes TrackingSettings",
     "identification.stabilisation": "THESIS_CRITERIA StabilisationDiagram StabilityCriteria",

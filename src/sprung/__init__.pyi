@@ -45,6 +45,10 @@ from sprung.identification import acs_ssi as acs_ssi
 from sprung.identification import as_in_thesis as as_in_thesis
 from sprung.identification import coss_ssi as coss_ssi
 from sprung.identification import cov_ssi as cov_ssi
+from sprung.identification import enhanced_fdd as enhanced_fdd
+from sprung.identification import identify_setups as identify_setups
+from sprung.identification import pick_modes as pick_modes
+from sprung.identification import poly_lscf as poly_lscf
 from sprung.identification.stabilisation import THESIS_CRITERIA as THESIS_CRITERIA
 from sprung.identification.stabilisation import StabilisationDiagram as StabilisationDiagram
 from sprung.identification.stabilisation import StabilityCriteria as StabilityCriteria

@@ -194,7 +194,7 @@ class PoleStatus(IntEnum):
 
 _SENTENCES = {
     PoleStatus.SELECTED: "part of a mode",
-    PoleStatus.RARE: "stable on too few rungs of the ladder",
+    PoleStatus.RARE: "stable at too few model orders",
     PoleStatus.INSIGNIFICANT: "its contribution to the correlations between channels is no larger than chance",
     PoleStatus.UNCONFIRMED: "found in too few subsets, or the same mode as a more stable alignment",
     PoleStatus.UNCERTAIN: "the uncertainty of its frequency is comparable with its bandwidth",

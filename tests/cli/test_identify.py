@@ -16,6 +16,7 @@ MODE_KEYS = {
     "damping_ratio": float,
     "damping_ratio_std": float,
     "mode_shape": dict,
+    "mode_shape_std": dict,
     "label": type(None),
     "stable_rate": float,
     "source": str,
@@ -253,7 +254,7 @@ def test_names_are_no_markup_and_no_control_sequences(sprung, tmp_path):
     assert "\x1b" not in sprung("info", tmp_path / "no\n\x1b[31mfile.csv").err
 
 
-@pytest.mark.parametrize("method", ["plscf", "fdd"])
+@pytest.mark.parametrize("method", ["cov", "coss", "plscf", "fdd"])
 def test_second_opinions_agree_and_modes_are_picked(sprung, chain, method):
     found = sprung("identify", chain, "--method", method, "--json", "-").document()
     assert found["method"] == method

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sprung.documents import identification_document
 from sprung.errors import ParameterError
 from sprung.identification import METHODS, IdentificationSettings, coss_ssi, cov_ssi, pick_modes
 from sprung.identification.stabilisation import StabilityCriteria
@@ -26,8 +27,7 @@ def test_picked_modes_are_those_selected_there(method) -> None:
     result = METHODS[method](run())
     picked = pick_modes(result, [28.2, 7.05])
     expected = result.modes.take(np.array([0, 2]))
-    # By CoSS-SSI a picked mode may be in more subsets than the selected one, by FDD the bell has other neighbours.
-    is_same = method not in ("coss", "fdd")
+    is_same = method != "fdd"  # where the bell has other neighbours
     np.testing.assert_allclose(picked.modes.poles, expected.poles, rtol=1e-12 if is_same else 0.01)
     np.testing.assert_allclose(picked.modes.mode_shapes, expected.mode_shapes, atol=1e-9 if is_same else 0.1)
     assert [note for note in picked.notes if "by hand" in note] == [
@@ -35,6 +35,15 @@ def test_picked_modes_are_those_selected_there(method) -> None:
         for frequency in picked.modes.natural_frequency
     ]
     assert picked.members.shape == (2, len(result.subsets))
+    document = identification_document(picked)
+    assert [mode.source for mode in document.modes] == [method if method in ("plscf", "fdd") else "ssi"] * 2
+    if method == "fdd":
+        assert document.refinement is None
+    else:
+        assert result.refinement is not None
+        assert picked.refinement is not None
+        np.testing.assert_array_equal(picked.refinement.distances, result.refinement.distances[[0, 2]])
+        assert {k for band in picked.refinement.bands for k in band.modes} <= {0, 1}
 
 
 def test_modes_that_the_selection_refused_can_be_picked() -> None:
@@ -51,6 +60,8 @@ def test_modes_that_the_selection_refused_can_be_picked() -> None:
         for note in picked.notes
     )
     assert not any(note.startswith("no mode found") for note in picked.notes)
+    assert picked.refinement is not None
+    assert picked.refinement.reasons == ("it was picked by hand",) * 3
 
 
 def test_what_is_not_picked_is_marked_in_the_diagram() -> None:
@@ -94,6 +105,13 @@ def test_what_cannot_be_picked_gets_one_sentence(frequencies, sentence) -> None:
         pick_modes(cov_ssi(run()), frequencies)
     assert str(refusal.value).startswith(sentence)
     assert "\n" not in str(refusal.value)
+
+
+def test_deviations_of_a_picked_mode_are_those_of_the_selection() -> None:
+    result = cov_ssi(run(), settings=IdentificationSettings(refine=False))
+    picked = pick_modes(result, [7.0])
+    assert picked.subsets[0].modes.natural_frequency_std == pytest.approx(result.modes.natural_frequency_std[:1])
+    assert picked.subsets[0].modes.damping_ratio_std == pytest.approx(result.modes.damping_ratio_std[:1])
 
 
 def test_modes_of_disjoint_references_are_refused() -> None:

@@ -47,7 +47,7 @@ def test_the_band_holds_all_modes_and_the_rate_carries_it(run) -> None:
     assert 500.0 / plan.preparation.decimate_to == pytest.approx(round(500.0 / plan.preparation.decimate_to))
     assert plan.mode_band[0] < FREQUENCIES[0]
     assert plan.mode_band[1] > FREQUENCIES[-1]
-    assert plan.preparation.notes[0].endswith("Hz (where the channels move together), sampled at 125 Hz")
+    assert plan.preparation.notes[0].endswith("Hz (where the channels are coherent), sampled at 125 Hz")
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])

@@ -100,7 +100,7 @@ def test_merged_subsets_are_noted() -> None:
 def test_choices_are_noted_and_filled_in() -> None:
     found = cov_ssi(run())
     assert found.notes[0].startswith("band ")
-    assert found.notes[0].endswith("Hz (where the channels move together), sampled at 125 Hz")
+    assert found.notes[0].endswith("Hz (where the channels are coherent), sampled at 125 Hz")
     effective, plan = found.effective_settings, found.plan
     assert (effective.decimate_to, effective.segment) == (plan.preparation.decimate_to, plan.segment)
     assert isinstance(plan.ladder, OrderLadder)

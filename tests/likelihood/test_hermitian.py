@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.likelihood.hermitian import congruence, real_coordinates
+from sprung.likelihood.hermitian import congruence, real_coordinates, real_form
 
 
 def draw(seed, *shape):
@@ -21,6 +21,13 @@ def test_the_trace_of_a_product_is_the_product_of_the_coordinates(size) -> None:
     A, B = hermitian(1, size), hermitian(2, size)
     expected = np.einsum("fij,fji->f", A, B)
     assert np.sum(real_coordinates(A) * real_coordinates(B), axis=-1) == pytest.approx(expected.real)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_the_trace_of_a_product_is_the_product_in_real_form(size) -> None:
+    A, B = hermitian(1, size), hermitian(2, size)
+    expected = np.einsum("fij,fji->f", A, B)
+    assert np.sum(real_form(A) * real_form(B), axis=(0, 1)) == pytest.approx(expected.real)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])

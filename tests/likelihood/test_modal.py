@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sprung.likelihood.hermitian import real_form
 from sprung.likelihood.modal import ModalModel, ModalParameters
 from sprung.likelihood.modal_spectra import LineSpectra
 from sprung.likelihood.search import minimised, scored
@@ -76,7 +77,7 @@ def test_gradient_and_derivatives_are_those_of_the_model() -> None:
     steps = 1e-5 * np.eye(at.size)
     slopes = [(exact.objective(at + step)[0] - exact.objective(at - step)[0]) / 2e-5 for step in steps]
     assert exact.objective(at)[1] == pytest.approx(slopes, rel=1e-5, abs=1e-4)
-    numeric = np.array([(exact.matrix(at + step) - exact.matrix(at - step)) / 2e-5 for step in steps])
+    numeric = np.stack([real_form(exact.matrix(at + step) - exact.matrix(at - step)) / 2e-5 for step in steps], axis=-1)
     assert exact.derivatives(at) == pytest.approx(numeric, rel=1e-5, abs=1e-6 * np.abs(numeric).max())
 
 

@@ -5,7 +5,14 @@ import pytest
 from scipy import stats
 
 from sprung.recording import Channel, Recording
-from sprung.signals.narrow_lines import Line, chance_of_regularity, largest_family, multiples, narrow_lines
+from sprung.signals.narrow_lines import (
+    Line,
+    chance_of_regularity,
+    chance_of_steadiness,
+    largest_family,
+    multiples,
+    narrow_lines,
+)
 
 
 def line(frequency, tolerance=0.01):
@@ -61,3 +68,30 @@ def test_noise_has_no_narrow_lines_at_the_rate_stated() -> None:
             )
         )
     assert found <= stats.poisson.isf(1e-3, 2 * 100 * 0.05)
+
+
+@pytest.mark.parametrize("decay", [0.5, 2.0])
+def test_a_mode_is_as_steady_as_a_line_no_more_often_than_stated(decay) -> None:
+    """An envelope exp(-decay |t|) through Hann windows at any phase; the probability is an upper bound."""
+    rng = np.random.default_rng(1)
+    n_segments, length, n_draws = 9, 32, 1000
+    times = np.arange(length * (n_segments + 1) // 2) / length
+    root = np.linalg.cholesky(np.exp(-decay * np.abs(np.subtract.outer(times, times))))
+    noise = rng.standard_normal((2, times.size, n_draws))
+    envelope = root @ (noise[0] + 1j * noise[1])
+    window = np.sin(np.pi * (np.arange(length) + 0.5) / length) ** 2
+    starts = np.arange(n_segments) * length // 2
+    spectra = np.array([window @ envelope[start : start + length] for start in starts])
+    chances = np.array([chance_of_steadiness(row, starts / length, decay) for row in spectra.T])
+    assert np.mean(chances <= 0.1) <= 0.1
+    assert np.mean(chances <= 0.01) <= 0.02
+
+
+def test_the_chance_of_steadiness_of_independent_segments_is_a_power() -> None:
+    """r^(n - 1) for the share 1 - r of the energy in one phase, times the frequencies told apart."""
+    noise = np.array([1.0, -1, 1, -1, 1, -1])
+    spectra = 1 + 0.1 * noise * np.array([1, 1, -1, -1, 0, 0]) + 0j
+    share = abs(spectra.sum()) ** 2 / (6 * np.sum(abs(spectra) ** 2))
+    chance = chance_of_steadiness(spectra, 10.0 * np.arange(6), 500.0)
+    assert chance == pytest.approx(2 * 51 * (1 - share) ** 5, rel=0.02)
+    assert chance_of_steadiness(spectra[:4], np.arange(4.0), 500.0) == 1.0

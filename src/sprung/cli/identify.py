@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sprung._checks import check_one_of
 from sprung.cli.checks import check_file, check_folder, names
 from sprung.cli.options import INPUT, OUTPUT, Channels, Figures, Files, Json, Page, SamplingRate, option
 from sprung.cli.output import show, write_result
@@ -125,6 +124,7 @@ def identify(
 ) -> None:
     """Identify natural frequencies, damping ratios and mode shapes from recordings of one condition."""
     from sprung import reports, tables
+    from sprung._checks import check_one_of
     from sprung.documents import identification_document
     from sprung.formats.records import read_records
     from sprung.identification import METHODS, identify_setups, pick_modes

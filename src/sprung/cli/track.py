@@ -46,7 +46,7 @@ def track(
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
     method: Annotated[
-        Literal["cov", "acs", "coss"],
+        Literal["cov", "acs", "coss", "plscf", "fdd"],
         typer.Option(help="Identification of each window, as for sprung identify.", rich_help_panel=INPUT),
     ] = "cov",
     band: Annotated[

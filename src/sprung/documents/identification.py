@@ -37,7 +37,7 @@ class LevelTrend(Document):
 class MergedMode(IdentifiedMode):
     """A mode with the method that gave it, its share in the rigid-body motions, and its values in each subset."""
 
-    source: Literal["ssi", "road_likelihood"] = "ssi"
+    source: Literal["ssi", "plscf", "fdd", "road_likelihood"] = "ssi"
     participation: Participation | None
     subsets: tuple[SubsetValues | None, ...]
     level_trend: LevelTrend | None = None
@@ -90,7 +90,6 @@ class SetUpsDocument(Document):
     """The set-ups that are merged."""
 
     references: tuple[str, ...]
-    mode_shape_std: tuple[Complex, ...]
     parts: tuple[SetUpDocument, ...]
 
 
@@ -239,7 +238,6 @@ def read_identification(path: str | Path) -> IdentificationDocument:
 def _setups(setups: RovingSetups) -> SetUpsDocument:
     return SetUpsDocument(
         references=setups.references,
-        mode_shape_std=tuple(setups.mode_shape_std),
         parts=tuple(
             SetUpDocument(
                 number=part.number,

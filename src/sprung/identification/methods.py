@@ -17,8 +17,8 @@ from sprung.identification.planning import disjoint_splits
 from sprung.identification.preparation import as_measured, without_lifter
 from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
 from sprung.identification.refinement import Refinement, refine
-from sprung.identification.results import CorrelationSummary, Identification, SubsetModes
-from sprung.identification.road_modes import combined_modes, has_road, kept_records
+from sprung.identification.results import CorrelationSummary, Identification, SubsetModes, source_of
+from sprung.identification.road_modes import CombinedModes, combined_modes, has_road, kept_records
 from sprung.identification.roving import group_by_setup, note_on_moved_sensors
 from sprung.identification.settings import IdentificationSettings
 from sprung.identification.setups import identify_setups
@@ -45,6 +45,8 @@ from sprung.vehicles.usable import AnyVehicle
 _DAMPING_OF_POLYNOMIALS = 0.4
 #: Most families of lines in a note.
 _MOST_LINES = 6
+#: Usual duration of a record times the half-width of its lowest mode, and that below which a note says so.
+_USUAL_BANDWIDTHS, _FEWEST_BANDWIDTHS = 10.0, 2.0
 
 
 def cov_ssi(
@@ -323,6 +325,7 @@ def _identify(
     modes = labelled(refined, summary.channels, vehicle=vehicle)
     combined, note_on_road = combined_modes(modes, kept, records, vehicle=vehicle, band=settings.band, report=report)
     trends = None if trends is None else trends.of(combined.replaced)
+    refinement, notes_on_refinement = _of_combined(refinement, combined, settings)
     report("done", 1.0)
     return Identification(
         method=method,
@@ -340,15 +343,16 @@ def _identify(
             *records.plan.preparation.notes,
             *records.notes,
             *note_on_moved_sensors(several, records.segments, records.counts, vehicle=vehicle),
-            *_notes_on_deviations(summary),
             *notes_on_subsets,
             *_notes_on_lines(summary.harmonics, settings),
             *note_on_road,
             *_notes_on_modes(combined.modes, settings.lifter),
-            *_notes_on_refinement(refinement, settings),
+            *_notes_on_duration(combined.modes, summary),
             *([] if trends is None else trends_in_words(combined.modes, trends)),
+            *notes_on_refinement,
+            *_notes_on_deviations(combined.modes, summary),
         ),
-        sources=combined.sources,
+        sources=tuple(source_of(method) if source == "ssi" else source for source in combined.sources),
         refinement=refinement,
         level_trends=trends,
     )
@@ -379,13 +383,18 @@ def _refine(modes: Modes, records: CorrelatedRecords) -> tuple[Modes, Refinement
     return with_known_deviations(refined, average(records.segments)), refinement
 
 
-def _notes_on_refinement(refinement: Refinement | None, settings: IdentificationSettings) -> tuple[str, ...]:
-    """Return notes on modes that keep their values, and on edited records."""
+def _of_combined(
+    refinement: Refinement | None, combined: CombinedModes, settings: IdentificationSettings
+) -> tuple[Refinement | None, tuple[str, ...]]:
+    """Return the refinement of the combined modes; notes on modes that keep their values, and on edited records."""
     if refinement is not None:
-        return refinement.notes
+        is_own = np.array([source == "ssi" for source in combined.sources], dtype=np.bool_)
+        origins, own = np.where(is_own, combined.replaced, -1), np.flatnonzero(is_own)
+        notes = refinement.of(combined.modes.take(own), origins[own]).notes
+        return refinement.of(combined.modes, origins, instead="it is that of the vehicle fitted to its road"), notes
     if settings.refine and settings.lifter is not None:
-        return ("modes not refined: cepstrum editing smooths the spectra that the likelihood takes as random",)
-    return ()
+        return None, ("modes not refined: cepstrum editing smooths the spectra that the likelihood takes as random",)
+    return None, ()
 
 
 def _summary(
@@ -446,14 +455,29 @@ def _in_words(harmonics: Sequence[Harmonic]) -> str:
     return ", ".join(words[:_MOST_LINES]) + (f" and {n_omitted} more" if n_omitted else "")
 
 
-def _notes_on_deviations(summary: CorrelationSummary) -> list[str]:
+def _notes_on_duration(modes: Modes, summary: CorrelationSummary) -> list[str]:
+    """Return a note on records that are far shorter than usual for their lowest mode."""
+    duration = summary.average.n_segments * (summary.plan.segment or 0.0)
+    bandwidth = modes.damping_ratio * modes.natural_frequency
+    if not len(modes) or duration == 0 or duration * bandwidth[0] >= _FEWEST_BANDWIDTHS:
+        return []
+    return [
+        f"{duration:.3g} s are short for the mode at {modes.natural_frequency[0]:.4g} Hz: modes may be missing, and"
+        f" damping is uncertain; usual are {_USUAL_BANDWIDTHS / bandwidth[0]:.2g} s"
+        f" ({_USUAL_BANDWIDTHS:.0f} / (damping ratio x frequency))"
+    ]
+
+
+def _notes_on_deviations(modes: Modes, summary: CorrelationSummary) -> list[str]:
     """Return what the standard deviations hold."""
     n_records = len(set(summary.average.records)) or 1
-    if not len(summary.average.changes):
+    if not len(summary.average.changes) or not len(modes):
         return []
+    if not np.isfinite(modes.natural_frequency_std).any():
+        return ["standard deviations are unknown: too few segments"]
     if n_records > 1:
-        return [f"standard deviations hold the variation between parts of the records and between {n_records} records"]
-    return ["standard deviations hold the variation between parts of the record, none that is slower than the record"]
+        return [f"standard deviations: from the scatter between parts of the records and between {n_records} records"]
+    return ["standard deviations: from the scatter within the record; slower changes are not included"]
 
 
 def _notes_on_modes(modes: Modes, lifter: Lifter | None) -> list[str]:

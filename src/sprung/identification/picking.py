@@ -32,7 +32,7 @@ def pick_modes(
     Parameters
     ----------
     identification
-        Result of any method.
+        Result of any method, from one set-up.
     frequencies
         Natural frequencies [Hz], above 0; at least one. The nearest stable poles within 2 % (or their half-bandwidth,
         or twice their standard deviation) are the mode; by FDD, the nearest maximum of the first singular value.
@@ -43,13 +43,14 @@ def pick_modes(
     -------
     Identification
         The identification with the picked modes only, by rising frequency; its notes state what the automatic selection
-        made of each.
+        made of each. A mode that it selected from the same stable poles keeps its refinement and its trend with the
+        level; others have the values of their poles.
 
     Raises
     ------
     ParameterError
         If no frequency is given, one is not above 0 or has no stable poles nearby, or outputs and references are
-        disjoint, whose shapes are completed from correlations that are gone.
+        disjoint, whose shapes are completed from correlations that are gone; or if set-ups are merged.
 
     Examples
     --------
@@ -66,12 +67,15 @@ def pick_modes(
         raise ParameterError("no frequency is given to pick a mode at: give at least one")
     if identification.settings.has_disjoint_references:
         raise ParameterError("modes of disjoint outputs and references cannot be picked: identify them without")
+    if identification.setups is not None:
+        raise ParameterError("modes of merged set-ups cannot be picked: pick them in each set-up by itself")
     pick = _picked_bells if identification.method == "fdd" else _picked_poles
     picked, reasons = pick(identification, wanted)
     notes = [f"{frequency:.4g} Hz picked by hand ({reason})" for frequency, reason in reasons.items()]
     return replace(
         picked,
         modes=labelled(picked.modes, identification.channels, vehicle=vehicle),
+        sources=(),  # by the method itself: the hand decides, also where a vehicle on its road would have
         notes=(*(note for note in identification.notes if not note.startswith("no mode found")), *notes),
     )
 
@@ -85,7 +89,8 @@ def _picked_bells(identification: Identification, wanted: Sequence[float]) -> tu
     for frequency in modes.natural_frequency.tolist():
         is_selected = np.any(np.abs(before - frequency) <= _SHARE * frequency)
         reasons[frequency] = "selected automatically too" if is_selected else "not selected automatically"
-    subset = replace(identification.subsets[0], modes=modes, alignments=np.zeros((len(modes), 0), dtype=np.intp))
+    nothing, growth = np.zeros((len(modes), 0), dtype=np.intp), np.ones((2, len(modes)))
+    subset = replace(identification.subsets[0], modes=modes, alignments=nothing, growth=growth)
     return replace(identification, modes=modes, subsets=(subset,), members=np.arange(len(modes))[:, None]), reasons
 
 
@@ -111,14 +116,40 @@ def _picked_poles(identification: Identification, wanted: Sequence[float]) -> tu
         ]
     )
     weights = [float(subset.n_segments) for subset in subsets]
-    merged = [_merged([s.modes for s in subsets], weights, row) for row in members]
-    modes = join_modes(merged)
+    has_mean_shapes = not identification.settings.has_own_levels
+    merged = [_merged([s.modes for s in subsets], weights, row, has_mean_shapes=has_mean_shapes) for row in members]
+    origins = np.array([_origin(identification, alignments) for alignments in chosen])
+    before = identification.modes
+    places = np.where(origins >= 0, origins, len(before) + np.arange(len(origins)))
+    modes = join_modes([before, *merged]).take(places)
     order = np.argsort(modes.natural_frequency)
-    reasons = {float(modes.natural_frequency[k]): _reason(diagrams, chosen[k]) for k in order}
+    modes, origins = modes.take(order), origins[order]
+    reasons = {float(modes.natural_frequency[k]): _reason(diagrams, chosen[row]) for k, row in enumerate(order)}
+    refinement, trends = identification.refinement, identification.level_trends
     return (
-        replace(identification, modes=modes.take(order), subsets=tuple(subsets), members=members[order]),
+        replace(
+            identification,
+            modes=modes,
+            subsets=tuple(subsets),
+            members=members[order],
+            refinement=None if refinement is None else refinement.of(modes, origins, instead="it was picked by hand"),
+            level_trends=None if trends is None else trends.of(origins),
+        ),
         reasons,
     )
+
+
+def _origin(identification: Identification, alignments: Indices) -> int:
+    """Return the index of the automatically selected mode of the same stable poles, -1 for none."""
+    for k, (source, members) in enumerate(zip(identification.sources, identification.members, strict=True)):
+        behind = [
+            int(subset.alignments[member, 0])
+            for subset, member in zip(identification.subsets, members, strict=True)
+            if member >= 0
+        ]
+        if source != "road_likelihood" and behind and behind == alignments[members >= 0].tolist():
+            return k
+    return -1
 
 
 def _nearest_alignment(diagram: StabilisationDiagram, frequency: float) -> int:
@@ -156,20 +187,27 @@ def _subset_of(subset: SubsetModes, alignments: Indices, identification: Identif
     selected = np.unique(diagram.alignments[diagram.status == PoleStatus.SELECTED])
     changed = with_status(diagram, np.setdiff1d(selected, kept), PoleStatus.NOT_PICKED)
     changed = with_status(changed, kept, PoleStatus.SELECTED)
-    modes = select_modes(changed)
+    selected_modes = select_modes(changed)
+    modes, growth = selected_modes.modes, selected_modes.growth
+    modes = replace(
+        modes,
+        natural_frequency_std=growth[0] * modes.natural_frequency_std,
+        damping_ratio_std=growth[1] * modes.damping_ratio_std,
+    )
     return replace(
         subset,
-        modes=as_measured(modes.modes, identification.plan.preparation, identification.settings.lifter),
+        modes=as_measured(modes, identification.plan.preparation, identification.settings.lifter),
         diagrams=(changed,),
-        alignments=modes.alignments[:, None],
+        alignments=selected_modes.alignments[:, None],
+        growth=np.ones_like(growth),
     )
 
 
-def _merged(parts: Sequence[Modes], weights: Sequence[float], row: Indices) -> Modes:
+def _merged(parts: Sequence[Modes], weights: Sequence[float], row: Indices, *, has_mean_shapes: bool) -> Modes:
     """Return one mode from the subsets that have it."""
     present = np.flatnonzero(row >= 0).tolist()
     modes = [parts[k].take(row[[k]]) for k in present]
-    merged = merge_modes(modes, weights=[weights[k] for k in present]).modes
+    merged = merge_modes(modes, weights=[weights[k] for k in present], has_mean_shapes=has_mean_shapes).modes
     return merged if len(merged) == 1 else modes[int(np.argmax([weights[k] for k in present]))]
 
 

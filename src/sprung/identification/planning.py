@@ -127,7 +127,8 @@ def plan_preparation(
     elif vehicle is not None:
         band, source = _band_of_vehicle(vehicle, fastest), "around the modes of the vehicle file"
     else:
-        band, source = _band_of_content(motion, harmonics, settings), "where the channels move together"
+        band = _band_of_content(motion, harmonics, settings)
+        source = "where the channels are coherent" if len(outputs) > 1 else "where most of the power is"
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
     least = max(rate_over_band * band[1], _FEWEST_SAMPLES * fastest / _longest(recording))
     rate = settings.decimate_to or _lowest_rate(fastest, least)

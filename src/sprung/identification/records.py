@@ -20,7 +20,7 @@ from sprung.identification.fdd import with_long_segments
 from sprung.identification.levels import LevelCorrelations, correlate_by_level, joined_levels
 from sprung.identification.planning import make_plan, plan_preparation
 from sprung.identification.preparation import Prepared, prepare, search_harmonics, without_slow_motion
-from sprung.identification.refinement import RecordSpectra, record_spectra
+from sprung.identification.record_spectra import RecordSpectra, record_spectra
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic

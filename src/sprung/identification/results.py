@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sprung._arrays import Complex, Indices, Real
+from sprung._arrays import Indices, Real
 from sprung._checks import freeze
 from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import BlockRowLadder
@@ -16,6 +16,11 @@ from sprung.modal import Modes
 from sprung.recording import Channel
 from sprung.signals.harmonics import Harmonic
 from sprung.signals.spectrum import SpectralMatrix
+
+
+def source_of(method: str) -> str:
+    """Return the source of modes that a method itself gives: "ssi", "plscf" or "fdd"."""
+    return method if method in ("plscf", "fdd") else "ssi"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -59,7 +64,7 @@ class Identification:
     Parameters
     ----------
     method
-        "cov", "acs" or "coss".
+        "cov", "acs", "coss", "plscf" or "fdd".
     channels
         Outputs, in the order of the mode shapes.
     sampling_rate
@@ -81,10 +86,10 @@ class Identification:
     notes
         Choices, omissions and warnings, one sentence each.
     refinement
-        What the refinement changed; None without it.
+        What the refinement changed in each mode; None without it.
     sources
-        Method that gave each mode: "ssi", or "road_likelihood" for a mode of the vehicle file fitted to the spectra of
-        a drive. Left out: all by SSI.
+        Method that gave each mode: "ssi", "plscf" or "fdd", or "road_likelihood" for a mode of the vehicle file fitted
+        to the spectra of a drive. Left out: all by the method itself.
     setups
         Set-ups of roving sensors that are merged, each with its own identification, and no subsets; None: one set-up.
     level_trends
@@ -110,7 +115,7 @@ class Identification:
 
     def __post_init__(self) -> None:
         freeze(self, members=2, dtype=np.intp)
-        object.__setattr__(self, "sources", self.sources or ("ssi",) * len(self.modes))
+        object.__setattr__(self, "sources", self.sources or (source_of(self.method),) * len(self.modes))
 
     @property
     def band(self) -> tuple[float, float]:
@@ -176,17 +181,10 @@ class RovingSetups:
         Names of the channels over which the set-ups are merged.
     parts
         The set-ups.
-    mode_shape_std
-        Standard deviations of real and imaginary parts of the mode shapes (as real and imaginary part) from the scatter
-        between the set-ups, shape (modes, channels); NaN where they share too few channels to show it.
     """
 
     references: tuple[str, ...]
     parts: tuple[SetUp, ...]
-    mode_shape_std: Complex
-
-    def __post_init__(self) -> None:
-        freeze(self, mode_shape_std=2, dtype=np.complex128)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -196,7 +194,7 @@ class CorrelationSummary:
     Parameters
     ----------
     method
-        "cov", "acs" or "coss".
+        "cov", "acs", "coss" or "plscf".
     settings
         Settings as given.
     plan

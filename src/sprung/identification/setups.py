@@ -87,8 +87,9 @@ def identify_setups(
     -----
     Modes of the set-ups are matched by frequency and by MAC on the shared points, and kept where at least half of the
     set-ups show them; in the others their shape is the least-squares fit of the correlations with all merged modes.
-    Shapes are glued over the shared points by least squares, so that set-ups may be excited at any level. Frequencies
-    and damping ratios are means weighted by their variance and the scatter between the set-ups.
+    Shapes are glued over the shared points by least squares, so that set-ups may be excited at any level; their
+    standard deviations are from the scatter between the set-ups, NaN where these share too few points to show it.
+    Frequencies and damping ratios are means weighted by their variance and the scatter between the set-ups.
 
     References
     ----------
@@ -157,7 +158,8 @@ def _merged(
     modes, members, glued = modes.take(order), members[order], [glued[k] for k in order]
     if np.any(members < 0):
         modes, glued = _completed(identifications, points, members, modes)
-    deviations = np.array([_deviations(shape) for shape in glued], dtype=complex)
+    deviations = np.array([_deviations(shape) for shape in glued], dtype=complex).reshape(modes.mode_shapes.shape)
+    modes = replace(modes, mode_shape_std=deviations)
     parts_of_result = tuple(
         SetUp(
             number=number,
@@ -177,12 +179,11 @@ def _merged(
         harmonics=_harmonics(identifications),
         spectra=_reference_spectra([x.spectra for x in identifications], points),
         edited_spectra=None,
+        refinement=None,
+        sources=(),
+        level_trends=None,
         notes=(*notes, *_notes(identifications, points, members, numbers)),
-        setups=RovingSetups(
-            references=points.references,
-            parts=parts_of_result,
-            mode_shape_std=deviations.reshape(len(modes), len(points.channels)),
-        ),
+        setups=RovingSetups(references=points.references, parts=parts_of_result),
     )
 
 

@@ -47,6 +47,27 @@ def real_coordinates(matrices: Complex) -> Real:
     return coordinates
 
 
+def real_form(matrices: Complex) -> Real:
+    """Return the sums of the real and imaginary parts of Hermitian matrices, shape (m, m, ...).
+
+    Parameters
+    ----------
+    matrices
+        Hermitian matrices A, shape (..., m, m).
+
+    Notes
+    -----
+    tr(A B) = sum a b over the entries a of A and b of B in this form: real parts are symmetric and imaginary parts
+    antisymmetric, so that the sums of their products vanish.
+
+    References
+    ----------
+    R. N. Bracewell, Discrete Hartley transform, Journal of the Optical Society of America 73 (1983), 1832-1835 (the
+    same form of Fourier coefficients).
+    """
+    return np.moveaxis(matrices.real + matrices.imag, (-2, -1), (0, 1))
+
+
 def congruence(factors: Complex) -> Real:
     """Return the matrices that map the real coordinates of A to those of K A K^H.
 

@@ -1,13 +1,12 @@
 """Whittle likelihood of modes with free shapes, spectra of their forces and noise."""
 
 from dataclasses import dataclass, field
-from itertools import combinations
 
 import numpy as np
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import freeze
-from sprung.likelihood.hermitian import congruence, real_coordinates
+from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.modal_spectra import LineSpectra
 from sprung.likelihood.whittle import TOO_FAR
 
@@ -313,32 +312,44 @@ class ModalModel:
             responses * np.log(x),
         )
 
-    def derivatives(self, parameters: Real) -> Complex:
-        """Return dS/dp for each parameter p, shape (parameters, bins, channels, channels)."""
+    def _factors(self, parameters: Real) -> tuple[Complex, Complex]:
+        """Return u and v of dS/dp = u v^H + v u^H, shapes (channels, parameters) and (bins, channels, parameters).
+
+        Notes
+        -----
+        For all parameters but the common exponent, whose derivative is the sum of those by all others.
+        """
         values = self.unpacked(parameters)
         responses, moved, weights = self._moved(values)
-        pulled = weights[:, None, None, None] * (values.forces @ moved.conj().swapaxes(-1, -2))
-        derivatives = []
-        for slopes in self._response_slopes(values, responses):
-            rows = np.einsum("sbk,sbkj->kbj", slopes, pulled)
-            derivatives += list(_with_adjoint(values.mode_shapes[:, None, :, None] * rows[:, :, None, :]))
-        derivatives.insert(2 * self.n_modes, np.sum(derivatives[2 * self.n_modes :], axis=0))
-        for k, j in np.argwhere(self._is_free()):
-            unit = np.zeros((len(self.spectra.frequencies), self.n_channels, self.n_channels), dtype=np.complex128)
-            unit[:, j] = np.einsum("sb,sbj->bj", responses[..., k], pulled[..., k, :])
-            derivatives += [_with_adjoint(unit), _with_adjoint(1j * unit)]
-        crossed = np.einsum("s,sbik,sbjl->klbij", weights, moved * self.scale, (moved * self.scale).conj())
-        derivatives += [crossed[k, k] for k in range(self.n_modes)]
-        halves = [crossed[pair] / np.sqrt(2) for pair in combinations(range(self.n_modes), 2)]
-        derivatives += [_with_adjoint(half) for half in halves]
-        derivatives += [_with_adjoint(1j * half) for half in halves]
-        noise, logs = self._noise(values), np.log(self.spectra.frequencies / self._reference)
-        for factor in (np.ones_like(logs), logs):
-            for j in range(self.n_channels):
-                diagonal = np.zeros_like(derivatives[0])
-                diagonal[:, j, j] = factor * noise[:, j]
-                derivatives.append(diagonal)
-        return np.array(derivatives)
+        shapes, unit = values.mode_shapes.T, np.eye(self.n_channels, dtype=np.complex128)
+        pulled = weights[:, None, None, None] * (moved @ values.forces)
+        by_slope = [np.sum(pulled * s.conj()[:, :, None], axis=0) for s in self._response_slopes(values, responses)]
+        by_response = np.sum(pulled * responses.conj()[:, :, None], axis=0)
+        of_mode, of_channel = np.nonzero(self._is_free())
+        first, second = np.triu_indices(self.n_modes, 1)
+        powers = np.tensordot(weights, np.abs(responses) ** 2, axes=1)[:, None] / 2
+        crossed = np.tensordot(weights, responses[..., first].conj() * responses[..., second], axes=1) / np.sqrt(2)
+        scaled = shapes * self.scale
+        halves = scaled[:, second] * crossed[:, None]
+        noise, logs = self._noise(values) / 2, np.log(self.spectra.frequencies / self._reference)
+        by_noise = noise[:, :, None] * unit
+        parts = np.tile([1, 1j], of_mode.size)
+        left = [shapes, shapes, shapes, np.repeat(unit[:, of_channel], 2, axis=1) * parts]
+        left += [scaled, scaled[:, first], 1j * scaled[:, first], unit, unit]
+        right = [*by_slope, np.repeat(by_response[..., of_mode], 2, axis=2)]
+        right += [scaled * powers, halves, halves, by_noise, logs[:, None, None] * by_noise]
+        return np.concatenate(left, axis=1), np.concatenate(right, axis=2)
+
+    def _with_common_exponent(self, derivatives: Real) -> Real:
+        """Return derivatives, the last axis over all other parameters, with that by the common exponent."""
+        n = self.n_modes
+        by_common = derivatives[..., 2 * n : 3 * n].sum(axis=-1, keepdims=True)
+        return np.concatenate([derivatives[..., : 2 * n], by_common, derivatives[..., 2 * n :]], axis=-1)
+
+    def derivatives(self, parameters: Real) -> Real:
+        """Return dS/dp for each parameter p in real form, shape (channels, channels, bins, parameters)."""
+        left, right = self._factors(parameters)
+        return self._with_common_exponent(_real_products(left, right))
 
     def residuals(self, parameters: Real) -> Complex:
         """Return the whitened deviation L^-1 S^ L^-H - I of the data, S = L L^H, shape (bins, channels, channels)."""
@@ -347,22 +358,40 @@ class ModalModel:
         return np.asarray(whitened - np.eye(self.n_channels), dtype=np.complex128)
 
     def whitened_derivatives(self, parameters: Real) -> Real:
-        """Return sqrt(n) L^-1 (dS/dp) L^-H, S = L L^H, in real coordinates, shape (parameters, bins, channels^2)."""
-        factors = np.asarray(np.linalg.inv(np.linalg.cholesky(self.matrix(parameters))), dtype=np.complex128)
-        whitening = congruence(factors) * np.sqrt(self.spectra.counts)[:, None, None]
-        derivatives = real_coordinates(self.derivatives(parameters)).transpose(1, 0, 2)
-        whitened = np.ascontiguousarray(derivatives) @ whitening.swapaxes(-1, -2)
-        return np.ascontiguousarray(whitened.transpose(1, 0, 2))
+        """Return sqrt(n) L^-1 (dS/dp) L^-H, S = L L^H, in real form, shape (channels, channels, bins, parameters)."""
+        return self._with_common_exponent(_real_products(*self._whitened_factors(parameters)))
+
+    def whitened_densities(self, parameters: Real) -> Real:
+        """Return the whitened derivatives by the forces' and noises' densities alone: rows `forces` and `noise`."""
+        rows = np.concatenate([self.rows("forces"), self.rows("noise")]) - 1
+        left, right = self._whitened_factors(parameters)
+        return _real_products(left[..., rows], right[..., rows])
+
+    def _whitened_factors(self, parameters: Real) -> tuple[Complex, Complex]:
+        """Return sqrt(n) L^-1 u and L^-1 v of `_factors`, shape (bins, channels, parameters) both."""
+        left, right = self._factors(parameters)
+        factors = np.linalg.inv(np.linalg.cholesky(self.matrix(parameters)))
+        return np.sqrt(self.spectra.counts)[:, None, None] * (factors @ left), factors @ right
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior: I_pq = sum n tr(S^-1 dS/dp S^-1 dS/dq)."""
-        whitened = self.whitened_derivatives(parameters).reshape(parameters.size, -1)
-        return whitened @ whitened.T
+        whitened = self.whitened_derivatives(parameters).reshape(-1, parameters.size)
+        return whitened.T @ whitened
 
 
-def _with_adjoint(matrices: Complex) -> Complex:
-    """Return A + A^H."""
-    return matrices + matrices.conj().swapaxes(-1, -2)
+def _real_products(left: Complex, right: Complex) -> Real:
+    """Return u v^H + v u^H in real form, shape (channels, channels, bins, parameters); u and v as in `_factors`."""
+    n_bins, size, n_parameters = right.shape
+    products = np.empty((size, size, n_bins, n_parameters))
+    adjoint_left, adjoint_right = left.conj(), right.conj()
+    for i in range(size):
+        products[i, i] = 2 * (left[..., i, :] * adjoint_right[:, i]).real
+        for j in range(i + 1, size):
+            entry = left[..., i, :] * adjoint_right[:, j]
+            entry += right[:, i] * adjoint_left[..., j, :]
+            products[i, j] = entry.real + entry.imag
+            products[j, i] = entry.real - entry.imag
+    return products
 
 
 def _hermitian(coordinates: Real, size: int) -> Complex:

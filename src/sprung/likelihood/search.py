@@ -20,7 +20,7 @@ _SLOPE, _GAIN = 1e-2, 1e-8
 _SUFFICIENT, _SHORTER, _SHORTEST = 1e-4, (0.1, 0.5), 1e-6
 #: Fisher scoring ends at this squared slope in standard deviations, or after this number of steps; the search after it,
 #: of at most that number, has converged below that squared slope.
-_SCORED, _MOST_SCORES, _MOST_AFTER_SCORES, _CONVERGED = 1e-4, 10, 30, 1e-2
+_SCORED, _MOST_SCORES, _MOST_AFTER_SCORES, _CONVERGED = 1e-4, 4, 40, 1e-2
 #: Shortest step of Fisher scoring, as a share of the full one.
 _SHORTEST_SCORE = 0.05
 #: Least curvature along a step over the largest possible, for an update of the curvature.
@@ -107,7 +107,11 @@ def scored(model: Likelihood, start: Real) -> tuple[Real, bool]:
         parameters, value, slope = parameters + length * step, new_value, new_slope
     for point in islice(descent(model, parameters), _MOST_AFTER_SCORES):
         parameters = point
-    return parameters, _score_step(model, parameters, model.objective(parameters)[1])[1] < _CONVERGED
+    value, slope = model.objective(parameters)
+    step, squared = _score_step(model, parameters, slope)
+    if _SCORED <= squared < _CONVERGED:
+        parameters = parameters + _shortened(model, parameters, step, value, squared)[0] * step
+    return parameters, squared < _CONVERGED
 
 
 def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real, float]:

@@ -53,7 +53,7 @@ _WORDS_AND_MARKERS: MappingProxyType[PoleStatus, tuple[str, dict[str, Any]]] = M
         PoleStatus.SELECTED: ("selected: part of a mode", {"marker": "o", "markersize": 5.5}),
         PoleStatus.UNCONFIRMED: ("stable, but not confirmed", {"marker": "v", "markersize": 4.5}),
         PoleStatus.NOT_PICKED: ("selected, but not picked", {"marker": "p", "markersize": 5}),
-        PoleStatus.RARE: ("stable, but on too few rungs", {"marker": "^", "markersize": 4.5}),
+        PoleStatus.RARE: ("stable, but at too few orders", {"marker": "^", "markersize": 4.5}),
         PoleStatus.INSIGNIFICANT: ("stable, but not significant", {"marker": "s", "markersize": 4}),
         PoleStatus.UNCERTAIN: ("stable, but too uncertain", {"marker": "D", "markersize": 4}),
         PoleStatus.HARMONIC: ("at a harmonic", {"marker": "x", "markersize": 4.5}),

@@ -1,5 +1,7 @@
 """Chapter 5: harmonics, pulses and cepstrum editing on a quarter vehicle."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from sprung._arrays import Real
@@ -22,6 +24,7 @@ from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.tables import numbers_table, theory_table
 from sprung.reproduce.thesis import THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
 from sprung.signals.cepstrum import ShortPass, edit
+from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate
 from sprung.tables import Table
 from sprung.vehicles import frequency_response, read_description, structure
@@ -78,13 +81,15 @@ def records(case: int, *, seed: int) -> list[Recording]:
     ]
 
 
-def identified(runs: list[Recording], is_edited: bool) -> Identification:
+def identified(
+    runs: list[Recording], is_edited: bool, *, harmonics: tuple[Harmonic, ...] | None = None
+) -> Identification:
     """Return what CoSS-SSI with one subset identifies."""
     lifter = ShortPass(QUEFRENCY) if is_edited else None
     settings = thesis_settings(
         rows=(12, 50), stable_rate=0.5, segment=DURATION, n_subsets=1, sampling_rate=RATE, lifter=lifter
     )
-    return coss_ssi(runs, settings=settings)
+    return coss_ssi(runs, settings=replace(settings, harmonics=harmonics))
 
 
 def line_rate(identification: Identification, frequency: float) -> float:
@@ -99,8 +104,10 @@ def experiment(seed: int) -> Real:
     truth = _truth()
     results = np.empty((len(VARIANTS), 4, 2))
     sets = {case: records(case, seed=seed) for case in (1, 2, 3, 4)}
+    harmonics: dict[int, tuple[Harmonic, ...]] = {}
     for row, (case, is_edited, _, _) in enumerate(VARIANTS):
-        identification = identified(sets[case], is_edited)
+        identification = identified(sets[case], is_edited, harmonics=harmonics.get(case))
+        harmonics[case] = identification.harmonics
         match = matched(identification.modes, truth)
         results[row, :2] = match.natural_frequency, match.damping_ratio
         results[row, 2] = match.n_others
@@ -250,8 +257,8 @@ def _verdict(runs: Real) -> str:
     pulses, edited = (worst_error(runs[:, rows, 0], truth) for rows in (slice(1, 2), slice(4, 6)))
     rungs = 100 * np.median(runs[:, :, 3], axis=0)
     return (
-        "Case 1 reproduces: random excitation alone gives both modes. Pulses (case 2) do not affect the frequencies "
-        f"(medians within {100 * pulses:.1f} %), as published. The thesis reports false modes at 3.56 Hz (cases 3 and 4) and 17.37 Hz (case 4), "
+        "Case 1 reproduces: random excitation alone gives both modes. With pulses (case 2) the medians of the frequencies lie within "
+        f"{100 * pulses:.1f} % of the truth (published: 0.4 %): the fourth multiple of the pulses, 14.6 Hz, is in the bandwidth of the first mode. The thesis reports false modes at 3.56 Hz (cases 3 and 4) and 17.37 Hz (case 4), "
         f"near the sines: here poles lie near 3.65 Hz on {rungs[2, 0]:.0f} % of the rungs in case 3, near 17 Hz on {rungs[3, 1]:.0f} % in case 4, "
         "and none is reported as a mode, since harmonics of the excitation are detected first. In case 4 the mode at 13.21 Hz, whose "
         f"bandwidth contains the 17 Hz sine, is found in {100 * share(runs[:, 3, 0, 0]):.0f} % of the sets (published: lost). "

@@ -1,5 +1,6 @@
 """Chapter 7: a bogie at a scale of 1 to 5 on a roller rig, healthy and with two faults."""
 
+from dataclasses import replace
 from time import perf_counter
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.tables import numbers_table, theory_table
 from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings, worst_error
+from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate
 from sprung.tables import Table
 from sprung.vehicles import Structure, parse_fault, read_vehicle, structure, with_faults
@@ -106,12 +108,13 @@ def settings(method: str, *, is_fast: bool = False) -> IdentificationSettings:
     )
 
 
-def identified(method: str, runs: list[Recording], *, is_fast: bool = False) -> Identification:
+def identified(
+    method: str, runs: list[Recording], *, is_fast: bool = False, harmonics: tuple[Harmonic, ...] | None = None
+) -> Identification:
     """Return what a method identifies: Cov-SSI in the first record, the other methods in all."""
     chosen = runs[:1] if method == "cov" else runs
-    return SUBSPACE_METHODS[method](
-        chosen, settings=settings(method, is_fast=is_fast), vehicle=read_vehicle("scale-bogie")
-    )
+    options = replace(settings(method, is_fast=is_fast), harmonics=harmonics)
+    return SUBSPACE_METHODS[method](chosen, settings=options, vehicle=read_vehicle("scale-bogie"))
 
 
 def experiment(seed: int) -> Real:
@@ -121,10 +124,13 @@ def experiment(seed: int) -> Real:
     for row, condition in enumerate(CONDITIONS):
         truth = theoretical(bogie(condition), labels=BODY_MODES)
         runs = records(condition, seed=seed)
+        harmonics: tuple[Harmonic, ...] | None = None
         for column, method in enumerate(SUBSPACE_METHODS):
             if condition != "normal" and method != "coss":
                 continue
-            match = matched(identified(method, runs, is_fast=True).modes, truth)
+            identification = identified(method, runs, is_fast=True, harmonics=harmonics)
+            harmonics = identification.harmonics if method == "acs" else None
+            match = matched(identification.modes, truth)
             results[row, column, :3] = match.natural_frequency, match.damping_ratio, match.mac
             results[row, column, 3] = match.n_others
     return results

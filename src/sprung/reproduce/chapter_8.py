@@ -1,5 +1,6 @@
 """Chapter 8: a Y25 bogie on a full-size roller rig, its harmonics removed by cepstrum editing."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.tables import column_table, deviations, numbers, numbers_table
 from sprung.reproduce.thesis import BODY_MODES, THRESHOLDS, number, of_runs, share, thesis_settings
 from sprung.signals.cepstrum import ShortPass, edit
+from sprung.signals.harmonics import Harmonic
 from sprung.simulation import simulate
 from sprung.tables import Table
 from sprung.vehicles import read_vehicle, structure
@@ -80,7 +82,9 @@ def records(*, seed: int) -> list[Recording]:
     ]
 
 
-def identified(runs: list[Recording], *, is_edited: bool) -> Identification:
+def identified(
+    runs: list[Recording], *, is_edited: bool, harmonics: tuple[Harmonic, ...] | None = None
+) -> Identification:
     """Return what CoSS-SSI identifies in the frame's accelerations."""
     settings = thesis_settings(
         rows=ROWS,
@@ -91,15 +95,18 @@ def identified(runs: list[Recording], *, is_edited: bool) -> Identification:
         lifter=ShortPass(QUEFRENCY) if is_edited else None,
         band=BAND,
     )
-    return coss_ssi([run.select(FRAME) for run in runs], settings=settings)
+    return coss_ssi([run.select(FRAME) for run in runs], settings=replace(settings, harmonics=harmonics))
 
 
 def experiment(seed: int) -> Real:
     """Return frequency, damping, MAC and number of others, raw and edited, (2, 4, modes)."""
     truth, runs = _truth(), records(seed=seed)
     results = np.empty((2, 4, len(truth)))
+    harmonics: tuple[Harmonic, ...] | None = None
     for row, is_edited in enumerate((False, True)):
-        match = matched(identified(runs, is_edited=is_edited).modes, truth)
+        identification = identified(runs, is_edited=is_edited, harmonics=harmonics)
+        harmonics = identification.harmonics
+        match = matched(identification.modes, truth)
         results[row, :3] = match.natural_frequency, match.damping_ratio, match.mac
         results[row, 3] = match.n_others
     return results

@@ -1,5 +1,7 @@
 """Cov-SSI, ACS-Cov-SSI and CoSS-SSI on the same data with the same settings: where sorting the segments helps."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from sprung._arrays import Real
@@ -13,6 +15,7 @@ from sprung.reproduce.chapter import Chapter
 from sprung.reproduce.matching import matched, theoretical
 from sprung.reproduce.tables import numbers_table
 from sprung.reproduce.thesis import THRESHOLDS, number, share, thesis_settings, worst_error
+from sprung.signals.harmonics import Harmonic
 from sprung.simulation import ForceLaw, simulate, simulate_nonlinear, with_noise
 from sprung.tables import Table
 from sprung.vehicles import Structure, read_description, structure
@@ -99,9 +102,11 @@ def experiment(seed: int) -> Real:
     for i, case in enumerate(CASES):
         runs = records(case, seed=seed)
         for j, how in enumerate(HOW):
+            harmonics: tuple[Harmonic, ...] | None = None
             for k, (name, method) in enumerate(SUBSPACE_METHODS.items()):
                 chosen = settings(how) if name != "cov" or how == "thesis" else IdentificationSettings()
-                identification = method(runs, settings=chosen)
+                identification = method(runs, settings=replace(chosen, harmonics=harmonics))
+                harmonics = identification.harmonics
                 match = matched(identification.modes, truth)
                 results[i, j, k, :3] = match.natural_frequency, match.damping_ratio, match.mac
                 results[i, j, k, 3] = match.n_others

@@ -16,17 +16,17 @@ from sprung.recording import Recording
 from sprung.signals.conditioning import moving_parts, over_distance, while_moving
 from sprung.signals.narrow_lines import (
     DRIFTING,
+    MOST_SEGMENTS,
     NOISE_BANDWIDTH,
+    Densities,
     Line,
-    Periodograms,
-    has_own_width,
     largest_family,
-    lines_of,
     merge_peaks,
     multiples,
     narrow_lines,
     octaves,
-    periodograms,
+    search_segments,
+    searched,
     whole_lines,
 )
 
@@ -136,18 +136,20 @@ def find_harmonics(
 
     Notes
     -----
-    *Constant frequency.* Averaged periodograms with segments of 2/7 of the recording (at most 256 s) and shorter
-    ones in octaves. A line must (a) exceed the bins 3 to 12 on each side of it at the resolution of the segments,
-    and (b) be regular: its power is nearly equal in consecutive segments
-    (`sprung.signals.narrow_lines.chance_of_regularity`), or narrower than any mode at the resolution of the whole
-    recording (`sprung.signals.narrow_lines.chance_of_narrowness`). The probability of any line in a recording of random
-    vibration is at most `false_alarm_rate` (Holm's method over all peaks).
-    Segments of a narrow mode are independent only if they lie about a time constant 1 / (xi omega) of the mode
-    apart: so `least_damping` sets the lowest frequency at which a recording of T seconds separates a tone from a
-    mode, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %; below it a line has to be narrow, or wider than the resolution of
-    longer segments, as that of an engine whose speed wanders: then it is regular though its own width makes the
-    powers of random vibration independent. Narrow peaks that are not regular count if more of them lie at multiples
-    of a line, or of a half, third or fourth of one, than chance explains.
+    *Constant frequency.* Averaged periodograms with segments of 2/7 of the recording (at most 256 s) and shorter ones
+    in octaves. A line must (a) exceed the bins 3 to 12 on each side of it at the resolution of the segments, and (b) be
+    regular: its power is nearly equal in consecutive segments (`sprung.signals.narrow_lines.chance_of_regularity`), or
+    narrower than any mode at the resolution of the whole recording
+    (`sprung.signals.narrow_lines.chance_of_narrowness`), or it keeps its phase and amplitude more steadily than any
+    mode (`sprung.signals.narrow_lines.chance_of_steadiness`). Of more than 48 segments, runs of six spread over the
+    recording stand for all. The probability of any line in a recording of random vibration is at most
+    `false_alarm_rate` (Holm's method over all peaks).
+    Segments of a narrow mode are independent only if they lie about a time constant 1 / (xi omega) of the mode apart:
+    so `least_damping` sets the lowest frequency at which a recording of T seconds separates a tone from a mode by its
+    power alone, 0.84 / (xi T): 2.8 Hz for 60 s and 0.5 %; below it a line has to be steady, or wider than the
+    resolution of longer segments, as that of an engine whose speed wanders: then it is regular though its own width
+    makes the powers of random vibration independent. Narrow peaks that are not regular count if more of them lie at
+    multiples of a line, or of a half, third or fourth of one, than chance explains.
 
     A line is *constant* at the finest resolution that holds most of its energy, and *drifting* if that is far coarser
     than the recording's, or if half of its family or the highest order of it drifts.
@@ -335,19 +337,21 @@ def _constant_lines(
     longest = _longest_stretch(recording)
     peaks: list[Line] = []
     whole = octaves(min(longest, LONGEST_SEGMENT), recording)[:1]
-    levels: list[Periodograms] = []
+    levels: list[Densities] = []
+    samples = searched(recording)
     for segment_length in whole + octaves(min(recording.duration / 3.5, longest, LONGEST_SEGMENT), recording):
-        lowest = INDEPENDENCE / (math.pi * least_damping * segment_length)
-        levels.append(periodograms(recording, segment_length))
-        narrow = lines_of(
-            levels[-1],
+        narrow, densities = search_segments(
+            samples,
+            segment_length,
             prominence=prominence,
             false_alarm_rate=false_alarm_rate,
             least_damping=NARROWEST * least_damping,
+            lowest=INDEPENDENCE / (math.pi * least_damping * segment_length),
+            finer=levels[-2] if len(levels) > 2 else None,
+            most_segments=MOST_SEGMENTS,
         )
-        for peak in narrow:
-            is_resolved = peak.frequency >= lowest or (len(levels) > 3 and has_own_width(peak, levels[-3]))
-            peaks.append(peak if is_resolved else replace(peak, chance=1.0))
+        levels.append(densities)
+        peaks += narrow
     if not peaks:
         return []
     peaks.sort(key=lambda peak: peak.chance)

@@ -5,11 +5,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft, special
 
-from sprung._arrays import Indices, Real
+from sprung._arrays import Complex, Indices, Real
+from sprung._checks import check_complete
 from sprung.recording import Recording
-from sprung.signals.spectrum import short_time_spectra
 
 #: Bins of the Hann window's main lobe on each side, and last bin of the neighbourhood that a line must exceed.
 MAIN_LOBE, NEIGHBOURHOOD = 2, 12
@@ -17,6 +18,8 @@ MAIN_LOBE, NEIGHBOURHOOD = 2, 12
 NOISE_BANDWIDTH = 1.5
 #: Number of segments whose powers are compared at a time, and smallest number for any conclusion.
 BLOCK, FEWEST_SEGMENTS = 6, 5
+#: Largest number of segments of a recording that are searched: runs of consecutive ones, spread over the recording.
+MOST_SEGMENTS = 8 * BLOCK
 #: Smallest number of samples of a segment, and number of segment lengths.
 SHORTEST_SEGMENT, N_OCTAVES = 64, 8
 #: Loss of energy [dB] at a finer resolution up to which a line is steady, and up to which its band reaches no further.
@@ -25,6 +28,10 @@ MOST, NEARLY_ALL = 2.0, 1.0
 DRIFTING = 5.0
 #: Number of correlated bins of a Hann window that say as much as one independent bin, 1 + 2 (4/9 + 1/36).
 _BINS_OF_ONE = 1.944
+#: Points of a Hann window in the covariance of a mode's spectra, and frequencies in a bin of the whole recording.
+_WINDOW_POINTS, _FREQUENCIES_IN_A_BIN = 32, 4
+#: Smallest share of the energy of the segments in one steady phase that may be a line.
+_LEAST_STEADY = 0.7
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,20 +63,28 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Periodograms:
-    """Periodograms of consecutive segments.
+class Searched:
+    """Samples of a recording as they are searched: of unit variance, in single precision.
 
     Parameters
     ----------
-    powers
-        Periodogram of each channel and segment, shape (channels, segments, bins).
-    densities
-        Their means over the segments, shape (channels, bins).
-    bin_width
-        Distance of bins, in the recording's unit of frequency.
+    samples
+        Samples, shape (channels, samples).
+    stretches
+        Parts without a gap.
+    sampling_rate
+        Sampling rate, in the recording's unit of frequency.
     """
 
-    powers: Real
+    samples: NDArray[np.float32]
+    stretches: tuple[slice, ...]
+    sampling_rate: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Densities:
+    """Averaged periodograms, shape (channels, bins), and the distance of bins in the recording's unit of frequency."""
+
     densities: Real
     bin_width: float
 
@@ -122,63 +137,107 @@ def narrow_lines(
     list of Line
         Lines of each channel; a line in several channels occurs in each.
     """
-    level = periodograms(recording, segment_length)
-    return lines_of(
-        level,
+    return search_segments(
+        searched(recording),
+        segment_length,
         prominence=prominence,
         false_alarm_rate=false_alarm_rate,
         is_geometric=is_geometric,
         least_damping=least_damping,
-    )
+    )[0]
 
 
-def periodograms(recording: Recording, segment_length: float) -> Periodograms:
-    """Return the periodograms of half-overlapping segments [s] of each channel."""
-    spectra = short_time_spectra(recording, segment_length=segment_length)
-    powers = np.concatenate([block.real**2 + block.imag**2 for block in spectra], axis=1)
-    bin_width = float(recording.sampling_rate / round(segment_length * recording.sampling_rate))
-    return Periodograms(powers, powers.mean(axis=1), bin_width)
+def searched(recording: Recording) -> Searched:
+    """Return the samples of a recording for the search; `DataError` if a channel has missing values."""
+    check_complete(recording.names, recording.samples)
+    samples = recording.samples - recording.samples.mean(axis=1, keepdims=True)
+    deviations = samples.std(axis=1, keepdims=True)
+    samples /= np.where(deviations > 0, deviations, 1.0)
+    return Searched(samples.astype(np.float32), tuple(recording.stretches()), recording.sampling_rate)
 
 
-def lines_of(
-    periodograms: Periodograms,
+def search_segments(
+    searched: Searched,
+    segment_length: float,
     *,
     prominence: float,
     false_alarm_rate: float,
     is_geometric: bool = False,
     least_damping: float | None = None,
-) -> list[Line]:
-    """Find the peaks of averaged periodograms; parameters as for `narrow_lines`."""
-    powers, bin_width = periodograms.powers, periodograms.bin_width
-    n_channels, n_segments, n_bins = powers.shape
-    if n_segments < (FEWEST_SEGMENTS if least_damping is None else 1):
-        return []
-    random = _random_height(n_segments, false_alarm_rate / (n_channels * n_bins), is_geometric)
-    densities = _geometric_mean(powers) if is_geometric else periodograms.densities
-    lines = []
-    for row, density in enumerate(densities):
-        bins, heights = _peaks(density)
-        is_high = heights >= max(prominence, random)
-        for k, height in zip(bins[is_high].tolist(), heights[is_high].tolist(), strict=True):
+    lowest: float = 0.0,
+    finer: Densities | None = None,
+    most_segments: int | None = None,
+) -> tuple[list[Line], Densities]:
+    """Find the peaks of the averaged periodograms of half-overlapping Hann-windowed segments.
+
+    Parameters
+    ----------
+    searched
+        Samples.
+    segment_length
+        Length of a segment [s].
+    prominence, false_alarm_rate, is_geometric, least_damping
+        As for `narrow_lines`.
+    lowest, finer
+        Frequency below which a peak may be regular or narrow only if it is wider than the resolution of these
+        densities (`has_own_width`).
+    most_segments
+        Largest number of segments, a multiple of 6; None: all.
+
+    Returns
+    -------
+    tuple
+        Lines of each channel, and the averaged periodograms.
+    """
+    length = round(segment_length * searched.sampling_rate)
+    starts = _starts(searched.stretches, length, most_segments)
+    window = (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)).astype(np.float32)
+    window *= np.sqrt(2 / (searched.sampling_rate * np.sum(window**2)))
+    bin_width = searched.sampling_rate / length
+    n_channels, n_bins = len(searched.samples), length // 2 + 1
+    may_be_line = starts.size >= (FEWEST_SEGMENTS if least_damping is None else 1)
+    random = _random_height(starts.size, false_alarm_rate / (n_channels * n_bins), is_geometric)
+    lines: list[Line] = []
+    densities = np.empty((n_channels, n_bins))
+    for row, samples in enumerate(searched.samples):
+        segments = np.lib.stride_tricks.sliding_window_view(samples, length)[starts]
+        spectra = fft.rfft(segments * window, axis=1, overwrite_x=True)
+        powers = spectra.real**2 + spectra.imag**2
+        densities[row] = powers.mean(axis=0)
+        density = _geometric_mean(powers.astype(np.float64)) if is_geometric else densities[row]
+        bins, heights = _peaks(density, max(prominence, random)) if may_be_line else (np.zeros(0, dtype=np.intp),) * 2
+        for k, height in zip(bins.tolist(), heights.tolist(), strict=True):
             offset, level = _vertex(density[k - 1 : k + 2])
-            frequency = (k + offset) * bin_width
-            chance = chance_of_regularity(powers[row, :, k])
-            if least_damping is not None:
-                ratio = 2 * least_damping * frequency / bin_width
-                narrowness = n_channels * n_bins * chance_of_narrowness(density, k, ratio, n_segments)
-                chance = min(chance, narrowness)
-            lines.append(
-                Line(
-                    frequency=frequency,
-                    tolerance=bin_width / 2,
-                    resolution=NOISE_BANDWIDTH * bin_width,
-                    prominence=height,
-                    rows=frozenset([row]),
-                    chance=chance,
-                    level=level,
-                )
+            line = Line(
+                frequency=(k + offset) * bin_width,
+                tolerance=bin_width / 2,
+                resolution=NOISE_BANDWIDTH * bin_width,
+                prominence=height,
+                rows=frozenset([row]),
+                level=level,
             )
-    return lines
+            if least_damping is None:
+                chance = chance_of_regularity(powers[:, k].astype(np.float64))
+            else:
+                places = starts / length
+                decay = 2 * np.pi * least_damping * (k + offset)
+                chance = chance_of_steadiness(spectra[:, k] * np.exp(-2j * np.pi * k * places), places, decay)
+                if line.frequency >= lowest or (finer is not None and has_own_width(line, finer)):
+                    bandwidth = 2 * least_damping * (k + offset)
+                    narrowness = n_channels * n_bins * chance_of_narrowness(density, k, bandwidth, starts.size)
+                    chance = min(chance, chance_of_regularity(powers[:, k].astype(np.float64)), narrowness)
+            lines.append(replace(line, chance=chance))
+    return lines, Densities(densities, bin_width)
+
+
+def _starts(stretches: Sequence[slice], length: int, most: int | None) -> Indices:
+    """Return the first samples of half-overlapping segments, or of runs of them if there are more than the most."""
+    step = max(1, round(length / 2))
+    starts = np.concatenate([np.arange(part.start, part.stop - length + 1, step) for part in stretches])
+    if most is None or starts.size <= most:
+        return starts
+    runs = np.linspace(0, starts.size - BLOCK, most // BLOCK).astype(np.intp)
+    return np.asarray(starts[np.add.outer(runs, np.arange(BLOCK)).ravel()])
 
 
 def chance_of_regularity(powers: Real) -> float:
@@ -228,6 +287,73 @@ def chance_of_regularity(powers: Real) -> float:
     log_chance = log_ball - log_simplex + (m - 1) / 2 * np.log(np.maximum(excess, 1e-12) / m)
     chances = np.sort(np.exp(np.minimum(log_chance, 0.0)))
     return float(min(1.0, n_blocks * np.min(special.bdtrc(np.arange(n_blocks), n_blocks, chances))))
+
+
+def chance_of_steadiness(spectra: Complex, starts: Real, decay: float) -> float:
+    """Return the probability that a mode keeps its phase and amplitude as steadily.
+
+    Parameters
+    ----------
+    spectra
+        Spectra of segments in the bin of a peak, their phases those at a common time, shape (segments,).
+    starts
+        Times at which the segments start, over their length, shape (segments,).
+    decay
+        Decay constant xi omega of the narrowest possible mode, times the length of a segment.
+
+    Returns
+    -------
+    float
+        Upper bound of the probability; 1 for fewer than 5 segments.
+
+    Notes
+    -----
+    With u a unit vector of the phases of a steady sine, the share of the energy in it, |u* z|^2 / |z|^2, is 1 - r. The
+    spectra z of a mode at that frequency are complex Gaussian with the covariance C of exp(-decay |t|) seen through
+    Hann windows. The share is as large if z* ((1 - r) I - u u*) z <= 0. Of the eigenvalues of this form times C one is
+    negative, -a, and the probability is the product of a / (a + b) over the others, b: exact, and r^(n - 1) for n
+    independent segments. It is multiplied by the number of frequencies that are told apart within the bin. Of modes
+    with more damping, and of noise, the segments are less dependent.
+
+    References
+    ----------
+    J. P. Imhof (1961), Computing the distribution of quadratic forms in normal variables, Biometrika 48, 419-426.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> chance_of_steadiness(np.ones(6) + 0.1j * np.arange(6), np.arange(6.0), 100.0) < 1e-6
+    True
+    """
+    n_segments, energy = spectra.size, float(np.sum(spectra.real**2 + spectra.imag**2))
+    if n_segments < FEWEST_SEGMENTS or energy <= 0:
+        return 1.0
+    span = float(starts[-1] - starts[0]) + 1
+    n_frequencies = 2 * math.ceil(_FREQUENCIES_IN_A_BIN * span) + 1
+    phases = np.exp(-2j * np.pi * np.outer(np.linspace(-1, 1, n_frequencies), starts - starts[0]))
+    share = float(np.max(np.abs(phases @ spectra) ** 2)) / (n_segments * energy)
+    if share < _LEAST_STEADY:
+        return 1.0
+    rest = max(1 - share, 1e-9)
+    u = np.full(n_segments, 1 / math.sqrt(n_segments))
+    root = np.linalg.cholesky(_covariance_of_mode(starts, decay))
+    form = root.T @ ((1 - rest) * np.eye(n_segments) - np.outer(u, u)) @ root
+    eigenvalues = np.linalg.eigvalsh(form)
+    negative, positive = -eigenvalues[0], eigenvalues[1:]
+    log_chance = -float(np.sum(np.log1p(np.maximum(positive, 0) / max(negative, 1e-12))))
+    return min(1.0, 2 * span * math.exp(log_chance))
+
+
+def _covariance_of_mode(starts: Real, decay: float) -> Real:
+    """Return the covariance of the spectra of segments of a mode, over that of one segment."""
+    points = (np.arange(_WINDOW_POINTS) + 0.5) / _WINDOW_POINTS
+    window = np.sin(np.pi * points) ** 2
+    weights = np.convolve(window, window)
+    shifts = np.arange(1 - _WINDOW_POINTS, _WINDOW_POINTS) / _WINDOW_POINTS
+    lags, places = np.unique(np.round(np.abs(np.subtract.outer(starts, starts)), 6), return_inverse=True)
+    values = np.exp(-decay * np.abs(np.add.outer(lags, shifts))) @ weights
+    covariance = (values / values[0])[places].reshape(starts.size, starts.size)
+    return np.asarray(covariance + 1e-9 * np.eye(starts.size))
 
 
 def chance_of_narrowness(density: Real, peak: int, bandwidth: float, n_segments: int) -> float:
@@ -341,7 +467,7 @@ def _sharpest(line: Line, peaks: Iterable[Line], loss: float) -> Line:
     return replace(best, chance=line.chance)
 
 
-def has_own_width(line: Line, finer: Periodograms) -> bool:
+def has_own_width(line: Line, finer: Densities) -> bool:
     """Return whether a peak is wider than a finer resolution: its density then does not grow as that of a sine."""
     (row,) = line.rows
     reach = round(line.resolution / NOISE_BANDWIDTH * MAIN_LOBE / finer.bin_width)
@@ -420,22 +546,29 @@ def _random_height(n_segments: int, rate: float, is_geometric: bool) -> float:
 
 def _geometric_mean(powers: Real) -> Real:
     """Return the geometric mean over the segments."""
-    return np.exp(np.mean(np.log(np.maximum(powers, np.finfo(np.float64).tiny)), axis=1))
+    return np.exp(np.mean(np.log(np.maximum(powers, np.finfo(np.float64).tiny)), axis=0))
 
 
-def _peaks(density: Real) -> tuple[Indices, Real]:
-    """Return the highest bins of main lobes and their height over the median of the higher neighbourhood [dB]."""
+def _peaks(density: Real, least: float) -> tuple[Indices, Real]:
+    """Return the highest bins of main lobes, and their height over the median of the higher neighbourhood [dB]."""
     margin = 2 * MAIN_LOBE + 1
-    lobes = np.lib.stride_tricks.sliding_window_view(density, 2 * MAIN_LOBE + 1).max(axis=-1)
-    centres = np.arange(MAIN_LOBE, density.size - MAIN_LOBE)
-    bins = centres[(density[centres] == lobes) & (density[centres] > 0)]
-    bins = bins[(bins >= margin) & (bins < density.size - margin)]
+    if density.size <= 2 * margin:
+        return np.zeros(0, dtype=np.intp), np.zeros(0)
+    at = density[margin:-margin]
+    is_highest = at > 0
+    for shift in range(1, MAIN_LOBE + 1):
+        is_highest &= at >= density[margin - shift : density.size - margin - shift]
+        is_highest &= at >= density[margin + shift : density.size - margin + shift]
+    bins = np.flatnonzero(is_highest) + margin
+    factor = 10 ** (least / 10)
     sides = np.arange(MAIN_LOBE + 1, NEIGHBOURHOOD + 1)
-    medians = [
-        np.median(density[np.clip(bins[:, None] + side, MAIN_LOBE, density.size - 2)], axis=1)
-        for side in (sides, -sides)
-    ]
-    floor = np.maximum(np.maximum(*medians), np.finfo(np.float64).tiny)
+    floor = np.full(bins.size, np.finfo(np.float64).tiny)
+    for sign in (1, -1):
+        neighbours = density[np.clip(bins[:, None] + sign * sides, MAIN_LOBE, density.size - 2)]
+        neighbours.partition((sides.size // 2 - 1, sides.size // 2), axis=1)
+        floor = np.maximum(floor, neighbours[:, sides.size // 2 - 1 : sides.size // 2 + 1].mean(axis=1))
+        is_high = density[bins] >= factor * floor
+        bins, floor = bins[is_high], floor[is_high]
     return bins, 10 * np.log10(density[bins] / floor)
 
 

@@ -18,6 +18,8 @@ _MAIN_SHARE = 0.3
 _MOST_WORDS, _MOST_FAMILIES = 6, 8
 #: Most reasons that explain why no mode was found.
 _MOST_REASONS = 3
+#: Methods that give modes, in a table.
+_SOURCES = {"ssi": "SSI", "plscf": "pLSCF", "fdd": "FDD", "road_likelihood": "vehicle on its road"}
 #: What the columns of `modes_table` mean.
 _MODES_CAPTION = (
     "± standard deviation; stable: share of the model orders with this mode; shape: channels above"
@@ -73,19 +75,27 @@ def modes_table(identification: Identification) -> Table:
     """Return the table of identified modes: values with standard deviations, stability, label and shape in words."""
     modes = identification.modes
     shapes = shapes_in_words(modes.channels, modes.mode_shapes)
-    columns = ("frequency [Hz]", "damping [%]", "stable", "MPC", "label", "shape")
+    has_sources = "road_likelihood" in identification.sources
+    columns = ("frequency [Hz]", "damping [%]", "stable", "MPC", "label", *(["source"] if has_sources else []), "shape")
     rows = tuple(
         (
             with_deviation(modes.natural_frequency[k], modes.natural_frequency_std[k]),
             with_deviation(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
-            "-" if np.isnan(modes.stable_rate[k]) else f"{100 * modes.stable_rate[k]:.0f} %",
+            _stable(modes.stable_rate[k], identification.sources[k]),
             f"{modes.mpc[k]:.2f}",
             in_words(modes.labels[k] or ""),
+            *([_SOURCES[identification.sources[k]]] if has_sources else []),
             shapes[k],
         )
         for k in range(len(modes))
     )
     return Table("", columns, rows, n_words=0, caption=_MODES_CAPTION)
+
+
+def _stable(rate: float, source: str) -> str:
+    """Return the stable rate of a mode; none for FDD, and for a mode of the road likelihood alone."""
+    is_known = np.isfinite(rate) and (rate > 0 or source != "road_likelihood")
+    return f"{100 * rate:.0f} %" if is_known else "-"
 
 
 def shapes_in_words(channels: Sequence[str], mode_shapes: Complex) -> list[str]:

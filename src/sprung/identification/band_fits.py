@@ -1,0 +1,467 @@
+"""Fits of modes in bands of frequency: coordinates, start, misfit, standard deviations and scatter of blocks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sprung._arrays import Booleans, Complex, Indices, Real
+from sprung.identification.record_spectra import RecordSpectra
+from sprung.identification.scatter import deviation_of_mean
+from sprung.likelihood.hermitian import real_form
+from sprung.likelihood.modal import ModalModel, ModalParameters
+from sprung.likelihood.modal_spectra import LineSpectra
+from sprung.likelihood.search import scored
+from sprung.modal import Modes, unit_shapes
+from sprung.recording import Channel
+
+#: Power of frequency from displacement to each quantity; quantities that are not stated are mostly accelerations.
+_EXPONENTS = {"displacement": 0.0, "angle": 0.0, "strain": 0.0, "velocity": 1.0, "angular_velocity": 1.0}
+_USUAL_EXPONENT = 2.0
+#: Bands around the modes in half-power half-widths, widest first: the widest in which the model fits is used.
+_REACHES = (np.inf, 30.0, 12.0)
+#: Most modes that are fitted together.
+_MOST_TOGETHER = 5
+#: Width of the bins over the half-width of the nearest mode, and over the distance from it.
+_BIN_OF_WIDTH, _BIN_OF_DISTANCE = 1 / 5, 1 / 8
+#: The fit of a band is judged on this many bins together. A model fits if the deviation is below this many standard
+#: deviations of chance (for true models it is -0.6 on average, and scatters by 0.8).
+_BINS_JUDGED, _BEYOND_CHANCE = 4, 1.0
+#: Largest damping ratio of a pole that oscillates.
+_LARGEST_DAMPING = 0.99
+#: With more channels than these, modes are fitted in the space of their shapes and this many further coordinates.
+_FEW_CHANNELS, _MORE_COORDINATES = 6, 2
+#: Smallest density of noise at the start over the largest of the spectra, so that matrices stay positive definite.
+_LEAST_NOISE = 1e-9
+#: Most steps by least squares to the first spectra of forces and noise, and the change of ln noise that ends them.
+_MOST_LINEAR_STEPS, _SMALL_STEP = 8, 0.3
+#: Fewest blocks whose scatter counts, fewest of their lines in a mode's half-width, and how far beyond chance it has to
+#: be, in standard deviations.
+_BLOCKS_THAT_COUNT, _LINES_THAT_COUNT, _SCATTER_BEYOND_CHANCE = 8, 2.0, 1.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BandFit:
+    """Fit of the modes in one band.
+
+    Parameters
+    ----------
+    band
+        Lowest and highest frequency [Hz].
+    modes
+        Numbers of the modes that are fitted together.
+    is_converged
+        Whether the search ended at a maximum of the likelihood.
+    misfit_before, misfit
+        Mean square of the whitened deviation of the measured spectra from the model over that by chance, before and
+        after the search: 1 for a model that is true.
+    misfit_excess
+        Deviation of `misfit` from 1 in standard deviations of chance.
+    """
+
+    band: tuple[float, float]
+    modes: tuple[int, ...]
+    is_converged: bool
+    misfit_before: float
+    misfit: float
+    misfit_excess: float
+
+    @property
+    def fits(self) -> bool:
+        """Whether the deviation of the spectra from the model is within chance."""
+        return self.misfit_excess < _BEYOND_CHANCE
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Coordinates:
+    """Combinations of the channels that hold the modes of a band, and the way back.
+
+    Parameters
+    ----------
+    forward
+        Coordinates of one unit of each channel, shape (coordinates, channels).
+    back
+        Channels of one unit of each coordinate, shape (channels, coordinates).
+    rest
+        Matrix from channels to orthonormal combinations of channels that hold noise alone, shape (rest, channels), and
+        the way back, shape (channels, rest).
+    exponents
+        Powers of frequency, relative to the mean, by which the channels' quantities differ, shape (channels,).
+    """
+
+    forward: Complex
+    back: Complex
+    rest: tuple[Complex, Complex]
+    exponents: Real
+
+    def spectra(self, spectra: LineSpectra) -> LineSpectra:
+        """Return spectra of the coordinates."""
+        return replace(spectra, matrices=self.forward @ spectra.matrices @ self.forward.conj().T)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Observed:
+    """Spectra without lines of the excitation, their channels, and the sampling rate before decimation [Hz]."""
+
+    spectra: LineSpectra
+    channels: tuple[Channel, ...]
+    sampling_rate: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FittedBand:
+    """Maximum of the likelihood in one band, and the tilted spectra of all channels behind it."""
+
+    model: ModalModel
+    parameters: Real
+    modes: Indices
+    band: BandFit
+    coordinates: _Coordinates
+    spectra: LineSpectra
+
+
+def fits_of_bands(modes: Modes, observed: Observed, *, is_refinable: Booleans) -> list[FittedBand]:
+    """Return the fits of all bands, each in the widest band in which the model fits.
+
+    Parameters
+    ----------
+    modes
+        Modes at which the searches start.
+    observed
+        Spectra without lines of the excitation.
+    is_refinable
+        Mask of the modes of interest, shape (modes,): bands without any are not fitted.
+    """
+    half_widths = modes.damping_ratio * modes.natural_frequency
+    pending, fits = np.arange(len(modes)), []
+    for reach in _REACHES:
+        left = []
+        for group in _overlapping(modes.natural_frequency, reach * half_widths, pending):
+            is_last = reach == _REACHES[-1]
+            if not is_refinable[group].any():
+                continue
+            for part in np.array_split(group, -(-len(group) // _MOST_TOGETHER)) if is_last else [group]:
+                fit = None if len(part) > _MOST_TOGETHER else _fit(modes, part, reach, observed)
+                if fit is not None and (is_last or fit.band.fits):
+                    fits.append(fit)
+                else:
+                    left.append(part)
+        pending = np.concatenate([np.zeros(0, dtype=np.intp), *left])
+    return fits
+
+
+def _overlapping(frequencies: Real, reaches: Real, chosen: Indices) -> list[Indices]:
+    """Return the chosen modes in groups whose bands overlap."""
+    groups: list[list[int]] = []
+    end = -np.inf
+    for k in chosen:
+        if groups and frequencies[k] - reaches[k] <= end:
+            groups[-1].append(int(k))
+        else:
+            groups.append([int(k)])
+        end = max(end, frequencies[k] + reaches[k])
+    return [np.array(group, dtype=np.intp) for group in groups]
+
+
+def _fit(modes: Modes, chosen: Indices, reach: float, observed: Observed) -> FittedBand | None:
+    """Return the fit of some modes in the band around them, their neighbours held near their values; None without."""
+    frequencies, half_widths = modes.natural_frequency, modes.damping_ratio * modes.natural_frequency
+    low = np.min(frequencies[chosen] - reach * half_widths[chosen])
+    high = np.max(frequencies[chosen] + reach * half_widths[chosen])
+    data, channels = observed.spectra, observed.channels
+    inside = data.take((low <= data.frequencies) & (data.frequencies <= high))
+    if not inside.frequencies.size:
+        return None
+    joined = inside.joined(_bins(inside.frequencies, frequencies, half_widths))
+    neighbours = [k for k in (chosen[0] - 1, chosen[-1] + 1) if 0 <= k < len(modes)]
+    together = np.concatenate([chosen, np.array(neighbours, dtype=np.intp)])
+    together_modes = modes.take(together)
+    tilted, coordinates = _coordinates(together_modes, joined, channels)
+    try:
+        model = _started(together_modes, tilted, coordinates, channels)
+        model = replace(model, n_held=len(neighbours), sampling_rate=observed.sampling_rate)
+        if 2 * model.start.size > joined.counts.size * model.n_channels**2:
+            return None
+        parameters, is_converged = scored(model, model.start)
+        misfit, excess = _misfit(model, parameters)
+    except np.linalg.LinAlgError:
+        return None
+    band = BandFit(
+        band=(float(joined.frequencies[0]), float(joined.frequencies[-1])),
+        modes=tuple(int(k) for k in chosen),
+        is_converged=is_converged,
+        misfit_before=_misfit(model, model.start)[0],
+        misfit=misfit,
+        misfit_excess=excess,
+    )
+    return FittedBand(model, parameters, chosen, band, coordinates, tilted)
+
+
+def _coordinates(modes: Modes, spectra: LineSpectra, channels: Sequence[Channel]) -> tuple[LineSpectra, _Coordinates]:
+    """Return the spectra as if all channels had one quantity, and the coordinates in which the modes are fitted.
+
+    Notes
+    -----
+    With many channels: the channels over the square roots of their noise, projected on the space of the shapes and of
+    the largest remaining motion. The rest holds noise alone, and what the shapes have there follows by regression.
+    """
+    exponents = _exponents(channels) - _exponents(channels).mean()
+    tilted = spectra.tilted(-exponents)
+    n_channels, n_kept = len(channels), len(modes) + _MORE_COORDINATES
+    if n_channels <= max(n_kept, _FEW_CHANNELS):
+        nothing = np.zeros((0, n_channels), dtype=np.complex128)
+        unit = np.eye(n_channels, dtype=np.complex128)
+        return tilted, _Coordinates(unit, unit, (nothing, nothing.T), exponents)
+    noise = np.sqrt(_least_densities(tilted))
+    shapes = (_tilted_shapes(modes, tilted.middle, -exponents) / noise).T
+    basis = np.linalg.qr(shapes)[0]
+    relative = tilted.matrices / np.outer(noise, noise)
+    mean = np.mean(relative / np.einsum("bii->b", relative)[:, None, None], axis=0)
+    beyond = np.eye(n_channels) - basis @ basis.conj().T
+    directions = np.linalg.eigh(beyond @ mean @ beyond.conj().T)[1][:, ::-1]
+    basis = np.linalg.qr(np.hstack([basis, directions[:, : n_kept - len(modes)]]), mode="complete")[0]
+    kept, rest = basis[:, :n_kept], basis[:, n_kept:]
+    return tilted, _Coordinates(
+        forward=np.asarray(kept.conj().T / noise, dtype=np.complex128),
+        back=np.asarray(noise[:, None] * kept, dtype=np.complex128),
+        rest=(
+            np.asarray(rest.conj().T / noise, dtype=np.complex128),
+            np.asarray(noise[:, None] * rest, dtype=np.complex128),
+        ),
+        exponents=exponents,
+    )
+
+
+def _least_densities(spectra: LineSpectra) -> Real:
+    """Return a low quantile of the densities of each channel, at least a trace of the largest one."""
+    densities = np.einsum("bii->bi", spectra.matrices).real
+    return np.asarray(np.maximum(np.quantile(densities, 0.1, axis=0), _LEAST_NOISE * densities.max(axis=0)))
+
+
+def _tilted_shapes(modes: Modes, middle: float, exponents: Real) -> Complex:
+    """Return the mode shapes as if the channels had other quantities."""
+    return np.asarray(modes.mode_shapes * (modes.natural_frequency[:, None] / middle) ** exponents)
+
+
+def _bins(frequencies: Real, peaks: Real, half_widths: Real) -> Indices:
+    """Return the number of the wider bin of each bin: narrow against the peaks, wider away from them."""
+    distances = np.abs(frequencies[:, None] - peaks)
+    widths = np.min(np.maximum(_BIN_OF_WIDTH * half_widths, _BIN_OF_DISTANCE * distances), axis=1)
+    steps = np.diff(frequencies, prepend=frequencies[0]) / np.minimum(widths, frequencies / 4)
+    return np.unique(np.floor(np.cumsum(steps)), return_inverse=True)[1]
+
+
+def _exponents(channels: Sequence[Channel]) -> Real:
+    """Return the power of frequency from displacement to the quantity of each channel."""
+    return np.array([_EXPONENTS.get(channel.quantity, _USUAL_EXPONENT) for channel in channels])
+
+
+def _started(modes: Modes, tilted: LineSpectra, coordinates: _Coordinates, channels: Sequence[Channel]) -> ModalModel:
+    """Return the model that starts at the modes, with the force and noise spectra that fit best."""
+    exponent = float(_exponents(channels).mean())
+    spectra = coordinates.spectra(tilted)
+    shapes = unit_shapes(_tilted_shapes(modes, tilted.middle, -coordinates.exponents) @ coordinates.forward.T)
+    is_whole = len(spectra.matrices[0]) == len(channels)
+    power = np.empty(len(modes))
+    for k, (frequency, damping) in enumerate(zip(modes.natural_frequency, modes.damping_ratio, strict=True)):
+        nearest = np.argsort(np.abs(spectra.frequencies - frequency))[:5]
+        peak = np.average(spectra.matrices[nearest], axis=0, weights=spectra.counts[nearest])
+        x = spectra.frequencies[nearest].mean() / frequency
+        response = x**exponent / np.abs(1 - x**2 + 2j * damping * x)
+        power[k] = (shapes[k].conj() @ peak @ shapes[k]).real / (np.sum(np.abs(shapes[k]) ** 2) * response) ** 2
+    begin = ModalParameters(
+        natural_frequency=modes.natural_frequency,
+        damping_ratio=modes.damping_ratio,
+        common_exponent=np.zeros(1),
+        force_exponents=np.zeros(len(modes)),
+        mode_shapes=shapes,
+        forces=np.diag(power).astype(np.complex128),
+        noise=_least_densities(spectra) / 2,
+        noise_exponents=-2 * coordinates.exponents if is_whole else np.zeros(spectra.matrices.shape[-1]),
+    )
+    model = ModalModel(spectra, begin, exponent)
+    for _ in range(_MOST_LINEAR_STEPS):
+        before = model.begin.noise
+        model = replace(model, begin=_with_linear_step(model))
+        if np.max(np.abs(np.log(model.begin.noise / before))) < _SMALL_STEP:
+            break
+    return model
+
+
+def _with_linear_step(model: ModalModel) -> ModalParameters:
+    """Return the parameters of a model with force and noise spectra by weighted least squares."""
+    start = model.start
+    rows = np.concatenate([model.rows("forces"), model.rows("noise")])
+    slopes = model.whitened_densities(start).reshape(-1, len(rows))
+    residuals = real_form(model.residuals(start)) * np.sqrt(model.spectra.counts)
+    step = np.linalg.lstsq(slopes.T @ slopes, residuals.ravel() @ slopes, rcond=1e-12)[0]
+    n_forces, moved = model.n_modes**2, start.copy()
+    moved[rows[:n_forces]] += step[:n_forces]
+    moved[rows[n_forces:]] += np.log(np.clip(1 + step[n_forces:], 0.1, 10.0))
+    values = model.unpacked(moved)
+    scale = np.outer(model.scale, model.scale)
+    powers, directions = np.linalg.eigh(values.forces / scale)
+    powers = np.maximum(powers, 1e-3 * powers.max())
+    return replace(values, forces=(directions * powers) @ directions.conj().T * scale)
+
+
+def _misfit(model: ModalModel, parameters: Real) -> tuple[float, float]:
+    """Return the mean square of the deviation of the spectra over that by chance, and its excess in deviations."""
+    counts, size = model.spectra.counts, model.n_channels**2
+    starts = np.arange(0, counts.size, _BINS_JUDGED)
+    n = np.add.reduceat(counts, starts)
+    deviations = np.add.reduceat(counts[:, None, None] * model.residuals(parameters), starts) / n[:, None, None]
+    total = float(np.sum(n * np.sum(np.abs(deviations) ** 2, axis=(1, 2))))
+    degrees = max(n.size * size - parameters.size, n.size * size / 2)
+    variance = float(np.sum(2 * size * (1 + 3 * model.n_channels / n)))
+    return total / degrees, (total - degrees) / np.sqrt(variance)
+
+
+def _posterior(model: ModalModel, parameters: Real) -> Real:
+    """Return the information about the parameters, the prior included."""
+    return model.information(parameters) + np.diag(1 / model.prior_std**2)
+
+
+def refined_modes(fit: FittedBand, modes: Modes, spectra: RecordSpectra) -> Modes:
+    """Return the modes of a fit, with standard deviations.
+
+    Parameters
+    ----------
+    fit
+        Maximum of the likelihood in one band.
+    modes
+        Modes at which the search started, of all bands.
+    spectra
+        Spectra of the records, with those of blocks.
+
+    Notes
+    -----
+    The variances are multiplied by the misfit of the band where it is above 1, as spectra that deviate from the model
+    move its parameters too, or by the scatter of the blocks where that is more.
+
+    References
+    ----------
+    P. McCullagh and J. A. Nelder, Generalized Linear Models, 2nd edition, Chapman and Hall, 1989, section 9.2
+    (dispersion of quasi-likelihood).
+    """
+    model, n = fit.model, len(fit.modes)
+    values = model.unpacked(fit.parameters)
+    covariance: Real = np.asarray(np.linalg.inv(_posterior(model, fit.parameters)), dtype=np.float64)
+    scatter = _scatter(fit, covariance, spectra)
+    dispersion = max(fit.band.misfit, 1.0)
+    deviations = np.sqrt(np.diag(covariance) * np.maximum(scatter, dispersion))
+    covariance *= dispersion
+    rest, variances = _rest_of_shapes(fit)
+    coordinates = fit.coordinates
+    shapes, shape_stds = [], []
+    f, xi = values.natural_frequency[:n], np.minimum(values.damping_ratio[:n], _LARGEST_DAMPING)
+    for k in range(n):
+        tilt = (f[k] / fit.spectra.middle) ** coordinates.exponents
+        shape = tilt * (coordinates.back @ values.mode_shapes[k] + coordinates.rest[1] @ rest[k])
+        normalised = _normalising(shape) * tilt
+        within = _as_real(normalised @ coordinates.back)
+        beyond = normalised @ coordinates.rest[1]
+        variance = np.einsum("ij,jk,ik->i", within, model.shape_covariance(k, covariance), within).reshape(-1, 2)
+        variance = variance + (np.sum(np.abs(beyond) ** 2 * variances[k], axis=1) / 2)[:, None]
+        stds = np.sqrt(np.maximum(variance, 0.0))
+        stds[np.argmax(np.abs(shape))] = 0.0
+        shapes.append(shape)
+        shape_stds.append(stds[:, 0] + 1j * stds[:, 1])
+    return replace(
+        modes.take(fit.modes),
+        poles=2 * np.pi * f * (1j * np.sqrt(1 - xi**2) - xi),
+        mode_shapes=unit_shapes(np.array(shapes)),
+        natural_frequency_std=f * deviations[model.rows("natural_frequency")[:n]],
+        damping_ratio_std=xi * deviations[model.rows("damping_ratio")[:n]],
+        mode_shape_std=np.array(shape_stds),
+    )
+
+
+def _rest_of_shapes(fit: FittedBand) -> tuple[Complex, Real]:
+    """Return the shapes in the combinations of channels beyond the coordinates, and their variances.
+
+    Notes
+    -----
+    The cross spectra of the rest with the coordinates are the shapes times those of the modal motions: weighted least
+    squares with the inverse of the coordinates' spectral matrix and the rest's own densities.
+    """
+    model, (forward, _) = fit.model, fit.coordinates.rest
+    forced = model.forced(fit.parameters)
+    weighted = model.spectra.counts[:, None, None] * np.linalg.inv(model.matrix(fit.parameters))
+    weighted = weighted @ forced.conj().swapaxes(-1, -2)
+    inverse = np.linalg.inv(np.sum(forced @ weighted, axis=0))
+    cross = forward @ fit.spectra.matrices @ fit.coordinates.forward.conj().T
+    shapes = np.sum(cross @ weighted, axis=0) @ inverse
+    densities = np.einsum("ri,bij,rj->br", forward, fit.spectra.matrices, forward.conj()).real
+    noise = np.average(densities, axis=0, weights=model.spectra.counts) if forward.size else np.zeros(0)
+    return np.asarray(shapes.T), np.outer(np.diag(inverse).real, noise)
+
+
+def _normalising(shape: Complex) -> Complex:
+    """Return the derivative of a shape over its largest channel, d(s_i / s_j) = (ds_i - (s_i / s_j) ds_j) / s_j."""
+    largest = int(np.argmax(np.abs(shape)))
+    slopes = np.eye(len(shape), dtype=np.complex128)
+    slopes[:, largest] -= shape / shape[largest]
+    return slopes / shape[largest]
+
+
+def _as_real(matrix: Complex) -> Real:
+    """Return the matrix that acts on real and imaginary parts in turn as a complex one does."""
+    rows, columns = matrix.shape
+    real = np.empty((rows, 2, columns, 2))
+    real[:, 0, :, 0] = real[:, 1, :, 1] = matrix.real
+    real[:, 1, :, 0], real[:, 0, :, 1] = matrix.imag, -matrix.imag
+    return real.reshape(2 * rows, 2 * columns)
+
+
+def _scatter(fit: FittedBand, covariance: Real, spectra: RecordSpectra) -> Real:
+    """Return the variance of the parameters by the scatter of the blocks' scores over that of the model, at least 1.
+
+    Notes
+    -----
+    The influence of a block is the covariance times its score; the sum over the blocks has the variance of the
+    sandwich. It counts where it is beyond chance.
+    """
+    n_blocks = len(spectra.blocks)
+    ones = np.ones(len(covariance))
+    values = fit.model.unpacked(fit.parameters)
+    half_widths = values.natural_frequency * values.damping_ratio
+    if n_blocks < _BLOCKS_THAT_COUNT or spectra.blocks[0].longest * half_widths.max() < _LINES_THAT_COUNT:
+        return ones
+    n_lines = np.array([block.moments[0] for block in spectra.blocks])
+    total = np.sum(n_lines, axis=0)
+    edges = spectra.blocks[0].edges
+    centres = (edges[1:] + edges[:-1]) / 2
+    used = np.flatnonzero((total > 0) & (fit.band.band[0] <= centres) & (centres <= fit.band.band[1]))
+    if used.size < 4:
+        return ones
+    groups = _bins(centres[used], values.natural_frequency, half_widths)
+    mean = LineSpectra(
+        centres[used],
+        np.zeros(used.size),
+        total[used],
+        sum(block.matrices[used] for block in spectra.blocks) / total[used, None, None],
+    )
+    coordinates = fit.coordinates
+    joined = mean.joined(groups).tilted(-coordinates.exponents, middle=fit.spectra.middle)
+    model = replace(fit.model, spectra=coordinates.spectra(joined))
+    inverse = np.linalg.inv(np.linalg.cholesky(model.matrix(fit.parameters)))
+    slopes = model.whitened_derivatives(fit.parameters) / np.sqrt(joined.counts)[:, None]
+    slopes = slopes.reshape(-1, fit.parameters.size)
+    starts = np.flatnonzero(np.diff(groups, prepend=-1))
+    tilt = (joined.frequencies[:, None] / fit.spectra.middle) ** -coordinates.exponents
+    inverse = inverse @ (coordinates.forward * tilt[:, None, :])
+    scores = []
+    for block, lines in zip(spectra.blocks, n_lines, strict=True):
+        sums = np.add.reduceat(block.matrices[used], starts)
+        counts = np.add.reduceat(lines[used], starts)
+        deviation = inverse @ sums @ inverse.conj().swapaxes(-1, -2) - counts[:, None, None] * np.eye(model.n_channels)
+        scores.append(real_form(deviation).ravel() @ slopes)
+    influences = np.array(scores) @ covariance
+    centred = (influences - influences.mean(axis=0)) * np.sqrt(n_blocks / (n_blocks - 1))
+    variances = deviation_of_mean(centred, spectra.records) ** 2
+    ratios = variances / np.diag(covariance)
+    counts_for_it = ratios > 1 + _SCATTER_BEYOND_CHANCE * np.sqrt(2 / n_blocks)
+    for name in ("natural_frequency", "damping_ratio"):
+        counts_for_it[model.rows(name)] &= spectra.blocks[0].longest * half_widths >= _LINES_THAT_COUNT
+    return np.where(counts_for_it, ratios, 1.0)
