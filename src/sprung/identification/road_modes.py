@@ -358,7 +358,7 @@ def note_on_road(modes: CombinedModes, fit: CornerFit, *, n_ssi: int) -> str:
     sentence = (
         f"{' and '.join([', '.join(names[:-1]), names[-1]] if len(names) > 1 else names)}: modes of the vehicle file"
         " fitted to the spectra on the road (likelihood), whose damping depends on the amplitude by some 6 %;"
-        f" {n_left_out} of {n_ssi} modes by SSI left out as estimates of the same modes or effects of the axle delay"
+        f" {n_left_out} of {n_ssi} modes by SSI were left out: the same modes, or effects of the axle delay"
     )
     if fit.model_error <= _IMPERFECT:
         return sentence

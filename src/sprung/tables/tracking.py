@@ -12,8 +12,8 @@ _MOST = 3
 #: Fewest windows for a ratio of deviations.
 _FOR_RATIO = 8
 _CAPTION = (
-    "frequency and damping: mean ± scatter from window to window, without trend and jumps; change: of the frequency, by"
-    " a straight line through the whole track; scatter / stated: that scatter over the standard deviation stated by the"
+    "frequency and damping: mean ± scatter of the windows, without trend and jumps; change: of the frequency, by a"
+    " straight line through the whole track; scatter / stated: that scatter over the standard deviation stated by the"
     " identifications, 1 where the mode is steady and the stated ones are right"
 )
 
