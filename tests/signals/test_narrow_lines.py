@@ -92,6 +92,6 @@ def test_the_chance_of_steadiness_of_independent_segments_is_a_power() -> None:
     noise = np.array([1.0, -1, 1, -1, 1, -1])
     spectra = 1 + 0.1 * noise * np.array([1, 1, -1, -1, 0, 0]) + 0j
     share = abs(spectra.sum()) ** 2 / (6 * np.sum(abs(spectra) ** 2))
-    chance = chance_of_steadiness(spectra, 10.0 * np.arange(6), 500.0)
+    chance = chance_of_steadiness(spectra, 10.0 * np.arange(6.0), 500.0)
     assert chance == pytest.approx(2 * 51 * (1 - share) ** 5, rel=0.02)
     assert chance_of_steadiness(spectra[:4], np.arange(4.0), 500.0) == 1.0
