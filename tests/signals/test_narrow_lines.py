@@ -80,9 +80,9 @@ def test_a_mode_is_as_steady_as_a_line_no_more_often_than_stated(decay) -> None:
     noise = rng.standard_normal((2, times.size, n_draws))
     envelope = root @ (noise[0] + 1j * noise[1])
     window = np.sin(np.pi * (np.arange(length) + 0.5) / length) ** 2
-    starts = np.arange(n_segments) * length // 2
+    starts = np.arange(n_segments) * (length // 2)
     spectra = np.array([window @ envelope[start : start + length] for start in starts])
-    chances = np.array([chance_of_steadiness(row, starts / length, decay) for row in spectra.T])
+    chances = np.array([chance_of_steadiness(row, np.asarray(starts / length, dtype=np.float64), decay) for row in spectra.T])
     assert np.mean(chances <= 0.1) <= 0.1
     assert np.mean(chances <= 0.01) <= 0.02
 
