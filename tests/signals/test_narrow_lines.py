@@ -80,9 +80,10 @@ def test_a_mode_is_as_steady_as_a_line_no_more_often_than_stated(decay) -> None:
     noise = rng.standard_normal((2, times.size, n_draws))
     envelope = root @ (noise[0] + 1j * noise[1])
     window = np.sin(np.pi * (np.arange(length) + 0.5) / length) ** 2
-    starts = np.arange(n_segments) * length // 2
+    starts = np.arange(n_segments) * (length // 2)
+    places = np.asarray(starts / length, dtype=np.float64)
     spectra = np.array([window @ envelope[start : start + length] for start in starts])
-    chances = np.array([chance_of_steadiness(row, starts / length, decay) for row in spectra.T])
+    chances = np.array([chance_of_steadiness(row, places, decay) for row in spectra.T])
     assert np.mean(chances <= 0.1) <= 0.1
     assert np.mean(chances <= 0.01) <= 0.02
 
@@ -92,6 +93,7 @@ def test_the_chance_of_steadiness_of_independent_segments_is_a_power() -> None:
     noise = np.array([1.0, -1, 1, -1, 1, -1])
     spectra = 1 + 0.1 * noise * np.array([1, 1, -1, -1, 0, 0]) + 0j
     share = abs(spectra.sum()) ** 2 / (6 * np.sum(abs(spectra) ** 2))
-    chance = chance_of_steadiness(spectra, 10.0 * np.arange(6.0), 500.0)
+    places = np.linspace(0, 50, 6)
+    chance = chance_of_steadiness(spectra, places, 500.0)
     assert chance == pytest.approx(2 * 51 * (1 - share) ** 5, rel=0.02)
-    assert chance_of_steadiness(spectra[:4], np.arange(4.0), 500.0) == 1.0
+    assert chance_of_steadiness(spectra[:4], places[:4], 500.0) == 1.0

@@ -141,7 +141,7 @@ def find_harmonics(
     regular: its power is nearly equal in consecutive segments (`sprung.signals.narrow_lines.chance_of_regularity`), or
     narrower than any mode at the resolution of the whole recording
     (`sprung.signals.narrow_lines.chance_of_narrowness`), or it keeps its phase and amplitude more steadily than any
-    mode (`sprung.signals.narrow_lines.chance_of_steadiness`). Of more than 48 segments, runs of six spread over the
+    mode (`sprung.signals.narrow_lines.chance_of_steadiness`). Of more than 192 segments, runs of six spread over the
     recording stand for all. The probability of any line in a recording of random vibration is at most
     `false_alarm_rate` (Holm's method over all peaks).
     Segments of a narrow mode are independent only if they lie about a time constant 1 / (xi omega) of the mode apart:

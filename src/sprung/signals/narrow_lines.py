@@ -19,7 +19,7 @@ NOISE_BANDWIDTH = 1.5
 #: Number of segments whose powers are compared at a time, and smallest number for any conclusion.
 BLOCK, FEWEST_SEGMENTS = 6, 5
 #: Largest number of segments of a recording that are searched: runs of consecutive ones, spread over the recording.
-MOST_SEGMENTS = 8 * BLOCK
+MOST_SEGMENTS = 32 * BLOCK
 #: Smallest number of samples of a segment, and number of segment lengths.
 SHORTEST_SEGMENT, N_OCTAVES = 64, 8
 #: Loss of energy [dB] at a finer resolution up to which a line is steady, and up to which its band reaches no further.
@@ -30,8 +30,9 @@ DRIFTING = 5.0
 _BINS_OF_ONE = 1.944
 #: Points of a Hann window in the covariance of a mode's spectra, and frequencies in a bin of the whole recording.
 _WINDOW_POINTS, _FREQUENCIES_IN_A_BIN = 32, 4
-#: Smallest share of the energy of the segments in one steady phase that may be a line.
-_LEAST_STEADY = 0.7
+#: Smallest share of the energy of the segments in one steady phase that may be a line, and most segments for that:
+#: longer segments show a steady line better.
+_LEAST_STEADY, _MOST_STEADY = 0.7, 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +305,7 @@ def chance_of_steadiness(spectra: Complex, starts: Real, decay: float) -> float:
     Returns
     -------
     float
-        Upper bound of the probability; 1 for fewer than 5 segments.
+        Upper bound of the probability; 1 for fewer than 5 segments or more than 30.
 
     Notes
     -----
@@ -326,7 +327,7 @@ def chance_of_steadiness(spectra: Complex, starts: Real, decay: float) -> float:
     True
     """
     n_segments, energy = spectra.size, float(np.sum(spectra.real**2 + spectra.imag**2))
-    if n_segments < FEWEST_SEGMENTS or energy <= 0:
+    if not FEWEST_SEGMENTS <= n_segments <= _MOST_STEADY or energy <= 0:
         return 1.0
     span = float(starts[-1] - starts[0]) + 1
     n_frequencies = 2 * math.ceil(_FREQUENCIES_IN_A_BIN * span) + 1
