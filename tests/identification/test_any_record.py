@@ -51,19 +51,15 @@ def frame(seed, periods, rate=64.0):
 
 
 def test_twenty_periods_of_the_first_mode_are_enough() -> None:
-    """80 % of such records show all three modes; none shows another. A deviation is claimed by the likelihood alone."""
+    """80 % of such records show all three modes; none shows another, and none claims a standard deviation."""
     complete = 0
     for seed in range(12):
         record, frequencies = frame(seed, 20)
         identification = cov_ssi(record)
-        modes, refinement = identification.modes, identification.refinement
+        modes = identification.modes
         distance = np.abs(modes.natural_frequency[:, None] - frequencies)
         assert ((distance / frequencies).min(axis=1) < 0.07).all()
-        assert refinement is not None
-        assert np.isnan(refinement.start.natural_frequency_std).all()
-        is_known = np.isfinite(modes.natural_frequency_std)
-        assert np.array_equal(is_known, refinement.is_refined)
-        assert (distance.min(axis=1)[is_known] < 4 * modes.natural_frequency_std[is_known]).all()
+        assert np.isnan(modes.natural_frequency_std).all()
         complete += len(modes) == 3
     assert complete >= 8
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import DataError
-from sprung.identification import METHODS, IdentificationSettings, as_in_thesis, cov_ssi
+from sprung.identification import METHODS, SUBSPACE_METHODS, IdentificationSettings, as_in_thesis, cov_ssi
 from sprung.identification.road_modes import (
     doubts,
     fit_of_road,
@@ -58,7 +58,7 @@ def white(fit, *, peak=None):
     return SpectralMatrix(f, matrix, tuple(channel.name for channel in outputs(fit)), 5.12, 40)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*SUBSPACE_METHODS, "plscf"])
 def test_every_method_gives_the_three_modes_of_the_body_and_none_false(drive, method) -> None:
     found = METHODS[method](drive.recording, vehicle=CAR)
     truth = structure(CAR).modes()

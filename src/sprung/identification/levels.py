@@ -212,7 +212,7 @@ def joined_levels(records: Sequence[LevelCorrelations]) -> LevelCorrelations:
     )
 
 
-def level_sets(levels: LevelCorrelations, n_subsets: int) -> tuple[LevelSet, ...]:
+def level_sets(levels: LevelCorrelations, n_subsets: int, *, min_segments: float = 0.0) -> tuple[LevelSet, ...]:
     """Return the averages over ranges of level with about equal numbers of products.
 
     Parameters
@@ -221,6 +221,9 @@ def level_sets(levels: LevelCorrelations, n_subsets: int) -> tuple[LevelSet, ...
         Correlations by segment and class.
     n_subsets
         Largest number of ranges, at least 1.
+    min_segments
+        Smallest number of segments that the products of a range fill; a range with fewer, or with less than half of an
+        equal share, is joined with its smaller neighbour. 0: as many ranges as there are.
 
     Returns
     -------
@@ -232,7 +235,25 @@ def level_sets(levels: LevelCorrelations, n_subsets: int) -> tuple[LevelSet, ...
     occurring = np.flatnonzero(counts)
     subsets = np.minimum((middle[occurring] * n_subsets).astype(int), n_subsets - 1)
     weights = _weights(counts)
-    return tuple(_level_set(levels, occurring[subsets == k], weights) for k in np.unique(subsets))
+    ranges = [occurring[subsets == k] for k in np.unique(subsets)]
+    if min_segments > 0:
+        least = max(min_segments / (int(levels.segments.max()) + 1), 0.5 / n_subsets)
+        ranges = _with_share(ranges, counts / counts.sum(), least)
+    return tuple(_level_set(levels, chosen, weights) for chosen in ranges)
+
+
+def _with_share(ranges: list[Indices], shares: Real, least: float) -> list[Indices]:
+    """Return neighbouring ranges of classes, joined until each has at least this share of the products."""
+    joined = list(ranges)
+    while len(joined) > 1:
+        sizes = np.array([shares[chosen].sum() for chosen in joined])
+        smallest = int(np.argmin(sizes))
+        if sizes[smallest] >= least:
+            break
+        is_below = smallest > 0 and (smallest == len(joined) - 1 or sizes[smallest - 1] < sizes[smallest + 1])
+        first = smallest - 1 if is_below else smallest
+        joined[first : first + 2] = [np.concatenate(joined[first : first + 2])]
+    return joined
 
 
 def _weights(counts: Real) -> Real:

@@ -43,6 +43,8 @@ from sprung.vehicles.usable import AnyVehicle
 
 #: Largest relative change of the damping ratio between polynomial orders.
 _DAMPING_OF_POLYNOMIALS = 0.4
+#: Fewest segments from which the modes of a range of levels are identified.
+_SEGMENTS_OF_A_SUBSET = 8
 #: Most families of lines in a note.
 _MOST_LINES = 6
 #: Usual duration of a record times the half-width of its lowest mode, and that below which a note says so.
@@ -262,7 +264,7 @@ def summarise(
     check_one_of("method", method, [name for name in METHODS if name != "fdd"])
     settings = _suitable(method, settings or IdentificationSettings())
     records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=_no_report)
-    return _summary(method, settings, records, _level_sets(settings.n_subsets, records))[0]
+    return _summary(method, settings, records, _subset_levels(settings, records))[0]
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:
@@ -316,11 +318,11 @@ def _identify(
         )
     given, kept = kept_records(recordings) if has_road(vehicle, settings) else (recordings, [])
     records = correlate_records(given, method=method, settings=settings, vehicle=vehicle, report=report)
-    sets = _level_sets(settings.n_subsets, records)
+    sets = _subset_levels(settings, records)
     summary, notes_on_subsets = _summary(method, settings, records, sets)
     several = recordings if isinstance(recordings, Sequence) else ()
     subsets, merged = _merge(summary, _modes_of_subsets(summary, report))
-    trends = _level_trends(merged.modes, summary, _level_sets(N_LEVELS, records) if len(sets) > 1 else ())
+    trends = _level_trends(merged.modes, summary, _level_sets(N_LEVELS, records) if settings.n_subsets > 1 else ())
     refined, refinement = _refine(merged.modes, records)
     modes = labelled(refined, summary.channels, vehicle=vehicle)
     combined, note_on_road = combined_modes(modes, kept, records, vehicle=vehicle, band=settings.band, report=report)
@@ -356,6 +358,13 @@ def _identify(
         refinement=refinement,
         level_trends=trends,
     )
+
+
+def _subset_levels(settings: IdentificationSettings, records: CorrelatedRecords) -> tuple[LevelSet, ...]:
+    """Return the averages whose modes are identified; none where products are not sorted by the expected level."""
+    if records.levels is None:
+        return ()
+    return level_sets(records.levels, settings.n_subsets, min_segments=_SEGMENTS_OF_A_SUBSET)
 
 
 def _level_sets(n_subsets: int, records: CorrelatedRecords) -> tuple[LevelSet, ...]:
@@ -407,6 +416,8 @@ def _summary(
     notes: tuple[str, ...] = ()
     if sets:
         subsets = tuple((part.level, part.correlations) for part in sets)
+        if len(sets) < settings.n_subsets:
+            notes = (f"too little data or change of level for {settings.n_subsets} subsets: {len(sets)} used",)
     elif method == "coss":
         by_level = subsets_of_equal_width(segments, settings.n_subsets)
         subsets = tuple(
