@@ -34,7 +34,7 @@ from sprung.identification.stabilisation import (
 )
 from sprung.identification.subsets import subsets_of_equal_width
 from sprung.identification.trends import N_LEVELS, LevelTrends, level_trends, trends_in_words
-from sprung.modal import Modes, PoleStatus, unit_shapes
+from sprung.modal import Modes, PoleStatus, join_modes, unit_shapes
 from sprung.recording import Recording
 from sprung.signals.cepstrum import Lifter, ShortPass
 from sprung.signals.harmonics import Harmonic, near_harmonic
@@ -564,11 +564,12 @@ def _merge(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple
     weights = [subset.n_segments for subset in subsets]
     has_mean_shapes = not summary.settings.has_own_levels
     merged = merge_modes([s.modes for s in subsets], weights=weights, has_mean_shapes=has_mean_shapes)
+    deviations = merged_deviations([_deviations(subset) for subset in subsets], weights, merged.members)
+    if summary.method == "coss" and has_mean_shapes and len(subsets) > 1:
+        merged, deviations = _with_modes_of_all_levels(merged, deviations, summary)
     members = merged.members
     is_kept = significant(merged.modes, summary.average, least=summary.settings.criteria.contribution)
-    modes = _with_deviations(
-        merged.modes, merged_deviations([_deviations(subset) for subset in subsets], weights, members)
-    )
+    modes = _with_deviations(merged.modes, deviations)
     judged = [_with_verdicts(subset, members[~is_kept, k], members[:, k]) for k, subset in enumerate(subsets)]
     preparation = summary.plan.preparation
     lifter = summary.settings.lifter
@@ -586,6 +587,20 @@ def _merge(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple
             members[is_kept],
         ),
     )
+
+
+def _with_modes_of_all_levels(
+    merged: MergedModes, deviations: Real, summary: CorrelationSummary
+) -> tuple[MergedModes, Real]:
+    """Add the modes of the average over all levels that too few ranges of level show, and their deviations."""
+    whole = _subset_modes(None, summary.average, summary)
+    both = merge_modes([merged.modes, whole.modes], weights=[1.0, 1.0])
+    added = both.members[both.members[:, 0] < 0, 1]
+    modes = join_modes([merged.modes, whole.modes.take(added)])
+    members = np.vstack([merged.members, np.full((len(added), merged.members.shape[1]), -1)])
+    order = np.argsort(modes.natural_frequency)
+    deviations = np.concatenate([deviations, _deviations(whole)[:, added]], axis=1)
+    return MergedModes(modes.take(order), members[order]), deviations[:, order]
 
 
 def _deviations(subset: SubsetModes) -> Real:
