@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from sprung.identification.merging import merge_modes
 from sprung.modal import Modes, mac
@@ -44,9 +45,12 @@ def test_modes_of_parts_merge_with_weights_and_each_part_keeps_its_own() -> None
     assert merged.modes.stable_rate.tolist() == [0.5, 0.5]
 
 
-def test_shapes_can_be_averaged_whatever_their_phase_and_scale() -> None:
-    parts = [modes_of((3.0, 0.02, (1, 0.5))), modes_of((3.0, 0.02, (2j, 1.2j)))]
-    merged = merge_modes(parts, weights=[3.0, 1.0], has_mean_shapes=True)
+@pytest.mark.parametrize(("stds", "weights"), [((np.nan, np.nan), [3.0, 1.0]), ((0.01, 0.01 * np.sqrt(3)), [1.0, 1.0])])
+def test_shapes_can_be_averaged_whatever_their_phase_and_scale(stds, weights) -> None:
+    """Weights are the inverse variances where these are known."""
+    parts = [modes_of((3.0, 0.02, (1, 0.5)), std=stds[0]), modes_of((3.0, 0.02, (2j, 1.2j)), std=stds[1])]
+    merged = merge_modes(parts, weights=weights, has_mean_shapes=True)
+    assert merged.shares == pytest.approx(np.array([[0.75, 0.25]]))
     scaled = np.array([1.0, 0.6]) * 1.25 / 1.3
     expected = 0.75 * np.array([1.0, 0.5]) + 0.25 * scaled
     np.testing.assert_allclose(merged.modes.mode_shapes, [expected / expected[0]])

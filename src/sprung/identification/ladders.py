@@ -15,6 +15,9 @@ from sprung.identification.plscf import PolynomialLadder
 from sprung.identification.subspace import block_row_ladder, poles_of_orders, realise
 from sprung.modal import Poles
 
+#: Time constants within the lags after which a pole has decayed.
+_DECAYED = 3.0
+
 
 @dataclass(frozen=True, slots=True)
 class OrderLadder:
@@ -79,7 +82,10 @@ class OrderLadder:
             parts.append(poles_of_orders(realisation, orders))
         if len(parts) == 1:
             return parts[0]
-        return _join_rungs(parts, [*(PASSED * correlations.sampling_rate / stride for stride in self.strides[1:]), 0.0])
+        rate = correlations.sampling_rate
+        edges = [PASSED * rate / stride for stride in self.strides[1:]]
+        spans = [self.lags_per_row * self.block_rows * stride / rate for stride in self.strides[:-1]]
+        return _join_rungs(parts, edges, spans)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,11 +135,17 @@ class BlockRowLadder:
         return block_row_ladder(correlations, range(self.first, self.last + 1), is_hankel=True)
 
 
-def _join_rungs(parts: Sequence[Poles], edges: Sequence[float]) -> Poles:
-    """Return ladders of the same rungs as one, each with its poles between its edge and that of the one before."""
-    uppers = [np.inf, *edges[:-1]]
-    frequencies = [part.natural_frequency for part in parts]
-    taken = [(low <= f) & (f < high) for f, low, high in zip(frequencies, edges, uppers, strict=True)]
+def _join_rungs(parts: Sequence[Poles], edges: Sequence[float], spans: Sequence[float]) -> Poles:
+    """Return ladders of the same rungs as one: each pole from the first that resolves it.
+
+    Below its edge [Hz] a ladder at a lower rate takes over the poles that outlast the lags (span, s) of the one before:
+    heavily damped ones decay within them, and longer lags would hold noise alone.
+    """
+    taken = [np.ones(len(part.poles), dtype=np.bool_) for part in parts]
+    for k, (edge, span) in enumerate(zip(edges, spans, strict=True)):
+        for number, part in enumerate(parts):
+            is_later = (part.natural_frequency < edge) & (-part.poles.real * span <= _DECAYED)
+            taken[number] &= is_later if number > k else ~is_later
     rungs = np.concatenate([part.rungs[rows] for part, rows in zip(parts, taken, strict=True)])
     order = np.argsort(rungs, kind="stable")
 

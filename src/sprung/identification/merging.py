@@ -21,13 +21,17 @@ class MergedModes:
         Merged modes by rising frequency.
     members
         Index of the part's mode for each merged mode and part, -1 for none; shape (modes, parts).
+    shares
+        Share of each part in each merged pole, sum 1, 0 for none; shape (modes, parts).
     """
 
     modes: Modes
     members: Indices
+    shares: Real
 
     def __post_init__(self) -> None:
         freeze(self, members=2, dtype=np.intp)
+        freeze(self, shares=2)
 
 
 def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float], has_mean_shapes: bool = False) -> MergedModes:
@@ -40,8 +44,9 @@ def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float], has_mean_sh
     weights
         Weights of the parts, above 0: the numbers of segments for subsets.
     has_mean_shapes
-        Whether shapes are weighted means, too, of shapes with one phase and scale; False: the shape is that of the part
-        of largest weight (the form of the thesis).
+        Whether shapes are weighted means, too, of shapes with one phase and scale, and the weights are the inverse
+        variances of the frequencies, where these are known; False: the shape is that of the part of largest weight (the
+        form of the thesis).
 
     Returns
     -------
@@ -57,7 +62,7 @@ def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float], has_mean_sh
     places = np.concatenate([np.arange(len(part)) for part in parts])
     together = join_modes(parts)
     groups = align(together.poles, together.mode_shapes, has_free_damping=True)
-    merged, members = [], []
+    merged, members, shares = [], [], []
     for group in range(groups.max(initial=-1) + 1):
         same = np.flatnonzero(groups == group)
         same = same[np.argsort(-together.stable_rate[same], kind="stable")]
@@ -67,40 +72,42 @@ def merge_modes(parts: Sequence[Modes], *, weights: Sequence[float], has_mean_sh
         row = np.full(len(parts), -1)
         row[owners[same]] = places[same]
         members.append(row)
-        mean = _mean_mode(together.take(same), np.asarray(weights, dtype=float)[owners[same]])
+        own = np.asarray(weights, dtype=float)[owners[same]]
+        if has_mean_shapes and np.all(together.natural_frequency_std[same] > 0):
+            own = 1 / together.natural_frequency_std[same] ** 2
+        mean = _mean_mode(together.take(same), own)
         if has_mean_shapes:
-            shape = _mean_shape(together.mode_shapes[same], np.asarray(weights, dtype=float)[owners[same]])
-            mean = replace(mean, mode_shapes=unit_shapes(shape[None]))
+            mean = replace(mean, mode_shapes=unit_shapes(_mean_shape(together.mode_shapes[same], own)[None]))
         merged.append(mean)
+        shares.append(np.zeros(len(parts)))
+        shares[-1][owners[same]] = own / own.sum()
     modes = join_modes(merged) if merged else together.take(np.zeros(0, dtype=np.intp))
     order = np.argsort(modes.natural_frequency)
-    return MergedModes(modes.take(order), np.array(members, dtype=np.intp).reshape(-1, len(parts))[order])
+    rows, weighted = np.array(members, dtype=np.intp), np.array(shares, dtype=np.float64)
+    return MergedModes(modes.take(order), rows.reshape(-1, len(parts))[order], weighted.reshape(-1, len(parts))[order])
 
 
-def merged_deviations(deviations: Sequence[Real], weights: Sequence[float], members: Indices) -> Real:
+def merged_deviations(deviations: Sequence[Real], merged: MergedModes) -> Real:
     """Return the standard deviations of merged modes from those of the parts.
 
     Parameters
     ----------
     deviations
         Standard deviations of the modes of each part, shapes (values, modes of the part).
-    weights
-        Weights of the parts.
-    members
-        Index of the part's mode for each merged mode and part, -1 for none; shape (modes, parts).
+    merged
+        Modes of the parts as merged.
 
     Returns
     -------
     numpy.ndarray
         Standard deviations of the weighted means of independent parts, shape (values, modes).
     """
-    merged = np.zeros((2, len(members)))
-    for row, places in enumerate(members):
+    combined = np.zeros((2, len(merged.modes)))
+    for row, (places, shares) in enumerate(zip(merged.members, merged.shares, strict=True)):
         owners = np.flatnonzero(places >= 0)
-        shares = np.asarray(weights, dtype=float)[owners]
         values = np.array([deviations[owner][:, places[owner]] for owner in owners.tolist()]).T
-        merged[:, row] = np.sqrt(np.sum((shares / shares.sum() * values) ** 2, axis=1))
-    return merged
+        combined[:, row] = np.sqrt(np.sum((shares[owners] * values) ** 2, axis=1))
+    return combined
 
 
 def _mean_shape(shapes: Complex, weights: Real) -> Complex:

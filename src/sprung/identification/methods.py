@@ -132,7 +132,8 @@ def coss_ssi(
     The modes of the subsets stay in the result: for a suspension with friction and progressive springs, their change
     with the level is information. Products y(n + m) y_ref(n) are sorted by the level that the past lets expect at n,
     which does not bias the subsets of a linear system (`levels.correlate_by_level`); whether frequency and damping
-    depend on the level is tested (`Identification.level_trends`). The thesis sorts segments by the level of the
+    depend on the level is tested (`Identification.level_trends`). A merged mode is the mean over the subsets, or
+    that of the average over all levels where too few subsets show it. The thesis sorts segments by the level of the
     correlations that are averaged (`settings.as_in_thesis`): for a linear system, too, that biases damping, high in the
     subset of low level and low in that of high level.
 
@@ -537,7 +538,7 @@ def _subset_modes(
         alignments.append(selected.alignments)
     merged = merge_modes(parts, weights=[1.0] * len(parts))
     independent = np.array([merged.modes.natural_frequency_std, merged.modes.damping_ratio_std])
-    growth = merged_deviations(deviations, [1.0] * len(parts), merged.members) / independent
+    growth = merged_deviations(deviations, merged) / independent
     behind = np.full(merged.members.shape, -1)
     for k, selected_alignments in enumerate(alignments):
         members = merged.members[:, k]
@@ -564,7 +565,7 @@ def _merge(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple
     weights = [subset.n_segments for subset in subsets]
     has_mean_shapes = not summary.settings.has_own_levels
     merged = merge_modes([s.modes for s in subsets], weights=weights, has_mean_shapes=has_mean_shapes)
-    deviations = merged_deviations([_deviations(subset) for subset in subsets], weights, merged.members)
+    deviations = merged_deviations([_deviations(subset) for subset in subsets], merged)
     if summary.method == "coss" and has_mean_shapes and len(subsets) > 1:
         merged, deviations = _with_modes_of_all_levels(merged, deviations, summary)
     members = merged.members
@@ -585,6 +586,7 @@ def _merge(summary: CorrelationSummary, subsets: Sequence[SubsetModes]) -> tuple
         MergedModes(
             as_measured(modes.take(np.flatnonzero(is_kept)), preparation, lifter),
             members[is_kept],
+            merged.shares[is_kept],
         ),
     )
 
@@ -594,13 +596,14 @@ def _with_modes_of_all_levels(
 ) -> tuple[MergedModes, Real]:
     """Add the modes of the average over all levels that too few ranges of level show, and their deviations."""
     whole = _subset_modes(None, summary.average, summary)
-    both = merge_modes([merged.modes, whole.modes], weights=[1.0, 1.0])
-    added = both.members[both.members[:, 0] < 0, 1]
-    modes = join_modes([merged.modes, whole.modes.take(added)])
-    members = np.vstack([merged.members, np.full((len(added), merged.members.shape[1]), -1)])
-    order = np.argsort(modes.natural_frequency)
-    deviations = np.concatenate([deviations, _deviations(whole)[:, added]], axis=1)
-    return MergedModes(modes.take(order), members[order]), deviations[:, order]
+    of_ranges, of_all = merge_modes([merged.modes, whole.modes], weights=[1.0, 1.0]).members.T
+    chosen = np.where(of_ranges >= 0, of_ranges, len(merged.modes) + of_all)
+    none = np.zeros((1, merged.members.shape[1]))
+    modes = join_modes([merged.modes, whole.modes]).take(chosen)
+    members = np.vstack([merged.members, none.astype(np.intp) - 1])[of_ranges]
+    shares = np.vstack([merged.shares, none])[of_ranges]
+    deviations = np.concatenate([deviations, _deviations(whole)], axis=1)[:, chosen]
+    return MergedModes(modes, members, shares), deviations
 
 
 def _deviations(subset: SubsetModes) -> Real:
