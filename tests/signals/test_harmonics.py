@@ -124,8 +124,8 @@ def test_what_cannot_be_searched_is_refused() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["chain3", "quarter", "white", "light", "lightest"])
 def test_random_vibration_has_no_harmonics(kind) -> None:
-    """At the default rate of 1e-3, three lines in 200 records have a probability of 1e-3."""
-    n_lines = 0
+    """At the default rate of 1e-3, lines in three of 200 records have a probability of 1e-3."""
+    n_with_lines = 0
     for seed in range(200):
         if kind == "white":
             recording = recorded(np.random.default_rng(seed).standard_normal((4, 12_000)), 200.0)
@@ -137,8 +137,8 @@ def test_random_vibration_has_no_harmonics(kind) -> None:
             excitation = usual_excitation(vehicle)
             assert isinstance(excitation, RandomInputs)
             recording = simulate(vehicle, excitation, duration=60.0, sampling_rate=400.0, snr=10.0, seed=seed)
-        n_lines += len(find_harmonics(recording))
-    assert n_lines <= 3
+        n_with_lines += len(find_harmonics(recording)) > 0
+    assert n_with_lines <= 2
 
 
 # Families
