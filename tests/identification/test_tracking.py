@@ -121,7 +121,7 @@ def test_in_a_veering_tracks_stay_on_their_branches() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_close_modes_never_exchange(seed) -> None:
-    # 0.6 % apart, with a scatter of 0.3 %: only the shapes tell them apart.
+    # 0.6 % apart, with a scatter of 0.3 %: only the shapes distinguish them.
     windows, truth = sequence(seed, steady(3.0, 3.018, n_windows=100), std=0.009, found=0.7)
     check_identities(track_modes(windows), truth, 2)
 

@@ -89,7 +89,7 @@ def test_a_mode_is_as_steady_as_a_line_no_more_often_than_stated(decay) -> None:
 
 
 def test_the_chance_of_steadiness_of_independent_segments_is_a_power() -> None:
-    """r^(n - 1) for the share 1 - r of the energy in one phase, times the frequencies told apart."""
+    """r^(n - 1) for the share 1 - r of the energy in one phase, times the frequencies that are distinguished."""
     noise = np.array([1.0, -1, 1, -1, 1, -1])
     spectra = 1 + 0.1 * noise * np.array([1, 1, -1, -1, 0, 0]) + 0j
     share = abs(spectra.sum()) ** 2 / (6 * np.sum(abs(spectra) ** 2))

@@ -9,7 +9,7 @@ from scipy import ndimage
 from sprung._arrays import Complex, Indices, Real
 from sprung.identification.correlation import Correlations
 
-#: Half of a running median of a spectrum is one of so many parts of it.
+#: Half of a running median of a spectrum is one of this number of parts of it.
 _MEDIAN_SHARE = 12
 
 

@@ -43,7 +43,7 @@ _LEAST_PERIODS, _HIGHEST_MODE = 1.2, 0.4
 #: Bounds of half the largest model order.
 _LARGEST_ORDERS = (20, 30)
 #: Lags from one block row to the next grow by this factor from realisation to realisation, of which there are at most
-#: so many, where the block rows would otherwise span less than this share of the time that the lags are to span.
+#: as many, where the block rows would otherwise span less than this share of the time that the lags are to span.
 _STRIDE, _MOST_STRIDES, _SPANNED = 3, 3, 0.67
 #: Smallest ratios of the whole record, and of a stretch, to the span of the lags.
 _RECORD_OVER_LAGS, _STRETCH_OVER_LAGS = 11.0, 4.0

@@ -17,7 +17,7 @@ from sprung.modal import Poles
 _HIGHEST_LINE = 0.4
 #: Relative size up to which directions of the normal equations count as undetermined.
 _UNDETERMINED = 1e-13
-#: A ladder of chosen size has this many times the lags of a realisation, and an order for every so many lags, within
+#: A ladder of chosen size has this many times the lags of a realisation, one order for this number of lags, within
 #: bounds of the largest order and of the number of poles.
 _LAGS_OVER_REALISATION, _LAGS_PER_ORDER, _LARGEST_ORDERS, _MOST_POLES = 1.5, 5, (8, 30), 100
 

@@ -15,7 +15,7 @@ from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel
 
 #: Positions [m] and directions are the same up to this difference.
 _SAME_PLACE = 1e-6
-#: Shapes are compared at up to so many peaks of a spectrum of so many lines per lag, and at no fewer than two ...
+#: Shapes are compared at up to this many peaks of a spectrum of this many lines per lag, and at no fewer than two ...
 _MOST_RESONANCES, _PADDING, _LEAST_RESONANCES = 4, 4, 2
 #: ... where the halves of the records have this MAC; sensors have moved where that between records is lower by this.
 _CLEAR, _MOVED = 0.8, 0.2

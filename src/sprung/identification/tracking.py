@@ -52,7 +52,7 @@ def track_modes(
 
         d^2 / S + ln(1 + S / drift^2) + (1 - MAC) / 0.05,     S = variance of the track + variance of the mode,
 
-    where d is the difference of ln f; a pair above 16 or below `least_mac` is not one. Modes that cross are told apart
+    where d is the difference of ln f; a pair above 16 or below `least_mac` is not one. Crossing modes are distinguished
     by their shapes; in a veering, where shapes turn over many windows, each track stays on its branch. The shapes of
     two modes whose half-power bands overlap may turn within their common plane from window to window: such a shape is
     accepted at a cost of 8. Variances are those that the identifications state, scaled as modes of one shape scatter

@@ -11,7 +11,7 @@ from sprung.modal import Modes, mac, unit_shapes
 
 #: Fewest windows for a scatter, and for a trend.
 FEWEST_FOR_SCATTER, _FOR_TREND = 3, 4
-#: Standard deviations from the running median of so many values beyond which a value is an outlier.
+#: Standard deviations from the running median of this many values beyond which a value is an outlier.
 _OUTLIER, _NEIGHBOURS = 4.0, 7
 #: Largest correlation of neighbouring residuals that the deviation of a trend allows for.
 _MOST_CORRELATED = 0.9

@@ -98,7 +98,7 @@ def identification_report(
         "Shapes are relative: without known forces they have no scale, and modal masses cannot be stated.",
     ]
     if len(identification.channels) == 1:
-        limits.append("One channel shows no shapes, and its noise cannot be told from motion with certainty.")
+        limits.append("One channel shows no shapes, and its noise cannot be distinguished from motion with certainty.")
     return _report(
         f"Modes of {inputs.title}",
         verdict if len(modes) else _sentence(why_none(identification)),

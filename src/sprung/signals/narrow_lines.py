@@ -313,7 +313,7 @@ def chance_of_steadiness(spectra: Complex, starts: Real, decay: float) -> float:
     spectra z of a mode at that frequency are complex Gaussian with the covariance C of exp(-decay |t|) seen through
     Hann windows. The share is as large if z* ((1 - r) I - u u*) z <= 0. Of the eigenvalues of this form times C one is
     negative, -a, and the probability is the product of a / (a + b) over the others, b: exact, and r^(n - 1) for n
-    independent segments. It is multiplied by the number of frequencies that are told apart within the bin. Of modes
+    independent segments. It is multiplied by the number of frequencies that are distinguished within the bin. Of modes
     with more damping, and of noise, the segments are less dependent.
 
     References
