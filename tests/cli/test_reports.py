@@ -26,7 +26,7 @@ def test_report_of_an_identification(sprung, chain, tmp_path) -> None:
     path = tmp_path / "modes.html"
     outcome = sprung("identify", chain, "--report", path, "--json", tmp_path / "m.json")
     assert outcome.code == 0
-    assert f"wrote {path}" in " ".join(outcome.out.split())
+    assert f"wrote{path}" in "".join(outcome.out.split())
     page = path.read_text(encoding="utf-8")
     assert outcome.check_document(document_of(page)) == json.loads((tmp_path / "m.json").read_text())
     assert "Modes of run.csv" in page

@@ -23,7 +23,8 @@ def softened(tmp_path_factory):
     return path
 
 
-def test_windows_of_a_file(sprung, softened, tmp_path) -> None:
+def test_windows_of_a_file(monkeypatch, sprung, softened, tmp_path) -> None:
+    monkeypatch.setenv("COLUMNS", "120")
     outcome = sprung(
         "track", softened, "--window", 60, "--json", tmp_path / "t.json", "--figures", tmp_path / "figures"
     )
