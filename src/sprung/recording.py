@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Protocol
 
@@ -48,6 +48,9 @@ class Channel:
         Position x forward, y left, z up from the body's centre of gravity [m] (ISO 8855); None where unknown.
     direction
         Unit vector of the measured axis; None where unknown.
+    comment, calibration
+        Description of the channel and of its calibration (sensor, sensitivity, date) as in the file; channels that
+        differ in these only are equal.
 
     Raises
     ------
@@ -59,6 +62,8 @@ class Channel:
     quantity: str = "unknown"
     position: tuple[float, float, float] | None = None
     direction: tuple[float, float, float] | None = None
+    comment: str = field(default="", compare=False)
+    calibration: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         if not self.name.strip():
@@ -97,6 +102,8 @@ class Recording:
         Interruptions by rising index. Nothing in sprung filters, interpolates or correlates across a gap.
     history
         Processing steps since reading, one line each, oldest first.
+    comment
+        Comment on the measurement, as in the file.
 
     Raises
     ------
@@ -110,6 +117,7 @@ class Recording:
     start: int | None = None
     gaps: tuple[Gap, ...] = ()
     history: tuple[str, ...] = ()
+    comment: str = ""
 
     def __post_init__(self) -> None:
         freeze(self, samples=2)

@@ -7,16 +7,19 @@ import pytest
 
 from sprung.formats import read, read_blocks
 from sprung.formats.assembly import assemble, survey
-from sprung.formats.table import Block, Column, Table, rebatch
+from sprung.formats.table import Block, Column, Table, rebatch, within
 
 
 def table(seconds, values, *, n_rows=1 << 16, stamps=True):
     """A table in memory."""
 
-    def blocks():
+    def all_blocks():
         for first in range(0, values.shape[1], n_rows):
             rows = slice(first, first + n_rows)
             yield Block(1 + first, seconds[rows] if stamps else None, values[:, rows])
+
+    def blocks(first=0, last=None):
+        return within(all_blocks(), first, last)
 
     columns = tuple(Column(f"c{number}", f"c{number}") for number in range(len(values)))
     return Table(Path("run"), columns, "time" if stamps else None, blocks)

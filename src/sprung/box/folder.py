@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sprung.box.sources import blocks_of_file
 from sprung.errors import ParameterError, SprungError
-from sprung.formats import FORMATS
+from sprung.formats import ENDINGS
 from sprung.recording import Recording
 
 #: Time between two looks at the folder, and for which a file must be unchanged before it is read [s].
@@ -102,7 +102,7 @@ def _states(folder: Path, finished: set[str]) -> dict[str, tuple[int, int]]:
     states = {}
     try:
         for path in folder.iterdir():
-            is_wanted = path.name.lower().endswith(tuple(FORMATS)) and not path.name.startswith(".")
+            is_wanted = path.name.lower().endswith(ENDINGS) and not path.name.startswith(".")
             if is_wanted and path.name not in finished and path.is_file():
                 status = path.stat()
                 states[path.name] = status.st_size, status.st_mtime_ns

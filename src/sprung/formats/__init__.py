@@ -7,36 +7,39 @@ time and SI units are interpreted in one place for all formats.
 from collections.abc import Iterator, Sequence
 from os import PathLike
 from pathlib import Path
-from types import ModuleType
 from typing import NoReturn
 
 from sprung._checks import check_number
-from sprung.errors import DataError, FormatError, ParameterError
-from sprung.formats import csv, mat, npz, parquet
-from sprung.formats.assembly import assemble, survey
-from sprung.formats.table import Table, join, rebatch, reported
+from sprung.errors import DataError, ParameterError
+from sprung.formats.assembly import assemble, limited, survey
+from sprung.formats.registry import ENDINGS, FORMATS, WRITERS, format_of
+from sprung.formats.selection import selected_table
+from sprung.formats.settings import ReadSettings, combined
+from sprung.formats.table import Group, Table, join, rebatch, reported
 from sprung.recording import Recording
 
-#: Module that reads each file name ending.
-FORMATS: dict[str, ModuleType] = {ending: module for module in (csv, parquet, npz, mat) for ending in module.ENDINGS}
-
-#: Module that writes each file name ending.
-WRITERS: dict[str, ModuleType] = {".csv": csv, ".parquet": parquet, ".npz": npz, ".mat": mat}
+__all__ = ["ENDINGS", "FORMATS", "WRITERS", "ReadSettings", "groups", "read", "read_blocks", "write"]
 
 
 def read(
-    path: str | PathLike[str], *, sampling_rate: float | None = None, channels: Sequence[str] | None = None
+    path: str | PathLike[str],
+    *,
+    sampling_rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    settings: ReadSettings | None = None,
 ) -> Recording:
     """Return the recording in a file, in SI units.
 
     Parameters
     ----------
     path
-        Path of a file with one of the endings in `FORMATS`.
+        Path of a file in one of the formats `FORMATS`, recognised by its content, then by its name.
     sampling_rate
         Sampling rate [Hz], above 0; needed if the file holds no time. It must agree with time stamps within 1 %.
     channels
         Names of the channels to read, in this order; default: all channels.
+    settings
+        Group, part, time column and others; `sampling_rate` and `channels` take the place of those in it.
 
     Returns
     -------
@@ -53,9 +56,10 @@ def read(
     ParameterError
         If the sampling rate is missing or contradicts the file, or a channel is not in the file.
     """
-    table = _open_table(path, sampling_rate, channels)
+    settings = combined(settings, sampling_rate, channels)
+    table = _open_table(Path(path), settings)
     blocks = [join(list(table.blocks()) or _no_samples(table))]
-    return next(assemble(table, blocks, survey(table, blocks, sampling_rate=sampling_rate)))
+    return next(assemble(table, blocks, survey(table, blocks, sampling_rate=settings.sampling_rate)))
 
 
 def read_blocks(
@@ -63,13 +67,14 @@ def read_blocks(
     *,
     sampling_rate: float | None = None,
     channels: Sequence[str] | None = None,
+    settings: ReadSettings | None = None,
     block_samples: int = 1 << 16,
 ) -> Iterator[Recording]:
-    """Yield the recording in a file piece by piece, in bounded memory for CSV and Parquet.
+    """Yield the recording in a file piece by piece, in bounded memory for formats whose rows are read in pieces.
 
     Parameters
     ----------
-    path, sampling_rate, channels
+    path, sampling_rate, channels, settings
         As for `read`.
     block_samples
         Approximate number of samples in a block, at least 1,000.
@@ -90,13 +95,37 @@ def read_blocks(
     The file is read twice: first for the living channels and the advance of time, then for the samples.
     """
     check_number("block_samples", block_samples, at_least=1000)
-    table = _open_table(path, sampling_rate, channels)
-    facts = survey(table, table.blocks(), sampling_rate=sampling_rate)
+    settings = combined(settings, sampling_rate, channels)
+    table = _open_table(Path(path), settings)
+    facts = survey(table, table.blocks(), sampling_rate=settings.sampling_rate)
     yield from assemble(table, rebatch(table.blocks(), block_samples), facts)
 
 
+def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> tuple[Group, ...]:
+    """Return the groups of channels in a file.
+
+    Parameters
+    ----------
+    path
+        As for `read`.
+    settings
+        CAN databases, where the file holds raw CAN frames.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read.
+    MissingPackageError
+        If the reader of the format is not installed.
+    """
+    path = Path(path)
+    module = format_of(path)
+    with reported(path, module.NAME):
+        return module.groups(path, settings or ReadSettings())
+
+
 def write(recording: Recording, path: str | PathLike[str]) -> None:
-    """Write a recording as CSV, Parquet, NPZ or MAT, according to the ending, with a time column and units.
+    """Write a recording in the format of the ending, with a time column and units.
 
     Reading the file gives the same channels, samples, rate, gaps and start; positions, directions and the history are
     not kept in these formats.
@@ -120,23 +149,10 @@ def write(recording: Recording, path: str | PathLike[str]) -> None:
     WRITERS[ending].write(recording, path)
 
 
-def _open_table(path: str | PathLike[str], sampling_rate: float | None, channels: Sequence[str] | None) -> Table:
-    """Return the table in an existing file of a known format."""
-    path = Path(path)
-    if sampling_rate is not None:
-        check_number("sampling_rate", sampling_rate, above=0, advice="state it in Hz")
-    ending = next((known for known in FORMATS if path.name.lower().endswith(known)), None)
-    if not path.exists():
-        raise FormatError(f"{path}: there is no such file")
-    if not path.is_file():
-        raise FormatError(f"{path} is not a file: name a file with one of the endings {', '.join(FORMATS)}")
-    if ending is None:
-        raise FormatError(f"{path} has an unknown ending: files in {', '.join(FORMATS)} are read")
+def _open_table(path: Path, settings: ReadSettings) -> Table:
+    """Return the table of the wanted channels, rows and groups of a file."""
     with reported(path, "file"):
-        if path.stat().st_size == 0:
-            raise FormatError(f"{path} is empty")
-        table: Table = FORMATS[ending].open_table(path, channels=channels)
-    return table
+        return limited(selected_table(path, groups(path, settings), settings), settings)
 
 
 def _no_samples(table: Table) -> NoReturn:

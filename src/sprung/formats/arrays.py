@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 from sprung.errors import FormatError
 from sprung.formats.table import (
     Block,
+    Group,
     Table,
     chosen_columns,
     is_time,
+    single_group,
     time_column,
+    within,
     written_headings,
     written_stamps,
     written_unit,
@@ -25,6 +28,12 @@ _RATES = ("sampling_rate", "fs")
 _MATRICES = ("samples", "data")
 _NAMES = ("channels", "channel_names", "names")
 _UNITS = ("units", "unit")
+
+
+def array_groups(path: Path, arrays: Mapping[str, Any]) -> tuple[Group, ...]:
+    """Return the only group of named arrays."""
+    names = [name for name, value in arrays.items() if _is_numeric(value)]
+    return single_group(path, names, lambda channels: array_table(path, arrays, channels=channels))
 
 
 def array_table(path: Path, arrays: Mapping[str, Any], *, channels: Sequence[str] | None) -> Table:
@@ -53,8 +62,8 @@ def array_table(path: Path, arrays: Mapping[str, Any], *, channels: Sequence[str
     if stamps is not None and stamps.size != samples.shape[1]:
         raise FormatError(f"{path}: {stamped!r} has {stamps.size} time stamps for {samples.shape[1]} samples")
 
-    def blocks() -> Iterator[Block]:
-        yield Block(1, stamps, samples)
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        yield from within([Block(1, stamps, samples)], first, last)
 
     return Table(path, columns, stamped, blocks, row_word="sample", sampling_rate=_rate(numeric))
 

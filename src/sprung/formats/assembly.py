@@ -5,8 +5,9 @@ advances. The second pass turns blocks of rows into recordings. Both need memory
 """
 
 import itertools
+import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 
 from sprung._arrays import Booleans, Indices, Real
 from sprung.errors import DataError, FormatError, ParameterError
-from sprung.formats.table import TIME_UNITS, Block, Table, split_heading
+from sprung.formats.settings import TIME_UNITS, ReadSettings
+from sprung.formats.table import Block, Table, split_heading
 from sprung.formats.timing import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
 from sprung.recording import Channel, Gap, Recording
 
@@ -36,6 +38,53 @@ class Survey:
     scale: TimeScale | None
     clock: Clock
     history: tuple[str, ...]
+
+
+def limited(table: Table, settings: ReadSettings) -> Table:
+    """Return the table with only the rows of the wanted part.
+
+    Parameters
+    ----------
+    table
+        Opened file.
+    settings
+        Start and end of the part [s after the first row].
+
+    Raises
+    ------
+    ParameterError
+        If the part begins after the end of the file.
+    """
+    if settings.start is None and settings.end is None:
+        return table
+    begin, end, origin = _part(table, settings)
+
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return table.blocks(begin + first, end if last is None else min(end, begin + last))
+
+    return replace(table, blocks=blocks, times=None, start=None if table.start is None else table.start + origin)
+
+
+def _part(table: Table, settings: ReadSettings) -> tuple[int, int, int]:
+    """Return the first row of the wanted part, the row after its last one, and its start without stamps [ns]."""
+    start, end = settings.start or 0.0, np.inf if settings.end is None else settings.end
+    if table.time_heading is None:
+        rate = _stated_rate(table, settings.sampling_rate)
+        first = int(np.ceil(start * rate - 1e-9))
+        return first, sys.maxsize if np.isinf(end) else int(np.ceil(end * rate - 1e-9)), round(1e9 * first / rate)
+    scale, n_before, n_until = None, 0, 0
+    for block in (table.times or table.blocks)():
+        if block.stamps is None:
+            break
+        scale = scale or time_scale(block.stamps, _time_unit(table))
+        seconds = scale.seconds(block.stamps)
+        n_before += int(np.count_nonzero(seconds < start))
+        n_until += int(np.count_nonzero(seconds < end))
+        if seconds[-1] >= end:
+            break
+    if n_until <= n_before:
+        raise ParameterError(f"{table.path} holds no rows from {start:g} s on: state a part within the recording")
+    return n_before, n_until, 0
 
 
 def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None) -> Survey:
@@ -161,6 +210,8 @@ def _history(table: Table, clock: Clock, scale: TimeScale | None, counts: Indice
     """Yield the history of reading, line by line."""
     yield f"read {table.path.name}: {len(table.columns)} channels, {n_rows} rows"
     for column in table.columns:
+        if column.unit:
+            yield f"{column.name}: unit {column.unit!r} is unknown, values as in the file"
         if column.quantity != "unknown" and column.factor != 1:
             yield f"{column.name}: values times {column.factor:.6g} give {column.quantity.replace('_', ' ')} in SI"
     yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
@@ -186,7 +237,10 @@ class _Assembler:
         self._table = table
         self._facts = facts
         self._clock = facts.clock
-        self._channels = tuple(Channel(column.name, column.quantity) for column in table.columns)
+        self._channels = tuple(
+            Channel(column.name, column.quantity, comment=column.comment, calibration=column.calibration)
+            for column in table.columns
+        )
         self._factors = np.array([[column.factor] for column in table.columns])
         self._first_row: int | None = None
         self._seconds: Real = np.empty(0)
@@ -266,7 +320,7 @@ class _Assembler:
         history = list(self._facts.history)
         if self._n_cut:
             history.append(f"{self._n_cut} rows cut in which a channel has no value")
-        origin = self._facts.scale.start if self._facts.scale else None
+        origin = self._origin()
         least = 0.25 * self._clock.interval
         self._n_cut = 0
         return Recording(
@@ -276,7 +330,15 @@ class _Assembler:
             start=None if origin is None else origin + round(start * 1e9),
             gaps=tuple(Gap(int(index), float(length)) for index, length in gaps if length > least),
             history=tuple(history),
+            comment=self._table.comment,
         )
+
+    def _origin(self) -> int | None:
+        """Return the UTC time [ns] of the first row, or of the origin of its stamps."""
+        scale, stated = self._facts.scale, self._table.start
+        if scale is None or scale.start is not None or stated is None:
+            return stated if scale is None else scale.start
+        return stated + round(1e9 * scale.origin * scale.factor)
 
     def _forget(self, gaps: Indices, end: int) -> None:
         """Drop the rows before `end`, except those that splines beyond it need."""

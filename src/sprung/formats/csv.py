@@ -14,22 +14,27 @@ from typing import IO, Any, cast
 import numpy as np
 
 from sprung.errors import FormatError
+from sprung.formats.settings import ReadSettings
 from sprung.formats.table import (
     MISSING,
     Block,
+    Group,
     Table,
     chosen_columns,
     is_number,
     is_unit,
     refuse_repeated,
     reported,
+    single_group,
     time_column,
+    within,
     written_headings,
     written_stamps,
     written_values,
 )
 from sprung.recording import Recording
 
+NAME, EXTRA = "text", None
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz", ".csv.zip", ".tsv.zip", ".txt.zip")
 
 _HEAD_BYTES = 1 << 18
@@ -51,8 +56,13 @@ class Layout:
     first_row: tuple[str, ...]
 
 
-def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
-    """Return the table in a text file.
+def recognises(head: bytes) -> bool:
+    """Return whether the first bytes of a file are text, or packed with gzip or zip."""
+    return b"\0" not in head or head.startswith((b"\x1f\x8b", b"PK\x03\x04"))
+
+
+def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
+    """Return the only table of a text file.
 
     The header is the last line without a number before the first line of numbers; the lines above it are a preamble. A
     line below the header that holds only units is read as the units.
@@ -60,13 +70,18 @@ def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
     layout = _layout(path)
     named = [heading for heading in layout.headings if heading]
     refuse_repeated(named, path=path)
+    return single_group(path, named, lambda channels: _table(path, layout, named, channels))
+
+
+def _table(path: Path, layout: Layout, named: list[str], channels: Sequence[str] | None) -> Table:
+    """Return the table of the columns of some channels."""
     columns = chosen_columns(named, channels, path=path)
     time = time_column(named, path=path)
     indices = [layout.headings.index(column.heading) for column in columns]
     time_index = None if time is None else layout.headings.index(time)
 
-    def blocks() -> Iterator[Block]:
-        return _blocks(path, layout, indices, time_index)
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return within(_blocks(path, layout, indices, time_index), first, last)
 
     return Table(path, columns, time, blocks, row_word="line")
 

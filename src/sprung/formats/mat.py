@@ -1,24 +1,31 @@
 """MATLAB files: version 5 to 7 through SciPy, version 7.3 (HDF5) through h5py."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sprung.errors import FormatError
-from sprung.formats.arrays import array_table, written_arrays
-from sprung.formats.table import Table, reported
+from sprung.formats.arrays import array_groups, written_arrays
+from sprung.formats.settings import ReadSettings
+from sprung.formats.table import Group, reported
 from sprung.recording import Recording
 
+NAME, EXTRA = "MAT", None
 ENDINGS = (".mat",)
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HDF5_OFFSETS = (0, 512, 1024, 2048)
 
 
-def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
-    """Return the table in a MAT file; the fields of a structure count as variables.
+def recognises(head: bytes) -> bool:
+    """Return whether a file begins as MAT files of version 5 to 7.3 do."""
+    return head.startswith(b"MATLAB ")
+
+
+def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
+    """Return the only table of a MAT file; the fields of a structure count as variables.
 
     Raises
     ------
@@ -34,7 +41,7 @@ def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
             variables = _version_5(path)
         else:
             raise FormatError(f"{path} is not a MAT file of version 5 or later: save it with save(..., '-v7')")
-        return array_table(path, _flat(variables), channels=channels)
+    return array_groups(path, _flat(variables))
 
 
 def _version_5(path: Path) -> dict[str, Any]:

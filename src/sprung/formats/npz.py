@@ -1,26 +1,34 @@
 """NumPy files: named arrays in NPZ, one array in NPY."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sprung.errors import FormatError
-from sprung.formats.arrays import array_table, written_arrays
-from sprung.formats.table import Table, reported
+from sprung.formats.arrays import array_groups, written_arrays
+from sprung.formats.settings import ReadSettings
+from sprung.formats.table import Group, reported
 from sprung.recording import Recording
 
+NAME, EXTRA = "NumPy", None
 ENDINGS = (".npz", ".npy")
 
 
-def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
-    """Return the table in an NPZ or NPY file."""
+def recognises(head: bytes) -> bool:
+    """Return whether a file begins as NPY, or as the archives that NPZ files are."""
+    return head.startswith((b"\x93NUMPY", b"PK\x03\x04"))
+
+
+def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
+    """Return the only table of an NPZ or NPY file."""
     with reported(path, "NumPy file"):
         if path.suffix.lower() == ".npy":
-            return array_table(path, {"samples": np.load(path, allow_pickle=False, mmap_mode="r")}, channels=channels)
-        with path.open("rb") as file, np.lib.npyio.NpzFile(file) as content:
-            return array_table(path, {name: _array(path, name, content) for name in content.files}, channels=channels)
+            arrays: dict[str, Any] = {"samples": np.load(path, allow_pickle=False, mmap_mode="r")}
+        else:
+            with path.open("rb") as file, np.lib.npyio.NpzFile(file) as content:
+                arrays = {name: _array(path, name, content) for name in content.files}
+    return array_groups(path, arrays)
 
 
 def _array(path: Path, name: str, content: "np.lib.npyio.NpzFile") -> np.ndarray:

@@ -8,14 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung.errors import FormatError
+from sprung.formats.settings import ReadSettings
 from sprung.formats.table import (
     Block,
     Column,
+    Group,
     Table,
     chosen_columns,
     refuse_repeated,
     reported,
+    single_group,
     time_column,
+    within,
     written_headings,
     written_stamps,
     written_unit,
@@ -23,6 +27,7 @@ from sprung.formats.table import (
 )
 from sprung.recording import Recording
 
+NAME, EXTRA = "Parquet", None
 ENDINGS = (".parquet", ".pq")
 
 # Name that pandas gives to an index without a name; it is the time if it holds date-times.
@@ -31,12 +36,23 @@ _BATCH_ROWS = 1 << 16
 _BUFFER_BYTES = 1 << 20
 
 
-def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
-    """Return the table in a Parquet file."""
+def recognises(head: bytes) -> bool:
+    """Return whether a file begins as Parquet does."""
+    return head.startswith(b"PAR1")
+
+
+def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
+    """Return the only table of a Parquet file."""
     with reported(path, "Parquet"), _file(path) as file:
         fields = list(file.schema_arrow)
     names = [field.name for field in fields if field.name != _INDEX]
     refuse_repeated(names, path=path)
+    return single_group(path, names, lambda channels: _table(path, fields, channels))
+
+
+def _table(path: Path, fields: Sequence[Any], channels: Sequence[str] | None) -> Table:
+    """Return the table of the columns of some channels."""
+    names = [field.name for field in fields if field.name != _INDEX]
     units = [_unit(field) for field in fields if field.name != _INDEX]
     columns = chosen_columns(names, channels, units=units, path=path)
     types = {field.name: field.type for field in fields}
@@ -44,8 +60,8 @@ def open_table(path: Path, *, channels: Sequence[str] | None = None) -> Table:
         _check_type(path, column, types[column.heading])
     time = time_column(names, path=path) or _index(types)
 
-    def blocks() -> Iterator[Block]:
-        return _blocks(path, columns, time)
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return within(_blocks(path, columns, time), first, last)
 
     return Table(path, columns, time, blocks)
 

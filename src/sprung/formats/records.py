@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from sprung.formats import read, read_blocks
+from sprung.formats.settings import ReadSettings, combined
 from sprung.recording import Recording
 
 #: Total size [bytes] above which files are read in blocks, each a record of its own.
@@ -17,6 +18,7 @@ def read_records(
     *,
     sampling_rate: float | None = None,
     channels: Sequence[str] | None = None,
+    settings: ReadSettings | None = None,
     on_progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> Iterable[Recording]:
     """Return the recordings in files: as a list, or one at a time where they are large together.
@@ -25,7 +27,7 @@ def read_records(
     ----------
     paths
         Files in the order of the records.
-    sampling_rate, channels
+    sampling_rate, channels, settings
         As for `sprung.formats.read`.
     on_progress
         Callback that receives the current step and the share that is done (0 to 1).
@@ -40,7 +42,8 @@ def read_records(
     SprungError
         As `sprung.formats.read`; where the files are large together, once the record is reached.
     """
-    recordings = _read(paths, sampling_rate, channels, on_progress)
+    settings = combined(settings, sampling_rate, channels)
+    recordings = _read(paths, settings, on_progress)
     return recordings if _is_large(paths) else list(recordings)
 
 
@@ -51,14 +54,13 @@ def _is_large(paths: Sequence[Path]) -> bool:
 
 def _read(
     paths: Sequence[Path],
-    sampling_rate: float | None,
-    channels: Sequence[str] | None,
+    settings: ReadSettings,
     on_progress: Callable[[str, float], None],
 ) -> Iterator[Recording]:
     """Yield the recording in each file; a large one in blocks."""
     for path in paths:
         on_progress(f"reading {path.name}", 0.0)
         if _is_large([path]):
-            yield from read_blocks(path, sampling_rate=sampling_rate, channels=channels, block_samples=BLOCK_SAMPLES)
+            yield from read_blocks(path, settings=settings, block_samples=BLOCK_SAMPLES)
         else:
-            yield read(path, sampling_rate=sampling_rate, channels=channels)
+            yield read(path, settings=settings)

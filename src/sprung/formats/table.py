@@ -1,25 +1,23 @@
 """Tables, as every format provides them: columns with their units, and rows in blocks of any size."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sprung._arrays import Real
 from sprung.errors import FormatError, ParameterError, SprungError
+from sprung.formats.settings import TIME_UNITS
 from sprung.recording import Recording
 from sprung.units import UNITS, conversion
 
 #: Names of a time column, in lower case and without a unit.
 TIME_NAMES = ("time", "t", "t_s", "time_s", "timestamp")
-
-#: Seconds in each unit that a time column may carry.
-TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
 
 #: Texts that stand for a missing number.
 MISSING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-")
@@ -31,12 +29,19 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf|infinity|
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Channel of a file: its heading, its name, its quantity, and the factor to SI units."""
+    """Channel of a file: its heading, its name, its quantity, and the factor to SI units.
+
+    `unit` is a stated unit that is not in `sprung.units`: values stay as they are. `comment` and `calibration` are as
+    stated in the file.
+    """
 
     heading: str
     name: str
     quantity: str = "unknown"
     factor: float = 1.0
+    unit: str = ""
+    comment: str = ""
+    calibration: str = ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,19 +58,100 @@ class Block:
         return int(self.values.shape[1])
 
 
+class Rows(Protocol):
+    """Function that yields the rows of a table."""
+
+    def __call__(self, first: int = 0, last: int | None = None) -> Iterator[Block]:
+        """Yield the rows from `first` to before `last`, counted from 0 (None: to the end), in blocks."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Table:
-    """Opened file: its channels, its time column, and a function that reads its rows from the beginning.
+    """Opened table of a file: its channels, its time column, and a function that reads its rows.
 
-    `row_word` is the word for a row in messages ("line" in text); `sampling_rate` is the one stored in the file.
+    Parameters
+    ----------
+    path
+        Path of the file.
+    columns
+        Channels.
+    time_heading
+        Heading of the time column; None if the rows have no time stamps.
+    blocks
+        Function that yields some rows, reading no more of the file than it must (`within` cuts rows read in order).
+    row_word
+        Word for a row in messages ("line" in text).
+    sampling_rate
+        Sampling rate stored in the file [Hz]; None: only the time stamps give it.
+    start
+        Time of the origin of time stamps that count seconds (without stamps: of the first row), UTC in nanoseconds
+        since 1970; None where unknown.
+    times
+        Function that yields all rows without channels (values of shape (0, rows)), where that costs less than `blocks`.
+    comment
+        Comment on the measurement, as in the file.
     """
 
     path: Path
     columns: tuple[Column, ...]
     time_heading: str | None
-    blocks: Callable[[], Iterator[Block]]
+    blocks: Rows
     row_word: str = "row"
     sampling_rate: float | None = None
+    start: int | None = None
+    times: Callable[[], Iterator[Block]] | None = None
+    comment: str = ""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Group:
+    """Channels of a file whose samples were taken together.
+
+    Parameters
+    ----------
+    name
+        Name of the group, distinct within the file.
+    headings
+        Headings of its channels, as in the file.
+    clock
+        Value that is equal for groups whose rows have the same times.
+    open
+        Function of the names of wanted channels (None: all) that returns their table.
+    sampling_rate
+        Sampling rate [Hz]; None where only the time stamps show it.
+    n_rows
+        Number of rows; None where unknown before reading.
+    """
+
+    name: str
+    headings: tuple[str, ...]
+    clock: Hashable
+    open: Callable[[Sequence[str] | None], Table]
+    sampling_rate: float | None = None
+    n_rows: int | None = None
+
+    def has(self, name: str) -> bool:
+        """Return whether the group has the channel called `name`, with its unit or without."""
+        return any(name in (heading, heading.strip(), split_heading(heading)[0]) for heading in self.headings)
+
+
+def single_group(
+    path: Path, headings: Sequence[str], open_table: Callable[[Sequence[str] | None], Table]
+) -> tuple[Group, ...]:
+    """Return the only group of a file, named after it."""
+    return (Group(path.name, tuple(headings), path.name, open_table),)
+
+
+def within(blocks: Iterable[Block], first: int, last: int | None) -> Iterator[Block]:
+    """Yield the rows from `first` to before `last` (None: to the end) of blocks that are read in order."""
+    row = 0
+    for block in blocks:
+        end = row + block.n_rows
+        if end > first:
+            yield cut(block, slice(max(0, first - row), None if last is None else last - row))
+        row = end
+        if last is not None and row >= last:
+            return
 
 
 def split_heading(heading: str) -> tuple[str, str | None, bool]:
@@ -84,6 +170,16 @@ def is_time(heading: str) -> bool:
 def is_number(text: str) -> bool:
     """Return whether `text` is one number with a decimal point."""
     return _NUMBER.fullmatch(text.strip()) is not None
+
+
+def stated_column(heading: str, name: str, unit: str, *, comment: str = "", calibration: str = "") -> Column:
+    """Return the channel of a file that states name and unit apart; an unknown unit leaves the values as they are."""
+    stated = unit.strip()
+    try:
+        known = ("unknown", 1.0) if stated in _NO_UNIT else conversion(stated)
+    except ParameterError:
+        return Column(heading, name, unit=stated, comment=comment, calibration=calibration)
+    return Column(heading, name, *known, comment=comment, calibration=calibration)
 
 
 def column(heading: str, *, unit: str | None = None, path: Path) -> Column:

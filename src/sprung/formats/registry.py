@@ -1,0 +1,68 @@
+"""Formats of files: which module reads a file, by its content, then by its name."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol, cast
+
+from sprung.errors import FormatError
+from sprung.formats import csv, mat, npz, parquet
+from sprung.formats.settings import ReadSettings
+from sprung.formats.table import Group, reported
+from sprung.recording import Recording
+
+#: First bytes of a file by which a format is recognised.
+_HEAD_BYTES = 4096
+
+
+class Format(Protocol):
+    """Module of a format."""
+
+    NAME: str  #: Name of the format.
+    EXTRA: str | None  #: Extra of the package that installs its reader.
+    ENDINGS: tuple[str, ...]  #: Endings of file names, in lower case.
+    recognises: Callable[[bytes], bool]  #: Whether the first bytes are those of such a file.
+    groups: Callable[[Path, ReadSettings], tuple[Group, ...]]  #: Groups of channels in a file.
+
+
+class Writer(Protocol):
+    """Module of a format that is written."""
+
+    write: Callable[[Recording, Path], None]
+
+
+#: Formats that are read, the most specific first: any text may be a table.
+FORMATS = cast(tuple[Format, ...], (parquet, mat, npz, csv))
+
+#: Module that writes each ending.
+WRITERS = cast(dict[str, Writer], {".csv": csv, ".parquet": parquet, ".npz": npz, ".mat": mat})
+
+#: Endings of the files that are read.
+ENDINGS = tuple(ending for module in FORMATS for ending in module.ENDINGS)
+
+
+def format_of(path: Path) -> Format:
+    """Return the format of an existing file.
+
+    Raises
+    ------
+    FormatError
+        If the file does not exist, is empty, or of no known format.
+    """
+    if not path.exists():
+        raise FormatError(f"{path}: there is no such file")
+    if not path.is_file():
+        raise FormatError(f"{path} is not a file: name a file with one of the endings {', '.join(ENDINGS)}")
+    with reported(path, "file"), path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    if not head:
+        raise FormatError(f"{path} is empty")
+    named = [module for module in FORMATS if path.name.lower().endswith(module.ENDINGS)]
+    recognised = [module for module in FORMATS if module.recognises(head)]
+    both = [module for module in recognised if module in named]
+    candidates = both or recognised or named
+    if not candidates:
+        raise FormatError(
+            f"{path} is in an unknown format: files in {', '.join(ENDINGS)} are read; export it as CSV, MAT or UFF 58 "
+            "from the program that wrote it"
+        )
+    return candidates[0]
