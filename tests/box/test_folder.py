@@ -11,7 +11,7 @@ import pytest
 
 from sprung.box import from_folder
 from sprung.errors import ParameterError
-from sprung.formats import write
+from sprung.formats import ReadSettings, write
 from sprung.recording import Channel, Recording
 
 START = 1_700_000_000_000_000_000
@@ -52,7 +52,7 @@ class Folder:
             sleep=self._sleep,
             done=self.problems.__setitem__,
             known=known,
-            sampling_rate=sampling_rate,
+            settings=ReadSettings(sampling_rate=sampling_rate),
         )
 
     def _sleep(self, _seconds: float) -> None:

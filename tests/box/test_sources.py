@@ -10,7 +10,7 @@ import pytest
 
 from sprung.box import after, blocks_of, from_files, from_simulator, paced
 from sprung.errors import FormatError, ParameterError
-from sprung.formats import read, write
+from sprung.formats import ReadSettings, read, write
 from sprung.recording import Channel, Gap, Recording
 from sprung.simulation import RoadDrive
 from sprung.vehicles import read_vehicle
@@ -81,7 +81,7 @@ def test_several_files_have_their_own_times(tmp_path: Path) -> None:
     paths = [tmp_path / "a.csv", tmp_path / "b.parquet"]
     for part, path in zip(parts, paths, strict=True):
         write(part, path)
-    blocks = list(from_files(paths, start=5, channels=["speed"]))
+    blocks = list(from_files(paths, start=5, settings=ReadSettings(channels=["speed"])))
     for part in parts:
         begin = (part.start - START) / 1e9
         mine = [block for block, start in zip(blocks, starts(blocks), strict=True) if begin <= start < begin + 10]
@@ -107,7 +107,9 @@ def test_files_without_time_follow_each_other(tmp_path: Path) -> None:
     blocks = list(from_files([tmp_path / "a.csv", tmp_path / "b.csv"], start=START))
     assert starts(blocks) == pytest.approx([0, 8, 9])
     assert [block.n_samples for block in blocks] == [100, 100, 100]
-    blocks = list(from_files([tmp_path / "c.csv", tmp_path / "b.csv"], start=START, sampling_rate=100.0))
+    blocks = list(
+        from_files([tmp_path / "c.csv", tmp_path / "b.csv"], start=START, settings=ReadSettings(sampling_rate=100.0))
+    )
     assert starts(blocks) == pytest.approx([0, 1, 1.5])
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sprung.box.sources import blocks_of_file
 from sprung.errors import ParameterError, SprungError
-from sprung.formats import ENDINGS
+from sprung.formats import ENDINGS, ReadSettings
 from sprung.recording import Recording
 
 #: Time between two looks at the folder, and for which a file must be unchanged before it is read [s].
@@ -21,8 +21,7 @@ def from_folder(
     sleep: Callable[[float], None],
     done: Callable[[str, str], None],
     known: Sequence[str] = (),
-    sampling_rate: float | None = None,
-    channels: Sequence[str] | None = None,
+    settings: ReadSettings | None = None,
 ) -> Iterator[Recording]:
     """Return the blocks of files that appear in a folder, by name.
 
@@ -42,7 +41,7 @@ def from_folder(
         it was).
     known
         Names of files that were read before.
-    sampling_rate, channels
+    settings
         As for `sprung.formats.read`.
 
     Raises
@@ -59,8 +58,7 @@ def from_folder(
         sleep=sleep,
         done=done,
         finished=set(known),
-        sampling_rate=sampling_rate,
-        channels=channels,
+        settings=settings,
     )
 
 
@@ -72,8 +70,7 @@ def _watch(
     sleep: Callable[[float], None],
     done: Callable[[str, str], None],
     finished: set[str],
-    sampling_rate: float | None,
-    channels: Sequence[str] | None,
+    settings: ReadSettings | None,
 ) -> Iterator[Recording]:
     """Yield the blocks of files as they settle."""
     seen: dict[str, tuple[int, int]] = {}
@@ -83,9 +80,7 @@ def _watch(
         for name in [name for name in sorted(now) if _is_settled(now[name], seen.get(name))]:
             begin, problem = max(start(), free), ""
             try:
-                end = yield from blocks_of_file(
-                    folder / name, start=begin, sampling_rate=sampling_rate, channels=channels
-                )
+                end = yield from blocks_of_file(folder / name, start=begin, settings=settings)
                 free = end if end > begin else free
             except SprungError as error:
                 problem = str(error)

@@ -13,6 +13,7 @@ from sprung.box.mqtt_source import from_mqtt
 from sprung.box.sources import after, from_files, from_simulator, paced
 from sprung.box.standard_input import from_lines
 from sprung.errors import ParameterError
+from sprung.formats import ReadSettings
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
 
@@ -103,8 +104,7 @@ def _open_files(rest: str, settings: SourceSettings, listener: Listener) -> Iter
     blocks = from_files(
         settings.files,
         start=_beginning(settings.folder / "begun"),
-        sampling_rate=settings.sampling_rate,
-        channels=settings.channels,
+        settings=_reading(settings),
     )
     return paced(after(blocks, settings.resume), settings.pace, clock=time.monotonic, sleep=listener.sleep)
 
@@ -140,8 +140,7 @@ def _open_folder(rest: str, settings: SourceSettings, listener: Listener) -> Ite
         sleep=listener.sleep,
         done=finish,
         known=done.read_text(encoding="utf-8").splitlines() if done.exists() else (),
-        sampling_rate=settings.sampling_rate,
-        channels=settings.channels,
+        settings=_reading(settings),
     )
 
 
@@ -172,6 +171,11 @@ def _open_mqtt(rest: str, settings: SourceSettings, listener: Listener) -> Itera
         is_done=listener.stopping.is_set,
         on_problem=listener.on_problem,
     )
+
+
+def _reading(settings: SourceSettings) -> ReadSettings:
+    """Return what is read of files."""
+    return ReadSettings(sampling_rate=settings.sampling_rate, channels=settings.channels)
 
 
 def _rate(kind: str, settings: SourceSettings) -> float:

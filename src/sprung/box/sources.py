@@ -4,14 +4,14 @@ A source is an iterator of blocks: short recordings without gaps, one after the 
 sample.
 """
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING
 
 from sprung._checks import check_number
 from sprung.box.resampling import BLOCK
-from sprung.formats import read_blocks
+from sprung.formats import ReadSettings, read_blocks
 from sprung.link import joined
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
@@ -43,8 +43,7 @@ def from_files(
     paths: Iterable[str | PathLike[str]],
     *,
     start: int,
-    sampling_rate: float | None = None,
-    channels: Sequence[str] | None = None,
+    settings: ReadSettings | None = None,
 ) -> Iterator[Recording]:
     """Yield the blocks of files; joined, they are the recordings that `sprung.formats.read` returns.
 
@@ -54,7 +53,7 @@ def from_files(
         Files in order of time.
     start
         Time of the first file without time, UTC ns; others without time follow it.
-    sampling_rate, channels
+    settings
         As for `sprung.formats.read`.
 
     Raises
@@ -63,16 +62,16 @@ def from_files(
         As raised by `sprung.formats.read`, before the first block of the file.
     """
     for path in paths:
-        start = yield from blocks_of_file(path, start=start, sampling_rate=sampling_rate, channels=channels)
+        start = yield from blocks_of_file(path, start=start, settings=settings)
 
 
 def blocks_of_file(
-    path: str | PathLike[str], *, start: int, sampling_rate: float | None, channels: Sequence[str] | None
+    path: str | PathLike[str], *, start: int, settings: ReadSettings | None
 ) -> Generator[Recording, None, int]:
     """Yield the blocks of a file, as `from_files`, and return the start of the next one without time, UTC ns."""
     elapsed = 0.0
     held: Recording | None = None
-    for part in read_blocks(path, sampling_rate=sampling_rate, channels=channels):
+    for part in read_blocks(path, settings=settings):
         begin = part.start
         if begin is None:
             begin = start + round(elapsed * 1e9)

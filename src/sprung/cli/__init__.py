@@ -15,6 +15,7 @@ from sprung.cli import (
     baseline,
     box,
     calibrate,
+    convert,
     corners,
     demo,
     describe,
@@ -73,6 +74,7 @@ def _application() -> typer.Typer:
     application.callback()(_common)
     commands = (
         info.info,
+        convert.convert,
         identify.identify,
         track.track,
         corners.corners,

@@ -6,26 +6,28 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.checks import check_file, names
-from sprung.cli.options import INPUT, Channels, Files, Json, Minutes, SamplingRate, TypeFile, VehicleFile, option
+from sprung.cli.checks import check_file
+from sprung.cli.options import INPUT, Files, Json, Minutes, TypeFile, VehicleFile, option
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
     from sprung.calibration import Calibration
     from sprung.diagnosis import Baseline, Observation, TypeBaseline
+    from sprung.formats import ReadSettings
     from sprung.recording import Recording
     from sprung.vehicles import Vehicle
 
 
+@reads_files
 def baseline(
     files: Files,
     *,
     vehicle: VehicleFile,
     out: Annotated[Path, option("B.json", "Baseline file to write.")],
-    channels: Channels = None,
-    sampling_rate: SamplingRate = None,
+    reading: "ReadSettings",
     window: Minutes = 10.0,
     least_windows: Annotated[
         int | None, option("N", "Least number of usable windows (6; 2 with --type).", "--windows", min=2)
@@ -66,7 +68,7 @@ def baseline(
     with progress_bar() as report:
 
         def parts() -> "Iterator[tuple[float, Recording]]":
-            return windows_of(files, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report)
+            return windows_of(files, reading=reading, minutes=window, report=report)
 
         observations = observed(parts(), description, report=report)
         calibration = _calibration(parts, description, observations, is_wanted=calibrate if of_type is None else False)
@@ -150,8 +152,7 @@ def completed_vehicle(vehicle: "Vehicle", baseline: "Baseline | None") -> "Vehic
 def windows_of(
     files: list[Path],
     *,
-    sampling_rate: float | None,
-    channels: str | None,
+    reading: "ReadSettings",
     minutes: float,
     report: Callable[[str, float], None],
 ) -> "Iterator[tuple[float, Recording]]":
@@ -161,7 +162,7 @@ def windows_of(
     from sprung.formats.records import read_records
 
     check_number("--window", minutes, at_least=1)
-    recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
+    recordings = read_records(files, settings=reading, on_progress=report)
     return windows(recordings, length=60 * minutes)
 
 

@@ -3,22 +3,24 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Channels, Figures, Files, Json, Minutes, SamplingRate, VehicleFile, option
+from sprung.cli.checks import check_file, check_folder
+from sprung.cli.options import INPUT, Figures, Files, Json, Minutes, VehicleFile, option
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
 
 if TYPE_CHECKING:
     from sprung.calibration import Calibration
+    from sprung.formats import ReadSettings
 
 
+@reads_files
 def calibrate(
     files: Files,
     *,
     vehicle: VehicleFile,
     out: Annotated[Path, option("V2.toml", "Completed vehicle file to write.")],
-    channels: Channels = None,
-    sampling_rate: SamplingRate = None,
+    reading: "ReadSettings",
     window: Minutes = 10.0,
     mounts: Annotated[int, option("N", "Largest number of masses on mounts to add.", min=0, panel=INPUT)] = 3,
     modes: Annotated[
@@ -42,7 +44,7 @@ def calibrate(
     description = read_vehicle(vehicle)
     settings = CalibrationSettings(most_mounts=mounts, has_modes=modes)
     with progress_bar() as report:
-        recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
+        recordings = read_records(files, settings=reading, on_progress=report)
         parts = [part for _, part in windows(recordings, length=60 * window)]
         report(f"calibrating on {len(parts)} windows", 0.5)
         result = calibrated(parts, description, settings=settings)

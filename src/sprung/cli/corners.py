@@ -5,23 +5,25 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Channels, Figures, Files, Json, Page, SamplingRate, VehicleFile, option
+from sprung.cli.options import INPUT, Figures, Files, Json, Page, VehicleFile, option
 from sprung.cli.output import show, write_result
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from sprung.formats import ReadSettings
     from sprung.likelihood import CornerFit
 
 
+@reads_files
 def corners(
     files: Files,
     *,
     vehicle: VehicleFile,
-    channels: Channels = None,
-    sampling_rate: SamplingRate = None,
+    reading: "ReadSettings",
     band: Annotated[
         tuple[float, float] | None, option("LO HI", "Frequencies to fit, in Hz. Default: around the vehicle's modes.")
     ] = None,
@@ -79,7 +81,7 @@ def corners(
         kind=kind,
     )
     with progress_bar() as report:
-        recordings = read_records(files, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
+        recordings = read_records(files, settings=reading, on_progress=report)
         report("fitting", 0.5)
         fit = fit_drive(recordings, description, settings=settings)
         paths = _draw(fit, figures, ", ".join(path.name for path in files))
@@ -88,8 +90,7 @@ def corners(
             page,
             lambda inputs: reports.corners_report(fit, inputs, document=document),
             files,
-            sampling_rate=sampling_rate,
-            channels=channels,
+            reading=reading,
             others={"vehicle": vehicle},
         )
     if write_result(document, json):

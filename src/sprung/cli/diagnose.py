@@ -7,13 +7,11 @@ from sprung.cli.baseline import baseline_of, completed_vehicle, observed, type_o
 from sprung.cli.checks import check_file, check_folder
 from sprung.cli.options import (
     INPUT,
-    Channels,
     Figures,
     Files,
     Json,
     Minutes,
     Page,
-    SamplingRate,
     TypeFile,
     VehicleFile,
     option,
@@ -21,14 +19,17 @@ from sprung.cli.options import (
 from sprung.cli.output import show, write_result
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sprung.diagnosis import Baseline, Diagnosis, ModeChange
+    from sprung.formats import ReadSettings
 
 
+@reads_files
 def diagnose(
     files: Files,
     *,
@@ -41,8 +42,7 @@ def diagnose(
         ),
     ] = None,
     of_type: TypeFile = None,
-    channels: Channels = None,
-    sampling_rate: SamplingRate = None,
+    reading: "ReadSettings",
     window: Minutes = 10.0,
     false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
     hours_per_day: Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)] = 8.0,
@@ -67,7 +67,7 @@ def diagnose(
     normal = None if baseline is None else baseline_of(description, baseline)
     description = completed_vehicle(description, normal)
     with progress_bar() as report:
-        parts = windows_of(files, sampling_rate=sampling_rate, channels=channels, minutes=window, report=report)
+        parts = windows_of(files, reading=reading, minutes=window, report=report)
         observations = observed(parts, description, report=report)
         result = diagnosis.diagnose(
             observations,
@@ -89,8 +89,7 @@ def diagnose(
                 result, inputs, baseline=normal, changes=changes, document=document
             ),
             files,
-            sampling_rate=sampling_rate,
-            channels=channels,
+            reading=reading,
             others={"vehicle": vehicle, "baseline": baseline, "type": of_type},
         )
     if write_result(document, json):

@@ -8,19 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, OUTPUT, Channels, Figures, Files, Json, Page, SamplingRate, option
+from sprung.cli.options import INPUT, OUTPUT, Figures, Files, Json, Page, option
 from sprung.cli.output import show, write_result
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
 from sprung.errors import IdentificationError, ParameterError
 
 if TYPE_CHECKING:
+    from sprung.formats import ReadSettings
     from sprung.identification import Identification, IdentificationSettings
 
 _SHAPES = (".gif", ".html", ".unv", ".uff")
 _PREPARATION, _SIZES = "Preparation (default: chosen from the data)", "Identification (default: chosen from the data)"
 
 
+@reads_files
 def identify(
     files: Files,
     *,
@@ -32,8 +35,7 @@ def identify(
             panel=INPUT,
         ),
     ] = None,
-    channels: Channels = None,
-    sampling_rate: SamplingRate = None,
+    reading: "ReadSettings",
     method: Annotated[
         Literal["cov", "acs", "coss", "plscf", "fdd"],
         typer.Option(
@@ -157,7 +159,7 @@ def identify(
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
     with progress_bar() as report:
         description = None if vehicle is None else read_description(vehicle)
-        read = partial(read_records, sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
+        read = partial(read_records, settings=reading, on_progress=report)
         if setups:
             identification = identify_setups(
                 METHODS[method],
@@ -182,8 +184,7 @@ def identify(
             page,
             lambda inputs: reports.identification_report(identification, inputs, document=document),
             files,
-            sampling_rate=sampling_rate,
-            channels=channels,
+            reading=reading,
             others={"vehicle": vehicle},
         )
     if write_result(document, json):

@@ -1,13 +1,21 @@
 """The command `sprung info`."""
 
-from sprung.cli.checks import check_file, names
-from sprung.cli.options import Channels, Files, Json, SamplingRate
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sprung.cli.checks import check_file
+from sprung.cli.options import Files, Json
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
+
+if TYPE_CHECKING:
+    from sprung.formats import ReadSettings
 
 
-def info(files: Files, *, sampling_rate: SamplingRate = None, channels: Channels = None, json: Json = None) -> None:
-    """Summarise recordings: channels, units, rate, length, gaps, levels and faults."""
+@reads_files
+def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
+    """Summarise recordings: groups, channels, units, rate, length, gaps, levels and faults."""
     from sprung import tables
     from sprung.documents import inspection_document
     from sprung.formats.records import read_records
@@ -16,12 +24,23 @@ def info(files: Files, *, sampling_rate: SamplingRate = None, channels: Channels
     check_file("--json", json, inputs=files)
     inspections = {}
     for path in files:
-        with progress_bar() as report:
-            inspection = inspect_blocks(
-                read_records([path], sampling_rate=sampling_rate, channels=names(channels), on_progress=report)
-            )
-        inspections[str(path)] = inspection
-        if json != "-":
-            heading = f"{path}: {tables.inspection_in_words(inspection)}"
-            show(tables.inspection_table(inspection), inspection.history, heading=heading)
+        for name, settings in _parts(path, reading).items():
+            with progress_bar() as report:
+                inspection = inspect_blocks(read_records([path], settings=settings, on_progress=report))
+            inspections[name] = inspection
+            if json != "-":
+                heading = f"{name}: {tables.inspection_in_words(inspection)}"
+                show(tables.inspection_table(inspection), inspection.history, heading=heading)
     write_result(inspection_document(inspections), json)
+
+
+def _parts(path: Path, reading: "ReadSettings") -> "dict[str, ReadSettings]":
+    """Return what is inspected of a file, by its name: the file, or each group where they do not share a clock."""
+    from dataclasses import replace
+
+    from sprung.formats import groups
+
+    found = groups(path, reading)
+    if reading.groups or reading.channels is not None or len({group.clock for group in found}) == 1:
+        return {str(path): reading}
+    return {f"{path}, group {group.name!r}": replace(reading, groups=(group.name,)) for group in found}

@@ -4,9 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sprung.cli.checks import names
-
 if TYPE_CHECKING:
+    from sprung.formats import ReadSettings
     from sprung.reports import Inputs, Report
 
 
@@ -15,8 +14,7 @@ def write_page(
     report: "Callable[[Inputs], Report]",
     files: Sequence[Path],
     *,
-    sampling_rate: float | None = None,
-    channels: str | None = None,
+    reading: "ReadSettings",
     others: Mapping[str, object],
     has_recordings: bool = True,
 ) -> list[Path]:
@@ -30,8 +28,8 @@ def write_page(
         Function from the facts about the files to the report.
     files
         Recordings, which are read once more for those facts.
-    sampling_rate, channels
-        Options of the command.
+    reading
+        What the command reads of the files.
     others
         Further files by their purpose; None for those that were not given.
     has_recordings
@@ -44,6 +42,6 @@ def write_page(
     given = {purpose: str(name) for purpose, name in others.items() if name is not None}
     inputs = Inputs(tuple(files), {}, given)
     if has_recordings:
-        inputs = inspected(files, sampling_rate=sampling_rate, channels=names(channels), others=given)
+        inputs = inspected(files, settings=reading, others=given)
     page.write_text(render(report(inputs)), encoding="utf-8")
     return [page]

@@ -3,17 +3,21 @@
 import tempfile
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.checks import names
-from sprung.cli.options import Channels, Files, SamplingRate, VehicleFile, option
+from sprung.cli.options import Files, VehicleFile, option
 from sprung.cli.output import show
 from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
+
+if TYPE_CHECKING:
+    from sprung.formats import ReadSettings
 
 VehicleId = Annotated[str, option("ID", "Name of the vehicle.", show_default=False)]
 BrokerUrl = Annotated[str, option("URL", "Broker: mqtt://HOST:PORT, or mqtts://HOST:PORT with ?ca=F&cert=F&key=F.")]
 
 
+@reads_files
 def replay(
     files: Files,
     *,
@@ -21,8 +25,7 @@ def replay(
     vehicle: VehicleFile,
     broker: BrokerUrl = "mqtt://127.0.0.1:1883",
     pace: Annotated[float | None, option("X", "Speed of the replay, times real time.", show_default="no limit")] = None,
-    channels: Channels = None,
-    sampling_rate: SamplingRate = None,
+    reading: "ReadSettings",
     spool: Annotated[
         Path | None, option("DIR", "Folder that keeps frames until they are acknowledged; run again, it continues.")
     ] = None,
@@ -45,7 +48,7 @@ def replay(
         try:
             resumed = box.resume_time()
             box.open(timeout=10.0)
-            recorded = from_files(files, start=time.time_ns(), sampling_rate=sampling_rate, channels=names(channels))
+            recorded = from_files(files, start=time.time_ns(), settings=reading)
             with progress_bar() as report:
                 sent = send(box, after(recorded, resumed), pace=pace, patience=patience, on_progress=report)
         finally:

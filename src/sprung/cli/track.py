@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Channels, Figures, Json, Page, SamplingRate, option
+from sprung.cli.checks import check_file, check_folder
+from sprung.cli.options import INPUT, Figures, Json, Page, option
 from sprung.cli.output import show, write_result
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
 from sprung.errors import IdentificationError, ParameterError
 
 if TYPE_CHECKING:
+    from sprung.formats import ReadSettings
     from sprung.identification import IdentificationSettings
     from sprung.identification.tracks import TrackedModes
     from sprung.identification.window_modes import WindowModes
@@ -25,6 +27,7 @@ _WHOLE = 1e9
 _TRACKING = "Tracking"
 
 
+@reads_files
 def track(
     files: Annotated[
         list[Path],
@@ -43,8 +46,7 @@ def track(
         str | None,
         option("V.toml|NAME", "Vehicle file or name of a shipped vehicle: sensors, band and labels.", panel=INPUT),
     ] = None,
-    channels: Channels = None,
-    sampling_rate: SamplingRate = None,
+    reading: "ReadSettings",
     method: Annotated[
         Literal["cov", "acs", "coss", "plscf", "fdd"],
         typer.Option(help="Identification of each window, as for sprung identify.", rich_help_panel=INPUT),
@@ -87,7 +89,7 @@ def track(
             windows = _from_documents(files, distance=1.0 if window is None else window)
         else:
             description = None if vehicle is None else read_description(vehicle)
-            recordings = _Recordings(files, sampling_rate=sampling_rate, channels=names(channels), report=report)
+            recordings = _Recordings(files, settings=reading, report=report)
             windows = _identified(recordings, window, method, _settings(band), description)
             start = recordings.start
         windows = sorted(windows, key=lambda part: part.time)
@@ -105,8 +107,7 @@ def track(
             ),
             files,
             has_recordings=not _are_documents(files),
-            sampling_rate=sampling_rate,
-            channels=channels,
+            reading=reading,
             others={"vehicle": vehicle},
         )
     if write_result(document, json):
@@ -152,14 +153,13 @@ class _Recordings:
         self,
         files: Sequence[Path],
         *,
-        sampling_rate: float | None,
-        channels: Sequence[str] | None,
+        settings: "ReadSettings",
         report: Callable[[str, float], None],
     ) -> None:
         self.source = ""
         self.start: int | None = None
         self._share = 0.0
-        self._files, self._sampling_rate, self._channels, self._report = files, sampling_rate, channels, report
+        self._files, self._settings, self._report = files, settings, report
 
     def report(self, step: str) -> None:
         """Report a step in the current file."""
@@ -170,9 +170,7 @@ class _Recordings:
 
         for number, path in enumerate(self._files):
             self.source, self._share = path.name, number / len(self._files)
-            for recording in read_records(
-                [path], sampling_rate=self._sampling_rate, channels=self._channels, on_progress=self._report
-            ):
+            for recording in read_records([path], settings=self._settings, on_progress=self._report):
                 if recording.start is not None:
                     self.start = recording.start if self.start is None else min(self.start, recording.start)
                 yield recording

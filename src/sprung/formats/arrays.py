@@ -1,22 +1,26 @@
-"""Rules for files of named arrays (NPZ, MAT): which arrays are channels, which is time, and their names."""
+"""Rules for files of named arrays (NPZ, MAT, HDF5): which arrays are channels, which is time, and their names."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import itertools
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sprung.errors import FormatError
+from sprung.formats.settings import TIME_UNITS
 from sprung.formats.table import (
     Block,
+    Column,
     Group,
     Table,
     chosen_columns,
     is_time,
-    single_group,
+    stated_column,
     time_column,
-    within,
     written_headings,
     written_stamps,
     written_unit,
@@ -24,53 +28,288 @@ from sprung.formats.table import (
 )
 from sprung.recording import Recording
 
-_RATES = ("sampling_rate", "fs")
+_RATES = ("sampling_rate", "fs", "fs_hz")
 _MATRICES = ("samples", "data")
 _NAMES = ("channels", "channel_names", "names")
 _UNITS = ("units", "unit")
+_COMMENTS, _CALIBRATIONS = ("comments",), ("calibrations",)
+# A time array of some of the channels: their common prefix, "t" or "time", and perhaps its unit.
+_PREFIXED_TIME = re.compile(rf"(?P<prefix>.+_)(t|time|timestamp)(_({'|'.join(TIME_UNITS)}))?", re.IGNORECASE)
+_BLOCK_ROWS = 1 << 16
 
 
-def array_groups(path: Path, arrays: Mapping[str, Any]) -> tuple[Group, ...]:
-    """Return the only group of named arrays."""
-    names = [name for name, value in arrays.items() if _is_numeric(value)]
-    return single_group(path, names, lambda channels: array_table(path, arrays, channels=channels))
+class Array(Protocol):
+    """Array of a file, in memory or read in part."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values along each axis."""
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the values."""
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return some of the values."""
 
 
-def array_table(path: Path, arrays: Mapping[str, Any], *, channels: Sequence[str] | None) -> Table:
-    """Return the table of named arrays.
+@dataclass(frozen=True, eq=False, slots=True)
+class Row:
+    """Samples of one channel: an array of one dimension, or a row or column of one of two."""
 
-    Channels are the rows of `samples` or `data` (the longer axis is time), otherwise all arrays as long as the time
-    stamps, or as the longest array if there are no time stamps. `channels` and `units` name them; `sampling_rate` or
-    `fs` is the rate; `time`, `t`, `t_s`, `time_s` or `timestamp` holds time stamps.
+    array: Array
+    axis: int
+    index: int | None
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return self.array.shape[self.axis]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Arrays:
+    """Named arrays of a file that belong together.
+
+    Parameters
+    ----------
+    values
+        Arrays, numbers and texts by name.
+    units, comments, calibrations
+        What the file states about an array apart from it, by its name.
+    start
+        Time of the first sample, UTC in nanoseconds since 1970; None where unknown.
+    comment
+        Comment on the measurement.
+    """
+
+    values: Mapping[str, Any]
+    units: Mapping[str, str]
+    comments: Mapping[str, str]
+    calibrations: Mapping[str, str]
+    start: int | None = None
+    comment: str = ""
+
+
+def plain_arrays(values: Mapping[str, Any]) -> Arrays:
+    """Return named arrays about which the file states nothing but in other arrays."""
+    return Arrays(values, {}, {}, {}, _stated_start(values), _stated_text(values, "comment"))
+
+
+def array_groups(path: Path, containers: Mapping[str, Arrays]) -> tuple[Group, ...]:
+    """Return the groups of named arrays.
+
+    Parameters
+    ----------
+    path
+        Path of the file.
+    containers
+        Arrays by the name of their folder or structure. What is in the first one (time, rate, names, units) holds for
+        those that state nothing else.
+
+    Returns
+    -------
+    tuple of Group
+        A group for each container with channels, and within it for each array of time stamps.
 
     Raises
     ------
     FormatError
-        If names, units or time stamps do not match the channels.
+        If there are no arrays with samples.
+
+    Notes
+    -----
+    Channels are the rows of `samples` or `data` (the longer axis is time), otherwise all arrays as long as the time
+    stamps, or as the longest array if there are no time stamps. `channels` and `units` name them; `sampling_rate` or
+    `fs` is the rate; `time`, `t`, `t_s`, `time_s` or `timestamp` holds time stamps, `left_t` or `left_time_us` those of
+    the arrays whose names begin with `left_`.
     """
-    numeric = {name: np.squeeze(value) for name, value in arrays.items() if _is_numeric(value)}
-    stamped = time_column([name for name, value in numeric.items() if is_time(name) and value.ndim == 1], path=path)
-    stamps = None if stamped is None else numeric[stamped]
-    signals = {name: value for name, value in numeric.items() if name != stamped and value.dtype.kind in "biuf"}
-    rows = _main_matrix(path, signals, arrays) or _all_of_one_length(path, signals, stamps, channels)
-    names, values = list(rows), list(rows.values())
-    units = _texts(arrays, _UNITS)
-    if units and len(units) != len(names):
-        raise FormatError(f"{path} holds {len(units)} units for {len(names)} channels: give one for each")
-    columns = chosen_columns(names, channels, units=units or None, path=path)
-    samples = np.stack([values[names.index(column.heading)] for column in columns]).astype(np.float64)
-    if stamps is not None and stamps.size != samples.shape[1]:
-        raise FormatError(f"{path}: {stamped!r} has {stamps.size} time stamps for {samples.shape[1]} samples")
+    groups = []
+    for name, arrays in _inheriting(containers).items():
+        for prefix, part in _by_time(arrays).items():
+            group_name = " ".join(filter(None, (name, prefix.strip("_")))) or path.name
+            groups += _group(path, group_name, part)
+    if not groups:
+        raise FormatError(f"{path} holds no arrays of numbers with a channel's samples")
+    return tuple(groups)
 
-    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        yield from within([Block(1, stamps, samples)], first, last)
 
-    return Table(path, columns, stamped, blocks, row_word="sample", sampling_rate=_rate(numeric))
+def _inheriting(containers: Mapping[str, Arrays]) -> dict[str, Arrays]:
+    """Return the containers that hold samples; one without time takes those of the first with times as long as it."""
+    clocks = [
+        {name: value for name, value in arrays.values.items() if _is_shared(name)} for arrays in containers.values()
+    ]
+    result = {}
+    for name, arrays in containers.items():
+        lengths = {max(value.shape) for key, value in arrays.values.items() if _is_signal(key, value)}
+        if not lengths:
+            continue
+        own = dict(arrays.values)
+        if not any(is_time(key) or key.lower() in _RATES for key in own):
+            own = {**next((clock for clock in clocks if _fits(clock, lengths)), {}), **own}
+        result[name] = replace(arrays, values=own)
+    return result or dict(itertools.islice(containers.items(), 1))
+
+
+def _is_signal(name: str, value: Any) -> bool:
+    """Return whether a value may hold the samples of channels."""
+    return _is_numeric(value) and not _is_shared(name) and max(np.shape(value), default=0) > 1
+
+
+def _fits(clock: Mapping[str, Any], lengths: Collection[int]) -> bool:
+    """Return whether time stamps are as long as one of some arrays, or a rate is stated."""
+    return any(
+        max(np.shape(value), default=0) in lengths if is_time(name) else name.lower() in _RATES
+        for name, value in clock.items()
+    )
+
+
+def _is_shared(name: str) -> bool:
+    """Return whether an array is about channels rather than one."""
+    return is_time(name) or name.lower() in (*_RATES, *_NAMES, *_UNITS, *_COMMENTS, *_CALIBRATIONS)
+
+
+def _by_time(arrays: Arrays) -> dict[str, Arrays]:
+    """Return the arrays by the prefix that they share with an array of time stamps; all together without one."""
+    found = [(name, match) for name in arrays.values if (match := _PREFIXED_TIME.fullmatch(name)) and not is_time(name)]
+    prefixes = {match["prefix"]: name for name, match in found if _is_numeric(arrays.values[name])}
+    parts = {}
+    for prefix in prefixes:
+        own = {name: value for name, value in arrays.values.items() if name.startswith(prefix)}
+        if len(own) > 1:
+            parts[prefix] = own
+    if not parts:
+        return {"": arrays}
+    taken = {name for own in parts.values() for name in own}
+    rest = {name: value for name, value in arrays.values.items() if name not in taken}
+    if any(_is_signal(name, value) for name, value in rest.items()):
+        parts[""] = rest
+    return {prefix: replace(arrays, values=own) for prefix, own in parts.items()}
+
+
+def _group(path: Path, name: str, arrays: Arrays) -> list[Group]:
+    """Return the group of some arrays; none if they hold no samples."""
+    numeric = {key: _squeezed(value) for key, value in arrays.values.items() if _is_numeric(value)}
+    times = [key for key, value in numeric.items() if len(value.shape) == 1 and _is_time_array(key)]
+    stamped = times[0] if len(times) == 1 else time_column(times, path=path)
+    signals = {
+        key: value
+        for key, value in numeric.items()
+        if key != stamped and value.dtype.kind in "biuf" and key.lower() not in _RATES
+    }
+    if not any(key.lower() in _MATRICES or np.prod(value.shape) > 1 for key, value in signals.items()):
+        return []
+    stamps = None if stamped is None else np.asarray(numeric[stamped][:])
+    source = _Source(path, arrays, signals, stamped, stamps, _rate(numeric))
+    clock = (source.rate, arrays.start) if stamps is None else (stamps.size, stamps.tobytes())
+    n_rows = None if stamps is None else stamps.size
+    return [Group(name, tuple(signals), clock, source.table, source.rate, n_rows)]
+
+
+def _is_time_array(name: str) -> bool:
+    return is_time(name) or _PREFIXED_TIME.fullmatch(name) is not None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Source:
+    """Arrays of a group: those with samples, the time stamps, and the rate."""
+
+    path: Path
+    arrays: Arrays
+    signals: Mapping[str, Array]
+    stamped: str | None
+    stamps: NDArray[Any] | None
+    rate: float | None
+
+    def table(self, channels: Sequence[str] | None) -> Table:
+        """Return the table of some channels."""
+        path, stamps = self.path, self.stamps
+        rows = _main_matrix(path, self.signals, self.arrays.values)
+        rows = rows or _all_of_one_length(path, self.signals, stamps, channels)
+        columns = chosen_columns(list(rows), channels, units=self._units(list(rows)), path=path)
+        wanted = [rows[column.heading] for column in columns]
+        n_rows = wanted[0].size
+        if stamps is not None and stamps.size != n_rows:
+            raise FormatError(f"{path}: {self.stamped!r} has {stamps.size} time stamps for {n_rows} samples")
+
+        def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+            end = n_rows if last is None else min(last, n_rows)
+            for begin in range(first, end, _BLOCK_ROWS):
+                part = slice(begin, min(begin + _BLOCK_ROWS, end))
+                yield Block(1 + begin, None if stamps is None else stamps[part], _values(wanted, part))
+
+        return Table(
+            path,
+            tuple(self._described(column, list(rows)) for column in columns),
+            self._time_heading(),
+            blocks,
+            row_word="sample",
+            sampling_rate=self.rate,
+            start=self.arrays.start,
+            comment=self.arrays.comment,
+        )
+
+    def _time_heading(self) -> str | None:
+        """Return the name of the time stamps with their unit, if the file states one apart."""
+        unit = self.arrays.units.get(self.stamped or "")
+        return f"{self.stamped} [{unit}]" if self.stamped and unit in TIME_UNITS else self.stamped
+
+    def _units(self, names: Sequence[str]) -> Sequence[str] | None:
+        """Return the unit of each channel from the array of units; None without one."""
+        units = _texts(self.arrays.values, _UNITS)
+        if units and len(units) != len(names):
+            raise FormatError(f"{self.path} holds {len(units)} units for {len(names)} channels: give one for each")
+        return units or None
+
+    def _described(self, column: Column, names: Sequence[str]) -> Column:
+        """Return a channel with the unit, the comment and the calibration that the file states apart."""
+        name, index = self._array_of(column.heading), names.index(column.heading)
+        if name in self.arrays.units:
+            column = stated_column(column.heading, column.name, self.arrays.units[name])
+        comments = _texts(self.arrays.values, _COMMENTS)
+        calibrations = _texts(self.arrays.values, _CALIBRATIONS)
+        return replace(
+            column,
+            comment=comments[index] if len(comments) == len(names) else self.arrays.comments.get(name, ""),
+            calibration=(
+                calibrations[index] if len(calibrations) == len(names) else self.arrays.calibrations.get(name, "")
+            ),
+        )
+
+    def _array_of(self, channel: str) -> str:
+        """Return the name of the array that holds a channel."""
+        return channel if channel in self.signals else channel.rpartition("_")[0]
+
+
+def _values(rows: Sequence[Row], part: slice) -> NDArray[np.float64]:
+    """Return some samples of each row; an array of several rows is read once."""
+    values = np.empty((len(rows), part.stop - part.start))
+    read: dict[int, Any] = {}
+    for number, row in enumerate(rows):
+        key = id(row.array)
+        if key not in read:
+            read[key] = np.asarray(row.array[part] if row.axis == 0 else row.array[:, part])
+        samples = read[key]
+        if row.index is not None:
+            samples = samples[:, row.index] if row.axis == 0 else samples[row.index]
+        values[number] = samples
+    return values
 
 
 def _is_numeric(value: Any) -> bool:
     """Return whether a value is an array of real numbers or times."""
-    return isinstance(value, np.ndarray | np.number | int | float) and np.asarray(value).dtype.kind in "biufmM"
+    if isinstance(value, np.ndarray | np.number | int | float):
+        return np.asarray(value).dtype.kind in "biufmM"
+    return hasattr(value, "dtype") and hasattr(value, "shape") and value.dtype.kind in "biuf"
+
+
+def _squeezed(value: Any) -> Array:
+    """Return an array in memory without axes of one value; one that is read in part as it is, if it has more."""
+    if isinstance(value, np.ndarray | np.number | int | float) or np.prod(value.shape) == max(value.shape, default=1):
+        array: Array = np.squeeze(np.asarray(value[...] if hasattr(value, "shape") else value))
+        return array
+    stored: Array = value
+    return stored
 
 
 def _texts(arrays: Mapping[str, Any], keys: Sequence[str]) -> list[str]:
@@ -81,20 +320,32 @@ def _texts(arrays: Mapping[str, Any], keys: Sequence[str]) -> list[str]:
     return []
 
 
-def _rate(numeric: Mapping[str, NDArray[Any]]) -> float | None:
+def _stated_text(arrays: Mapping[str, Any], key: str) -> str:
+    """Return the text called `key`."""
+    return " ".join(_texts(arrays, (key,)))
+
+
+def _stated_start(arrays: Mapping[str, Any]) -> int | None:
+    """Return the start that a written file states [ns since 1970]."""
+    value = arrays.get("start_ns")
+    return int(np.ravel(value)[0]) if value is not None and np.size(value) == 1 else None
+
+
+def _rate(numeric: Mapping[str, Array]) -> float | None:
     """Return the stored sampling rate."""
     for name, value in numeric.items():
-        if name.lower() in _RATES and value.size == 1 and float(value) > 0:
-            return float(value)
+        if name.lower() in _RATES and np.prod(value.shape) == 1:
+            rate = float(np.ravel(np.asarray(value[...]))[0])
+            return rate if rate > 0 else None
     return None
 
 
-def _main_matrix(path: Path, signals: Mapping[str, NDArray[Any]], arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+def _main_matrix(path: Path, signals: Mapping[str, Array], arrays: Mapping[str, Any]) -> dict[str, Row]:
     """Return the named rows of the array called `samples` or `data`; nothing without such an array."""
     matrices = [value for name, value in signals.items() if name.lower() in _MATRICES]
     if not matrices:
         return {}
-    rows = as_rows(path, matrices[0])
+    rows = _rows(path, matrices[0])
     names = _texts(arrays, _NAMES) or [f"channel_{number}" for number in range(1, len(rows) + 1)]
     if len(names) != len(rows):
         raise FormatError(f"{path} holds {len(names)} channel names for {len(rows)} channels: give one for each")
@@ -103,34 +354,33 @@ def _main_matrix(path: Path, signals: Mapping[str, NDArray[Any]], arrays: Mappin
     return dict(zip(names, rows, strict=True))
 
 
-def as_rows(path: Path, matrix: NDArray[Any]) -> NDArray[Any]:
-    """Return a vector or matrix as (channels, samples): the longer axis is time.
-
-    Raises
-    ------
-    FormatError
-        If the array has more than two dimensions.
-    """
-    if matrix.ndim not in {1, 2} or matrix.size == 0:
-        raise FormatError(
-            f"{path} holds an array of shape {matrix.shape}: two dimensions, channels and samples, are read"
-        )
-    matrix = np.atleast_2d(matrix)
-    return matrix.T if matrix.shape[0] > matrix.shape[1] else matrix
+def _rows(path: Path, array: Array) -> list[Row]:
+    """Return the rows of a vector or matrix: its longer axis is time."""
+    shape = array.shape
+    if len(shape) not in {0, 1, 2} or 0 in shape:
+        raise FormatError(f"{path} holds an array of shape {shape}: two dimensions, channels and samples, are read")
+    if len(shape) == 0:
+        return [Row(np.atleast_1d(np.asarray(array[()])), 0, None)]
+    if len(shape) == 1:
+        return [Row(array, 0, None)]
+    axis = 0 if shape[0] > shape[1] else 1
+    return [Row(array, axis, index) for index in range(shape[1 - axis])]
 
 
 def _all_of_one_length(
-    path: Path, signals: Mapping[str, NDArray[Any]], stamps: NDArray[Any] | None, channels: Sequence[str] | None
-) -> dict[str, NDArray[Any]]:
+    path: Path, signals: Mapping[str, Array], stamps: NDArray[Any] | None, channels: Sequence[str] | None
+) -> dict[str, Row]:
     """Return every array as long as the time stamps or the longest array, its rows numbered.
 
     Short arrays are parameters. An array of a similar but different length is a channel of another rate, an error.
     """
-    arrays = {name: as_rows(path, value) for name, value in signals.items() if value.ndim in {1, 2} and value.size > 1}
-    rows: dict[str, NDArray[Any]] = {}
-    for name, array in arrays.items():
-        numbered = [name] if len(array) == 1 else [f"{name}_{number}" for number in range(1, len(array) + 1)]
-        rows.update((key, row) for key, row in zip(numbered, array, strict=True) if channels is None or key in channels)
+    rows: dict[str, Row] = {}
+    for name, array in signals.items():
+        if len(array.shape) not in {1, 2} or np.prod(array.shape) <= 1:
+            continue
+        own = _rows(path, array)
+        numbered = [name] if len(own) == 1 else [f"{name}_{number}" for number in range(1, len(own) + 1)]
+        rows.update((key, row) for key, row in zip(numbered, own, strict=True) if channels is None or key in channels)
     if not rows:
         raise FormatError(f"{path} holds no arrays of numbers with a channel's samples")
     length = max(row.size for row in rows.values()) if stamps is None else stamps.size
@@ -147,9 +397,17 @@ def written_arrays(recording: Recording) -> dict[str, NDArray[Any]]:
     """Return named arrays from which the recording can be read."""
     written_headings(recording, has_units=False)  # raises on names that would not be read back
     name, stamps = written_stamps(recording)
-    return {
+    channels = recording.channels
+    arrays = {
         name: stamps,
         "samples": written_values(recording),
         "channels": np.array(recording.names),
-        "units": np.array([written_unit(channel.quantity)[0] for channel in recording.channels]),
+        "units": np.array([written_unit(channel.quantity)[0] for channel in channels]),
     }
+    if any(channel.comment for channel in channels):
+        arrays["comments"] = np.array([channel.comment for channel in channels])
+    if any(channel.calibration for channel in channels):
+        arrays["calibrations"] = np.array([channel.calibration for channel in channels])
+    if recording.comment:
+        arrays["comment"] = np.array([recording.comment])
+    return arrays

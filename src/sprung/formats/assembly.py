@@ -76,7 +76,7 @@ def _part(table: Table, settings: ReadSettings) -> tuple[int, int, int]:
     for block in (table.times or table.blocks)():
         if block.stamps is None:
             break
-        scale = scale or time_scale(block.stamps, _time_unit(table))
+        scale = scale or time_scale(block.stamps, time_unit(table))
         seconds = scale.seconds(block.stamps)
         n_before += int(np.count_nonzero(seconds < start))
         n_until += int(np.count_nonzero(seconds < end))
@@ -124,7 +124,7 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
         counts += has_value.sum(axis=1)
         if block.stamps is None or not rows.any():
             continue
-        scale = scale or time_scale(block.stamps[rows], _time_unit(table))
+        scale = scale or time_scale(block.stamps[rows], time_unit(table))
         stamps = block.stamps[rows]
         numbers = block.first_row + np.flatnonzero(rows)
         fit.update(_seconds(table, stamps, numbers, scale), numbers, rounding=scale.rounding(stamps))
@@ -165,7 +165,7 @@ def _values_present(table: Table, block: Block) -> Booleans:
     return present
 
 
-def _time_unit(table: Table) -> float | None:
+def time_unit(table: Table) -> float | None:
     """Return the seconds in one unit of the time column; None if the column does not state a unit."""
     name, unit, _ = split_heading(table.time_heading or "")
     if unit in TIME_UNITS:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from sprung.errors import FormatError
-from sprung.formats.arrays import array_groups, written_arrays
+from sprung.formats.arrays import Arrays, array_groups, plain_arrays, written_arrays
+from sprung.formats.hdf5 import SIGNATURE, own_items, stored
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -15,7 +16,6 @@ from sprung.recording import Recording
 NAME, EXTRA = "MAT", None
 ENDINGS = (".mat",)
 
-_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HDF5_OFFSETS = (0, 512, 1024, 2048)
 
 
@@ -33,15 +33,15 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         If the file is not a MAT file of version 5 or later.
     """
     with path.open("rb") as file:
-        head = file.read(_HDF5_OFFSETS[-1] + len(_HDF5_SIGNATURE))
+        head = file.read(_HDF5_OFFSETS[-1] + len(SIGNATURE))
     with reported(path, "MAT file"):
-        if any(head[offset:].startswith(_HDF5_SIGNATURE) for offset in _HDF5_OFFSETS):
+        if any(head[offset:].startswith(SIGNATURE) for offset in _HDF5_OFFSETS):
             variables = _version_7_3(path)
         elif head.startswith(b"MATLAB 5.0"):
             variables = _version_5(path)
         else:
             raise FormatError(f"{path} is not a MAT file of version 5 or later: save it with save(..., '-v7')")
-    return array_groups(path, _flat(variables))
+    return array_groups(path, _containers(variables))
 
 
 def _version_5(path: Path) -> dict[str, Any]:
@@ -57,20 +57,21 @@ def _version_7_3(path: Path) -> dict[str, Any]:
     import h5py
 
     with h5py.File(path, "r") as file:
-        return {name: _hdf5_value(file, item) for name, item in file.items() if not name.startswith("#")}
+        return {name: _hdf5_value(path, file, item) for name, item in own_items(path, file) if not name.startswith("#")}
 
 
-def _hdf5_value(file: Any, item: Any) -> Any:
-    """Return a dataset as numbers or texts, a group one level down as a dictionary."""
+def _hdf5_value(path: Path, file: Any, item: Any) -> Any:
+    """Return a dataset as numbers (read in part) or texts, a group one level down as a dictionary."""
     import h5py
 
     if isinstance(item, h5py.Group):
-        return {name: _hdf5_value(file, field) for name, field in item.items() if isinstance(field, h5py.Dataset)}
+        fields = own_items(path, item)
+        return {name: _hdf5_value(path, file, field) for name, field in fields if isinstance(field, h5py.Dataset)}
     if item.dtype == h5py.ref_dtype:
         return [_text(file[reference]) for reference in np.ravel(item[()])]
     if item.attrs.get("MATLAB_class") == b"char":
         return _text(item)
-    return item[()]
+    return stored(path, item) if item.dtype.kind in "biuf" else item[()]
 
 
 def _text(item: Any) -> str:
@@ -79,14 +80,11 @@ def _text(item: Any) -> str:
     return "".join(map(chr, codes)) if codes.dtype.kind in "ui" else str(codes)
 
 
-def _flat(variables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return variables and the fields of structures; a repeated name is prefixed with that of its structure."""
-    flat = {name: value for name, value in variables.items() if not isinstance(value, Mapping)}
-    for structure, fields in variables.items():
-        if isinstance(fields, Mapping):
-            for name, value in fields.items():
-                flat[name if name not in flat else f"{structure}_{name}"] = value
-    return flat
+def _containers(variables: Mapping[str, Any]) -> dict[str, Arrays]:
+    """Return the variables outside structures, then the fields of each structure."""
+    containers = {"": {name: value for name, value in variables.items() if not isinstance(value, Mapping)}}
+    containers |= {name: dict(value) for name, value in variables.items() if isinstance(value, Mapping)}
+    return {name: plain_arrays(values) for name, values in containers.items()}
 
 
 def write(recording: Recording, path: Path) -> None:
@@ -94,7 +92,7 @@ def write(recording: Recording, path: Path) -> None:
     from scipy.io import savemat
 
     arrays = written_arrays(recording)
-    for name in ("channels", "units"):
+    for name in {"channels", "units", "comments", "calibrations", "comment"} & arrays.keys():
         arrays[name] = arrays[name].astype(object)
     if "timestamp" in arrays:
         arrays["timestamp"] = arrays["timestamp"].view(np.int64)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sprung.errors import FormatError
-from sprung.formats.arrays import array_groups, written_arrays
+from sprung.formats.arrays import array_groups, plain_arrays, written_arrays
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -28,7 +28,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         else:
             with path.open("rb") as file, np.lib.npyio.NpzFile(file) as content:
                 arrays = {name: _array(path, name, content) for name in content.files}
-    return array_groups(path, arrays)
+    return array_groups(path, {"": plain_arrays(arrays)})
 
 
 def _array(path: Path, name: str, content: "np.lib.npyio.NpzFile") -> np.ndarray:

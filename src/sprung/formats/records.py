@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from sprung.formats import read, read_blocks
-from sprung.formats.settings import ReadSettings, combined
+from sprung.formats.settings import ReadSettings
 from sprung.recording import Recording
 
 #: Total size [bytes] above which files are read in blocks, each a record of its own.
@@ -16,8 +16,6 @@ BLOCK_SAMPLES = 1 << 19
 def read_records(
     paths: Sequence[Path],
     *,
-    sampling_rate: float | None = None,
-    channels: Sequence[str] | None = None,
     settings: ReadSettings | None = None,
     on_progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> Iterable[Recording]:
@@ -27,7 +25,7 @@ def read_records(
     ----------
     paths
         Files in the order of the records.
-    sampling_rate, channels, settings
+    settings
         As for `sprung.formats.read`.
     on_progress
         Callback that receives the current step and the share that is done (0 to 1).
@@ -42,7 +40,6 @@ def read_records(
     SprungError
         As `sprung.formats.read`; where the files are large together, once the record is reached.
     """
-    settings = combined(settings, sampling_rate, channels)
     recordings = _read(paths, settings, on_progress)
     return recordings if _is_large(paths) else list(recordings)
 
@@ -54,7 +51,7 @@ def _is_large(paths: Sequence[Path]) -> bool:
 
 def _read(
     paths: Sequence[Path],
-    settings: ReadSettings,
+    settings: ReadSettings | None,
     on_progress: Callable[[str, float], None],
 ) -> Iterator[Recording]:
     """Yield the recording in each file; a large one in blocks."""

@@ -1,16 +1,13 @@
 """From the groups of a file to one table: the groups that are wanted, joined where they share a clock."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from sprung.errors import ParameterError
+from sprung.formats.joining import interpolated, side_by_side
 from sprung.formats.settings import ReadSettings
-from sprung.formats.table import Block, Group, Table, rebatch
-
-_BLOCK_ROWS = 1 << 16
+from sprung.formats.table import Group, Table
 
 
 def selected_table(path: Path, groups: Sequence[Group], settings: ReadSettings) -> Table:
@@ -35,12 +32,15 @@ def selected_table(path: Path, groups: Sequence[Group], settings: ReadSettings) 
         wanted = _holding(path, wanted, settings.channels)
     if len(wanted) == 1:
         return wanted[0].open(settings.channels)
-    if len({group.clock for group in wanted}) > 1:
-        raise ParameterError(
-            f"{path} holds {len(wanted)} groups of channels with different clocks: choose one with --group (in Python: "
-            f"group=...): {in_words(wanted)}"
-        )
-    return _joined([group.open(_own(group, settings.channels)) for group in wanted])
+    tables = [_distinct(wanted[:number], group, settings.channels) for number, group in enumerate(wanted)]
+    if len({group.clock for group in wanted}) == 1:
+        return side_by_side(tables)
+    if settings.groups:
+        return interpolated(tables)
+    raise ParameterError(
+        f"{path} holds {len(wanted)} groups of channels with different clocks: choose with --group (in Python: groups="
+        f"[...]), several to interpolate at the times of the first: {in_words(wanted)}"
+    )
 
 
 def in_words(groups: Sequence[Group]) -> str:
@@ -70,13 +70,12 @@ def _own(group: Group, channels: Sequence[str] | None) -> list[str] | None:
     return None if channels is None else [name for name in channels if group.has(name)]
 
 
-def _joined(tables: Sequence[Table]) -> Table:
-    """Return tables with the same rows as one."""
-
-    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        parts = (rebatch(table.blocks(first, last), _BLOCK_ROWS) for table in tables)
-        for same in zip(*parts, strict=True):
-            yield replace(same[0], values=np.concatenate([block.values for block in same]))
-
-    columns = tuple(column for table in tables for column in table.columns)
-    return replace(tables[0], columns=columns, blocks=blocks)
+def _distinct(before: Sequence[Group], group: Group, channels: Sequence[str] | None) -> Table:
+    """Return the table of a group; names that an earlier group has as well begin with the name of the group."""
+    table = group.open(_own(group, channels))
+    taken = {heading for earlier in before for heading in earlier.headings}
+    columns = (
+        replace(column, name=f"{group.name}_{column.name}") if column.heading in taken else column
+        for column in table.columns
+    )
+    return replace(table, columns=tuple(columns))

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sprung import __version__
+from sprung.formats import ReadSettings
 from sprung.formats.records import read_records
 from sprung.reports.page import Block, Paragraph, Section, Sentences
 from sprung.signals.inspection import Inspection, inspect_blocks
@@ -44,8 +45,7 @@ class Inputs:
 def inspected(
     files: Sequence[Path],
     *,
-    sampling_rate: float | None = None,
-    channels: Sequence[str] | None = None,
+    settings: ReadSettings | None = None,
     others: Mapping[str, str] | None = None,
 ) -> Inputs:
     """Return the facts about recordings for a report.
@@ -54,7 +54,7 @@ def inspected(
     ----------
     files
         Recordings, which are read once more, one after the other.
-    sampling_rate, channels
+    settings
         As for `sprung.read`.
     others
         Purpose and name of further files, such as the vehicle file.
@@ -64,10 +64,7 @@ def inspected(
     SprungError
         As raised by `sprung.read`.
     """
-    inspections = {
-        str(path): inspect_blocks(read_records([path], sampling_rate=sampling_rate, channels=channels))
-        for path in files
-    }
+    inspections = {str(path): inspect_blocks(read_records([path], settings=settings)) for path in files}
     return Inputs(tuple(files), inspections, others or {})
 
 

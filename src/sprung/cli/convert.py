@@ -1,0 +1,69 @@
+"""The command `sprung convert`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sprung.cli.checks import check_file
+from sprung.cli.options import option
+from sprung.cli.output import show
+from sprung.cli.progress import progress_bar
+from sprung.cli.reading import reads_files
+from sprung.errors import ParameterError
+
+if TYPE_CHECKING:
+    from sprung.formats import ReadSettings
+
+
+@reads_files
+def convert(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="IN... OUT",
+            help="Recordings, then the file to write, whose ending is its format, or a folder for several.",
+            show_default=False,
+        ),
+    ],
+    *,
+    ending: Annotated[str, option(".END", "Ending of the files in a folder, which is their format.")] = ".parquet",
+    reading: "ReadSettings",
+) -> None:
+    """Convert recordings to another format, with units, names, start, calibration and comments."""
+    from sprung.formats import read, write
+
+    *files, out = paths
+    if not files:
+        raise ParameterError(f"{out} is the only path: name the recordings, then the file or folder to write")
+    targets = _targets(files, out, ending)
+    for path, target in zip(files, targets, strict=True):
+        check_file("OUT", target, inputs=files)
+        with progress_bar() as report:
+            report(f"reading {path.name}", 0.0)
+            recording = read(path, settings=reading)
+            report(f"writing {target.name}", 0.5)
+            write(recording, target)
+        minutes = recording.duration / 60
+        heading = f"{path}: {len(recording.channels)} channels, {minutes:.4g} min at {recording.sampling_rate:.6g} Hz"
+        show([*recording.history, f"wrote {target}"], heading=heading)
+
+
+def _targets(files: list[Path], out: Path, ending: str) -> list[Path]:
+    """Return the file that each recording is written to."""
+    from sprung.formats import WRITERS
+
+    is_folder = out.is_dir() or out.suffix == ""
+    if not is_folder and len(files) > 1:
+        raise ParameterError(f"{out} is one file for {len(files)} recordings: give the name of a folder")
+    if not is_folder:
+        return [out]
+    if ending not in WRITERS:
+        raise ParameterError(f"--ending {ending!r} must be one of {', '.join(WRITERS)}")
+    stems = [path.name.split(".")[0] for path in files]
+    if len(set(stems)) < len(stems):
+        raise ParameterError(
+            f"several recordings would be written to {out / stems[0]}{ending}: convert them one by one"
+        )
+    out.mkdir(exist_ok=True)
+    return [out / f"{stem}{ending}" for stem in stems]
