@@ -1,6 +1,8 @@
 """Tables in Apache Parquet; the unit of a column is in the metadata of its field or in its name."""
 
+import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,6 @@ from sprung.formats.table import (
     reported,
     single_group,
     time_column,
-    within,
     written_headings,
     written_stamps,
     written_unit,
@@ -44,26 +45,38 @@ def recognises(head: bytes) -> bool:
 def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     """Return the only table of a Parquet file."""
     with reported(path, "Parquet"), _file(path) as file:
-        fields = list(file.schema_arrow)
-    names = [field.name for field in fields if field.name != _INDEX]
+        schema = file.schema_arrow
+    names = [field.name for field in schema if field.name != _INDEX]
     refuse_repeated(names, path=path)
-    return single_group(path, names, lambda channels: _table(path, fields, channels))
+    return single_group(path, names, lambda channels: _table(path, schema, channels))
 
 
-def _table(path: Path, fields: Sequence[Any], channels: Sequence[str] | None) -> Table:
+def _table(path: Path, schema: Any, channels: Sequence[str] | None) -> Table:
     """Return the table of the columns of some channels."""
-    names = [field.name for field in fields if field.name != _INDEX]
-    units = [_unit(field) for field in fields if field.name != _INDEX]
+    fields = {field.name: field for field in schema}
+    names = [name for name in fields if name != _INDEX]
+    units = [_stated(fields[name], "unit") for name in names]
     columns = chosen_columns(names, channels, units=units, path=path)
-    types = {field.name: field.type for field in fields}
+    types = {name: field.type for name, field in fields.items()}
     for column in columns:
         _check_type(path, column, types[column.heading])
+    columns = tuple(
+        replace(
+            column,
+            comment=_stated(fields[column.heading], "comment") or "",
+            calibration=_stated(fields[column.heading], "calibration") or "",
+        )
+        for column in columns
+    )
     time = time_column(names, path=path) or _index(types)
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return within(_blocks(path, columns, time), first, last)
+        return _blocks(path, columns, time, first, last)
 
-    return Table(path, columns, time, blocks)
+    def times() -> Iterator[Block]:
+        return _blocks(path, (), time, 0, None)
+
+    return Table(path, columns, time, blocks, times=times if time else None, comment=_stated(schema, "comment") or "")
 
 
 def _file(path: Path) -> Any:
@@ -73,10 +86,10 @@ def _file(path: Path) -> Any:
     return pq.ParquetFile(path, buffer_size=_BUFFER_BYTES, pre_buffer=False)
 
 
-def _unit(field: Any) -> str | None:
-    """Return the unit in the metadata of a field."""
-    unit = (field.metadata or {}).get(b"unit")
-    return None if unit is None else str(unit.decode("utf-8", "replace"))
+def _stated(item: Any, name: str) -> str | None:
+    """Return a text in the metadata of a field or of the file."""
+    text = (item.metadata or {}).get(name.encode())
+    return None if text is None else str(text.decode("utf-8", "replace"))
 
 
 def _index(types: dict[str, Any]) -> str | None:
@@ -97,21 +110,34 @@ def _check_type(path: Path, column: Column, kind: Any) -> None:
         )
 
 
-def _blocks(path: Path, columns: tuple[Column, ...], time: str | None) -> Iterator[Block]:
-    """Yield the rows of some columns, counted from 1."""
+def _blocks(path: Path, columns: tuple[Column, ...], time: str | None, first: int, last: int | None) -> Iterator[Block]:
+    """Yield some rows of some columns, counted from 1; row groups outside them are not read."""
+    wanted = [*(column.heading for column in columns), *([time] if time else [])]
+    with reported(path, "Parquet"), _file(path) as file:
+        sizes = [file.metadata.row_group(number).num_rows for number in range(file.metadata.num_row_groups)]
+        ends = list(itertools.accumulate(sizes))
+        chosen = [
+            number
+            for number, (end, size) in enumerate(zip(ends, sizes, strict=True))
+            if end > first and (last is None or end - size < last)
+        ]
+        row = ends[chosen[0]] - sizes[chosen[0]] if chosen else 0
+        for batch in file.iter_batches(batch_size=_BATCH_ROWS, row_groups=chosen, columns=wanted):
+            begin = max(0, first - row)
+            end = batch.num_rows if last is None else min(batch.num_rows, last - row)
+            if begin < end:
+                yield _block(path, batch.slice(begin, end - begin), columns, time, row + begin + 1)
+            row += batch.num_rows
+
+
+def _block(path: Path, batch: Any, columns: tuple[Column, ...], time: str | None, row: int) -> Block:
+    """Return the rows of a batch, the first of which has the number `row`."""
     import pyarrow as pa
 
-    wanted = [*(column.heading for column in columns), *([time] if time else [])]
-    row = 1
-    with reported(path, "Parquet"), _file(path) as file:
-        for batch in file.iter_batches(batch_size=_BATCH_ROWS, columns=wanted):
-            values = np.empty((len(columns), batch.num_rows))
-            for index, column in enumerate(columns):
-                values[index] = (
-                    batch.column(column.heading).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-                )
-            yield Block(row, _stamps(path, batch.column(time)) if time else None, values)
-            row += batch.num_rows
+    values = np.empty((len(columns), batch.num_rows))
+    for index, column in enumerate(columns):
+        values[index] = batch.column(column.heading).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+    return Block(row, _stamps(path, batch.column(time)) if time else None, values)
 
 
 def _stamps(path: Path, array: Any) -> NDArray[Any]:
@@ -143,5 +169,8 @@ def write(recording: Recording, path: Path) -> None:
     fields = [pa.field(name, arrays[0].type)]
     for channel, values in zip(recording.channels, written_values(recording), strict=True):
         arrays.append(pa.array(values))
-        fields.append(pa.field(channel.name, pa.float64(), metadata={"unit": written_unit(channel.quantity)[0]}))
-    pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), path, compression="zstd")
+        stated = {"comment": channel.comment, "calibration": channel.calibration}
+        metadata = {"unit": written_unit(channel.quantity)[0], **{name: text for name, text in stated.items() if text}}
+        fields.append(pa.field(channel.name, pa.float64(), metadata=metadata))
+    schema = pa.schema(fields, metadata={"comment": recording.comment} if recording.comment else None)
+    pq.write_table(pa.Table.from_arrays(arrays, schema=schema), path, compression="zstd")
