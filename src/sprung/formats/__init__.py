@@ -12,7 +12,8 @@ from typing import NoReturn
 from sprung._checks import check_number
 from sprung.errors import DataError, ParameterError
 from sprung.formats.assembly import assemble, limited, survey
-from sprung.formats.registry import ENDINGS, FORMATS, WRITERS, format_of
+from sprung.formats.isolation import isolated_groups
+from sprung.formats.registry import ENDINGS, FOREIGN, FORMATS, WRITERS, format_of
 from sprung.formats.selection import selected_table
 from sprung.formats.settings import ReadSettings, combined
 from sprung.formats.table import Group, Table, join, rebatch, reported
@@ -119,9 +120,11 @@ def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> t
         If the reader of the format is not installed.
     """
     path = Path(path)
-    module = format_of(path)
+    module, settings = format_of(path), settings or ReadSettings()
+    if module in FOREIGN:
+        return isolated_groups(module.__name__, path, settings)
     with reported(path, module.NAME):
-        return module.groups(path, settings or ReadSettings())
+        return module.groups(path, settings)
 
 
 def write(recording: Recording, path: str | PathLike[str]) -> None:

@@ -44,7 +44,7 @@ def interpolated(tables: Sequence[Table]) -> Table:
     Returns
     -------
     Table
-        Values are missing where a table has no rows around the time.
+        Values are missing, and the rows left out, where a table has no rows around the time.
 
     Raises
     ------

@@ -17,6 +17,7 @@ _HEAD_BYTES = 4096
 class Format(Protocol):
     """Module of a format."""
 
+    __name__: str
     NAME: str  #: Name of the format.
     EXTRA: str | None  #: Extra of the package that installs its reader.
     ENDINGS: tuple[str, ...]  #: Endings of file names, in lower case.
@@ -32,6 +33,9 @@ class Writer(Protocol):
 
 #: Formats that are read, the most specific first: any text may be a table.
 FORMATS = cast(tuple[Format, ...], (parquet, mat, hdf5, npz, csv))
+
+#: Those whose readers a file may crash: they run in a process of their own.
+FOREIGN = cast(tuple[Format, ...], (mat, hdf5))
 
 #: Module that writes each ending.
 WRITERS = cast(dict[str, Writer], {".csv": csv, ".parquet": parquet, ".npz": npz, ".mat": mat, ".h5": hdf5})
