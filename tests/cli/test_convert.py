@@ -1,0 +1,76 @@
+"""Files converted on the command line."""
+
+import h5py
+import numpy as np
+import pytest
+
+from sprung.formats import WRITERS, read, write
+from sprung.recording import Channel, Recording
+
+
+@pytest.fixture
+def run(tmp_path):
+    samples = np.random.default_rng(1).normal(size=(2, 600))
+    channels = (Channel("acc", "acceleration", comment="sill"), Channel("speed", "speed"))
+    write(Recording(samples, 100.0, channels, start=10**18, comment="wet"), tmp_path / "run.parquet")
+    return tmp_path / "run.parquet"
+
+
+@pytest.mark.parametrize("ending", WRITERS)
+def test_every_format_that_is_written(sprung, run, tmp_path, ending) -> None:
+    target = tmp_path / f"out{ending}"
+    outcome = sprung("convert", run, target)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert f"wrote{target}" in "".join(outcome.out.split())
+    again, wanted = read(target), read(run)
+    assert again.samples == pytest.approx(wanted.samples, rel=1e-12)
+    assert (again.start, again.comment) == (wanted.start, wanted.comment)
+    assert [(c.name, c.quantity, c.comment) for c in again.channels] == [
+        (c.name, c.quantity, c.comment) for c in wanted.channels
+    ]
+
+
+def test_parts_and_channels(sprung, run, tmp_path) -> None:
+    sprung("convert", run, tmp_path / "part.npz", "--from", 1, "--to", 3, "--channels", "speed")
+    part = read(tmp_path / "part.npz")
+    assert part.names == ("speed",)
+    assert part.samples == pytest.approx(read(run).samples[1:, 100:300])
+    assert part.start == 10**18 + 10**9
+
+
+def test_several_files_into_a_folder(sprung, run, tmp_path) -> None:
+    write(read(run), tmp_path / "second.csv")
+    assert sprung("convert", run, tmp_path / "second.csv", tmp_path / "folder", "--ending", ".h5").code == 0
+    assert sorted(path.name for path in (tmp_path / "folder").iterdir()) == ["run.h5", "second.h5"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["run.parquet"], "is the only path"),
+        (["run.parquet", "run.parquet"], "would overwrite an input"),
+        (["run.parquet", "out.xyz"], "recordings are written as"),
+        (["run.parquet", "run.parquet", "out.csv"], "is one file for 2 recordings"),
+        (["run.parquet", "run.parquet", "out"], "convert them one by one"),
+        (["run.parquet", "out", "--ending", ".doc"], "must be one of .csv"),
+        (["run.parquet", "out.csv", "--from", "5", "--to", "2"], "end=2 must be above start=5"),
+        (["run.parquet", "out.csv", "--time-unit", "weeks"], "time_unit='weeks' must be"),
+    ],
+)
+def test_bad_words(sprung, run, monkeypatch, words, message) -> None:
+    monkeypatch.chdir(run.parent)
+    outcome = sprung("convert", *words)
+    assert outcome.code == 2
+    assert message in " ".join(outcome.err.split())
+
+
+def test_info_lists_groups_and_reads_one(sprung, tmp_path) -> None:
+    path = tmp_path / "run.h5"
+    with h5py.File(path, "w") as file:
+        for name, rate in (("body", 100), ("drive", 10)):
+            file.create_group(name)["t_s"] = np.arange(5 * rate) / rate
+            file[name]["x"] = np.random.default_rng(1).normal(size=5 * rate)
+    files = sprung("info", path, "--json", "-").document()["files"]
+    assert [(facts["group"], facts["n_samples"]) for facts in files] == [("body", 500), ("drive", 50)]
+    (facts,) = sprung("info", path, "--group", "drive", "--json", "-").document()["files"]
+    assert facts["n_samples"] == 50
