@@ -90,9 +90,9 @@ def resonances(frequencies, scales, generator, *, rate=200.0, n_samples=12_000):
     return samples + 0.1 * samples.std() * generator.standard_normal(samples.shape)
 
 
-def band_of(samples, rate=200.0, harmonics=()):
+def band_of(samples, rate=200.0, **lines):
     recording = Recording(samples, rate, tuple(Channel(f"a{k}") for k in range(len(samples))))
-    return plan_preparation(recording, settings=IdentificationSettings(), harmonics=harmonics).band
+    return plan_preparation(recording, settings=IdentificationSettings(), **lines).band
 
 
 def test_a_weak_first_mode_below_a_channel_with_strong_motion_of_its_own_is_in_the_band() -> None:
@@ -121,6 +121,17 @@ def test_lines_within_the_bandwidths_of_modes_leave_the_modes_in_the_band() -> N
     low, high = band_of(samples + 2 * samples.std() * waves, harmonics=lines)
     assert low < 5.2
     assert 21.0 < high < 40.0
+
+
+def test_lines_above_those_that_were_searched_do_not_widen_the_band() -> None:
+    """Without the lines below 40 Hz, those above would hold most of the power."""
+    generator = np.random.default_rng(17)
+    samples = resonances([5.2, 14.6, 21.0], [1.0, 1.0, 1.0], generator)
+    frequencies = np.arange(7.0, 95.0, 7.0)
+    waves = 3 * samples.std() * np.sin(2 * np.pi * np.outer(frequencies, np.arange(12_000) / 200.0)).sum(axis=0)
+    lines = [Harmonic(f, "constant", (f - 0.02, f + 0.02), 0.04, 20.0, ("a0",)) for f in frequencies if f < 40]
+    assert band_of(samples + waves, harmonics=lines)[1] > 60.0
+    assert band_of(samples + waves, harmonics=lines, searched=40.0)[1] < 40.0
 
 
 def test_the_band_of_a_vehicle_is_around_its_modes() -> None:

@@ -9,7 +9,14 @@ from scipy import ndimage, signal
 from sprung.errors import DataError, ParameterError
 from sprung.excitation import QUARTER_CASES, RandomInputs
 from sprung.recording import Channel, Gap, Recording
-from sprung.signals.harmonics import Harmonic, find_harmonics, missing_multiples, near_harmonic
+from sprung.signals.harmonics import (
+    Harmonic,
+    find_harmonics,
+    in_families,
+    missing_multiples,
+    near_harmonic,
+    without_side_lines,
+)
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import read_description, structure
 
@@ -175,6 +182,29 @@ def test_an_engine_whose_speed_wanders_has_drifting_lines() -> None:
     assert {line.kind for line in lines} == {"drifting"}
     orders = 11.1 * np.arange(1, 5)
     assert near_harmonic(orders, np.full(4, 0.003), lines, resolution=0.3).all()
+
+
+def test_lines_of_several_recordings_are_one_family() -> None:
+    """Each recording has a fundamental of its own, one of them half of it."""
+    lines = [
+        Harmonic(f, "constant", (f - 0.01, f + 0.01), 0.02, 20.0, ("a",), 5.0 / part + error, part * order)
+        for order, f in enumerate(5.0 * np.arange(1, 21), start=1)
+        for part, error in [(2, 0.0) if order % 9 == 0 else (1, 1e-7 * (order % 4))]
+    ]
+    found = in_families([*lines, replace(lines[0], frequency=101.3, fundamental=None, order=1)])
+    assert [line.fundamental for line in found[:-1]] == [pytest.approx(5.0)] * 20
+    assert len({line.fundamental for line in found[:-1]}) == 1
+    assert [line.order for line in found] == [*range(1, 21), 1]
+    assert found[-1].fundamental is None
+
+
+def test_side_lines_are_left_out_and_other_lines_are_not() -> None:
+    def line(frequency, prominence, fundamental=None):
+        return Harmonic(frequency, "constant", (frequency, frequency), 0.025, prominence, ("a",), fundamental)
+
+    family = [line(3.65 * order, 25.0, 3.65) for order in range(60, 65)]
+    others = [line(3.65 * 61 - 0.1, 30.0), line(3.65 * 62 - 0.2, 15.0)]
+    assert list(without_side_lines([*family, *others, line(3.65 * 63 - 0.1, 15.0)])) == [*family, *others]
 
 
 def test_multiples_that_are_not_seen_are_those_below_the_highest() -> None:

@@ -57,6 +57,14 @@ def test_a_family_without_its_fundamental_is_found_if_most_multiples_are_there()
     assert largest_family([line(20.0), line(31.0)]) is None
 
 
+def test_one_peak_between_many_multiples_does_not_halve_the_fundamental() -> None:
+    """With the peak more than half of the multiples of 5 Hz exist, but one in forty of the odd ones."""
+    family = largest_family([line(10.0 * n) for n in range(1, 41)] + [line(405.0)])
+    assert family is not None
+    assert family.fundamental == pytest.approx(10.0)
+    assert len(family.members) == 40
+
+
 def test_noise_has_no_narrow_lines_at_the_rate_stated() -> None:
     found = 0
     for seed, is_geometric in itertools.product(range(100), (False, True)):

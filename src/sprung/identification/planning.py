@@ -1,5 +1,6 @@
 """Choices from the data: band, sampling rate, block rows, orders and segments."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -80,6 +81,7 @@ def plan_preparation(
     settings: IdentificationSettings,
     vehicle: AnyVehicle | None = None,
     harmonics: Sequence[Harmonic] = (),
+    searched: float = math.inf,
 ) -> PreparationPlan:
     """Choose channels, band and sampling rate from the first record, where the settings leave them open.
 
@@ -93,6 +95,8 @@ def plan_preparation(
         Vehicle whose modes give the band where the settings do not.
     harmonics
         Lines of the excitation, which do not count as content of the band.
+    searched
+        Frequency up to which lines were searched for [Hz]: beyond it they are not distinguished from content.
 
     Returns
     -------
@@ -127,7 +131,7 @@ def plan_preparation(
     elif vehicle is not None:
         band, source = _band_of_vehicle(vehicle, fastest), "around the modes of the vehicle file"
     else:
-        band = _band_of_content(motion, harmonics, settings)
+        band = _band_of_content(motion, harmonics, searched, settings)
         source = "where the channels are coherent" if len(outputs) > 1 else "where most of the power is"
     check_number("the band's lower edge", band[0], at_most=fastest / 2, advice="it is above half the sampling rate")
     least = max(rate_over_band * band[1], _FEWEST_SAMPLES * fastest / _longest(recording))
@@ -272,13 +276,13 @@ def _band_of_vehicle(vehicle: AnyVehicle, sampling_rate: float) -> tuple[float, 
 
 
 def _band_of_content(
-    motion: Recording, harmonics: Sequence[Harmonic], settings: IdentificationSettings
+    motion: Recording, harmonics: Sequence[Harmonic], searched: float, settings: IdentificationSettings
 ) -> tuple[float, float]:
-    """Return the band in which the channels move together [Hz]."""
+    """Return the band in which the channels move together [Hz], from the frequencies searched for lines."""
     content = _content(subtract_lines(motion, harmonics))
     frequencies, widths = content.frequencies, content.widths
     n_slow = _end_of_slow_motion(content.common)
-    is_used = np.arange(frequencies.size) >= n_slow
+    is_used = (np.arange(frequencies.size) >= n_slow) & (frequencies <= searched)
     for line in harmonics:
         if line.kind != "constant":
             margin = np.maximum(2 * widths, _WANDERING * line.band[1])

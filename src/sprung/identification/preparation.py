@@ -1,5 +1,6 @@
 """Preparation of recordings for identification: decimation, cepstrum editing, filtering, search for harmonics."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from sprung.identification.settings import PreparationPlan
 from sprung.modal import Modes, unit_shapes
 from sprung.recording import Recording
 from sprung.signals.cepstrum import Exponential, Lifter, edit, subtract_lifter_damping
-from sprung.signals.conditioning import band_pass, decimate, detrend, scale
+from sprung.signals.conditioning import PASS_BAND, band_pass, decimate, detrend, scale
 from sprung.signals.harmonics import Harmonic, find_harmonics
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 
@@ -97,8 +98,19 @@ def search_harmonics(recording: Recording, plan: PreparationPlan, *, speed: str 
     DataError
         If a channel has missing values, or there is no channel to search.
     """
-    searched = _decimate_to(_at_common_rate(recording, plan), max(plan.decimate_to, _RATE_FOR_LINES))
+    searched = _decimate_to(_at_common_rate(recording, plan), _rate_for_lines(plan))
     return find_harmonics(searched, speed=speed, false_alarm_rate=_FALSE_LINES)
+
+
+def highest_line(plan: PreparationPlan) -> float:
+    """Return the frequency up to which `search_harmonics` shows lines in full [Hz], infinite without decimation."""
+    rate = _rate_for_lines(plan)
+    return float(PASS_BAND * rate / 2) if rate < plan.sampling_rate else math.inf
+
+
+def _rate_for_lines(plan: PreparationPlan) -> float:
+    """Return the sampling rate at which lines are searched for [Hz]."""
+    return max(plan.decimate_to, _RATE_FOR_LINES)
 
 
 def as_measured(modes: Modes, plan: PreparationPlan, lifter: Lifter | None) -> Modes:

@@ -19,11 +19,11 @@ from sprung.identification.correlation import (
 from sprung.identification.fdd import with_long_segments
 from sprung.identification.levels import LevelCorrelations, correlate_by_level, joined_levels
 from sprung.identification.planning import make_plan, plan_preparation
-from sprung.identification.preparation import Prepared, prepare, search_harmonics, without_slow_motion
+from sprung.identification.preparation import Prepared, highest_line, prepare, search_harmonics, without_slow_motion
 from sprung.identification.record_spectra import RecordSpectra, record_spectra
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan
 from sprung.recording import Channel, Recording
-from sprung.signals.harmonics import Harmonic
+from sprung.signals.harmonics import Harmonic, in_families, without_side_lines
 from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel, usable
@@ -192,7 +192,8 @@ def _first_record(
             preparation = plan_preparation(recording, settings=settings, vehicle=vehicle)
             harmonics = _harmonics(recording, preparation, settings, vehicle)
             if harmonics and settings.band is None and settings.ladder is None and vehicle is None:
-                preparation = plan_preparation(recording, settings=settings, vehicle=vehicle, harmonics=harmonics)
+                searched = highest_line(preparation)
+                preparation = plan_preparation(recording, settings=settings, harmonics=harmonics, searched=searched)
             if method == "fdd":
                 preparation = with_long_segments(
                     preparation, recording, total_duration=duration, segment=settings.segment
@@ -279,7 +280,8 @@ def _common_harmonics(records: Sequence[Sequence[Harmonic]]) -> tuple[Harmonic, 
     for row in range(len(common)):
         if not is_same[row, kept].any():
             kept.append(row)
-    return tuple(sorted((common[row] for row in kept), key=lambda line: (line.kind, line.frequency)))
+    chosen = sorted((common[row] for row in kept), key=lambda line: (line.kind, line.frequency))
+    return without_side_lines(in_families(chosen) if len(records) > 1 else chosen)
 
 
 def _same(lines: Sequence[Harmonic], others: Sequence[Harmonic]) -> Booleans:

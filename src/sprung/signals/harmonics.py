@@ -43,7 +43,7 @@ SLIP = 0.004
 FAINTEST_MULTIPLE = 4.0
 #: Smallest spread of speed (middle half over median) that separates lines proportional to it from constant ones.
 LEAST_SPREAD = 0.03
-#: Largest distance of the pole of a residue from a line that was subtracted, over the line's resolution.
+#: Largest distance of side lines, and of the pole of a residue, from a line that was subtracted, over its resolution.
 _RESIDUE = 5.0
 #: Parts of a line's frequency that are tried as fundamental, and number of lines tried that are not regular themselves.
 DIVISORS, MOST_BASES = (1, 2, 3, 4), 40
@@ -290,6 +290,65 @@ def missing_multiples(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
     return tuple(missing)
 
 
+def in_families(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
+    """Return lines from several recordings with the fundamentals and orders that they have together.
+
+    Parameters
+    ----------
+    harmonics
+        Lines of any kinds, each kind by rising frequency; lines in families of several recordings differ in the last
+        digits of their fundamentals.
+
+    Returns
+    -------
+    tuple of Harmonic
+        The same lines.
+    """
+    together = list(harmonics)
+    for is_speed in (False, True):
+        rows = [row for row, line in enumerate(harmonics) if (line.kind == "speed") == is_speed]
+        rows.sort(key=lambda row: harmonics[row].frequency)
+        families = _family_of_each([_as_line(harmonics[row]) for row in rows])
+        for i, row in enumerate(rows):
+            fundamental, order = families.get(i, (None, 1))
+            together[row] = replace(harmonics[row], fundamental=fundamental, order=order)
+    return tuple(together)
+
+
+def without_side_lines(harmonics: Sequence[Harmonic]) -> tuple[Harmonic, ...]:
+    """Return lines without the weaker ones next to a multiple of a large family of constant frequency.
+
+    Parameters
+    ----------
+    harmonics
+        Lines.
+
+    Notes
+    -----
+    Pulses that fall on the nearest sample come too early and too late in turn, which modulates the phase of their
+    multiples: each has side lines, at the distance of the beat of pulses and samples, that grow with the order.
+    """
+    large = [line for family in _families(harmonics) if len(family) >= LARGE_FAMILY for line in family]
+    carriers = [line for line in large if line.kind == "constant"]
+
+    def is_side_line(line: Harmonic) -> bool:
+        return line.kind == "constant" and any(
+            line.fundamental != carrier.fundamental
+            and line.prominence < carrier.prominence
+            and abs(line.frequency - carrier.frequency) <= _RESIDUE * carrier.resolution
+            for carrier in carriers
+        )
+
+    return tuple(line for line in harmonics if not is_side_line(line))
+
+
+def _as_line(harmonic: Harmonic) -> Line:
+    """Return a harmonic as a line, for its family."""
+    slip = SLIP * harmonic.frequency if harmonic.kind == "speed" else 0.0
+    tolerance = max(harmonic.resolution / (2 * NOISE_BANDWIDTH), slip)
+    return Line(harmonic.frequency, tolerance, harmonic.resolution, harmonic.prominence, frozenset())
+
+
 def _is_swept(line: Harmonic, following: Sequence[Harmonic]) -> bool:
     """Return whether a line that drifts is one proportional to speed."""
     return line.kind == "drifting" and any(
@@ -444,11 +503,7 @@ def _as_harmonics(
     lines: list[Line], names: Sequence[str], kind: Literal["constant", "speed"], speeds: tuple[float, float]
 ) -> tuple[Harmonic, ...]:
     """Return lines as harmonics, in their families."""
-    families: dict[int, tuple[float, int]] = {}
-    left = list(range(len(lines)))
-    while family := largest_family([lines[i] for i in left]):
-        families |= {left[i]: (family.fundamental, order) for i, order in family.members}
-        left = [i for i in left if i not in families]
+    families = _family_of_each(lines)
     harmonics = []
     for i, line in enumerate(lines):
         fundamental, order = families.get(i, (None, 1))
@@ -459,3 +514,13 @@ def _as_harmonics(
             Harmonic(line.frequency, kind, band, line.resolution, line.prominence, shown, fundamental, order)
         )
     return tuple(harmonics)
+
+
+def _family_of_each(lines: Sequence[Line]) -> dict[int, tuple[float, int]]:
+    """Return fundamental and order of the lines that belong to a family, by their index."""
+    families: dict[int, tuple[float, int]] = {}
+    left = list(range(len(lines)))
+    while family := largest_family([lines[i] for i in left]):
+        families |= {left[i]: (family.fundamental, order) for i, order in family.members}
+        left = [i for i in left if i not in families]
+    return families

@@ -517,10 +517,16 @@ def largest_family(lines: Sequence[Line]) -> Family | None:
             break
         family = multiples(line.frequency / divisor, line.tolerance / divisor, lines)
         orders = [order for _, order in family.members]
-        is_family = len(orders) >= 2 and (divisor == 1 or len(orders) > max(2, orders[-1] / 2))
+        is_family = len(orders) >= 2 and (divisor == 1 or _has_parts(orders, divisor))
         if is_family and (best is None or len(orders) > len(best.members)):
             best = family
     return best
+
+
+def _has_parts(orders: list[int], divisor: int) -> bool:
+    """Return whether most multiples exist, and half of those that are not multiples of the undivided line, too."""
+    n_parts = orders[-1] - orders[-1] // divisor
+    return len(orders) > max(2, orders[-1] / 2) and 2 * sum(order % divisor > 0 for order in orders) >= n_parts
 
 
 def _most_multiples(lines: Sequence[Line]) -> list[tuple[int, Line, int]]:
