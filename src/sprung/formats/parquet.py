@@ -47,10 +47,10 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         fields = list(file.schema_arrow)
     names = [field.name for field in fields if field.name != _INDEX]
     refuse_repeated(names, path=path)
-    return single_group(path, names, lambda channels: _table(path, fields, channels))
+    return single_group(path, names, lambda channels: _table(path, fields, channels, settings))
 
 
-def _table(path: Path, fields: Sequence[Any], channels: Sequence[str] | None) -> Table:
+def _table(path: Path, fields: Sequence[Any], channels: Sequence[str] | None, settings: ReadSettings) -> Table:
     """Return the table of the columns of some channels."""
     names = [field.name for field in fields if field.name != _INDEX]
     units = [_unit(field) for field in fields if field.name != _INDEX]
@@ -58,7 +58,7 @@ def _table(path: Path, fields: Sequence[Any], channels: Sequence[str] | None) ->
     types = {field.name: field.type for field in fields}
     for column in columns:
         _check_type(path, column, types[column.heading])
-    time = time_column(names, path=path) or _index(types)
+    time = time_column(names, path=path, stated=settings.time) or _index(types)
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
         return within(_blocks(path, columns, time), first, last)
