@@ -44,11 +44,12 @@ ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz", ".csv.zip", 
 
 _HEAD_BYTES = 1 << 18
 _HEAD_LINES = 5000
-_PIECE_BYTES = 1 << 23
+#: The first piece is short, for those who want the first rows only.
+_FIRST_BYTES, _PIECE_BYTES = 1 << 20, 1 << 23
 _TAIL_BYTES = 1 << 16
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _ISO = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d(\.\d*)?)?)?\s*(?P<zone>Z|[+-]\d\d(:?\d\d)?)?")
-_COMMENTED = re.compile("|".join(rf"(?m:^\s*{re.escape(mark)})" for mark in COMMENT_MARKS).encode())
+_COMMENTED = re.compile(rb"(?m)^[ \t]*(#|%|//)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,8 +286,9 @@ def _stamps(table: Any, time: TextTime) -> Any:
 
 def _pieces(file: IO[bytes], offset: int, end: int | None) -> Iterator[bytes]:
     """Yield the bytes from `offset` to before `end`; recoded files give pieces of any length."""
-    place = 0
-    while piece := file.read(_PIECE_BYTES):
+    place, size = 0, _FIRST_BYTES
+    while piece := file.read(size):
+        size = _PIECE_BYTES
         first = max(0, offset - place)
         last = len(piece) if end is None else max(0, end - place)
         place += len(piece)
@@ -315,7 +317,7 @@ def _texts(path: Path, pieces: Iterator[bytes], line: int) -> Iterator[tuple[int
 
 def _without_comments(line: int, text: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield lines between comments, each piece with the number of its first line."""
-    if not _COMMENTED.search(text):
+    if not any(mark in text for mark in COMMENT_MARKS) or not _COMMENTED.search(text):
         if text and not text.isspace():
             yield line, text
         return

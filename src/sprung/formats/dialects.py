@@ -2,6 +2,7 @@
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +12,11 @@ from sprung.formats.dates import kind_of
 from sprung.formats.table import MISSING, is_number, is_unit
 
 #: Marks of lines of comment.
-COMMENT_MARKS = ("#", "%", "//")
+COMMENT_MARKS = (b"#", b"%", b"//")
 #: Delimiter of columns that are separated by one or several blanks.
 BLANK = " "
 
+_MISSING_MARKS = tuple(text.encode() for text in MISSING if text.startswith("#"))
 _DELIMITERS = (";", "\t", ",", "|", BLANK)
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _UNFINISHED = re.compile(r"[+-]?\d*[.,]?\d*([eE][+-]?)?")
@@ -87,9 +89,9 @@ def layout_of(path: Path, lines: Sequence[bytes]) -> Layout:
         raise FormatError(f"{path} holds no samples: its first {len(lines)} lines have no line of numbers")
     sample = list(_sample(lines[data:], delimiter))
     above = [fields(line, delimiter) for line in lines[:data]]
-    header = _header(above, decimal)
-    named = None if header is None else _named(lines[:data], above, header, sample[0])
-    if header is None or named is None:
+    header, named = _header(lines[:data], above, sample[0], decimal)
+    preamble = data if named is None else header - all(is_unit(field) for field in above[header])
+    if named is None:
         first, headings = data, tuple(f"column_{number}" for number in range(1, len(sample[0]) + 1))
     else:
         first = next(i for i in range(header + 1, len(lines)) if lines[i].strip() and not is_comment(lines[i]))
@@ -102,14 +104,15 @@ def layout_of(path: Path, lines: Sequence[bytes]) -> Layout:
         first_line=first + 1,
         offset=sum(len(line) for line in lines[:first]),
         first_row=tuple(sample[0]),
-        comment=_comment(lines[: data if named is None else header]),
+        comment=_comment(lines[:preamble]),
         is_named=named is not None,
     )
 
 
 def is_comment(line: bytes) -> bool:
     """Return whether a line is a comment."""
-    return line.lstrip().startswith(tuple(mark.encode() for mark in COMMENT_MARKS))
+    start = line.lstrip()
+    return start.startswith(COMMENT_MARKS) and not start.startswith(_MISSING_MARKS)
 
 
 def decode(line: bytes) -> str:
@@ -181,15 +184,22 @@ def _sample(lines: Sequence[bytes], delimiter: str) -> Iterator[list[str]]:
             yield fields(line, delimiter)
 
 
-def _header(rows: list[list[str]], decimal: str) -> int | None:
-    """Return the index of the last row with text and without numbers."""
+def _header(
+    lines: Sequence[bytes], rows: list[list[str]], row: list[str], decimal: str
+) -> tuple[int, tuple[str, ...] | None]:
+    """Return the index of the last line with text and without numbers, and its names; None without names.
+
+    Comments that do not name the columns, and titles, are no header.
+    """
     for index in reversed(range(len(rows))):
         if any(rows[index]) and not any(_is_value(field, decimal) for field in rows[index]):
-            return index
-    return None
+            named = _named(lines[index], rows, index, row)
+            if named is not None or not is_comment(lines[index]):
+                return index, named
+    return len(rows), None
 
 
-def _named(lines: Sequence[bytes], rows: list[list[str]], header: int, row: list[str]) -> tuple[str, ...] | None:
+def _named(line: bytes, rows: list[list[str]], header: int, row: list[str]) -> tuple[str, ...] | None:
     """Return the heading of each field of a row; None if the header only looks like one.
 
     Where the header holds nothing but units, the names are in the row above it.
@@ -199,24 +209,24 @@ def _named(lines: Sequence[bytes], rows: list[list[str]], header: int, row: list
     if len(above) == len(names) and all(is_unit(field) for field in names):
         units = [field.strip("[]()") for field in names]
         names = [f"{name} [{unit}]" if unit else name for name, unit in zip(above, units, strict=True)]
-    elif is_comment(lines[header]):
+    elif is_comment(line):
         names = _uncommented(names)
-    if len(names) < len(row):
-        names = _split_by_blanks(lines[header], len(row)) or names
+    if len(names) != len(row):
+        names = _split_by_blanks(line, len(row)) or names
     if len(names) == len(row) - 1 and not row[-1]:
         names = [*names, ""]
     if len(names) == len(row) + 1 and not names[-1]:
         names = names[:-1]
     if len(names) == len(row) - 1 and [kind_of(field) for field in row[:2]] == ["date", "time of day"]:
         names = ["Date", *names]
-    is_title = len(names) != len(row) and (len(names) == 1 or is_comment(lines[header]))
-    return None if is_title else tuple(names)
+    if len(names) != len(row) and (len(names) == 1 or is_comment(line)):
+        return None
+    return tuple(["unnamed_1", *names[1:]] if not names[0] and row[0] else names)
 
 
 def _uncommented(names: list[str]) -> list[str]:
     """Return the names in a header that is marked as a comment."""
-    mark = next(mark for mark in COMMENT_MARKS if names[0].startswith(mark))
-    rest = names[0].removeprefix(mark).lstrip(mark).strip()
+    rest = names[0].lstrip("#%/").strip()
     return [rest, *names[1:]] if rest or len(names) == 1 else names[1:]
 
 
@@ -235,11 +245,9 @@ def _kind(values: list[str], decimal: str) -> str:
     present = [value for value in values if value not in MISSING]
     if not present or any(is_number(value.replace(decimal, ".")) for value in present):
         return "number"
-    kinds = {kind_of(value) for value in present}
-    if kinds <= {"moment", "date"} and kinds:
-        return "moment" if "moment" in kinds else "date"
-    if kinds == {"time of day"}:
-        return "time of day"
+    kind, count = Counter(map(kind_of, present)).most_common(1)[0]
+    if kind is not None and count > len(present) / 2:
+        return kind
     is_text = len(present) > 1 and all(value[0].isalpha() or not value[0].isascii() for value in present)
     return "text" if is_text else "number"
 

@@ -33,8 +33,8 @@ _TIME_WORDS |= {word for word in _UNIT_WORDS if len(word) > 4}
 _COUNTER_WORDS = {"counter", "count", "packet", "index", "idx", "sample", "samples", "row", "line", "frame", "number"}
 _COUNTER_WORDS |= {"no", "nr", "num", "id", "seq", "sequence", "scan", "unnamed", "#"}
 _FLAG_WORDS = {"status", "flag", "flags", "valid", "error", "errors", "state", "mode", "quality", "ok", "sync", "id"}
-#: First column of a table without names.
-_FIRST = re.compile(r"(column|channel)_1")
+#: First column of a table without names, or without one for the first column.
+_FIRST, _UNNAMED = re.compile(r"(column|channel|unnamed)_1"), "unnamed_1"
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµäöü]+|#")
 #: Fewest steps that show a unit of time or a clock without a name, and share of the steps that must be alike, within
 #: this part of the usual one.
@@ -194,10 +194,11 @@ def _with_found_time(table: Table, settings: ReadSettings) -> Table:
 
 def _is_first(column: Column, values: Real, rate: float | None) -> bool:
     """Return whether the first column of a table without names is the time."""
-    if not _FIRST.fullmatch(column.name) or not (_is_even(values) or _is_in_bursts(values)):
+    is_clock = _is_even(values) or _is_in_bursts(values) or (column.name == _UNNAMED and _rises(values))
+    if not is_clock or not _FIRST.fullmatch(column.name):
         return False
     steps = _steps(values)
-    if np.all(steps == 1):
+    if np.all(steps == 1) and values[0] == np.round(values[0]):
         return False
     mean = float(steps.mean())
     return rate is None or any(abs(mean * unit * rate - 1) < _SAME_RATE for unit in TIME_UNITS.values())
@@ -248,6 +249,8 @@ def _of_motion(table: Table) -> Table:
             reasons[column.name] = "a counter"
         elif _is_flag(column, values):
             reasons[column.name] = "a constant flag"
+        elif column.name == _UNNAMED:
+            reasons[column.name] = "without a name"
     if not reasons:
         return table
     kept = [k for k, column in enumerate(table.columns) if column.name not in reasons]
