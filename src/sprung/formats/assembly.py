@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from sprung._arrays import Booleans, Indices, Real
 from sprung.errors import DataError, FormatError, ParameterError
 from sprung.formats.settings import TIME_UNITS, ReadSettings
-from sprung.formats.table import Block, Table, split_heading
+from sprung.formats.table import Block, Table
+from sprung.formats.time_columns import stated_unit, timed
 from sprung.formats.timing import Clock, ClockFit, TimeScale, find_gaps, interpolate, time_scale, uncrowded
 from sprung.recording import Channel, Gap, Recording
 
@@ -41,20 +42,23 @@ class Survey:
 
 
 def limited(table: Table, settings: ReadSettings) -> Table:
-    """Return the table with only the rows of the wanted part.
+    """Return the table with its time column and only the rows of the wanted part.
 
     Parameters
     ----------
     table
         Opened file.
     settings
-        Start and end of the part [s after the first row].
+        Time column, start and end of the part [s after the first row], and longest gap to bridge [s].
 
     Raises
     ------
     ParameterError
-        If the part begins after the end of the file.
+        If the part begins after the end of the file, or as raised by `time_columns.timed`.
+    FormatError
+        As raised by `time_columns.timed`.
     """
+    table = replace(timed(table, settings), bridge=settings.bridge)
     if settings.start is None and settings.end is None:
         return table
     begin, end, origin = _part(table, settings)
@@ -167,10 +171,8 @@ def _values_present(table: Table, block: Block) -> Booleans:
 
 def time_unit(table: Table) -> float | None:
     """Return the seconds in one unit of the time column; None if the column does not state a unit."""
-    name, unit, _ = split_heading(table.time_heading or "")
-    if unit in TIME_UNITS:
-        return TIME_UNITS[unit]
-    return 1.0 if name.lower().endswith("_s") else None
+    unit = stated_unit(table.time_heading or "")
+    return table.time_factor if unit is None or table.time_factor is not None else TIME_UNITS[unit]
 
 
 def _seconds(table: Table, stamps: NDArray[Any], rows: Indices, scale: TimeScale) -> Real:
@@ -215,6 +217,7 @@ def _history(table: Table, clock: Clock, scale: TimeScale | None, counts: Indice
         if column.quantity != "unknown" and column.factor != 1:
             yield f"{column.name}: values times {column.factor:.6g} give {column.quantity.replace('_', ' ')} in SI"
     yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
+    yield from table.notes
     for column, count in zip(table.columns, counts, strict=True):
         if count < _ALIVE_SHARE * n_rows:
             yield f"{column.name}: dead, values in {count} of {n_rows} rows"

@@ -1,5 +1,6 @@
-"""Tables in text: comma, semicolon or tab, decimal point or comma, plain or packed with gzip or zip."""
+"""Tables in text: any usual delimiter, decimal point or comma, with or without names, plain or packed."""
 
+import codecs
 import csv
 import gzip
 import io
@@ -14,6 +15,8 @@ from typing import IO, Any, cast
 import numpy as np
 
 from sprung.errors import FormatError
+from sprung.formats.dates import DAY_FIRST, MONTH_FIRST, YEAR_FIRST, kind_of, moments, possible_orders
+from sprung.formats.dialects import BLANK, COMMENT_MARKS, Layout, fields, is_comment, layout_of, single_blanks
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import (
     MISSING,
@@ -22,72 +25,178 @@ from sprung.formats.table import (
     Table,
     chosen_columns,
     is_number,
-    is_unit,
+    is_time,
     refuse_repeated,
     reported,
     single_group,
+    split_heading,
     time_column,
     within,
     written_headings,
     written_stamps,
     written_values,
 )
+from sprung.formats.time_columns import stated_unit
 from sprung.recording import Recording
 
 NAME, EXTRA = "text", None
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz", ".csv.zip", ".tsv.zip", ".txt.zip")
 
 _HEAD_BYTES = 1 << 18
-_HEAD_LINES = 100
-_PIECE_BYTES = 1 << 23
-_DATE = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d(\.\d*)?)?)?\s*(?P<zone>Z|[+-]\d\d(:?\d\d)?)?")
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
+_HEAD_LINES = 5000
+#: The first piece is short, for those who want the first rows only.
+_FIRST_BYTES, _PIECE_BYTES = 1 << 20, 1 << 23
+_TAIL_BYTES = 1 << 16
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_ISO = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d(\.\d*)?)?)?\s*(?P<zone>Z|[+-]\d\d(:?\d\d)?)?")
+_COMMENTED = re.compile(rb"(?m)^[ \t]*(#|%|//)")
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
-    """Layout of the table in a text file."""
+class TextTime:
+    """Time column of texts: indices of its one or two columns, and the order of day, month and year."""
 
-    delimiter: str
-    decimal: str
-    headings: tuple[str, ...]
-    first_line: int
-    offset: int
-    first_row: tuple[str, ...]
+    indices: tuple[int, ...]
+    order: str
 
 
 def recognises(head: bytes) -> bool:
     """Return whether the first bytes of a file are text, or packed with gzip or zip."""
-    return b"\0" not in head or head.startswith((b"\x1f\x8b", b"PK\x03\x04"))
+    return b"\0" not in head or head.startswith((b"\x1f\x8b", b"PK\x03\x04", *_UTF_16))
 
 
 def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
     """Return the only table of a text file.
 
     The header is the last line without a number before the first line of numbers; the lines above it are a preamble. A
-    line below the header that holds only units is read as the units.
+    line below the header that holds only units is read as the units. Without a header the columns are called column_1,
+    column_2 ... A last line that was cut off is left out.
     """
-    layout = _layout(path)
+    layout = layout_of(path, _first_lines(path))
     named = [heading for heading in layout.headings if heading]
     refuse_repeated(named, path=path)
-    return single_group(path, named, lambda channels: _table(path, layout, named, channels))
+    return single_group(path, named, lambda channels: _table(path, layout, channels, settings))
 
 
-def _table(path: Path, layout: Layout, named: list[str], channels: Sequence[str] | None) -> Table:
+def _table(path: Path, layout: Layout, channels: Sequence[str] | None, settings: ReadSettings) -> Table:
     """Return the table of the columns of some channels."""
-    columns = chosen_columns(named, channels, path=path)
-    time = time_column(named, path=path)
+    time, notes = _time(path, layout, settings)
+    texts = [heading for heading, kind in _columns(layout) if kind != "number" and not is_time(heading)]
+    others = [heading for heading in texts if layout.headings.index(heading) not in (time.indices if time else ())]
+    wanted = [heading for heading, kind in _columns(layout) if kind == "number" or channels is not None]
+    columns = chosen_columns(wanted, channels, path=path)
     indices = [layout.headings.index(column.heading) for column in columns]
-    time_index = None if time is None else layout.headings.index(time)
+    if others and channels is None:
+        notes.append(f"left out, as they hold no numbers: {', '.join(repr(heading) for heading in others)}")
+    end = _end(path, layout)
+    if end is not None:
+        notes.append("last line left out: it was cut off")
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
-        return within(_blocks(path, layout, indices, time_index), first, last)
+        return within(_blocks(path, layout, indices, time, end), first, last)
 
-    return Table(path, columns, time, blocks, row_word="line")
+    return Table(
+        path,
+        columns,
+        None if time is None else layout.headings[time.indices[-1]],
+        blocks,
+        row_word="line",
+        comment=layout.comment,
+        notes=tuple(notes),
+    )
+
+
+def _columns(layout: Layout) -> list[tuple[str, str]]:
+    """Return heading and kind of the columns that have a name."""
+    return [item for item in zip(layout.headings, layout.kinds, strict=True) if item[0]]
+
+
+def _time(path: Path, layout: Layout, settings: ReadSettings) -> tuple[TextTime | None, list[str]]:
+    """Return the time column that names, or texts of dates, show, with notes; None without one."""
+    heading = _time_heading(path, layout, settings)
+    if heading is None:
+        return None, []
+    index = layout.headings.index(heading)
+    kind = layout.kinds[index]
+    if kind == "number":
+        return TextTime((index,), ""), []
+    if kind == "text":
+        raise FormatError(
+            f"{path}: time column {heading!r} holds {layout.first_row[index][:40]!r}: write seconds, or date-times as "
+            "2024-05-31 12:00:00.250"
+        )
+    indices: tuple[int, ...] = (index,)
+    if kind == "time of day" and "date" in layout.kinds:
+        indices = (layout.kinds.index("date"), index)
+    elif kind == "date" and "time of day" in layout.kinds:
+        indices = (index, layout.kinds.index("time of day"))
+    names = " and ".join(repr(layout.headings[k]) for k in indices)
+    notes = (
+        []
+        if is_time(heading) and len(indices) == 1
+        else [f"time: {names}, by {'its' if len(indices) == 1 else 'their'} dates and times"]
+    )
+    if len(indices) == 1 and _ISO.fullmatch(layout.first_row[index]):
+        return TextTime(indices, ""), notes
+    order = _order(path, layout, indices[0]) if kind != "time of day" or len(indices) == 2 else YEAR_FIRST
+    if order is None and settings.sampling_rate is None:
+        raise FormatError(
+            f"{path}: column {layout.headings[indices[0]]!r} holds dates such as {layout.first_row[indices[0]]!r}, of "
+            "which day and month cannot be told apart: write them as 2024-12-31, or state the sampling rate with "
+            "--sampling-rate"
+        )
+    if order is None:
+        return None, [f"dates in {names} left out: day and month cannot be told apart"]
+    if order != YEAR_FIRST:
+        notes.append(f"dates in {layout.headings[indices[0]]!r} read as {order}")
+    return TextTime(indices, order), notes
+
+
+def _time_heading(path: Path, layout: Layout, settings: ReadSettings) -> str | None:
+    """Return the heading of the time column: stated, by its name, or because it holds dates and times."""
+    columns = _columns(layout)
+    named = [heading for heading, _ in columns]
+    stated = [name for name in named if settings.time in (name, split_heading(name)[0])]
+    if stated:
+        return stated[0] if is_time(stated[0]) or layout.kinds[layout.headings.index(stated[0])] != "number" else None
+    by_name = time_column(named, path=path, stated=settings.time)
+    if by_name is not None or settings.time is not None:
+        return by_name
+    if any(kind == "number" and stated_unit(heading) for heading, kind in columns):
+        return None
+    texts = {kind: heading for heading, kind in reversed(columns)}
+    return texts.get("moment") or texts.get("time of day") or texts.get("date")
+
+
+def _order(path: Path, layout: Layout, index: int) -> str | None:
+    """Return the order of day, month and year in a column; None if it does not show."""
+    orders = {YEAR_FIRST, DAY_FIRST, MONTH_FIRST}
+    for texts in _column_of_texts(path, layout, index):
+        orders &= possible_orders(texts)
+        if len(orders) <= 1:
+            break
+    return next(iter(orders)) if len(orders) == 1 else None
+
+
+def _column_of_texts(path: Path, layout: Layout, index: int) -> Iterator[Any]:
+    """Yield one column as texts."""
+    import pyarrow as pa
+
+    for _, table in _tables(path, layout, {index: pa.string()}, _end(path, layout)):
+        yield table.column(str(index))
 
 
 @contextmanager
 def _open(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file, or the only member of an archive, for reading; UTF-16 is read as UTF-8."""
+    with _unpacked(path) as file:
+        head = file.read(2)
+        file.seek(0)
+        yield cast(IO[bytes], codecs.EncodedFile(file, "utf-8", "utf-16")) if head in _UTF_16 else file
+
+
+@contextmanager
+def _unpacked(path: Path) -> Iterator[IO[bytes]]:
     """Open a file, or the only member of an archive, for reading."""
     if path.suffix.lower() == ".zip":
         with zipfile.ZipFile(path) as archive:
@@ -102,28 +211,6 @@ def _open(path: Path) -> Iterator[IO[bytes]]:
     else:
         with path.open("rb") as file:
             yield file
-
-
-def _layout(path: Path) -> Layout:
-    """Return the layout that the first lines of a file show."""
-    lines = _first_lines(path)
-    delimiter = _delimiter(lines)
-    rows = [_fields(line, delimiter) for line in lines]
-    has_decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(field) for row in rows for field in row)
-    decimal = "," if has_decimal_comma else "."
-    data = next((i for i, row in enumerate(rows) if _is_data(row, decimal)), None)
-    if data is None:
-        raise FormatError(f"{path} holds no samples: its first {len(lines)} lines have no line of numbers")
-    header = _header(rows[:data], decimal)
-    if header is None:
-        raise FormatError(
-            f"{path}, line {data + 1}: the table begins without column names: put a line with the name of every "
-            "column above the numbers"
-        )
-    headings = _headings(rows, header)
-    first = next(i for i in range(header + 1, len(rows)) if lines[i].strip())
-    offset = sum(len(line) for line in lines[:first])
-    return Layout(delimiter, decimal, headings, first + 1, offset, tuple(rows[data]))
 
 
 def _first_lines(path: Path) -> list[bytes]:
@@ -143,98 +230,105 @@ def _first_lines(path: Path) -> list[bytes]:
     return complete
 
 
-def _decode(line: bytes) -> str:
-    """Return a line of text; bytes that are not UTF-8 are Latin-1."""
-    try:
-        return line.decode("utf-8-sig").rstrip("\r\n")
-    except UnicodeDecodeError:
-        return line.decode("latin-1").rstrip("\r\n")
+def _end(path: Path, layout: Layout) -> int | None:
+    """Return the offset of a last line that was cut off; None if the last line is whole or the file is packed."""
+    if path.suffix.lower() in {".gz", ".zip"}:
+        return None
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        is_utf_16 = file.read(2) in _UTF_16
+        file.seek(max(0, size - _TAIL_BYTES))
+        tail = file.read()
+    last = tail[tail.rfind(b"\n") + 1 :]
+    begin = size - len(last)
+    if is_utf_16 or not last.strip() or begin <= layout.offset or not layout.is_unfinished(last):
+        return None
+    return begin
 
 
-def _delimiter(lines: list[bytes]) -> str:
-    """Return the delimiter of the last of the lines, which is not part of a preamble."""
-    last = next((line for line in reversed(lines) if line.strip()), b"")
-    return next((character for character in ";\t" if character.encode() in last), ",")
-
-
-def _fields(line: bytes, delimiter: str, *, strip: bool = True) -> list[str]:
-    """Return the fields of a line; `strip` removes the blanks around them."""
-    text = _decode(line)
-    try:
-        fields = next(csv.reader([text], delimiter=delimiter), [])
-    except csv.Error:
-        return [text]
-    return [field.strip() for field in fields] if strip else fields
-
-
-def _is_value(field: str, decimal: str) -> bool:
-    """Return whether a field is a number or a date-time."""
-    return is_number(field.replace(decimal, ".")) or _DATE.fullmatch(field) is not None
-
-
-def _is_data(row: list[str], decimal: str) -> bool:
-    """Return whether more than half of the fields of a row are numbers or missing values."""
-    n_values = sum(_is_value(field, decimal) and field not in MISSING for field in row)
-    n_missing = sum(field in MISSING for field in row)
-    return n_values > 0 and n_values + n_missing > len(row) / 2
-
-
-def _header(rows: list[list[str]], decimal: str) -> int | None:
-    """Return the index of the last row with text and without numbers."""
-    for index in reversed(range(len(rows))):
-        if any(rows[index]) and not any(_is_value(field, decimal) for field in rows[index]):
-            return index
-    return None
-
-
-def _headings(rows: list[list[str]], header: int) -> tuple[str, ...]:
-    """Return the headings; where the header holds nothing but units, the names are in the row above it."""
-    above = rows[header - 1] if header else []
-    if len(above) != len(rows[header]) or not all(is_unit(field) for field in rows[header]):
-        return tuple(rows[header])
-    units = [field.strip("[]()") for field in rows[header]]
-    return tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(above, units, strict=True))
-
-
-def _blocks(path: Path, layout: Layout, indices: list[int], time_index: int | None) -> Iterator[Block]:
+def _blocks(path: Path, layout: Layout, indices: list[int], time: TextTime | None, end: int | None) -> Iterator[Block]:
     """Yield the rows of some columns, numbered by their lines."""
     import pyarrow as pa
 
     types = {index: pa.float64() for index in indices}
-    if time_index is not None:
-        types[time_index] = _time_type(path, layout, time_index)
+    for index in time.indices if time else ():
+        types[index] = _time_type(path, layout, index) if time and not time.order else pa.string()
+    for line, table in _tables(path, layout, types, end):
+        values = np.empty((len(indices), table.num_rows))
+        for row, index in enumerate(indices):
+            values[row] = table.column(str(index)).to_numpy()
+        yield Block(line, None if time is None else _stamps(table, time), values)
+
+
+def _tables(path: Path, layout: Layout, types: dict[int, Any], end: int | None) -> Iterator[tuple[int, Any]]:
+    """Yield some columns piece by piece, each with the number of its first line."""
+    import pyarrow as pa
+
     with reported(path, "text"), _open(path) as file:
-        file.read(layout.offset)
-        for line, text in _texts(path, file, layout.first_line):
+        for line, text in _texts(path, _pieces(file, layout.offset, end), layout.first_line):
+            plain = single_blanks(text) if layout.delimiter == BLANK else text
             try:
-                table = _parse(text, layout, types)
+                table = _parse(plain, layout, types)
             except pa.ArrowInvalid as error:
                 raise _located_error(path, layout, types, line, text) or _unlocated_error(path, line, error) from None
-            values = np.empty((len(indices), table.num_rows))
-            for row, index in enumerate(indices):
-                values[row] = table.column(str(index)).to_numpy()
-            yield Block(line, None if time_index is None else table.column(str(time_index)).to_numpy(), values)
+            yield line, table
 
 
-def _texts(path: Path, file: IO[bytes], line: int) -> Iterator[tuple[int, bytes]]:
-    """Yield pieces of whole lines, each with the number of its first one.
+def _stamps(table: Any, time: TextTime) -> Any:
+    """Return the time stamps of some rows."""
+    import pyarrow.compute as pc
+
+    columns = [table.column(str(index)).combine_chunks() for index in time.indices]
+    if not time.order:
+        return columns[0].to_numpy(zero_copy_only=False)
+    return moments(columns[0] if len(columns) == 1 else pc.binary_join_element_wise(*columns, " "), time.order)
+
+
+def _pieces(file: IO[bytes], offset: int, end: int | None) -> Iterator[bytes]:
+    """Yield the bytes from `offset` to before `end`; recoded files give pieces of any length."""
+    place, size = 0, _FIRST_BYTES
+    while piece := file.read(size):
+        size = _PIECE_BYTES
+        first = max(0, offset - place)
+        last = len(piece) if end is None else max(0, end - place)
+        place += len(piece)
+        if first < last and first < len(piece):
+            yield piece[first:last]
+
+
+def _texts(path: Path, pieces: Iterator[bytes], line: int) -> Iterator[tuple[int, bytes]]:
+    """Yield pieces of whole lines without comments, each with the number of its first one.
 
     The pieces are parsed separately, not as a stream, so that an abandoned reader leaves no running threads.
     """
     rest = b""
-    while piece := file.read(_PIECE_BYTES):
+    for piece in pieces:
         text = rest + piece
         end = text.rfind(b"\n") + 1
-        if end == 0:
+        if end == 0 and len(piece) >= _PIECE_BYTES:
             raise FormatError(
                 f"{path}, line {line} is longer than {_PIECE_BYTES} bytes: the text is not a table from there on"
             )
         lines, rest = text[:end], text[end:]
-        if not lines.isspace():
-            yield line, lines
+        yield from _without_comments(line, lines)
         line += lines.count(b"\n")
-    if rest and not rest.isspace():
-        yield line, rest
+    yield from _without_comments(line, rest)
+
+
+def _without_comments(line: int, text: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield lines between comments, each piece with the number of its first line."""
+    if not any(mark in text for mark in COMMENT_MARKS) or not _COMMENTED.search(text):
+        if text and not text.isspace():
+            yield line, text
+        return
+    kept: list[bytes] = []
+    for number, row in enumerate(text.splitlines(keepends=True), line):
+        if not is_comment(row):
+            kept.append(row)
+        elif kept:
+            yield from _without_comments(number - len(kept), b"".join(kept))
+            kept = []
+    yield from _without_comments(line + text.count(b"\n") - len(kept) + (not text.endswith(b"\n")), b"".join(kept))
 
 
 def _parse(text: bytes, layout: Layout, types: dict[int, Any]) -> Any:
@@ -257,19 +351,12 @@ def _parse(text: bytes, layout: Layout, types: dict[int, Any]) -> Any:
 
 
 def _time_type(path: Path, layout: Layout, index: int) -> Any:
-    """Return the type of the time column: numbers, or date-times with or without a zone."""
+    """Return the type of the time column: numbers, or ISO date-times with or without a zone."""
     import pyarrow as pa
 
     text = layout.first_row[index] if index < len(layout.first_row) else ""
-    match = _DATE.fullmatch(text)
-    if match:
-        return pa.timestamp("ns", "UTC" if match["zone"] else None)
-    if text in MISSING or is_number(text.replace(layout.decimal, ".")):
-        return pa.float64()
-    raise FormatError(
-        f"{path}: time column {layout.headings[index]!r} holds {text[:40]!r}: write seconds, or date-times as "
-        "2024-05-31 12:00:00.250"
-    )
+    match = _ISO.fullmatch(text)
+    return pa.timestamp("ns", "UTC" if match["zone"] else None) if match else pa.float64()
 
 
 def _located_error(path: Path, layout: Layout, types: dict[int, Any], first: int, text: bytes) -> FormatError | None:
@@ -277,19 +364,21 @@ def _located_error(path: Path, layout: Layout, types: dict[int, Any], first: int
     import pyarrow as pa
 
     for line, raw in enumerate(text.split(b"\n"), first):
-        fields = _fields(raw, layout.delimiter, strip=False)
-        if not any(fields):
+        row = fields(raw, layout.delimiter, strip=False)
+        if not any(row):
             continue
-        if len(fields) != len(layout.headings):
+        if len(row) != len(layout.headings):
             return FormatError(
-                f"{path}, line {line} has {len(fields)} fields, but the header has {len(layout.headings)}: correct or "
+                f"{path}, line {line} has {len(row)} fields, but the header has {len(layout.headings)}: correct or "
                 "remove the line"
             )
         for index, kind in types.items():
-            field = fields[index]
+            field = row[index]
             is_right = is_number(field.replace(layout.decimal, ".")) or field in MISSING
             if pa.types.is_timestamp(kind):
-                is_right = _DATE.fullmatch(field) is not None
+                is_right = _ISO.fullmatch(field) is not None
+            elif pa.types.is_string(kind):
+                is_right = kind_of(field) is not None or field in MISSING
             if not is_right:
                 return FormatError(
                     f"{path}, line {line}, column {layout.headings[index]!r}: {field[:40]!r} is not a "

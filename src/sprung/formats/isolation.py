@@ -89,8 +89,16 @@ def _open(path: Path, source: Mapping[str, Any], channels: Sequence[str] | None)
         return _READER.blocks(path, {**request, "do": "times"})
 
     columns = tuple(Column(**column) for column in stated.pop("columns"))
-    has_times = stated.pop("has_times")
-    return Table(path=path, columns=columns, blocks=blocks, times=times if has_times else None, **stated)
+    has_times, has_others = stated.pop("has_times"), stated.pop("has_others")
+    return Table(
+        path=path,
+        columns=columns,
+        blocks=blocks,
+        times=times if has_times else None,
+        others=partial(_open, path, source) if has_others else None,
+        notes=tuple(stated.pop("notes")),
+        **stated,
+    )
 
 
 class _Reader:
@@ -285,6 +293,9 @@ def _stated_table(table: Table) -> dict[str, Any]:
         "sampling_rate": None if table.sampling_rate is None else float(table.sampling_rate),
         "start": None if table.start is None else int(table.start),
         "has_times": table.times is not None,
+        "has_others": table.others is not None,
+        "time_factor": table.time_factor,
+        "notes": table.notes,
         "comment": table.comment,
     }
 

@@ -48,10 +48,10 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         schema = file.schema_arrow
     names = [field.name for field in schema if field.name != _INDEX]
     refuse_repeated(names, path=path)
-    return single_group(path, names, lambda channels: _table(path, schema, channels))
+    return single_group(path, names, lambda channels: _table(path, schema, channels, settings))
 
 
-def _table(path: Path, schema: Any, channels: Sequence[str] | None) -> Table:
+def _table(path: Path, schema: Any, channels: Sequence[str] | None, settings: ReadSettings) -> Table:
     """Return the table of the columns of some channels."""
     fields = {field.name: field for field in schema}
     names = [name for name in fields if name != _INDEX]
@@ -68,7 +68,7 @@ def _table(path: Path, schema: Any, channels: Sequence[str] | None) -> Table:
         )
         for column in columns
     )
-    time = time_column(names, path=path) or _index(types)
+    time = time_column(names, path=path, stated=settings.time) or _index(types)
 
     def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
         return _blocks(path, columns, time, first, last)

@@ -8,6 +8,7 @@ from sprung.errors import ParameterError
 from sprung.formats.joining import interpolated, side_by_side
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, Table
+from sprung.formats.time_columns import timed
 
 
 def selected_table(path: Path, groups: Sequence[Group], settings: ReadSettings) -> Table:
@@ -36,7 +37,7 @@ def selected_table(path: Path, groups: Sequence[Group], settings: ReadSettings) 
     if len({group.clock for group in wanted}) == 1:
         return side_by_side(tables)
     if settings.groups:
-        return interpolated(tables)
+        return interpolated([timed(table, settings) for table in tables])
     raise ParameterError(
         f"{path} holds {len(wanted)} groups of channels with different clocks: choose with --group (in Python: groups="
         f"[...]), several to interpolate at the times of the first: {in_words(wanted)}"

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,7 +20,10 @@ from sprung.units import UNITS, conversion
 TIME_NAMES = ("time", "t", "t_s", "time_s", "timestamp")
 
 #: Texts that stand for a missing number.
-MISSING = ("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-")
+MISSING = (
+    *("", "nan", "NaN", "NAN", "NA", "N/A", "n/a", "#N/A", "#NA", "#NV", "#VALUE!", "#WERT!", "#DIV/0!"),
+    *("null", "NULL", "None", "nil", "-", "--", "---"),
+)
 
 _NO_UNIT = ("", "-")
 _BRACKETS = re.compile(r"(?P<name>.*?)\s*(?P<bracket>[\[(])(?P<unit>[^\[\]()]*)[\])]\s*")
@@ -90,6 +93,14 @@ class Table:
         Function that yields all rows without channels (values of shape (0, rows)), where that costs less than `blocks`.
     comment
         Comment on the measurement, as in the file.
+    others
+        Function that opens other channels of the same rows, by their names (None: all); None where that is impossible.
+    time_factor
+        Seconds in one unit of the time stamps; None: by their heading or magnitude.
+    bridge
+        Longest gap [s] across which samples are interpolated; 0: none.
+    notes
+        Lines for the history on how the table was opened.
     """
 
     path: Path
@@ -101,6 +112,10 @@ class Table:
     start: int | None = None
     times: Callable[[], Iterator[Block]] | None = None
     comment: str = ""
+    others: "Callable[[Sequence[str] | None], Table] | None" = None
+    time_factor: float | None = None
+    bridge: float = 0.0
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -139,7 +154,11 @@ def single_group(
     path: Path, headings: Sequence[str], open_table: Callable[[Sequence[str] | None], Table]
 ) -> tuple[Group, ...]:
     """Return the only group of a file, named after it."""
-    return (Group(path.name, tuple(headings), path.name, open_table),)
+
+    def open_with_others(channels: Sequence[str] | None) -> Table:
+        return replace(open_table(channels), others=open_table)
+
+    return (Group(path.name, tuple(headings), path.name, open_with_others),)
 
 
 def within(blocks: Iterable[Block], first: int, last: int | None) -> Iterator[Block]:
@@ -203,6 +222,8 @@ def column(heading: str, *, unit: str | None = None, path: Path) -> Column:
     try:
         return Column(heading, name, *conversion(stated))
     except ParameterError as error:
+        if stated in TIME_UNITS:
+            return Column(heading, name, unit=stated)
         raise FormatError(f"{path}: column {heading!r}: {error}") from None
 
 
@@ -220,8 +241,8 @@ def is_unit(text: str) -> bool:
     return plain in (*_NO_UNIT, *TIME_UNITS) or _is_known(plain)
 
 
-def time_column(headings: Iterable[str], *, path: Path) -> str | None:
-    """Return the only heading that names a time column; None if there is none.
+def time_column(headings: Iterable[str], *, path: Path, stated: str | None = None) -> str | None:
+    """Return the only heading that names a time column, or the one called `stated`; None if there is none.
 
     Raises
     ------
@@ -229,8 +250,13 @@ def time_column(headings: Iterable[str], *, path: Path) -> str | None:
         If there is more than one time column.
     """
     times = [heading for heading in headings if is_time(heading)]
-    if len(times) > 1:
-        raise FormatError(f"{path} has the time columns {times[0]!r} and {times[1]!r}: keep one of them")
+    named = [heading for heading in times if stated in (heading, split_heading(heading)[0])]
+    if named:
+        return named[0]
+    if len(times) > 1 and stated is None:
+        raise FormatError(
+            f"{path} has the time columns {times[0]!r} and {times[1]!r}: keep one of them, or name it with --time"
+        )
     return times[0] if times else None
 
 

@@ -48,6 +48,8 @@ _NEAREST = 0.5
 _LONG_STRETCH = 1000
 _RATE_CHANGE = 1.05
 
+# Seconds from 1970 to 2001 and to 2100.
+_EPOCH_SECONDS = (1e9, 4.1e9)
 _EPOCHS = ((1e18, 1), (1e15, 10**3), (1e12, 10**6), (1e9, 10**9))
 
 
@@ -87,12 +89,14 @@ def time_scale(stamps: NDArray[Any], unit: float | None = None) -> TimeScale:
 
     Numbers count seconds, or `unit` seconds where the column states a unit. Without a unit, numbers so large that they
     can only count from 1970 are an epoch: in seconds from 1e9, in ms from 1e12, in us from 1e15, in ns from 1e18.
+    So are ms, us and ns of which there are as many as from 1970 to a time between 2001 and 2100.
     """
     origin = _plain_numbers(stamps[:1])[0].item()
     if stamps.dtype.kind in "mM":
         return TimeScale(origin, 1e-9, origin if stamps.dtype.kind == "M" else None)
     if unit is not None:
-        return TimeScale(origin, unit)
+        is_epoch = unit < 1 and _EPOCH_SECONDS[0] <= origin * unit < _EPOCH_SECONDS[1]
+        return TimeScale(origin, unit, round(origin * round(unit * 1e9)) if is_epoch else None)
     for threshold, nanoseconds in _EPOCHS:
         if abs(origin) >= threshold:
             return TimeScale(origin, nanoseconds * 1e-9, round(origin * nanoseconds))

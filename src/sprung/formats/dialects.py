@@ -1,0 +1,259 @@
+"""Dialects of tables in text: delimiter, decimal sign, header, preamble, and what the columns hold."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sprung.errors import FormatError
+from sprung.formats.dates import kind_of
+from sprung.formats.table import MISSING, is_number, is_unit
+
+#: Marks of lines of comment.
+COMMENT_MARKS = (b"#", b"%", b"//")
+#: Delimiter of columns that are separated by one or several blanks.
+BLANK = " "
+
+_MISSING_MARKS = tuple(text.encode() for text in MISSING if text.startswith("#"))
+_DELIMITERS = (";", "\t", ",", "|", BLANK)
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
+_UNFINISHED = re.compile(r"[+-]?\d*[.,]?\d*([eE][+-]?)?")
+_STATED = re.compile(rb"sep=(.)\s*", re.IGNORECASE)
+_BLANKS, _EDGES = re.compile(rb"[ \t]+"), re.compile(rb"(?m)^ | (?=\r?$)")
+#: Rows by which the columns are judged, and longest comment.
+_SAMPLE_ROWS, _COMMENT_LENGTH = 50, 500
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Layout of the table in a text file.
+
+    Parameters
+    ----------
+    delimiter, decimal
+        Signs between fields and in numbers.
+    headings
+        Heading of each column; empty for a column without name.
+    kinds
+        What each column holds: "number", "moment", "date", "time of day" or "text".
+    first_line, offset
+        Number of the first line of the table, and its offset in the file [bytes].
+    first_row
+        Fields of the first row of numbers.
+    comment
+        Text above the header.
+    is_named
+        Whether the columns have names in the file.
+    """
+
+    delimiter: str
+    decimal: str
+    headings: tuple[str, ...]
+    kinds: tuple[str, ...]
+    first_line: int
+    offset: int
+    first_row: tuple[str, ...]
+    comment: str = ""
+    is_named: bool = True
+
+    def is_unfinished(self, line: bytes) -> bool:
+        """Return whether the last line of a file was cut off: it has fewer fields, or an unfinished number."""
+        row = fields(line, self.delimiter)
+        if len(row) != len(self.headings):
+            return len(row) < len(self.headings)
+        last = row[-1]
+        is_whole = last in MISSING or is_number(last.replace(self.decimal, ".")) or kind_of(last) is not None
+        return not is_whole and _UNFINISHED.fullmatch(last) is not None
+
+
+def layout_of(path: Path, lines: Sequence[bytes]) -> Layout:
+    """Return the layout that the first lines of a file show.
+
+    Parameters
+    ----------
+    path
+        Path of the file, for messages.
+    lines
+        First lines, complete and with their ends.
+
+    Raises
+    ------
+    FormatError
+        If no line holds numbers.
+    """
+    delimiter, decimal = _signs(lines)
+    data = next((i for i, line in enumerate(lines) if _is_data(fields(line, delimiter), decimal)), None)
+    if data is None:
+        raise FormatError(f"{path} holds no samples: its first {len(lines)} lines have no line of numbers")
+    sample = list(_sample(lines[data:], delimiter))
+    above = [fields(line, delimiter) for line in lines[:data]]
+    header, named = _header(lines[:data], above, sample[0], decimal)
+    preamble = data if named is None else header - all(is_unit(field) for field in above[header])
+    if named is None:
+        first, headings = data, tuple(f"column_{number}" for number in range(1, len(sample[0]) + 1))
+    else:
+        first = next(i for i in range(header + 1, len(lines)) if lines[i].strip() and not is_comment(lines[i]))
+        headings = named
+    return Layout(
+        delimiter=delimiter,
+        decimal=decimal,
+        headings=headings,
+        kinds=tuple(_kind([row[k] for row in sample if k < len(row)], decimal) for k in range(len(headings))),
+        first_line=first + 1,
+        offset=sum(len(line) for line in lines[:first]),
+        first_row=tuple(sample[0]),
+        comment=_comment(lines[:preamble]),
+        is_named=named is not None,
+    )
+
+
+def is_comment(line: bytes) -> bool:
+    """Return whether a line is a comment."""
+    start = line.lstrip()
+    return start.startswith(COMMENT_MARKS) and not start.startswith(_MISSING_MARKS)
+
+
+def decode(line: bytes) -> str:
+    """Return a line of text; bytes that are not UTF-8 are Latin-1."""
+    try:
+        return line.decode("utf-8-sig").rstrip("\r\n")
+    except UnicodeDecodeError:
+        return line.decode("latin-1").rstrip("\r\n")
+
+
+def fields(line: bytes, delimiter: str, *, strip: bool = True) -> list[str]:
+    """Return the fields of a line; `strip` removes the blanks around them."""
+    text = decode(single_blanks(line) if delimiter == BLANK else line)
+    try:
+        row = next(csv.reader([text], delimiter=delimiter), [])
+    except csv.Error:
+        return [text]
+    return [field.strip() for field in row] if strip else row
+
+
+def single_blanks(text: bytes) -> bytes:
+    """Return lines with one blank in place of several, and none at their ends."""
+    return _EDGES.sub(b"", _BLANKS.sub(b" ", text))
+
+
+def _signs(lines: Sequence[bytes]) -> tuple[str, str]:
+    """Return the delimiter and the decimal sign."""
+    stated = _STATED.fullmatch(lines[0].removeprefix(b"\xef\xbb\xbf"))
+    candidates = (decode(stated[1]),) if stated else _DELIMITERS
+    whole = [line for line in lines[-_SAMPLE_ROWS:] if line.strip() and not is_comment(line)]
+    last = ([line for line in whole if line.endswith(b"\n")] or whole)[-2:]
+    for delimiter in candidates:
+        for decimal in (".", ",") if delimiter != "," else (".",):
+            rows = [fields(line, delimiter) for line in last]
+            if rows and all(len(row) > 1 and all(_is_field(field, decimal) for field in row) for row in rows):
+                return delimiter, _decimal(lines, delimiter)
+    text = last[-1] if last else b""
+    delimiter = next((sign for sign in candidates if sign.encode() in text.strip()), ",")
+    return delimiter, _decimal(lines, delimiter)
+
+
+def _decimal(lines: Sequence[bytes], delimiter: str) -> str:
+    """Return the decimal sign."""
+    rows = (fields(line, delimiter) for line in lines[-_SAMPLE_ROWS:])
+    has_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(field) for row in rows for field in row)
+    return "," if has_comma else "."
+
+
+def _is_value(field: str, decimal: str) -> bool:
+    """Return whether a field is a number, a date or a time of day."""
+    return is_number(field.replace(decimal, ".")) or kind_of(field) is not None
+
+
+def _is_field(field: str, decimal: str) -> bool:
+    return field in MISSING or _is_value(field, decimal)
+
+
+def _is_data(row: list[str], decimal: str) -> bool:
+    """Return whether more than half of the fields of a row are numbers or missing values."""
+    n_values = sum(_is_value(field, decimal) and field not in MISSING for field in row)
+    n_missing = sum(field in MISSING for field in row)
+    return n_values > 0 and n_values + n_missing > len(row) / 2
+
+
+def _sample(lines: Sequence[bytes], delimiter: str) -> Iterator[list[str]]:
+    """Yield the fields of the first rows of numbers."""
+    for line in lines[:_SAMPLE_ROWS]:
+        if line.strip() and not is_comment(line):
+            yield fields(line, delimiter)
+
+
+def _header(
+    lines: Sequence[bytes], rows: list[list[str]], row: list[str], decimal: str
+) -> tuple[int, tuple[str, ...] | None]:
+    """Return the index of the last line with text and without numbers, and its names; None without names.
+
+    Comments that do not name the columns, and titles, are no header.
+    """
+    for index in reversed(range(len(rows))):
+        if any(rows[index]) and not any(_is_value(field, decimal) for field in rows[index]):
+            named = _named(lines[index], rows, index, row)
+            if named is not None or not is_comment(lines[index]):
+                return index, named
+    return len(rows), None
+
+
+def _named(line: bytes, rows: list[list[str]], header: int, row: list[str]) -> tuple[str, ...] | None:
+    """Return the heading of each field of a row; None if the header only looks like one.
+
+    Where the header holds nothing but units, the names are in the row above it.
+    """
+    names = rows[header]
+    above = rows[header - 1] if header else []
+    if len(above) == len(names) and all(is_unit(field) for field in names):
+        units = [field.strip("[]()") for field in names]
+        names = [f"{name} [{unit}]" if unit else name for name, unit in zip(above, units, strict=True)]
+    elif is_comment(line):
+        names = _uncommented(names)
+    if len(names) != len(row):
+        names = _split_by_blanks(line, len(row)) or names
+    if len(names) == len(row) - 1 and not row[-1]:
+        names = [*names, ""]
+    if len(names) == len(row) + 1 and not names[-1]:
+        names = names[:-1]
+    if len(names) == len(row) - 1 and [kind_of(field) for field in row[:2]] == ["date", "time of day"]:
+        names = ["Date", *names]
+    if len(names) != len(row) and (len(names) == 1 or is_comment(line)):
+        return None
+    return tuple(["unnamed_1", *names[1:]] if not names[0] and row[0] else names)
+
+
+def _uncommented(names: list[str]) -> list[str]:
+    """Return the names in a header that is marked as a comment."""
+    rest = names[0].lstrip("#%/").strip()
+    return [rest, *names[1:]] if rest or len(names) == 1 else names[1:]
+
+
+def _split_by_blanks(line: bytes, n_fields: int) -> list[str] | None:
+    """Return the names in a header that is separated by several blanks, or by one with units in brackets."""
+    text = decode(line).strip().lstrip("#%/").strip()
+    for pattern in (r"\s{2,}|\t", r"\s+(?![\[(])"):
+        names = re.split(pattern, text)
+        if len(names) == n_fields:
+            return names
+    return None
+
+
+def _kind(values: list[str], decimal: str) -> str:
+    """Return what a column holds."""
+    present = [value for value in values if value not in MISSING]
+    if not present or any(is_number(value.replace(decimal, ".")) for value in present):
+        return "number"
+    kind, count = Counter(map(kind_of, present)).most_common(1)[0]
+    if kind is not None and count > len(present) / 2:
+        return kind
+    is_text = len(present) > 1 and all(value[0].isalpha() or not value[0].isascii() for value in present)
+    return "text" if is_text else "number"
+
+
+def _comment(lines: Sequence[bytes]) -> str:
+    """Return the text of a preamble in a line."""
+    texts = (decode(line).strip().strip(";,\t ").lstrip("#%/ ") for line in lines if not _STATED.fullmatch(line))
+    text = "; ".join(text for text in texts if text)
+    return text if len(text) <= _COMMENT_LENGTH else text[: _COMMENT_LENGTH - 4] + " ..."
