@@ -3,8 +3,6 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 from sprung._checks import required
@@ -73,27 +71,6 @@ def can_bus(interface: str, channel: str, *, bitrate: int | None = None) -> Any:
         raise ParameterError(
             f"the CAN bus {interface} {channel} cannot be opened ({_detail(error)}): check that it is connected and up"
         ) from None
-
-
-def can_database(path: str | PathLike[str]) -> Any:
-    """Return the database of cantools in a file: DBC, KCD, SYM or ARXML.
-
-    Raises
-    ------
-    FormatError
-        If the file cannot be read, or describes no messages.
-    """
-    cantools = required("cantools", purpose="a CAN database", extra="can")
-    path = Path(path)
-    if not path.is_file():
-        raise FormatError(f"{path}: no such file")
-    try:
-        database = cantools.database.load_file(path)
-    except (cantools.Error, OSError, ValueError) as error:
-        raise FormatError(f"{path} cannot be read as a CAN database ({_detail(error)}): give a DBC file") from None
-    if not getattr(database, "messages", None):
-        raise FormatError(f"{path} describes no CAN messages: give the database of the bus")
-    return database
 
 
 @dataclass(frozen=True, slots=True)

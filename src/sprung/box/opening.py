@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sprung.box.can import can_bus, can_database, from_can
+from sprung.box.can import can_bus, from_can
 from sprung.box.folder import from_folder
 from sprung.box.mqtt_source import from_mqtt
 from sprung.box.sources import after, from_files, from_simulator, paced
 from sprung.box.standard_input import from_lines
 from sprung.errors import ParameterError
 from sprung.formats import ReadSettings
+from sprung.formats.can import can_database
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from sprung.errors import FormatError
-from sprung.formats import csv, hdf5, mat, npz, parquet
+from sprung.formats import csv, hdf5, mat, mdf, npz, parquet, tdms
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -32,10 +32,10 @@ class Writer(Protocol):
 
 
 #: Formats that are read, the most specific first: any text may be a table.
-FORMATS = cast(tuple[Format, ...], (parquet, mat, hdf5, npz, csv))
+FORMATS = cast(tuple[Format, ...], (parquet, mat, hdf5, npz, mdf, tdms, csv))
 
 #: Those whose readers a file may crash: they run in a process of their own.
-FOREIGN = cast(tuple[Format, ...], (mat, hdf5))
+FOREIGN = cast(tuple[Format, ...], (mat, hdf5, mdf, tdms))
 
 #: Module that writes each ending.
 WRITERS = cast(dict[str, Writer], {".csv": csv, ".parquet": parquet, ".npz": npz, ".mat": mat, ".h5": hdf5})

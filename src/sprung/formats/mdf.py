@@ -1,0 +1,386 @@
+"""ASAM MDF 2 to 4 through asammdf: signals with the clock of their channel group, and raw CAN frames with a database.
+
+The stamps of every group are seconds since the start of the file, so those of groups with different clocks compare.
+"""
+
+import html
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from traceback import walk_tb
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._arrays import Real
+from sprung._checks import required
+from sprung.errors import FormatError
+from sprung.formats.can import Frames, message_groups
+from sprung.formats.settings import ReadSettings
+from sprung.formats.stated import chosen, distinct, linear, plain, silenced
+from sprung.formats.table import Block, Column, Group, Table, reported, stated_column
+
+NAME, EXTRA = "MDF", "mdf"
+ENDINGS = (".mf4", ".mdf", ".mf3")
+
+_SIGNATURES = (b"MDF     ", b"UnFinMF ")
+_TIME_HEADING = "time [s]"
+#: Bytes of records that are read at once.
+_PIECE_BYTES = 1 << 23
+#: Largest ratio of bytes before and after compression (deflate).
+_MOST_COMPRESSED = 1032
+#: Data types of integers and floating-point numbers, by the generation of the format.
+_NUMBERS = {3: frozenset({0, 1, 2, 3, *range(9, 17)}), 4: frozenset(range(6))}
+#: Kinds of channels with one value in each record: values, masters and virtual ones.
+_KINDS = {3: frozenset({0, 1}), 4: frozenset({0, 2, 3, 6})}
+#: Kind of synchronisation of a master that counts time; flag of a start in local time.
+_TIME, _LOCAL_TIME = 1, 1
+#: Event of a bus that is decoded; flag of groups of events on any bus.
+_FRAMES = "CAN_DataFrame"
+_FRAME_FIELDS = tuple(f"{_FRAMES}.{field}" for field in ("ID", "IDE", "BusChannel", "DataBytes", "DataLength"))
+_IDENTIFIER, _LARGEST_STANDARD = np.uint32(0x1FFFFFFF), 0x7FF
+_BUS_EVENT_FLAG = 2
+_CONVERSIONS = {
+    3: {1: "table, interpolated", 2: "table", 6: "polynomial", 7: "exponential", 8: "logarithmic", 9: "rational"},
+    4: {2: "rational", 4: "table, interpolated", 5: "table", 6: "table of ranges"},
+}
+_TEXT = re.compile(r"<TX[^>]*>(.*?)</TX>", re.DOTALL)
+_FORMULA = re.compile(r"[\w\s.,+\-*/^%()<>=!&|~]{0,1000}")
+_LONGEST_GROUP_NAME = 60
+_HOUR = 3_600_000_000_000
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file begins as MDF files do, finalised or not."""
+    return head.startswith(_SIGNATURES)
+
+
+def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
+    """Return the channel groups of an MDF file that hold numbers; raw CAN frames give a group for each message.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged or holds no samples, or only raw CAN frames that no database decodes.
+    MissingPackageError
+        If asammdf is not installed, or cantools where there are raw CAN frames and databases.
+    """
+    with path.open("rb") as file:
+        if not recognises(file.read(len(_SIGNATURES[0]))):
+            raise FormatError(f"{path} is not an MDF file: it does not begin with MDF or UnFinMF")
+    with _opened(path) as mdf, reported(path, "MDF file"):
+        start, is_local = _start(mdf)
+        comment = _comment(mdf, is_local=is_local)
+        records = [_records(path, mdf, index) for index in range(len(mdf.groups))]
+    records = [item for item in records if item.n_rows]
+    signals = [item for item in records if item.columns]
+    named = zip(distinct([item.name for item in signals]), signals, strict=True)
+    result = [_group(item, name, start, comment) for name, item in named]
+    buses = [partial(_frames, item) for item in records if item.frames]
+    if buses and (settings.databases or not result):
+        result += message_groups(path, buses, settings.databases, start=start, comment=comment)
+    if not result:
+        raise FormatError(f"{path} holds no samples: none of its channel groups has records of numbers")
+    return tuple(result)
+
+
+@dataclass(frozen=True, slots=True)
+class _Records:
+    """Records of a channel group: its number, its name, its channels of numbers with their numbers, and its clock."""
+
+    path: Path
+    index: int
+    name: str
+    columns: tuple[Column, ...]
+    numbers: tuple[int, ...]
+    n_rows: int
+    master: int
+    has_time: bool
+    sampling_rate: float | None
+    frames: tuple[tuple[str, int], ...]
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a file with asammdf; whatever it raises becomes a sentence."""
+    asammdf = required("asammdf", purpose="reading MDF files", extra="mdf")
+    with reported(path, "MDF file"), silenced("asammdf"):
+        try:
+            mdf = asammdf.MDF(path, process_bus_logging=False)
+        except Exception as error:
+            _close_unread(error)
+            raise
+    try:
+        mdf.configure(read_fragment_size=_PIECE_BYTES)
+        yield mdf
+    finally:
+        mdf.close()
+
+
+def _close_unread(error: Exception) -> None:
+    """Close the readers that failed to open a file: their destructors would complain about what they never read."""
+    for frame, _ in walk_tb(error.__traceback__):
+        reader: Any = frame.f_locals.get("self")
+        if hasattr(reader, "_tempfile"):
+            for name in ("header", "identification", "_file"):
+                if not hasattr(reader, name):
+                    setattr(reader, name, None)
+            reader.close()
+
+
+def _generation(mdf: Any) -> int:
+    """Return 3 or 4: version 2 has the blocks of version 3."""
+    return 4 if mdf.version >= "4.00" else 3
+
+
+def _records(path: Path, mdf: Any, index: int) -> _Records:
+    """Return a channel group."""
+    group = mdf.groups[index]
+    n_rows = int(group.channel_group.cycles_nr)
+    _check_size(path, int(group.channel_group.samples_byte_nr), n_rows)
+    owner = index
+    if getattr(group.channel_group, "cg_master_index", None) is not None:
+        owner = int(group.channel_group.cg_master_index)
+    master = mdf.masters_db.get(owner)
+    has_time, rate = _time(mdf, owner, master)
+    clocks = {master} if owner == index and (has_time or rate) else set()
+    is_bus = bool(getattr(group.channel_group, "flags", 0) & _BUS_EVENT_FLAG) and _generation(mdf) == 4
+    numbers = [] if is_bus else [k for k in range(len(group.channels)) if k not in clocks and _is_number(mdf, group, k)]
+    channels = [group.channels[k] for k in numbers]
+    columns = [_column(mdf, channel, name) for channel, name in zip(channels, _names(channels), strict=True)]
+    frames = [(channel.name, k) for k, channel in enumerate(group.channels) if channel.name in _FRAME_FIELDS]
+    return _Records(
+        path,
+        index,
+        _group_name(group, index),
+        tuple(columns),
+        tuple(numbers),
+        n_rows,
+        owner,
+        has_time,
+        rate,
+        tuple(frames) if {_FRAME_FIELDS[0], _FRAME_FIELDS[3]} <= {name for name, _ in frames} else (),
+    )
+
+
+def _check_size(path: Path, record_bytes: int, n_rows: int) -> None:
+    """Raise if a header declares more than a file of this size can hold, however well compressed."""
+    if record_bytes * max(n_rows, 1) > _MOST_COMPRESSED * path.stat().st_size:
+        raise FormatError(
+            f"{path} cannot be read as MDF file (a header declares {n_rows} records of {record_bytes} bytes): check "
+            "that the file is complete"
+        )
+
+
+def _time(mdf: Any, group: int, master: int | None) -> tuple[bool, float | None]:
+    """Return whether a group has stamps, and the sampling rate where it states that in place of stamps."""
+    if master is None:
+        return False, None
+    channel = mdf.groups[group].channels[master]
+    if _generation(mdf) == 4:
+        return channel.sync_type == _TIME, None
+    if channel.bit_count == 0:
+        return False, 1 / channel.sampling_rate if channel.sampling_rate > 0 else None
+    return True, None
+
+
+def _is_number(mdf: Any, group: Any, index: int) -> bool:
+    """Return whether a channel has one number in each record."""
+    channel, generation = group.channels[index], _generation(mdf)
+    return (
+        channel.data_type in _NUMBERS[generation]
+        and channel.channel_type in _KINDS[generation]
+        and not group.channel_dependencies[index]
+    )
+
+
+def _group_name(group: Any, index: int) -> str:
+    """Return the name of a channel group: of its acquisition, its comment, or its number."""
+    block = group.channel_group
+    stated = plain(getattr(block, "acq_name", "")) or _text(block.comment)
+    return stated[:_LONGEST_GROUP_NAME] or f"group {index + 1}"
+
+
+def _names(channels: Sequence[Any]) -> list[str]:
+    """Return distinct names of channels; its source distinguishes a channel from others of that name."""
+    names = [plain(channel.name) for channel in channels]
+    repeated = {name for name in names if names.count(name) > 1}
+    sources = [plain(getattr(channel.source, "name", "")) for channel in channels]
+    pairs = zip(names, sources, strict=True)
+    return distinct([f"{name} ({source})" if name in repeated and source else name for name, source in pairs])
+
+
+def _column(mdf: Any, channel: Any, name: str) -> Column:
+    """Return a channel with its unit, comment and conversion."""
+    conversion = channel.conversion
+    unit = plain(getattr(conversion, "unit", "")) or plain(getattr(channel, "unit", ""))
+    comment = _text(channel.comment) or _text(getattr(channel, "description", ""))
+    return stated_column(name, name, unit, comment=comment, calibration=_calibration(conversion, _generation(mdf)))
+
+
+def _calibration(conversion: Any, generation: int) -> str:
+    """Return how raw values become physical ones, in words; nothing where they are the same."""
+    kind = None if conversion is None else conversion.conversion_type
+    if kind == {3: 0, 4: 1}[generation]:
+        rule = linear(conversion.a, conversion.b)
+    elif getattr(conversion, "formula", ""):
+        rule = plain(conversion.formula)
+        if not _FORMULA.fullmatch(rule):
+            raise FormatError(f"the formula {rule[:60]!r} of a conversion is not arithmetic")
+    else:
+        rule = "" if kind is None else _CONVERSIONS[generation].get(kind, "")
+    return ", ".join(filter(None, (plain(getattr(conversion, "name", "")), rule)))
+
+
+def _text(comment: Any) -> str:
+    """Return the text of a comment, which may be XML."""
+    stated = comment.decode("latin-1").split("\0")[0] if isinstance(comment, bytes) else str(comment or "")
+    if not stated.lstrip().startswith("<"):
+        return plain(stated)
+    return plain(" ".join(html.unescape(text) for text in _TEXT.findall(stated)))
+
+
+def _start(mdf: Any) -> tuple[int | None, bool]:
+    """Return the start of the measurement [ns since 1970], and whether that is local time of an unknown zone."""
+    header = mdf.header
+    stated = int(getattr(header, "abs_time", 0))
+    if _generation(mdf) == 4:
+        return stated or None, bool(stated and header.time_flags & _LOCAL_TIME)
+    try:
+        text = f"{header.date.decode('ascii')} {header.time.decode('ascii')}".replace("\0", "")
+        local = int(datetime.strptime(text, "%d:%m:%Y %H:%M:%S").replace(tzinfo=UTC).timestamp()) * 10**9
+    except ValueError:
+        return stated or None, False
+    if not stated:
+        return local, True
+    # The format counts local time here, some programs write UTC: the text beside it is local in both.
+    return stated - (header.tz_offset * _HOUR if abs(stated - local) < 10**9 else 0), False
+
+
+def _comment(mdf: Any, *, is_local: bool) -> str:
+    """Return the comment on the measurement, with who measured what, and a note on a start that is not UTC."""
+    header = mdf.header
+    stated = [_text(header.description)]
+    for word in ("author", "department", "project", "subject"):
+        value = plain(getattr(header, word, ""))
+        if value:
+            stated.append(f"{word}: {value}")
+    if is_local:
+        stated.append("start in local time of an unknown zone")
+    return "; ".join(filter(None, stated))
+
+
+def _group(records: _Records, name: str, start: int | None, comment: str) -> Group:
+    """Return a channel group as it is listed and opened."""
+    headings = tuple(column.heading for column in records.columns)
+    opened = partial(_table, records, start, comment)
+    return Group(name, headings, (records.path, records.master), opened, records.sampling_rate, records.n_rows)
+
+
+def _table(records: _Records, start: int | None, comment: str, channels: Sequence[str] | None) -> Table:
+    """Return the table of some channels of a channel group."""
+    columns = chosen(records.path, records.columns, channels)
+    numbers = [records.numbers[records.columns.index(column)] for column in columns]
+
+    def read(wanted: Sequence[int], first: int = 0, last: int | None = None) -> Iterator[Block]:
+        for row, stamps, values in _pieces(records, wanted, first, last):
+            yield Block(row + 1, stamps, values)
+
+    return Table(
+        records.path,
+        columns,
+        _TIME_HEADING if records.has_time else None,
+        partial(read, numbers),
+        row_word="record",
+        sampling_rate=records.sampling_rate,
+        start=start,
+        times=partial(read, ()) if records.has_time else None,
+        comment=comment,
+    )
+
+
+def _pieces(
+    records: _Records, numbers: Sequence[int], first: int, last: int | None
+) -> Iterator[tuple[int, Real | None, Real]]:
+    """Yield some records in pieces: number of the first one, stamps [s], and numbers of shape (channels, records)."""
+    with _opened(records.path) as mdf:
+        for row, fragment, stamps in _fragments(mdf, records, first, last):
+            with reported(records.path, f"MDF file at record {row + 1}"), silenced("asammdf"):
+                values = np.empty((len(numbers), stamps.size))
+                for place, number in zip(values, numbers, strict=True):
+                    place[:] = _physical(mdf, records.index, number, fragment)
+            yield row, stamps if records.has_time else None, values
+
+
+def _fragments(mdf: Any, records: _Records, first: int, last: int | None) -> Iterator[tuple[int, Any, Real]]:
+    """Yield the raw bytes of some records in pieces, with the number of the first one and the master.
+
+    Raises
+    ------
+    FormatError
+        If the file ends before the last record that it declares.
+    """
+    until = min(records.n_rows, sys.maxsize if last is None else last)
+    if first >= until:
+        return
+    row = first
+    group = mdf.groups[records.index]
+    pieces = mdf._mdf._load_data(group, record_offset=first, record_count=until - first)
+    while row < until:
+        with reported(records.path, f"MDF file at record {row + 1}"), silenced("asammdf"):
+            fragment = next(pieces, None)
+            if fragment is None:
+                break
+            stamps = np.array(mdf.get_master(records.index, data=fragment), dtype=np.float64)
+        if not stamps.size:
+            break
+        yield row, fragment, stamps
+        row += stamps.size
+    if row < until:
+        raise FormatError(
+            f"{records.path} ends after record {row} of {records.n_rows}: check that the file is complete"
+        )
+
+
+def _physical(mdf: Any, group: int, number: int, fragment: Any) -> NDArray[Any]:
+    """Return the physical values of a channel in a piece; NaN where the file marks them as invalid."""
+    values, invalid = mdf.get(
+        group=group, index=number, data=fragment, raw=True, samples_only=True, ignore_invalidation_bits=True
+    )
+    conversion = mdf.groups[group].channels[number].conversion
+    if conversion is not None:
+        values = conversion.convert(values, ignore_value2text_conversions=True)
+    if invalid is not None:
+        values = np.where(np.asarray(invalid, dtype=bool), np.nan, values)
+    return values
+
+
+def _frames(records: _Records, first: int = 0) -> Iterator[Frames]:
+    """Yield the CAN frames of a channel group from some record on."""
+    with _opened(records.path) as mdf:
+        for row, fragment, stamps in _fragments(mdf, records, first, None):
+            with reported(records.path, f"MDF file at record {row + 1}"), silenced("asammdf"):
+                frames = _frames_of(mdf, records, fragment, stamps)
+            yield frames
+
+
+def _frames_of(mdf: Any, records: _Records, fragment: Any, stamps: Real) -> Frames:
+    """Return the CAN frames in a piece."""
+    values = {
+        name.removeprefix(f"{_FRAMES}."): mdf.get(
+            group=records.index, index=number, data=fragment, raw=True, samples_only=True
+        )[0]
+        for name, number in records.frames
+    }
+    ids = values["ID"].astype(np.uint32)
+    extended = values["IDE"].astype(bool) if "IDE" in values else (ids > _LARGEST_STANDARD)
+    payload = np.atleast_2d(values["DataBytes"]).view(np.uint8).reshape(stamps.size, -1)
+    n_bytes = values.get("DataLength", np.full(stamps.size, payload.shape[1]))
+    buses = values.get("BusChannel", np.zeros(stamps.size)).astype(np.uint8)
+    return Frames(stamps, buses, (ids & _IDENTIFIER) | extended.astype(np.uint32) << 31, payload, n_bytes)

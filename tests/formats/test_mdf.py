@@ -1,0 +1,240 @@
+"""MDF files: written here by asammdf, and those of real loggers next to what they hold."""
+
+import sys
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from asammdf import MDF, Signal
+
+from sprung.errors import FormatError, MissingPackageError, ParameterError
+from sprung.formats import ReadSettings, groups, mdf, read, read_blocks
+from sprung.formats.table import join
+
+VERSIONS = ("3.30", "4.10", "4.20")
+START = datetime(2026, 3, 4, 5, 6, 7, 891011, tzinfo=UTC)
+NANOSECONDS = 1_772_600_767_891_011_000
+
+
+def signals(rate, count, *names, **options):
+    stamps = 2.5 + np.arange(count) / rate
+    return [Signal(np.sin(stamps * (index + 3)), stamps, name=name, **options) for index, name in enumerate(names)]
+
+
+@pytest.fixture(params=VERSIONS)
+def path(tmp_path: Path, request) -> Path:
+    """A file with groups of 200 Hz and 25 Hz, units, comments, conversions and a start."""
+    file = MDF(version=request.param)
+    acc = signals(200, 1000, "acc_fl", "acc_fr", unit="g", comment="front axle")
+    raw = np.arange(1000, dtype=np.int16) % 500
+    state = {"val_0": 0, "val_1": 1, "text_0": b"off", "text_1": b"on", "default": b"?"}
+    acc.append(Signal(raw, acc[0].timestamps, name="force", unit="N", conversion={"a": 0.5, "b": -20.0}))
+    acc.append(Signal(raw % 2, acc[0].timestamps, name="state", conversion=state))
+    file.append(acc, comment="body", common_timebase=True)
+    file.append(signals(25, 125, "speed", unit="km/h"), comment="bus", common_timebase=True)
+    file.start_time = START
+    file.header.author = "M. Ring"
+    file.save(tmp_path / "run.mf4", overwrite=True)
+    name = next(tmp_path.iterdir())
+    return name.rename(tmp_path / "run.mf4")
+
+
+def joined(table) -> Any:
+    """Return all rows of a table as one block."""
+    return join(list(table.blocks()))
+
+
+def start_of(path) -> int:
+    return read(path, settings=ReadSettings(groups=[groups(path)[0].name])).start or 0
+
+
+def table_of(path, name, channels=None, **settings):
+    (group,) = [group for group in groups(path, ReadSettings(**settings)) if group.name == name]
+    return group.open(channels)
+
+
+def test_groups_are_listed_with_channels_and_rows(path):
+    body, bus = groups(path)
+    assert (body.name, body.headings, body.n_rows) == ("body", ("acc_fl", "acc_fr", "force", "state"), 1000)
+    assert (bus.name, bus.headings, bus.n_rows) == ("bus", ("speed",), 125)
+    assert body.clock != bus.clock
+
+
+def test_units_comments_conversions_and_start_are_carried(path):
+    recording = read(path, settings=ReadSettings(groups=["body"]))
+    stamps = 2.5 + np.arange(1000) / 200
+    np.testing.assert_allclose(recording.samples[0], 9.80665 * np.sin(3 * stamps), rtol=1e-12)
+    np.testing.assert_array_equal(recording.samples[2], 0.5 * (np.arange(1000) % 500) - 20)
+    np.testing.assert_array_equal(recording.samples[3], np.arange(1000) % 2)
+    assert [channel.quantity for channel in recording.channels] == ["acceleration", "acceleration", "force", "unknown"]
+    assert recording.channels[0].comment == "front axle"
+    assert recording.channels[2].calibration == "0.5 * raw - 20"
+    assert recording.sampling_rate == pytest.approx(200, rel=1e-9)
+    assert abs(start_of(path) - (NANOSECONDS + 2_500_000_000)) < 1000
+    assert "<" not in recording.comment
+
+
+def test_stamps_of_all_groups_count_from_the_start_of_the_file(path):
+    body, bus = (joined(table_of(path, name)).stamps for name in ("body", "bus"))
+    assert [body[0], bus[0], bus[1]] == pytest.approx([2.5, 2.5, 2.54], rel=1e-12)
+    assert table_of(path, "body").start == table_of(path, "bus").start
+
+
+def test_any_rows_are_those_of_all_rows(path):
+    table = table_of(path, "body", ["force", "acc_fl"])
+    whole = joined(table)
+    for first, last in ((0, 1), (17, 400), (999, None), (500, 5000)):
+        part = join(list(table.blocks(first, last)))
+        np.testing.assert_array_equal(part.values, whole.values[:, first:last])
+        np.testing.assert_array_equal(part.stamps, whole.stamps[first:last])
+        assert part.first_row == first + 1
+    assert list(table.blocks(1000)) == []
+    stamps = join(list(table.times()))
+    np.testing.assert_array_equal(stamps.stamps, whole.stamps)
+    assert stamps.values.shape == (0, 1000)
+
+
+def test_pieces_are_those_of_the_whole(path, monkeypatch):
+    whole = read(path, settings=ReadSettings(groups=["body"]))
+    monkeypatch.setattr(mdf, "_PIECE_BYTES", 1000)
+    parts = list(read_blocks(path, settings=ReadSettings(groups=["body"]), block_samples=1000))
+    np.testing.assert_array_equal(np.hstack([part.samples for part in parts]), whole.samples)
+
+
+def test_an_unknown_channel_gives_a_sentence(path):
+    with pytest.raises(ParameterError, match=r"run.mf4 has no channel 'acc_z': choose from acc_fl, acc_fr, force"):
+        table_of(path, "body", ["acc_z"])
+
+
+def test_the_comment_says_what_was_measured_by_whom(tmp_path):
+    file = MDF(version="4.10")
+    file.append(signals(100, 50, "a"))
+    file.header.description = "Belgian paving,\n tyres < 2 bar"
+    file.header.author, file.header.project = "M. Ring", "ride"
+    recording = read(file.save(tmp_path / "run.mf4"))
+    assert recording.comment == "Belgian paving, tyres < 2 bar; author: M. Ring; project: ride"
+
+
+def test_local_time_and_time_zones(tmp_path):
+    east = timezone(timedelta(hours=2))
+    for name, start, shift, note in (
+        ("local", START.replace(tzinfo=None), 0, "start in local time of an unknown zone"),
+        ("east", START.replace(tzinfo=east), -2 * 3600 * 10**9, ""),
+    ):
+        file = MDF(version="4.10")
+        file.append(signals(100, 50, "a"))
+        file.start_time = start
+        path = file.save(tmp_path / f"{name}.mf4")
+        assert abs(start_of(path) - NANOSECONDS - 2_500_000_000 - shift) < 1000
+        assert read(path).comment == note
+
+
+def test_version_3_in_local_time_as_the_format_has_it(tmp_path):
+    """Programs write UTC or local time into one field; the text of date and time next to it tells them apart."""
+    file = MDF(version="3.30")
+    file.append(signals(100, 50, "a"))
+    file.start_time = START.astimezone(timezone(timedelta(hours=5)))
+    path = Path(file.save(tmp_path / "utc.mdf"))
+    assert abs(start_of(path) - NANOSECONDS - 2_500_000_000) < 1000
+    content = bytearray(path.read_bytes())
+    place = content.index(int(START.timestamp() * 10**9).to_bytes(8, "little"))
+    content[place : place + 8] = (int(START.timestamp() * 10**9) + 5 * 3600 * 10**9).to_bytes(8, "little")
+    path.write_bytes(content)
+    assert abs(start_of(path) - NANOSECONDS - 2_500_000_000) < 1000
+
+
+def test_names_of_one_kind_are_made_distinct(tmp_path):
+    file = MDF(version="4.10")
+    file.append(signals(100, 50, "a", "a", "a\n b"), comment="same")
+    file.append(signals(100, 50, "a"), comment="same")
+    first, second = groups(file.save(tmp_path / "run.mf4"))
+    assert (first.name, first.headings) == ("same", ("a", "a (2)", "a b"))
+    assert second.name == "same (2)"
+
+
+def test_invalid_values_are_missing(tmp_path):
+    (signal,) = signals(100, 50, "a")
+    signal.invalidation_bits = np.arange(50) % 10 == 3
+    file = MDF(version="4.10")
+    file.append([signal, *signals(100, 50, "b")], common_timebase=True)
+    recording = read(file.save(tmp_path / "run.mf4"))
+    assert recording.n_samples == 45
+    assert len(recording.gaps) == 5
+
+
+@pytest.mark.parametrize("compression", [0, 1, 2])
+def test_compressed_files_are_read(tmp_path, compression):
+    file = MDF(version="4.10")
+    file.append(signals(100, 5000, "a", "b"), common_timebase=True)
+    recording = read(file.save(tmp_path / "run.mf4", compression=compression))
+    np.testing.assert_array_equal(recording.samples[1], np.sin((2.5 + np.arange(5000) / 100) * 4))
+
+
+def test_texts_are_no_channels(tmp_path):
+    file = MDF(version="4.10")
+    words = np.array([b"one", b"two"] * 25)
+    file.append([*signals(100, 50, "a"), Signal(words, np.arange(50) / 100, name="word", encoding="utf-8")])
+    file.append([Signal(words, np.arange(50) / 100, name="word", encoding="utf-8")])
+    (group,) = groups(file.save(tmp_path / "run.mf4"))
+    assert group.headings == ("a",)
+
+
+def test_a_file_cut_short_gives_a_sentence(path):
+    path.write_bytes(path.read_bytes()[:-4000])
+    with pytest.raises(FormatError, match=r"run.mf4"):
+        read(path, settings=ReadSettings(groups=["body"]))
+
+
+@pytest.mark.parametrize("content", [b"", b"MDF     4.10", b"MDF     4.10".ljust(300), bytes(300)])
+def test_other_bytes_give_a_sentence(tmp_path, content):
+    (tmp_path / "run.mf4").write_bytes(content)
+    with pytest.raises(FormatError, match=r"run\.mf4 "):
+        read(tmp_path / "run.mf4")
+
+
+def test_without_the_package_the_message_says_what_to_install(path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "asammdf", None)
+    with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[mdf\]'"):
+        read(path)
+
+
+def test_the_converted_drive_equals_its_twin(real_file):
+    ours = read(real_file("formats/converted/car_imu_30s.mf4"))
+    twin = read(real_file("formats/converted/car_imu_30s.csv"))
+    assert ours.names == twin.names
+    assert [channel.unit for channel in ours.channels] == ["m/s^2"] * 3 + ["rad/s"] * 3
+    np.testing.assert_allclose(ours.samples, twin.samples, atol=6e-7)
+    assert ours.sampling_rate == pytest.approx(twin.sampling_rate, rel=1e-6)
+    assert (ours.start or 0) // 10**9 == 1_795_217_728
+
+
+@pytest.mark.parametrize("name", ["00000165_00000001-60FEB68B", "00000165_00000002-60FEB8E3"])
+def test_raw_frames_decode_to_the_published_values(real_file, name):
+    path = real_file(f"canedge_car_body_imu/{name}.MF4")
+    database = real_file("canedge_car_body_imu/canmod-gps.dbc")
+    expected = pq.read_table(real_file(f"canedge_car_body_imu/{name}_decoded.parquet")).to_pydict()
+    imu = table_of(path, "gnss_imu", databases=[database])
+    block = joined(imu)
+    np.testing.assert_allclose(block.stamps, expected["t_s"], atol=1e-9)
+    for column, values in zip(imu.columns[1:], block.values[1:], strict=True):
+        np.testing.assert_allclose(values, expected[column.name], rtol=1e-6)
+    assert [column.quantity for column in imu.columns[1:]] == ["acceleration"] * 3 + ["angular_velocity"] * 3
+    speed = joined(table_of(path, "gnss_speed", ["Speed"], databases=[database]))
+    np.testing.assert_allclose(np.interp(block.stamps, speed.stamps, speed.values[0]), expected["Speed"], atol=2e-6)
+    assert imu.start == 1_627_305_218 * 10**9
+
+
+@pytest.mark.parametrize(("name", "frames"), [("3BA199E2_00000005_canmod_gps", 4518), ("2F6913DB_00000001", 4724)])
+def test_other_loggers(real_file, name, frames):
+    path = real_file(f"formats/mf4/{name}.MF4")
+    with pytest.raises(FormatError, match=r"holds raw CAN frames: give the database .* with --dbc FILE"):
+        groups(path)
+    with pytest.raises(FormatError, match=r"no database describes \(identifiers 0x1, 0x2, 0x3, 0x4, 0x5, \.\.\.\)"):
+        groups(path, ReadSettings(databases=[real_file("formats/mf4/CSS-Electronics-SAE-J1939-DEMO.dbc")]))
+    settings = ReadSettings(databases=[real_file("formats/mf4/canmod-gps.dbc")], groups=["gnss_imu"])
+    recording = read(path, settings=settings)
+    assert recording.n_samples == pytest.approx(frames, rel=0.01)
+    assert recording.sampling_rate == pytest.approx(101.3, rel=0.1)
