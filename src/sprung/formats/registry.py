@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from sprung.errors import FormatError
-from sprung.formats import csv, mat, npz, parquet
+from sprung.formats import csv, mat, npz, parquet, universal
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -31,10 +31,13 @@ class Writer(Protocol):
 
 
 #: Formats that are read, the most specific first: any text may be a table.
-FORMATS = cast(tuple[Format, ...], (parquet, mat, npz, csv))
+FORMATS = cast(tuple[Format, ...], (parquet, mat, npz, universal, csv))
 
 #: Module that writes each ending.
-WRITERS = cast(dict[str, Writer], {".csv": csv, ".parquet": parquet, ".npz": npz, ".mat": mat})
+WRITERS = cast(
+    dict[str, Writer],
+    {".csv": csv, ".parquet": parquet, ".npz": npz, ".mat": mat, ".uff": universal, ".unv": universal},
+)
 
 #: Endings of the files that are read.
 ENDINGS = tuple(ending for module in FORMATS for ending in module.ENDINGS)
