@@ -9,7 +9,6 @@ import itertools
 import mmap
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
+from sprung.formats.raw import decoded, half_digit, mapped
 
 #: Function type of a time history, and type of an abscissa of time.
 TIME_RESPONSE, TIME = 1, 17
@@ -132,13 +132,6 @@ class Contents:
     others: tuple[tuple[int, str], ...]
 
 
-@contextmanager
-def mapped(path: Path) -> Iterator[mmap.mmap]:
-    """Map a file, of which only the parts that are used are read."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        yield content
-
-
 def contents_of(path: Path) -> Contents:
     """Return the datasets of a universal file, without reading the values of binary ones.
 
@@ -164,7 +157,7 @@ def contents_of(path: Path) -> Contents:
             end = _find_mark(content, begin - 1)
             if end is None:
                 raise _error(path, number, "has no end: the file is incomplete")
-            others.append((int(kind[:6]), _text(content[begin : min(end.start(), begin + _LONGEST_HEADER)])))
+            others.append((int(kind[:6]), decoded(content[begin : min(end.start(), begin + _LONGEST_HEADER)])))
             position = end.end()
     return Contents(tuple(functions), tuple(others))
 
@@ -185,20 +178,12 @@ def _error(path: Path, number: int, detail: str) -> FormatError:
     return FormatError(f"{path} cannot be read as a universal file: dataset {number} {detail}")
 
 
-def _text(raw: bytes) -> str:
-    """Return text; bytes that are not UTF-8 are Latin-1."""
-    try:
-        return raw.decode("utf-8")
-    except UnicodeDecodeError:
-        return raw.decode("latin-1")
-
-
 def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[Function, int]:
     """Return the function whose type stands at `begin`, and the offset of the end of its dataset."""
     head = content[begin : begin + _LONGEST_HEADER].split(b"\n", _N_HEADER_LINES + 1)
     if len(head) < _N_HEADER_LINES + 2:
         raise _error(path, number, "has an incomplete header")
-    lines = [_text(line).rstrip("\r") for line in head[:-1]]
+    lines = [decoded(line).rstrip("\r") for line in head[:-1]]
     start = begin + sum(len(line) + 1 for line in head[:-1])
     try:
         place = _fields(lines[6], 5, 10, 5, 10, 11, 10, 4)
@@ -237,7 +222,7 @@ def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[
         is_even=is_even,
         first=first,
         step=step,
-        step_digit=_half_digit(size[4]),
+        step_digit=half_digit(size[4]),
         abscissa_type=_integer(abscissa[0]),
         abscissa_unit="" if abscissa[5] in _NONE else abscissa[5],
         ordinate_type=_integer(ordinate[0]),
@@ -258,12 +243,6 @@ def _fields(line: str, *widths: int) -> list[str]:
 def _integer(field: str) -> int:
     """Return an integer; an empty field is 0."""
     return int(field or 0)
-
-
-def _half_digit(field: str) -> float:
-    """Return half of the last digit of a printed number."""
-    mantissa, _, exponent = field.lower().partition("e")
-    return 0.5 * 10.0 ** (_integer(exponent) - len(mantissa.partition(".")[2]))
 
 
 def _binary_extent(

@@ -22,10 +22,10 @@ from sprung.formats.dataset58 import (
     Function,
     contents_of,
     header,
-    mapped,
     values_of,
 )
 from sprung.formats.nodes import Nodes, nodes_of
+from sprung.formats.raw import mapped
 from sprung.formats.settings import TIME_UNITS, ReadSettings
 from sprung.formats.stated import chosen_indices, described, distinct
 from sprung.formats.table import (
