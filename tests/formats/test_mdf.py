@@ -198,7 +198,7 @@ def test_other_bytes_give_a_sentence(tmp_path, content):
 def test_without_the_package_the_message_says_what_to_install(path, monkeypatch):
     monkeypatch.setitem(sys.modules, "asammdf", None)
     with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[mdf\]'"):
-        read(path)
+        mdf.groups(path, ReadSettings())
 
 
 def test_the_converted_drive_equals_its_twin(real_file):

@@ -251,7 +251,7 @@ def test_an_unknown_channel_gives_a_sentence(path):
 def test_without_the_package_the_message_says_what_to_install(path, monkeypatch):
     monkeypatch.setitem(sys.modules, "nptdms", None)
     with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[tdms\]'"):
-        read(path)
+        tdms.groups(path, ReadSettings())
 
 
 def test_the_converted_drive_equals_its_twin(real_file):

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from sprung.errors import FormatError
-from sprung.formats import csv, hdf5, mat, mdf, npz, parquet, tdms
+from sprung.formats import csv, hdf5, lvm, mat, mdf, npz, parquet, tdms, universal
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -32,13 +32,24 @@ class Writer(Protocol):
 
 
 #: Formats that are read, the most specific first: any text may be a table.
-FORMATS = cast(tuple[Format, ...], (parquet, mat, hdf5, npz, mdf, tdms, csv))
+FORMATS = cast(tuple[Format, ...], (parquet, mat, hdf5, npz, mdf, tdms, universal, lvm, csv))
 
 #: Those whose readers a file may crash: they run in a process of their own.
-FOREIGN = cast(tuple[Format, ...], (mat, hdf5, mdf, tdms))
+FOREIGN = cast(tuple[Format, ...], (mat, hdf5, mdf, tdms, universal))
 
 #: Module that writes each ending.
-WRITERS = cast(dict[str, Writer], {".csv": csv, ".parquet": parquet, ".npz": npz, ".mat": mat, ".h5": hdf5})
+WRITERS = cast(
+    dict[str, Writer],
+    {
+        ".csv": csv,
+        ".parquet": parquet,
+        ".npz": npz,
+        ".mat": mat,
+        ".h5": hdf5,
+        ".uff": universal,
+        ".unv": universal,
+    },
+)
 
 #: Endings of the files that are read.
 ENDINGS = tuple(ending for module in FORMATS for ending in module.ENDINGS)

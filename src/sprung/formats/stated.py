@@ -52,18 +52,41 @@ def chosen(path: Path, columns: Sequence[Column], names: Sequence[str] | None) -
     FormatError
         If there is no channel.
     """
+    return tuple(columns[index] for index in chosen_indices(columns, names, path=path))
+
+
+def chosen_indices(columns: Sequence[Column], channels: Sequence[str] | None, *, path: Path) -> list[int]:
+    """Return the indices of `channels` among the columns, in that order; None: of all columns.
+
+    Raises
+    ------
+    FormatError
+        If there are no columns.
+    ParameterError
+        If there is no column of a channel.
+    """
     if not columns:
         raise FormatError(f"{path} holds no channel of numbers")
-    return tuple(columns) if names is None else tuple(_column(path, columns, name) for name in names)
+    if channels is None:
+        return list(range(len(columns)))
+    indices = []
+    for wanted in channels:
+        index = next((k for k, column in enumerate(columns) if wanted in _names(column)), None)
+        if index is None:
+            known = ", ".join(column.name for column in columns)
+            raise ParameterError(f"{path} has no channel {wanted!r}: choose from {known}")
+        indices.append(index)
+    return indices
 
 
-def _column(path: Path, columns: Sequence[Column], name: str) -> Column:
-    """Return the column of the channel called `name`, with its unit or without."""
-    for column in columns:
-        if name in {column.heading, split_heading(column.heading)[0]}:
-            return column
-    known = ", ".join(column.name for column in columns)
-    raise ParameterError(f"{path} has no channel {name!r}: choose from {known}")
+def _names(column: Column) -> tuple[str, ...]:
+    return column.name, column.heading, split_heading(column.heading)[0]
+
+
+def described(*texts: str) -> str:
+    """Return texts as one comment, without empty and repeated ones."""
+    lines = (" ".join(text.split()) for text in texts)
+    return "; ".join(dict.fromkeys(line for line in lines if line))
 
 
 @contextmanager

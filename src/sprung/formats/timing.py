@@ -307,7 +307,7 @@ class ClockFit:
                 "time, or remove the time column and state --sampling-rate"
             )
         return Clock(
-            sampling_rate=_neat_rate(interval, self._uncertainty(interval)),
+            sampling_rate=neat_rate(interval, self._uncertainty(interval)),
             pitch=self._pace.pitch if self._pace.shares_stamps else interval,
             gap_step=self._pace.gap_step,
             jitter_rms=rms / interval,
@@ -391,7 +391,7 @@ def resolution(seconds: Real, *, largest: float = 1e9, rounding: float = 0.0) ->
     return rounding
 
 
-def _neat_rate(interval: float, tolerance: float) -> float:
+def neat_rate(interval: float, tolerance: float) -> float:
     """Return the roundest rate whose interval is within `tolerance` of `interval`."""
     for digits in range(1, 13):
         rate = float(f"{1 / interval:.{digits}g}")

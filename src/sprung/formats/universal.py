@@ -1,6 +1,11 @@
-"""Universal files (UFF, UNV): geometry and modes for programs of modal analysis."""
+"""Universal files (UFF, UNV): time histories, read and written; geometry and modes for programs of modal analysis."""
 
-from collections.abc import Sequence
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -8,16 +13,425 @@ from typing import Any
 import numpy as np
 
 from sprung._checks import check_one_of, required
+from sprung.errors import FormatError, ParameterError
+from sprung.formats.dataset58 import (
+    FUNCTION_TYPES,
+    TIME,
+    TIME_RESPONSE,
+    Contents,
+    Function,
+    contents_of,
+    header,
+    values_of,
+)
 from sprung.formats.nodes import Nodes, nodes_of
+from sprung.formats.raw import mapped
+from sprung.formats.settings import TIME_UNITS, ReadSettings
+from sprung.formats.stated import chosen_indices, described, distinct
+from sprung.formats.table import (
+    Block,
+    Column,
+    Group,
+    Table,
+    reported,
+    stated_column,
+    written_stamps,
+)
+from sprung.formats.timing import neat_rate
 from sprung.modal import Modes
-from sprung.recording import Channel
+from sprung.recording import Channel, Recording
 
+NAME, EXTRA = "universal file", None
 ENDINGS = (".unv", ".uff")
+
+_BEGINNING = re.compile(rb"\s*-1[ \t]*\r?\n {0,5}\d{1,6}[bB]?\b")
+# Quantities of an ordinate by their code: quantity, powers of length and force in it, quantity about an axis.
+_ORDINATES = {
+    3: ("strain", 0, 0, "strain"),
+    8: ("displacement", 1, 0, "angle"),
+    9: ("force", 0, 1, "unknown"),
+    11: ("velocity", 1, 0, "angular_velocity"),
+    12: ("acceleration", 1, 0, "unknown"),
+    13: ("force", 0, 1, "unknown"),
+    15: ("pressure", -2, 1, "unknown"),
+}
+_ORDINATE_CODES = {"strain": 3, "temperature": 5, "displacement": 8, "velocity": 11, "acceleration": 12, "force": 13}
+_ORDINATE_CODES |= {"pressure": 15, "angle": 8, "angular_velocity": 11}
+_GEOMETRY = {15, 18, 82, 2400, 2411, 2412, 2420, 2429, 2431, 2467}
+_RESULTS = {55, 2414}
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_DATE = re.compile(
+    r"(?P<day>\d\d?)-(?P<month>[a-z]{3})-(?P<year>\d\d|\d{4})\s+(?P<time>\d\d?:\d\d:\d\d)(?P<fraction>\.\d{1,9})?"
+    r"\s*(?P<zone>UTC)?",
+    re.IGNORECASE,
+)
+# Two digits of a year below this one are of 2000 to 2069.
+_PIVOT = 70
+_CALIBRATION = "calibration:"
+# What a line of text holds for reading it back.
+_NOTHING = ("", "NONE")
 #: Numbers of the format: complex eigenvalues, vectors of three directions, acceleration, a structure.
 _COMPLEX_MODE, _VECTOR, _ACCELERATION, _STRUCTURAL = 3, 2, 12, 1
 #: Most lines in one trace line: programs take 250 nodes.
 _MOST_LINES = 80
 _WIDTH = 80
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file begins with the mark of a dataset and its type."""
+    return _BEGINNING.match(head) is not None
+
+
+def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
+    """Return the time histories of a universal file, those that were recorded together in one group.
+
+    Functions were recorded together if they have the same abscissae, and dates (third identification line) that differ
+    by less than their length. A second function of the same name belongs to another group. Channels are named after
+    the entity of the response, the first identification line, or node and direction ("1:+Z"): what distinguishes them
+    best, the earliest of equals.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged, or holds no time histories.
+
+    Notes
+    -----
+    Values of binary datasets are read where they are needed; text is read in order, in pieces. Neither takes memory
+    that grows with the file.
+    """
+    with reported(path, NAME):
+        with path.open("rb") as file:
+            if not recognises(file.read(4096)):
+                raise FormatError(f"{path} cannot be read as a universal file: it does not begin with a dataset")
+        contents = contents_of(path)
+        histories = [function for function in contents.functions if function.is_time_history and function.n_values]
+        if not histories:
+            raise FormatError(
+                f"{path} holds {_in_words(contents)}, but no time histories: export the time histories (dataset 58, "
+                "function type 1)"
+            )
+        members = _recorded_together(histories)
+        names = [path.name] if len(members) == 1 else distinct([_group_name(each) for each in members])
+        return tuple(_group(path, name, each, contents) for name, each in zip(names, members, strict=True))
+
+
+def _in_words(contents: Contents) -> str:
+    """Return what a file without time histories holds."""
+    counts: Counter[str] = Counter()
+    for function in contents.functions:
+        counts[FUNCTION_TYPES[function.kind] if 0 <= function.kind < len(FUNCTION_TYPES) else "functions"] += 1
+    for kind, _ in contents.others:
+        counts[
+            "nodes and elements" if kind in _GEOMETRY else "results at nodes" if kind in _RESULTS else "headers"
+        ] += 1
+    return ", ".join(f"{words} ({count})" for words, count in counts.items()) or "nothing"
+
+
+@dataclass(frozen=True, slots=True)
+class _Member:
+    """Function with the name of its channel."""
+
+    name: str
+    function: Function
+
+
+def _recorded_together(histories: Sequence[Function]) -> list[list[_Member]]:
+    """Return the functions in groups, under the names that distinguish them best."""
+    candidates = [[_Member(name_of(function), function) for function in histories] for name_of in _NAMES]
+    return min((_grouped(members) for members in candidates if all(member.name for member in members)), key=len)
+
+
+def _entity(function: Function) -> str:
+    return function.entity
+
+
+def _first_line(function: Function) -> str:
+    return function.ids[0]
+
+
+def _place(function: Function) -> str:
+    return f"{function.entity}:{function.place}" if function.entity else function.place
+
+
+_NAMES = (_entity, _first_line, _place)
+
+
+def _grouped(members: Sequence[_Member]) -> list[list[_Member]]:
+    """Return members with the same abscissae and about the same date in groups in which no name repeats."""
+    grouped: list[list[_Member]] = []
+    for member in members:
+        for group in grouped:
+            if _together(group[0].function, member.function) and all(other.name != member.name for other in group):
+                group.append(member)
+                break
+        else:
+            grouped.append([member])
+    return grouped
+
+
+def _together(one: Function, other: Function) -> bool:
+    """Return whether two functions may have been recorded together."""
+    if _abscissae(one) != _abscissae(other):
+        return False
+    (start, _), (other_start, _) = _date(one), _date(other)
+    if start is None or other_start is None:
+        return start is other_start
+    length = one.n_values * one.step * _seconds(one) if one.is_even else np.inf
+    return abs(start - other_start) < 1e9 * length
+
+
+def _abscissae(function: Function) -> tuple[object, ...]:
+    return function.is_even, function.first, function.step, function.n_values, function.abscissa_unit
+
+
+def _seconds(function: Function) -> float:
+    """Return the seconds in the unit of the abscissa."""
+    return TIME_UNITS.get(function.abscissa_unit.strip("[]()").lower(), 1.0)
+
+
+def _date(function: Function) -> tuple[int | None, bool]:
+    """Return the date in the third line as nanoseconds since 1970, and whether it is stated as UTC."""
+    match = _DATE.fullmatch(function.ids[2])
+    if match is None or match["month"].lower() not in _MONTHS:
+        return None, False
+    year = int(match["year"])
+    if len(match["year"]) == 2:
+        year += 1900 if year >= _PIVOT else 2000
+    hour, minute, second = map(int, match["time"].split(":"))
+    with suppress(ValueError, OverflowError):
+        date = datetime(
+            year, _MONTHS.index(match["month"].lower()) + 1, int(match["day"]), hour, minute, second, tzinfo=UTC
+        )
+        fraction = int((match["fraction"] or ".0")[1:].ljust(9, "0"))
+        return int(date.timestamp()) * 10**9 + fraction, match["zone"] is not None
+    return None, False
+
+
+def _group_name(members: Sequence[_Member]) -> str:
+    """Return a name for one of several groups."""
+    function = members[0].function
+    spacing = f"{_rate(function):.6g} Hz" if function.is_even else "uneven"
+    return ", ".join(text for text in (spacing, f"{function.n_values} samples", function.ids[2]) if text)
+
+
+def _rate(function: Function) -> float:
+    """Return the sampling rate of even spacing [Hz]: the roundest one that the printed step allows."""
+    seconds = _seconds(function)
+    return neat_rate(function.step * seconds, function.step_digit * seconds)
+
+
+def _group(path: Path, name: str, members: Sequence[_Member], contents: Contents) -> Group:
+    """Return a group of functions that were recorded together."""
+    functions = [member.function for member in members]
+    units = _unit_factors(contents)
+    columns = [_column(member, functions, units) for member in members]
+    first = functions[0]
+
+    def open_table(channels: Sequence[str] | None) -> Table:
+        indices = chosen_indices(columns, channels, path=path)
+        return _table(
+            path, [functions[k] for k in indices], [columns[k] for k in indices], _comment(contents, functions)
+        )
+
+    return Group(
+        name,
+        tuple(column.heading for column in columns),
+        (_abscissae(first), first.number),
+        open_table,
+        sampling_rate=_rate(first) if first.is_even else None,
+        n_rows=first.n_values,
+    )
+
+
+def _unit_factors(contents: Contents) -> tuple[float, float] | None:
+    """Return the factors of length and force in dataset 164, by which values are divided to be in SI."""
+    text = next((text for kind, text in contents.others if kind == 164), None)
+    if text is None:
+        return None
+    with suppress(ValueError):
+        factors = [float(field.lower().replace("d", "e")) for field in " ".join(text.splitlines()[2:]).split()[:2]]
+        if len(factors) == 2 and all(0 < factor < np.inf for factor in factors):
+            return factors[0], factors[1]
+    return None
+
+
+def _column(member: _Member, functions: Sequence[Function], units: tuple[float, float] | None) -> Column:
+    """Return the channel of a function: by the label of its unit, else by its quantity and the units of the file."""
+    function, name = member.function, member.name
+    lines = [line for line in (function.ids[0], function.ids[3], function.ids[4]) if line != name]
+    if len({other.ids[1] for other in functions}) > 1:
+        lines.insert(1, function.ids[1])
+    if function.entity and name == function.ids[0]:
+        lines.append(f"response {function.entity}")
+    calibration = next((line for line in lines if line.startswith(_CALIBRATION)), "")
+    column = stated_column(
+        name,
+        name,
+        function.ordinate_unit,
+        comment=described(*(line for line in lines if line != calibration)),
+        calibration=calibration.removeprefix(_CALIBRATION).strip(),
+    )
+    quantity, length, force, about_axis = _ORDINATES.get(function.ordinate_type, ("unknown", 0, 0, "unknown"))
+    if column.quantity == "speed" and quantity == "velocity":
+        return replace(column, quantity="velocity")
+    if function.ordinate_unit or units is None:
+        return column
+    if abs(function.direction) > 3:
+        return replace(column, quantity=about_axis)
+    return replace(column, quantity=quantity, factor=units[0] ** -length * units[1] ** -force)
+
+
+def _comment(contents: Contents, functions: Sequence[Function]) -> str:
+    """Return the description in the header of the file, the line that all functions share, and the time zone."""
+    header_lines = next((text.splitlines() for kind, text in contents.others if kind == 151), [])
+    shared = {function.ids[1] for function in functions}
+    start, is_utc = _date(functions[0])
+    return described(
+        *(line for line in header_lines[1:3] if line.strip() not in _NOTHING),
+        shared.pop() if len(shared) == 1 else "",
+        "" if start is None or is_utc else "start in local time",
+    )
+
+
+def _table(path: Path, functions: Sequence[Function], columns: Sequence[Column], comment: str) -> Table:
+    """Return the table of functions that were recorded together."""
+    lead = functions[0]
+    seconds = _seconds(lead)
+    start, _ = _date(lead)
+
+    def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+        return _blocks(path, functions, first, last)
+
+    def times() -> Iterator[Block]:
+        for block in _blocks(path, [lead], 0, None):
+            yield replace(block, values=block.values[:0])
+
+    if lead.is_even:
+        origin = None if start is None else start + round(1e9 * lead.first * seconds)
+        return Table(path, tuple(columns), None, blocks, "sample", _rate(lead), origin, comment=comment)
+    return Table(path, tuple(columns), "time [s]", blocks, "sample", None, start, times, comment)
+
+
+def _blocks(path: Path, functions: Sequence[Function], first: int, last: int | None) -> Iterator[Block]:
+    """Yield samples of some functions, counted from 1."""
+    end = functions[0].n_values if last is None else min(last, functions[0].n_values)
+    row = first
+    with reported(path, NAME), mapped(path) as content:
+        for parts in zip(*(values_of(path, content, each, first, end) for each in functions), strict=True):
+            abscissae = [abscissa for abscissa, _ in parts if abscissa is not None]
+            for function, abscissa in zip(functions[1:], abscissae[1:], strict=False):
+                if not np.array_equal(abscissa, abscissae[0]):
+                    raise FormatError(
+                        f"{path}: datasets {functions[0].number} and {function.number} have different times: choose "
+                        "channels of one clock with --channels"
+                    )
+            stamps = abscissae[0] * _seconds(functions[0]) if abscissae else None
+            yield Block(row + 1, stamps, np.stack([values for _, values in parts]))
+            row += parts[0][1].size
+
+
+def write(recording: Recording, path: Path) -> None:
+    """Write a recording as datasets 58b, one for each channel, after a header (151) and SI units (164).
+
+    Parameters
+    ----------
+    recording
+        Any recording. With gaps, every sample is written with its time (uneven abscissa), in twice the space.
+    path
+        Path of the file; an existing one is replaced.
+
+    Raises
+    ------
+    ParameterError
+        If the name of a channel is longer than 80 characters, or would not be read back.
+
+    Notes
+    -----
+    Values are binary numbers of double precision in SI units, little endian. Identification lines: name of the channel,
+    comment of the recording, start (UTC), comment and calibration of the channel, each cut after 80 characters.
+    """
+    for name in recording.names:
+        if name != _text_line(name) or name in _NOTHING:
+            raise ParameterError(
+                f"channel name {name!r} would not be read back from a universal file: rename it to plain text of at "
+                f"most {_WIDTH} characters"
+            )
+    stamps = written_stamps(replace(recording, start=None))[1] if recording.gaps else None
+    with path.open("wb") as file:
+        file.write(_heading(recording).encode())
+        for index in range(len(recording.channels)):
+            file.write(header(_written(recording, index)))
+            values = np.asarray(recording.samples[index], dtype="<f8")
+            file.write((values if stamps is None else np.column_stack([stamps, values]).astype("<f8")).tobytes())
+            file.write(f"{-1:6d}\n".encode())
+
+
+def _heading(recording: Recording) -> str:
+    """Return datasets 151 and 164: the comment, and SI units."""
+    comment = _text_line(recording.comment) or "NONE"
+    lines = [
+        *(f"{-1:6d}", f"{151:6d}", "NONE", comment, "NONE", " " * 20, " " * 20, "sprung", " " * 20, f"{-1:6d}"),
+        *(f"{-1:6d}", f"{164:6d}", f"{1:10d}{'SI':<20}{2:10d}"),
+        "".join(f"{1.0:25.16E}".replace("E", "D") for _ in range(3)),
+        f"{273.15:25.16E}".replace("E", "D"),
+        f"{-1:6d}",
+    ]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _written(recording: Recording, index: int) -> Function:
+    """Return the header of a channel."""
+    channel = recording.channels[index]
+    calibration = f"{_CALIBRATION} {channel.calibration}" if channel.calibration else ""
+    ids = (channel.name, recording.comment, _date_line(recording.start), channel.comment, calibration)
+    return Function(
+        number=index + 1,
+        ids=tuple(map(_text_line, ids)),
+        kind=TIME_RESPONSE,
+        entity="",
+        node=index + 1,
+        direction=_direction(channel),
+        data_type=4,
+        n_values=recording.n_samples,
+        is_even=not recording.gaps,
+        first=0.0,
+        step=1 / recording.sampling_rate,
+        step_digit=0.0,
+        abscissa_type=TIME,
+        abscissa_unit="s",
+        ordinate_type=_ORDINATE_CODES.get(channel.quantity, 0),
+        ordinate_unit="strain" if channel.quantity == "strain" else channel.unit,
+        begin=0,
+        end=0,
+        binary=("<f8", "<f8"),
+    )
+
+
+def _direction(channel: Channel) -> int:
+    """Return the code of a direction along an axis; 0 for any other."""
+    axes = [k for k, part in enumerate(channel.direction or ()) if abs(part) > 1 - 1e-9]
+    if not axes or channel.direction is None:
+        return 0
+    code = axes[0] + (4 if channel.quantity in {"angle", "angular_velocity"} else 1)
+    return code if channel.direction[axes[0]] > 0 else -code
+
+
+def _date_line(start: int | None) -> str:
+    """Return a start [ns since 1970] as in the third identification line, with all digits."""
+    if start is None:
+        return ""
+    seconds, fraction = divmod(start, 10**9)
+    date = datetime.fromtimestamp(seconds, UTC)
+    year = f"{date.year % 100:02d}" if 1900 + _PIVOT <= date.year < 2000 + _PIVOT else f"{date.year:04d}"
+    month = _MONTHS[date.month - 1].capitalize()
+    return f"{date.day:02d}-{month}-{year} {date:%H:%M:%S}.{fraction:09d} UTC"
+
+
+def _text_line(text: str) -> str:
+    """Return a text as one line of at most 80 characters."""
+    plain = " ".join("".join(character if character.isprintable() else " " for character in text).split())
+    return plain if len(plain) <= _WIDTH else plain[: _WIDTH - 4] + " ..."
 
 
 def write_universal(modes: Modes, channels: Sequence[Channel], path: str | PathLike[str]) -> None:

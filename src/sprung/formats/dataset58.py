@@ -1,0 +1,398 @@
+"""Dataset 58 of universal files: functions at nodes, of which time histories are read and written.
+
+References
+----------
+Structural Dynamics Research Laboratory, University of Cincinnati, Universal File Formats: datasets 58 and 58b.
+"""
+
+import itertools
+import mmap
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sprung._arrays import Real
+from sprung.errors import FormatError
+from sprung.formats.raw import decoded, half_digit, mapped
+
+#: Function type of a time history, and type of an abscissa of time.
+TIME_RESPONSE, TIME = 1, 17
+#: Words for the function types of the format.
+FUNCTION_TYPES = (
+    "general functions",
+    "time histories",
+    "auto spectra",
+    "cross spectra",
+    "frequency response functions",
+    "transmissibilities",
+    "coherence functions",
+    "auto correlations",
+    "cross correlations",
+    "power spectral densities",
+    "energy spectral densities",
+    "probability density functions",
+    "spectra",
+)
+
+# A line that begins or ends a dataset.
+_MARK = b"\n    -1"
+_MARK_LINE = re.compile(rb"\n? {4}-1[ \t]*\r?(?=\n|\Z)")
+_END = re.compile(rb"[\r\n]{0,2} {4}-1[ \t]*(\r?\n|\Z)")
+# Directions by the absolute value of their code.
+_DIRECTIONS = ("", "X", "Y", "Z", "RX", "RY", "RZ")
+_N_HEADER_LINES = 11
+_LONGEST_HEADER = 4096
+# Real values: single and double precision; width of one of them, and of an abscissa, in a line of text.
+_SINGLE, _DOUBLE = 2, 4
+_WIDTHS = {_SINGLE: 13, _DOUBLE: 20}
+_ABSCISSA_WIDTH = 13
+_IEEE = 2
+_BYTE_ORDERS = {1: "<", 2: ">"}
+_PIECE_BYTES = 1 << 18
+_BATCH = 1 << 16
+_NONE = ("", "NONE")
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """Header of a dataset 58, and where its values are in the file.
+
+    Parameters
+    ----------
+    number
+        Number of the dataset in the file, from 1.
+    ids
+        The five identification lines; empty instead of NONE.
+    kind
+        Function type; 1 is a time history.
+    entity, node, direction
+        Place of the response: name of the entity, number of the node, code of the direction.
+    data_type
+        2 and 4 are real numbers of single and double precision, others complex.
+    n_values
+        Number of values.
+    is_even
+        Whether the abscissa has a first value and a constant step; otherwise every value has its own.
+    first, step
+        Abscissa of the first value, and step, in the unit of the abscissa.
+    step_digit
+        Half the last printed digit of the step.
+    abscissa_type, abscissa_unit
+        Code of the quantity of the abscissa, and its unit.
+    ordinate_type, ordinate_unit
+        Code of the quantity of the values, and their unit.
+    begin, end
+        Offsets of the values in the file [bytes].
+    binary
+        NumPy types of an abscissa and a value, None for text.
+    """
+
+    number: int
+    ids: tuple[str, ...]
+    kind: int
+    entity: str
+    node: int
+    direction: int
+    data_type: int
+    n_values: int
+    is_even: bool
+    first: float
+    step: float
+    step_digit: float
+    abscissa_type: int
+    abscissa_unit: str
+    ordinate_type: int
+    ordinate_unit: str
+    begin: int
+    end: int
+    binary: tuple[str, str] | None
+
+    @property
+    def is_time_history(self) -> bool:
+        """Whether the values are real numbers over time."""
+        is_over_time = self.kind == TIME_RESPONSE and self.abscissa_type in {0, 1, TIME}
+        return self.data_type in _WIDTHS and (is_over_time or (self.kind == 0 and self.abscissa_type == TIME))
+
+    @property
+    def place(self) -> str:
+        """Node and direction of the response, such as "1:+Z"."""
+        code = abs(self.direction)
+        axis = _DIRECTIONS[code] if code < len(_DIRECTIONS) else str(code)
+        return f"{self.node}:{'-' if self.direction < 0 else '+'}{axis}" if axis else str(self.node)
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """Datasets of a universal file: the functions, and number and text (up to 4096 bytes) of all others."""
+
+    functions: tuple[Function, ...]
+    others: tuple[tuple[int, str], ...]
+
+
+def contents_of(path: Path) -> Contents:
+    """Return the datasets of a universal file, without reading the values of binary ones.
+
+    Raises
+    ------
+    FormatError
+        If a dataset has no end, or declares more values than it holds; the message names its number.
+    """
+    functions: list[Function] = []
+    others: list[tuple[int, str]] = []
+    with mapped(path) as content:
+        position = 0
+        while mark := _find_mark(content, position):
+            number = 1 + len(functions) + len(others)
+            begin = min(mark.end() + 1, len(content))
+            kind = content[begin : begin + 7].decode("latin-1")
+            if not kind[:6].strip().isdigit():
+                raise _error(path, number, f"begins with {kind.strip()!r} in place of its type")
+            if int(kind[:6]) == 58:
+                function, position = _function(path, content, begin, number)
+                functions.append(function)
+                continue
+            end = _find_mark(content, begin - 1)
+            if end is None:
+                raise _error(path, number, "has no end: the file is incomplete")
+            others.append((int(kind[:6]), decoded(content[begin : min(end.start(), begin + _LONGEST_HEADER)])))
+            position = end.end()
+    return Contents(tuple(functions), tuple(others))
+
+
+def _find_mark(content: mmap.mmap, position: int) -> re.Match[bytes] | None:
+    """Return the next line that begins or ends a dataset, with the line end before it."""
+    if position == 0 and (first := _MARK_LINE.match(content)):
+        return first
+    while (position := content.find(_MARK, position)) >= 0:
+        if mark := _MARK_LINE.match(content, position):
+            return mark
+        position += 1
+    return None
+
+
+def _error(path: Path, number: int, detail: str) -> FormatError:
+    """Return the error of one dataset."""
+    return FormatError(f"{path} cannot be read as a universal file: dataset {number} {detail}")
+
+
+def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[Function, int]:
+    """Return the function whose type stands at `begin`, and the offset of the end of its dataset."""
+    head = content[begin : begin + _LONGEST_HEADER].split(b"\n", _N_HEADER_LINES + 1)
+    if len(head) < _N_HEADER_LINES + 2:
+        raise _error(path, number, "has an incomplete header")
+    lines = [decoded(line).rstrip("\r") for line in head[:-1]]
+    start = begin + sum(len(line) + 1 for line in head[:-1])
+    try:
+        place = _fields(lines[6], 5, 10, 5, 10, 11, 10, 4)
+        size = _fields(lines[7], 10, 10, 10, 13, 13, 13)
+        abscissa = _fields(lines[8], 10, 5, 5, 5, 21, 21)
+        ordinate = _fields(lines[9], 10, 5, 5, 5, 21, 21)
+        data_type, n_values, is_even = int(size[0]), int(size[1]), _integer(size[2]) == 1
+        first, step = float(size[3] or 0), float(size[4] or 0)
+        kind = int(place[0])
+    except ValueError as error:
+        raise _error(path, number, f"has a header that is not of the format ({error})") from None
+    if n_values < 0 or (is_even and not (step > 0 and np.isfinite([first, step]).all())):
+        raise _error(path, number, f"declares {n_values} values in steps of {step:g}: both must be above 0")
+    binary = None
+    if lines[0][6:7].lower() == "b":
+        try:
+            binary, end, position = _binary_extent(content, start, lines[0], (data_type, n_values, is_even))
+        except ValueError as error:
+            raise _error(path, number, str(error)) from None
+    else:
+        mark = _find_mark(content, start - 1)
+        if mark is None:
+            raise _error(path, number, "has no end: the file is incomplete")
+        end, position = max(start, mark.start()), mark.end()
+        if 2 * n_values > end - start:
+            raise _error(path, number, f"declares {n_values} values, but holds {end - start} bytes")
+    function = Function(
+        number=number,
+        ids=tuple("" if line.strip() in _NONE else line.strip() for line in lines[1:6]),
+        kind=kind,
+        entity="" if place[4] in _NONE else place[4],
+        node=_integer(place[5]),
+        direction=_integer(place[6]),
+        data_type=data_type,
+        n_values=n_values,
+        is_even=is_even,
+        first=first,
+        step=step,
+        step_digit=half_digit(size[4]),
+        abscissa_type=_integer(abscissa[0]),
+        abscissa_unit="" if abscissa[5] in _NONE else abscissa[5],
+        ordinate_type=_integer(ordinate[0]),
+        ordinate_unit="" if ordinate[5] in _NONE else ordinate[5],
+        begin=start,
+        end=end,
+        binary=binary,
+    )
+    return function, position
+
+
+def _fields(line: str, *widths: int) -> list[str]:
+    """Return the fields of a line of fixed columns, without blanks."""
+    edges = itertools.pairwise(itertools.accumulate(widths, initial=0))
+    return [line[first:last].strip() for first, last in edges]
+
+
+def _integer(field: str) -> int:
+    """Return an integer; an empty field is 0."""
+    return int(field or 0)
+
+
+def _binary_extent(
+    content: mmap.mmap, start: int, line: str, declared: tuple[int, int, bool]
+) -> tuple[tuple[str, str], int, int]:
+    """Return the types of the binary values, and the offsets of their end and of the end of the dataset.
+
+    The header states a number of bytes that many programs get wrong, so that the end mark after the values decides.
+    """
+    data_type, n_values, is_even = declared
+    order, representation = _integer(line[7:13].strip()), _integer(line[13:19].strip())
+    if order not in _BYTE_ORDERS or representation != _IEEE:
+        raise ValueError("holds binary numbers that are not in the representation of IEEE 754")
+    value = f"{_BYTE_ORDERS[order]}f{8 if data_type in {_DOUBLE, 6} else 4}"
+    n_parts = 1 if data_type in _WIDTHS else 2
+    abscissae = ("",) if is_even else (value, f"{_BYTE_ORDERS[order]}f4")
+    for abscissa in abscissae:
+        size = n_values * (n_parts * np.dtype(value).itemsize + (np.dtype(abscissa).itemsize if abscissa else 0))
+        end = start + size
+        if end <= len(content) and (mark := _END.match(content, end)):
+            return (abscissa, value), end, mark.end() - len(mark[1])
+    raise ValueError(f"declares {n_values} values, but does not end after them ({len(content) - start} bytes are left)")
+
+
+def values_of(
+    path: Path, content: mmap.mmap, function: Function, first: int, last: int
+) -> Iterator[tuple[Real | None, Real]]:
+    """Yield abscissa (None for even spacing) and values from `first` to before `last`, in batches of one size.
+
+    Raises
+    ------
+    FormatError
+        If the values are not numbers, or fewer than declared.
+    """
+    rows = _binary_rows(content, function, first, last) if function.binary else _text_rows(path, content, function)
+    done = first if function.binary else 0
+    for batch in _batches(rows):
+        wanted = batch[max(0, first - done) : max(0, last - done)]
+        done += len(batch)
+        if len(wanted):
+            yield (None if function.is_even else wanted[:, 0]), wanted[:, -1]
+        if done >= last:
+            return
+    if done < function.n_values:
+        raise _error(path, function.number, f"declares {function.n_values} values, but holds {done}")
+
+
+def _batches(rows: Iterator[Real]) -> Iterator[Real]:
+    """Yield the same rows in batches of one size, so that channels stay in step."""
+    waiting: list[Real] = []
+    for piece in rows:
+        waiting.append(piece)
+        if sum(map(len, waiting)) >= _BATCH:
+            whole = np.concatenate(waiting)
+            full = len(whole) - len(whole) % _BATCH
+            for begin in range(0, full, _BATCH):
+                yield whole[begin : begin + _BATCH]
+            waiting = [whole[full:]]
+    if waiting:
+        yield np.concatenate(waiting)
+
+
+def _binary_rows(content: mmap.mmap, function: Function, first: int, last: int) -> Iterator[Real]:
+    """Yield rows of abscissa and value, or of the value alone."""
+    abscissa, value = function.binary or ("", "")
+    kind = np.dtype([("value", value)] if function.is_even else [("abscissa", abscissa), ("value", value)])
+    for begin in range(first, min(last, function.n_values), _BATCH):
+        count = min(_BATCH, last - begin, function.n_values - begin)
+        offset = function.begin + begin * kind.itemsize
+        rows = np.frombuffer(content[offset : offset + count * kind.itemsize], dtype=kind)
+        yield np.column_stack([rows[name].astype(np.float64) for name in kind.names or ()])
+
+
+def _text_rows(path: Path, content: mmap.mmap, function: Function) -> Iterator[Real]:
+    """Yield rows of abscissa and value, or of the value alone, up to the declared number."""
+    n_columns = 1 if function.is_even else 2
+    left, rest = function.n_values, np.empty(0)
+    for begin, lines in _lines(content, function.begin, function.end):
+        try:
+            numbers = np.concatenate([rest, _numbers(lines, function)])
+        except ValueError as error:
+            raise _error(path, function.number, f"is not of numbers after byte {begin} ({error})") from None
+        n_rows = min(left, numbers.size // n_columns)
+        rest = numbers[n_rows * n_columns :]
+        left -= n_rows
+        yield numbers[: n_rows * n_columns].reshape(n_rows, n_columns)
+        if not left:
+            return
+
+
+def _lines(content: mmap.mmap, begin: int, end: int) -> Iterator[tuple[int, bytes]]:
+    """Yield pieces of whole lines with their offsets."""
+    while begin < end:
+        until = min(end, begin + _PIECE_BYTES)
+        if until < end:
+            until = content.rfind(b"\n", begin, until) + 1 or until
+        yield begin, content[begin:until]
+        begin = until
+
+
+def _numbers(lines: bytes, function: Function) -> Real:
+    """Return the numbers in lines of text: by the blanks between them, where there are none by columns."""
+    plain = lines.replace(b"D", b"E").replace(b"d", b"e")
+    try:
+        return np.array(plain.split(), dtype=np.float64)
+    except ValueError:
+        width = _WIDTHS[function.data_type]
+        widths = [width] if function.is_even else [_ABSCISSA_WIDTH, width]
+        return np.array([float(field) for line in plain.splitlines() for field in _columns(line, widths)])
+
+
+def _columns(line: bytes, widths: Sequence[int]) -> Iterator[bytes]:
+    """Yield the fields of a line of fixed columns."""
+    begin = 0
+    for width in itertools.cycle(widths):
+        if not line[begin:].strip():
+            return
+        yield line[begin : begin + width]
+        begin += width
+
+
+def header(function: Function) -> bytes:
+    """Return the lines of a binary dataset up to its values."""
+    n_bytes = function.n_values * (8 if function.is_even else 16)
+    first, step = (f"{value:13.5e}" for value in (function.first, 0.0))
+    lines = [
+        f"{-1:6d}",
+        f"{58:6d}b{1:6d}{_IEEE:6d}{_N_HEADER_LINES:12d}{n_bytes:12d}{0:6d}{0:6d}{0:12d}{0:12d}",
+        *(f"{line or 'NONE':<80}" for line in function.ids),
+        f"{function.kind:5d}{0:10d}{0:5d}{0:10d} {function.entity or 'NONE':<10}{function.node:10d}"
+        f"{function.direction:4d} {'NONE':<10}{0:10d}{0:4d}",
+        f"{function.data_type:10d}{function.n_values:10d}{int(function.is_even):10d}{first}"
+        f"{_exact(function.step) if function.is_even else step}{0:13.5e}",
+        _axis(function.abscissa_type, "Time", function.abscissa_unit),
+        _axis(function.ordinate_type, "NONE", function.ordinate_unit),
+        _axis(0, "NONE", ""),
+        _axis(0, "NONE", ""),
+    ]
+    return "".join(f"{line}\n" for line in lines).encode()
+
+
+def _axis(kind: int, label: str, unit: str) -> str:
+    return f"{kind:10d}{0:5d}{0:5d}{0:5d} {label:<20} {unit or 'NONE':<20}"
+
+
+def _exact(number: float) -> str:
+    """Return a positive number with as many digits as fit in twelve of thirteen columns."""
+    for digits in range(10, 0, -1):
+        mantissa, exponent = f"{number:.{digits}e}".split("e")
+        text = f"{mantissa}E{int(exponent)}"
+        if len(text) < 13:
+            return f"{text:>13}"
+    return f"{number:13.5e}"
