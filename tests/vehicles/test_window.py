@@ -64,7 +64,23 @@ def test_the_speed_is_scaled_and_advanced(car, run) -> None:
     assert np.isnan(speed[949:]).all()
     assert window.conditions["speed"] == pytest.approx(np.nanmean(speed))
     assert window.motion.n_samples == 949
-    assert window.recording.history[-1] == "speed times 1.1, advanced by 0.505 s"
+    assert "speed times 1.1, advanced by 0.505 s" in window.recording.history
+
+
+def test_a_window_says_what_its_recording_lacks(car, run) -> None:
+    with pytest.raises(ParameterError, match="lacks 1 of the vehicle file's 5 sensors: acc_rr "):
+        window_of(run.select([name for name in run.names if name != "acc_rr"]), car)
+    part = run.select([name for name in run.names if name not in {"acc_rr", "yaw_rate"}])
+    window = window_of(part, car, allow_missing=True)
+    assert window.missing == ("acc_rr", "yaw_rate")
+    assert window.notes == (
+        "missing sensors, which the vehicle file names: acc_rr, yaw_rate",
+        "left-over channels, which the vehicle file does not name: other",
+    )
+    assert window.recording.history[-2:] == window.notes
+    assert usable(part, vehicle=car, allow_missing=True).history[-3:-1] == window.notes
+    with pytest.raises(ParameterError, match="lacks 2 of"):
+        usable(part, vehicle=car)
 
 
 def test_motion_is_what_identification_uses_and_computed_once(car, run) -> None:

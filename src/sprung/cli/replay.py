@@ -5,8 +5,8 @@ import time
 from pathlib import Path
 from typing import Annotated
 
-from sprung.cli.checks import names
-from sprung.cli.options import Channels, Files, SamplingRate, VehicleFile, option
+from sprung.cli.checks import may_lack_sensors, names
+from sprung.cli.options import AllowMissing, Channels, Files, SamplingRate, VehicleFile, option
 from sprung.cli.output import show
 from sprung.cli.progress import progress_bar
 
@@ -23,6 +23,7 @@ def replay(
     pace: Annotated[float | None, option("X", "Speed of the replay, times real time.", show_default="no limit")] = None,
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
+    allow_missing: AllowMissing = False,
     spool: Annotated[
         Path | None, option("DIR", "Folder that keeps frames until they are acknowledged; run again, it continues.")
     ] = None,
@@ -39,9 +40,10 @@ def replay(
     if pace is not None:
         check_number("--pace", pace, above=0)
     description = read_vehicle(vehicle)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=channels)
     with tempfile.TemporaryDirectory(prefix="sprung-") as scratch:
         frames = Spool(spool or Path(scratch), boot_from=time.time_ns() // 10**6, is_synced=spool is not None)
-        box = box_of(vehicle_id, description, frames, Address.parse(broker))
+        box = box_of(vehicle_id, description, frames, Address.parse(broker), allow_missing=may_lack)
         try:
             resumed = box.resume_time()
             box.open(timeout=10.0)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Channels, Figures, Json, Page, SamplingRate, option
+from sprung.cli.checks import check_file, check_folder, may_lack_sensors, names
+from sprung.cli.options import INPUT, AllowMissing, Channels, Figures, Json, Page, SamplingRate, option
 from sprung.cli.output import show, write_result
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
@@ -45,6 +45,7 @@ def track(
     ] = None,
     channels: Channels = None,
     sampling_rate: SamplingRate = None,
+    allow_missing: AllowMissing = False,
     method: Annotated[
         Literal["cov", "acs", "coss", "plscf", "fdd"],
         typer.Option(help="Identification of each window, as for sprung identify.", rich_help_panel=INPUT),
@@ -87,8 +88,10 @@ def track(
             windows = _from_documents(files, distance=1.0 if window is None else window)
         else:
             description = None if vehicle is None else read_description(vehicle)
+            sensors = () if description is None else description.sensor
+            may_lack = may_lack_sensors(sensors, allow_missing=allow_missing, channels=channels)
             recordings = _Recordings(files, sampling_rate=sampling_rate, channels=names(channels), report=report)
-            windows = _identified(recordings, window, method, _settings(band), description)
+            windows = _identified(recordings, window, method, _settings(band, may_lack=may_lack), description)
             start = recordings.start
         windows = sorted(windows, key=lambda part: part.time)
         tracked = track_modes(
@@ -117,10 +120,10 @@ def track(
         raise IdentificationError("no mode is in enough windows: use longer windows, or more of them")
 
 
-def _settings(band: tuple[float, float] | None) -> "IdentificationSettings":
+def _settings(band: tuple[float, float] | None, *, may_lack: bool) -> "IdentificationSettings":
     from sprung.identification import IdentificationSettings
 
-    return IdentificationSettings(band=band)
+    return IdentificationSettings(band=band, allow_missing=may_lack)
 
 
 def _are_documents(files: Sequence[Path]) -> bool:

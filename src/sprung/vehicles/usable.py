@@ -1,6 +1,7 @@
 """The part of a recording that identification and fits may use."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from sprung.recording import Recording
 from sprung.signals.conditioning import while_moving, without_missing
 from sprung.signals.inspection import CONDITIONS, constant_value
 from sprung.vehicles.description import Chain, Quarter, Vehicle
-from sprung.vehicles.sensor_layout import with_layout
+from sprung.vehicles.sensor_layout import layout_notes, with_layout
 
 #: Speed below which a vehicle's motion carries no information on its modes [m/s].
 _SLOWEST = 3.0
@@ -19,7 +20,7 @@ _ROUNDING = 1e-12
 AnyVehicle = Vehicle | Quarter | Chain
 
 
-def usable(recording: Recording, *, vehicle: AnyVehicle | None = None) -> Recording:
+def usable(recording: Recording, *, vehicle: AnyVehicle | None = None, allow_missing: bool = False) -> Recording:
     """Return the outputs (and the speed) of a recording in SI units, while the vehicle moves and no value is missing.
 
     Parameters
@@ -28,17 +29,21 @@ def usable(recording: Recording, *, vehicle: AnyVehicle | None = None) -> Record
         Recording as read.
     vehicle
         Vehicle whose sensors, if its file states any, are the outputs; otherwise every channel of motion is one.
+    allow_missing
+        Whether the recording may lack sensors of the vehicle file; the history then says which.
 
     Raises
     ------
     DataError
         If an output is dead, or nothing is left.
     ParameterError
-        If the recording has none of the vehicle file's sensors, or one with another quantity.
+        If the recording lacks a sensor of the vehicle file, or has one with another quantity.
     """
     speed = speed_channel(recording, vehicle)
     if vehicle is not None and vehicle.sensor:
-        recording = with_layout(recording, vehicle.sensor)
+        notes = layout_notes(recording, vehicle)
+        recording = with_layout(recording, vehicle.sensor, allow_missing=allow_missing)
+        recording = replace(recording, history=(*recording.history, *notes))
     return usable_motion(recording, output_channels(recording, vehicle), speed)
 
 

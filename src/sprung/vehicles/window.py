@@ -10,7 +10,7 @@ from sprung.recording import Channel, Recording
 from sprung.signals.delays import advanced_linearly
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.models import structure
-from sprung.vehicles.sensor_layout import with_layout
+from sprung.vehicles.sensor_layout import layout_notes, missing_sensors, with_layout
 from sprung.vehicles.structure import Structure
 from sprung.vehicles.usable import output_channels, speed_channel, usable_motion
 
@@ -40,6 +40,10 @@ class Window:
         Means of "speed" [m/s], "temperature" [°C] (of the dampers where these are measured, otherwise ambient),
         "tyre_temperature" [°C] and "tyre_pressure" [Pa], "standing" (share of time), "turning" (RMS of the yaw rate
         [rad/s]), as far as channels measure them.
+    missing
+        Sensors of motion that the recording lacks.
+    notes
+        Sensors that the recording lacks and channels that the vehicle file does not name, in words.
     """
 
     recording: Recording
@@ -47,6 +51,8 @@ class Window:
     structure: Structure
     speed: str | None
     conditions: dict[str, float]
+    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -87,7 +93,7 @@ class Window:
         return replace(self, recording=self.recording.part(first, last))
 
 
-def window_of(recording: Recording, vehicle: Vehicle) -> Window:
+def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = False) -> Window:
     """Return a recording as a window of its vehicle.
 
     Parameters
@@ -96,15 +102,27 @@ def window_of(recording: Recording, vehicle: Vehicle) -> Window:
         Recording as read.
     vehicle
         Vehicle with its sensors.
+    allow_missing
+        Whether the recording may lack sensors of motion, which is then noted.
 
     Raises
     ------
     ParameterError
-        If the recording has none of the vehicle file's sensors, or one with another quantity.
+        If the recording lacks a sensor of the vehicle file, or has one with another quantity.
     """
-    placed = with_speed_corrected(with_speed_of_wheels(with_layout(recording, vehicle.sensor), vehicle), vehicle)
+    placed = with_layout(recording, vehicle.sensor, allow_missing=allow_missing)
+    placed = with_speed_corrected(with_speed_of_wheels(placed, vehicle), vehicle)
     speed = speed_channel(placed, vehicle)
-    return Window(placed, vehicle, structure(vehicle), speed, _conditions(placed, vehicle, speed))
+    notes = layout_notes(recording, vehicle)
+    return Window(
+        recording=replace(placed, history=(*placed.history, *notes)),
+        vehicle=vehicle,
+        structure=structure(vehicle),
+        speed=speed,
+        conditions=_conditions(placed, vehicle, speed),
+        missing=missing_sensors(recording.names, vehicle.sensor),
+        notes=notes,
+    )
 
 
 def with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> Recording:

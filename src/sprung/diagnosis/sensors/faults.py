@@ -15,6 +15,7 @@ KINDS = (
     "wrong_gain",
     "time_shifted",
     "hum",
+    "missing",
 )
 
 
