@@ -9,6 +9,7 @@ from sprung._arrays import Real
 from sprung._checks import freeze
 from sprung.diagnosis.residuals import VEHICLE_RATE, ResidualStatistics, residual_statistics
 from sprung.diagnosis.sensors import SensorFault, check_sensors, exchanged_opposites, speed_fault
+from sprung.diagnosis.sensors.faults import MISSING
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerFit, CornerSettings
 from sprung.likelihood.fitting import fit_windows
@@ -63,7 +64,8 @@ class Observation:
     missing
         Sensors of motion of the vehicle file that the recording lacks.
     notes
-        Sensors that the recording lacks and channels that the vehicle file does not name, in words.
+        Unusual motion of the vehicle file, sensors that the recording lacks, and channels that the file does not name,
+        in words.
     """
 
     time: float
@@ -310,7 +312,7 @@ def with_missing_as_faults(observation: Observation, *, known: Collection[str] =
         Sensors without which its baseline was learnt.
     """
     faults = tuple(
-        SensorFault(name, "missing", "no channel has its name: repair it, or correct the vehicle file")
+        SensorFault(name, MISSING, "no channel has its name: repair it, or correct the vehicle file")
         for name in observation.missing
         if name not in known
     )

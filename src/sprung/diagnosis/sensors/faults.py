@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-#: Kinds of faults, each a word of `SensorFault.kind`.
+#: Kinds of faults that the checks find, each a word of `SensorFault.kind`.
 KINDS = (
     "dead",
     "stuck",
@@ -15,8 +15,9 @@ KINDS = (
     "wrong_gain",
     "time_shifted",
     "hum",
-    "missing",
 )
+#: Kind of a sensor whose channel the samples lack, which only the monitor takes for a fault.
+MISSING = "missing"
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,7 @@ class SensorFault:
     channel
         Name of the channel.
     kind
-        One of `KINDS`.
+        One of `KINDS`, or `MISSING`.
     detail
         Size of the fault, in words.
     """
