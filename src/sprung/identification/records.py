@@ -26,6 +26,7 @@ from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
 from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix
+from sprung.vehicles.plausibility import plausibility_notes
 from sprung.vehicles.sensor_layout import check_present, layout_notes
 from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel, usable
 
@@ -184,7 +185,8 @@ def _usable_records(
         report(f"correlating record {number}", 0.5 * (number - 1) / n_records if n_records else 0.0)
         if vehicle is not None:
             check_present(record.names, vehicle.sensor, allow_missing=allow_missing)
-            remarks.layout.update(dict.fromkeys(layout_notes(record, vehicle)))
+            notes = (*plausibility_notes(vehicle), *layout_notes(record, vehicle))
+            remarks.layout.update(dict.fromkeys(notes))
         try:
             outputs = [name for name in output_channels(record, vehicle) if name in record.names]
             living, found = without_dead_parts(record, outputs) if outputs else (record, ())

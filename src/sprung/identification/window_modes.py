@@ -7,6 +7,7 @@ from sprung.identification.methods import METHODS
 from sprung.identification.settings import IdentificationSettings
 from sprung.modal import Modes
 from sprung.recording import Recording
+from sprung.vehicles.plausibility import plausibility_notes
 from sprung.vehicles.sensor_layout import layout_notes
 from sprung.vehicles.usable import AnyVehicle
 
@@ -26,7 +27,8 @@ class WindowModes:
     reason
         Why there are no modes; empty otherwise.
     notes
-        Sensors that the window lacks and channels that the vehicle file does not name, in words.
+        Unusual motion of the vehicle file, sensors that the window lacks, and channels that the file does not name, in
+        words.
     """
 
     time: float
@@ -64,7 +66,7 @@ def identify_window(
         If a setting does not suit the recording, or it lacks a sensor of the vehicle file. A window that is too short
         or has dead channels is no error.
     """
-    notes = () if vehicle is None else layout_notes(recording, vehicle)
+    notes = () if vehicle is None else (*plausibility_notes(vehicle), *layout_notes(recording, vehicle))
     try:
         modes = METHODS[method](recording, settings=settings, vehicle=vehicle).modes
     except (DataError, IdentificationError) as error:

@@ -10,6 +10,7 @@ from sprung.recording import Channel, Recording
 from sprung.signals.delays import advanced_linearly
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.models import structure
+from sprung.vehicles.plausibility import plausibility_notes
 from sprung.vehicles.sensor_layout import layout_notes, missing_sensors, with_layout
 from sprung.vehicles.structure import Structure
 from sprung.vehicles.usable import output_channels, speed_channel, usable_motion
@@ -43,7 +44,8 @@ class Window:
     missing
         Sensors of motion that the recording lacks.
     notes
-        Sensors that the recording lacks and channels that the vehicle file does not name, in words.
+        Unusual motion of the vehicle file, sensors that the recording lacks, and channels that the file does not name,
+        in words.
     """
 
     recording: Recording
@@ -113,7 +115,7 @@ def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = F
     placed = with_layout(recording, vehicle.sensor, allow_missing=allow_missing)
     placed = with_speed_corrected(with_speed_of_wheels(placed, vehicle), vehicle)
     speed = speed_channel(placed, vehicle)
-    notes = layout_notes(recording, vehicle)
+    notes = (*plausibility_notes(vehicle), *layout_notes(recording, vehicle))
     return Window(
         recording=replace(placed, history=(*placed.history, *notes)),
         vehicle=vehicle,
