@@ -172,3 +172,25 @@ def test_temperatures_are_those_of_dampers_before_ambient(car, run) -> None:
     assert conditions["tyre_temperature"] == pytest.approx(35.0)
     assert conditions["tyre_pressure"] == pytest.approx(2.3e5)
     assert window_of(more, vehicle).outputs == window_of(run, car).outputs
+
+
+def test_wheels_and_tyres_are_known_by_their_names(car, run) -> None:
+    """Two wheels at 10 and 14 m/s; the temperature of a tyre is not that of the air."""
+    wheel = "Vehicle.Chassis.Axle.Row1.Wheel.{}"
+    names = {f"{wheel.format('Left')}.Speed": "speed", f"{wheel.format('Right')}.Speed": "speed"}
+    names |= {
+        f"{wheel.format('Left')}.Tire.Temperature": "temperature",
+        f"{wheel.format('Left')}.Tire.Pressure": "pressure",
+    }
+    channels = (*run.channels[:5], *(Channel(name, quantity) for name, quantity in names.items()))
+    values = np.outer([10.0, 14.0, 35.0, 2.2e5], np.ones(1000))
+    window = window_of(replace(run, samples=np.vstack([run.samples[:5], values]), channels=channels), car)
+    assert window.speed == "speed"
+    assert window.conditions == {
+        "speed": pytest.approx(12.0),
+        "standing": 0.0,
+        "turning": window.conditions["turning"],
+        "tyre_temperature": pytest.approx(35.0),
+        "tyre_pressure": pytest.approx(2.2e5),
+    }
+    assert window.notes == ()

@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from sprung._checks import nearest_name
+from sprung.channel_names import rule_of
 from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
 from sprung.signals.delays import advanced
+from sprung.signals.inspection import CONDITIONS
 from sprung.vehicles.description import Description
 from sprung.vehicles.sections import Sensor
 
@@ -139,8 +141,9 @@ def layout_notes(recording: Recording, vehicle: Description) -> tuple[str, ...]:
     if not vehicle.sensor:
         return ()
     others = _left_over(recording.names, vehicle.sensor)
-    is_used = {channel.name: channel.quantity == "temperature" for channel in recording.channels}
-    left_over = [name for name in others if not is_used[name] and name.casefold() != vehicle.speed_channel.casefold()]
+    conditions = {channel.name for channel in recording.channels if _is_known_condition(channel)}
+    speed = vehicle.speed_channel.casefold()
+    left_over = [name for name in others if name not in conditions and name.casefold() != speed]
     absent = [sensor.channel for sensor in vehicle.sensor if sensor.channel not in recording.names]
     notes = []
     if absent:
@@ -148,6 +151,11 @@ def layout_notes(recording: Recording, vehicle: Description) -> tuple[str, ...]:
     if left_over:
         notes.append(f"left-over channels, which the vehicle file does not name: {', '.join(left_over)}")
     return tuple(notes)
+
+
+def _is_known_condition(channel: Channel) -> bool:
+    """Return whether a channel is a condition without a sensor in the file: any temperature, and others by name."""
+    return channel.quantity == "temperature" or (channel.quantity in CONDITIONS and rule_of(channel.name) is not None)
 
 
 def _left_over(names: Sequence[str], sensors: Sequence[Sensor]) -> list[str]:

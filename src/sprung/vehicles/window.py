@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sprung.channel_names import corner_of
 from sprung.recording import Channel, Recording
 from sprung.signals.delays import advanced_linearly
 from sprung.vehicles.description import Vehicle
@@ -135,7 +136,8 @@ def with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> Recording:
     recording
         Recording in SI units.
     vehicle
-        Vehicle with sensors of the wheels' circumferential speed, or of their rotation and their rolling radius.
+        Vehicle with sensors of the wheels' circumferential speed, or of their rotation and their rolling radius; or one
+        whose recording names them, such as "Vehicle.Chassis.Axle.Row1.Wheel.Left.Speed" (`channel_names`).
 
     Notes
     -----
@@ -147,6 +149,8 @@ def with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> Recording:
     radii = _rolling_radii(vehicle)
     wheels = {sensor.channel: 1.0 for sensor in vehicle.sensor if sensor.quantity == "speed" and sensor.on in radii}
     wheels |= {sensor.channel: radii[sensor.on] for sensor in vehicle.sensor if sensor.quantity == "wheel_speed"}
+    speeds_of = {channel.name: corner_of(channel.name) for channel in recording.channels if channel.quantity == "speed"}
+    wheels |= {name: 1.0 for name, corner in speeds_of.items() if corner in vehicle.suspensions}
     rows = {recording.index(name): factor for name, factor in wheels.items() if name in recording.names}
     if not rows:
         return recording
@@ -209,7 +213,7 @@ def _temperatures_and_pressure(placed: Recording, vehicle: Vehicle) -> dict[str,
     means: dict[str, list[float]] = {"temperature": [], "ambient": [], "tyre_temperature": [], "tyre_pressure": []}
     for channel, values in zip(placed.channels, placed.samples, strict=True):
         sensor = sensors.get(channel.name)
-        is_on_wheel = sensor is not None and sensor.on.startswith("wheel")
+        is_on_wheel = corner_of(channel.name) is not None if sensor is None else sensor.on.startswith("wheel")
         if np.isnan(values).all():
             continue
         mean = float(np.nanmean(values))
