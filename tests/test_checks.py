@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung._arrays import Real
-from sprung._checks import check_complete, check_number, check_one_of, freeze, frozen_array, required
+from sprung._checks import check_complete, check_number, check_one_of, freeze, frozen_array, nearest_name, required
 from sprung.errors import DataError, MissingPackageError, ParameterError
 
 
@@ -78,3 +78,21 @@ def test_missing_values_are_counted_in_the_worst_channel() -> None:
 
 def test_an_integer_beyond_those_of_numpy_is_a_number() -> None:
     assert check_number("x", 2**64, above=0) == 2**64
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "meant"),
+    [
+        ("AccZ", ("Acc_X", "Acc_Y", "Acc_Z", "Gyr_Z"), "Acc_Z"),
+        ("acc z (m/s^2)", ("accX", "accZ"), "accZ"),
+        ("speed", ("Speed_kmh", "sped"), "Speed_kmh"),
+        ("stifness", ("damping", "stiffness"), "stiffness"),
+        ("acc_rear_left", ("acc_rear_lft", "acc_front_left"), "acc_rear_lft"),
+        ("wings", ("mass", "x", "half_track"), None),
+        ("g", ("mg",), None),
+        ("a", (), None),
+    ],
+)
+def test_the_name_that_was_meant_is_that_of_the_same_letters(name, known, meant) -> None:
+    """Case, separators and units do not count; a few letters may differ."""
+    assert nearest_name(name, known) == meant

@@ -1,6 +1,8 @@
 """Argument checks, the only place where their messages are worded."""
 
-from collections.abc import Collection, Sequence
+import difflib
+import re
+from collections.abc import Collection, Iterable, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -9,6 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from sprung._arrays import Real
 from sprung.errors import DataError, MissingPackageError, ParameterError
+
+#: Similarity of two names (`difflib`, 0 to 1) above which one may be a slip of the other.
+_ALIKE = 0.75
+#: Units at the end of a name, in letters alone.
+_UNITS_OF_NAMES = re.compile(r"(?<=.)(mps2|ms2|mss|kmh|kph|mps|dps|degs|rads|degc|kpa|mg|g)$")
 
 
 def frozen_array(name: str, values: ArrayLike, *, ndim: int, dtype: Any = np.float64) -> NDArray[Any]:
@@ -76,6 +83,43 @@ def check_one_of(name: str, value: str, allowed: Collection[str], *, advice: str
         known = ", ".join(sorted(allowed))
         raise ParameterError(f"{name} {value!r} is not one of {known}" + (f": {advice}" if advice else ""))
     return value
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str | None:
+    """Return the one of `known` that was probably meant by `name`; None if none is like it.
+
+    Parameters
+    ----------
+    name
+        Name that is not known.
+    known
+        Names to choose from.
+
+    Notes
+    -----
+    Names that differ in case, separators and units alone ("AccZ", "acc_z [m/s^2]") are the same word; otherwise the
+    names are compared by the share of letters that they have in common, in their order.
+
+    Examples
+    --------
+    >>> nearest_name("AccZ", ["Acc_X", "Acc_Z"])
+    'Acc_Z'
+    >>> nearest_name("spring_stifness", ["damping", "spring_stiffness"])
+    'spring_stiffness'
+    """
+    words = {other: _plain(other) for other in known}
+    wanted = _plain(name)
+    same = [other for other, word in words.items() if word == wanted]
+    if same:
+        return same[0]
+    close = difflib.get_close_matches(wanted, words.values(), n=1, cutoff=_ALIKE)
+    return next((other for other, word in words.items() if word in close), None)
+
+
+def _plain(name: str) -> str:
+    """Return the letters and digits of a name in lower case, without a unit in brackets or at its end."""
+    letters = re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*?[\])]", "", name.casefold()))
+    return _UNITS_OF_NAMES.sub("", letters) or name.casefold()
 
 
 def required(package: str, *, purpose: str, extra: str) -> Any:

@@ -1,12 +1,12 @@
 """TOML files written by people, checked against models: every mistake becomes one sentence."""
 
-import difflib
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from sprung._checks import nearest_name
 from sprung.errors import FormatError, ParameterError
 
 _Model = TypeVar("_Model", bound=BaseModel)
@@ -61,13 +61,16 @@ def checked(model: type[_Model], fields: Mapping[str, Any]) -> _Model:
     try:
         return model.model_validate(dict(fields))
     except ValidationError as error:
-        problems = _without_consequences(error.errors(include_url=False))
+        schema = model.model_json_schema(by_alias=True)
+        every = error.errors(include_url=False)
+        problems = _without_consequences(every, schema)
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise ParameterError(_sentence(problems[0], model) + more) from None
+        absent = _absent(every, problems[0]["loc"])
+        raise ParameterError(_sentence(problems[0], schema, absent) + more) from None
 
 
-def _without_consequences(problems: Sequence[Any]) -> list[Mapping[str, Any]]:
-    """Omit the problem of a list that is too short where it follows from another problem inside the list."""
+def _without_consequences(problems: Sequence[Any], schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Omit problems that follow from another: of a list too short for one inside it, of a key missing as misspelt."""
     places = [problem["loc"] for problem in problems]
 
     def is_consequence(problem: Mapping[str, Any]) -> bool:
@@ -76,11 +79,27 @@ def _without_consequences(problems: Sequence[Any]) -> list[Mapping[str, Any]]:
             place != start and place[: len(start)] == start for place in places
         )
 
-    return [problem for problem in problems if not is_consequence(problem)]
+    meant = {
+        (*problem["loc"][:-1], _nearest_key(problem["loc"], schema, _absent(problems, problem["loc"]))): problem
+        for problem in problems
+        if problem["type"] == "extra_forbidden"
+    }
+    causes = [meant.get(problem["loc"], problem) if problem["type"] == "missing" else problem for problem in problems]
+    left = [problem for problem in causes if not is_consequence(problem)]
+    return [problem for number, problem in enumerate(left) if problem not in left[:number]]
 
 
-def _sentence(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
-    """Return one problem as a sentence: field and value, rule, remedy."""
+def _absent(problems: Sequence[Any], location: Sequence[str | int]) -> list[str]:
+    """Return the keys that the table at a location must have and lacks."""
+    return [
+        problem["loc"][-1]
+        for problem in problems
+        if problem["type"] == "missing" and problem["loc"][:-1] == location[:-1]
+    ]
+
+
+def _sentence(problem: Mapping[str, Any], schema: Mapping[str, Any], absent: Collection[str]) -> str:
+    """Return one problem as a sentence: field and value, rule, remedy; `absent` are keys that the table must have."""
     location, kind, context = problem["loc"], problem["type"], problem.get("ctx", {})
     where = _path(location)
     if kind == "value_error":
@@ -88,7 +107,7 @@ def _sentence(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
     if kind == "missing":
         return f"{where} is missing: add it"
     if kind == "extra_forbidden":
-        return f"{where} is not known here: {_remedy(str(location[-1]), model)}"
+        return f"{where} is not known here: {_remedy(location, schema, absent)}"
     if kind in {"too_short", "too_long"}:
         wanted = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
         return f"{where} has {context['actual_length']} entries, but must have {wanted}: correct it"
@@ -113,12 +132,35 @@ def _path(location: Sequence[str | int]) -> str:
     return ", ".join(words)
 
 
-def _remedy(key: str, model: type[BaseModel]) -> str:
-    """Return the advice for an unknown key: the field that may have been meant."""
-    definitions = model.model_json_schema(by_alias=True)
-    tables = [definitions, *definitions.get("$defs", {}).values()]
-    known = sorted({name for table in tables for name in table.get("properties", {})})
-    close = difflib.get_close_matches(key, known, n=1)
-    if close == [key]:
+def _remedy(location: Sequence[str | int], schema: Mapping[str, Any], absent: Collection[str]) -> str:
+    """Return the advice for an unknown key: the key that may have been meant, or the table that it belongs to."""
+    near = _nearest_key(location, schema, absent)
+    if near:
+        return f"did you mean {near}?"
+    everywhere = {name for table in _tables(schema) for name in table.get("properties", {})}
+    if location[-1] in everywhere:
         return "move it to the table that it belongs to"
-    return f"did you mean {close[0]}?" if close else "remove it, or correct its spelling"
+    near = nearest_name(str(location[-1]), sorted(everywhere))
+    return f"did you mean {near}, of another table?" if near else "remove it, or correct its spelling"
+
+
+def _nearest_key(location: Sequence[str | int], schema: Mapping[str, Any], absent: Collection[str] = ()) -> str | None:
+    """Return the key of the table at a location that is nearest to an unknown one there; None if none is like it.
+
+    Keys of `absent`, which the table must have, come first; there the last word of a key ("stiffness") is enough.
+    """
+    table: Mapping[str, Any] = schema
+    for step in location[:-1]:
+        table = table.get("items", {}) if isinstance(step, int) else table.get("properties", {}).get(step, {})
+        reference = table.get("$ref", "").rsplit("/", maxsplit=1)[-1]
+        table = schema.get("$defs", {}).get(reference, table)
+    key = str(location[-1])
+    last_words = {name.rsplit("_", maxsplit=1)[-1]: name for name in absent}
+    last_word = nearest_name(key, last_words)
+    whole = nearest_name(key, absent) or nearest_name(key, table.get("properties", {}))
+    return whole if last_word is None else last_words[last_word]
+
+
+def _tables(schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the schemas of all tables."""
+    return [schema, *schema.get("$defs", {}).values()]

@@ -68,6 +68,10 @@ _OTHER_SPELLINGS = MappingProxyType(
         "microstrain": "um/m",
         "ue": "um/m",
         "C": "degC",
+        "celsius": "degC",
+        "Celsius": "degC",
+        "degrees": "deg",
+        "degrees/s": "deg/s",
     }
 )
 

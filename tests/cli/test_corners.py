@@ -1,3 +1,4 @@
+import html
 import json
 
 import pytest
@@ -78,3 +79,56 @@ def test_options_choose_what_is_fitted(sprung, drive):
     assert document["payload"] == {}
     assert abs(document["sensors"]["acc_fl_lag"]["value"]) < 2e-3
     assert abs(document["sensors"]["acc_fl_x"]["value"]) < 0.05
+
+
+@pytest.fixture(scope="module")
+def misnamed(drive):
+    """The vehicle file of the drive with one sensor under another name than the logger's."""
+    _, car = drive
+    path = car.with_name("misnamed.toml")
+    path.write_text(car.read_text().replace('"acc_rr"', '"AccRR"'))
+    return path
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("corners",),
+        ("identify",),
+        ("track",),
+        ("diagnose",),
+        ("baseline", "--out", "b.json"),
+        ("calibrate", "--out", "v.toml"),
+        ("box", "--vehicle-id", "car-1", "--broker", "mqtt://127.0.0.1:1"),
+    ],
+    ids=lambda command: command[0],
+)
+def test_every_command_refuses_a_recording_that_lacks_a_sensor(sprung, drive, misnamed, command, monkeypatch) -> None:
+    monkeypatch.chdir(misnamed.parent)
+    outcome = sprung(command[0], drive[0], "--vehicle", misnamed, *command[1:])
+    assert outcome.code == 2
+    assert "lacks 1 of the vehicle file's 4 sensors: AccRR (did you mean 'acc_rr'?)" in outcome.err
+    assert "--allow-missing" in outcome.err
+
+
+def test_without_a_sensor_every_output_says_so(sprung, drive, misnamed, tmp_path) -> None:
+    notes = [
+        "missing sensors, which the vehicle file names: AccRR (did you mean 'acc_rr'?)",
+        "left-over channels, which the vehicle file does not name: acc_rr",
+    ]
+    words = (drive[0], "--vehicle", misnamed, "--allow-missing", "--report", tmp_path / "report.html")
+    outcome = sprung("corners", *words, "--json", tmp_path / "corners.json")
+    assert outcome.code == 0, outcome.err
+    assert json.loads((tmp_path / "corners.json").read_text())["notes"][:2] == notes
+    printed, page = " ".join(outcome.out.split()), html.unescape((tmp_path / "report.html").read_text())
+    for note in notes:
+        assert note in printed
+        assert note in page
+
+
+def test_a_sensor_left_out_by_choice_is_named_too(sprung, drive) -> None:
+    """--channels leaves out a sensor; a chosen channel that looks like one that is not chosen is a slip."""
+    run, car = drive
+    words = ("--channels", "acc_fl,acc_fr,acc_rl,speed")
+    document = sprung("identify", run, "--vehicle", car, *words, "--no-refine", "--json", "-").document()
+    assert "missing sensors, which the vehicle file names: acc_rr" in document["notes"]

@@ -14,6 +14,7 @@ from sprung.diagnosis import (
     observe,
     observe_window,
     windows,
+    with_missing_as_faults,
 )
 from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
@@ -60,13 +61,42 @@ def test_conditions_of_a_conclusive_window(observations) -> None:
 def test_sensors_are_placed_once(car, run, monkeypatch) -> None:
     calls, place = [], with_layout
 
-    def counted(recording, sensors):
+    def counted(recording, sensors, **options):
         calls.append(recording)
-        return place(recording, sensors)
+        return place(recording, sensors, **options)
 
     monkeypatch.setattr(window, "with_layout", counted)
     observe_window(dead(run.part(0, 24_000), channel="acc_rl"), car)
     assert len(calls) == 1
+
+
+def test_a_window_that_lacks_a_sensor_is_refused_or_says_so(car, run) -> None:
+    """The sensor's channel has another name; allowed, the diagnosis carries the note, and the monitor a fault."""
+    channels = tuple(replace(one, name="AccRR") if one.name == "acc_rr" else one for one in run.channels)
+    other = replace(run.part(0, run.n_samples // 5), channels=channels)
+    with pytest.raises(ParameterError, match=r"acc_rr \(did you mean 'AccRR'\?\)"):
+        observe_window(other, car)
+    lacking = observe_window(other, car, allow_missing=True)
+    assert lacking.missing == ("acc_rr",)
+    assert lacking.sensor_faults == ()
+    assert diagnose([lacking]).notes[:2] == lacking.notes
+    watched = with_missing_as_faults(lacking)
+    assert [(fault.channel, fault.kind) for fault in watched.sensor_faults] == [("acc_rr", "missing")]
+    assert with_missing_as_faults(lacking, known=["acc_rr"]).sensor_faults == ()
+
+
+def test_windows_are_compared_with_a_baseline_of_the_same_sensors(car, run, observations) -> None:
+    lacking = [replace(one, missing=("acc_rr",)) for one in observations]
+    without = learn(lacking[:5], least_windows=5)
+    assert without.missing == ("acc_rr",)
+    assert without.notes[0] == "the baseline was learnt without the sensors acc_rr of the vehicle file"
+    assert without.accepts(lacking[0])
+    assert not without.accepts(observations[0])
+    complete = learn([*observations[:5], lacking[5]], least_windows=5)
+    assert (complete.missing, complete.n_windows, complete.n_refused) == ((), 5, 1)
+    notes = diagnose([lacking[0]], complete).notes
+    excluded = "1 of 1 windows were excluded because they lack the sensors acc_rr, unlike those of the baseline"
+    assert f"{excluded}: learn it again with the same sensors" in notes
 
 
 def test_the_residual_test_needs_no_samples(car, run, observations) -> None:

@@ -60,6 +60,20 @@ def test_online_is_batch(car, drive, alike, seed) -> None:
     assert np.array_equal(window.recording.samples, run.samples)
 
 
+def test_a_channel_that_vanishes_is_a_failing_sensor(car, drive) -> None:
+    """The monitor goes on without it, says so, and learns nothing from the window."""
+    monitor = VehicleMonitor(car, settings=SETTINGS)
+    part = drive(0).select([name for name in drive(0).names if name != "acc_fl"])
+    identified, window = monitor.update(part)
+    assert isinstance(identified, Identified)
+    assert identified.reason == ""
+    assert isinstance(window, Observed)
+    (fault,) = window.observation.sensor_faults
+    assert (fault.channel, fault.kind) == ("acc_fl", "missing")
+    assert window.observation.is_conclusive
+    assert monitor.learning == (0, 4)
+
+
 def test_window_ends_within_a_block(car, drive, alike) -> None:
     whole = joined([drive(0), drive(1)])
     monitor = VehicleMonitor(car, settings=MonitorSettings(identify_every=0))

@@ -25,7 +25,6 @@ def test_corner_names() -> None:
             r"body, pitch_inertia=2.2e\+09 kg m2 must be .* correct the unit",
         ),
         ({"body": {"mass": 1480.0, "roll_inertia": 0.36}}, "body, roll_inertia=0.36 kg m2 must be"),
-        ({"body": {"mass": 1.48e12}}, r"spring_stiffness: a body of 1.48e\+12 kg would bounce"),
         (
             {
                 "sensor": [
@@ -38,7 +37,7 @@ def test_corner_names() -> None:
                     }
                 ]
             },
-            r"\[\[sensor\]\] 1, position=\[1220.0, 0.0, 0.0\] is more than 14 m, five wheelbases",
+            r"\[\[sensor\]\] 1, position=\[1220.0, 0.0, 0.0\] is more than 14 m, five wheelbases, .*: is that mm\? ",
         ),
     ],
 )

@@ -204,6 +204,12 @@ def test_directions_get_the_length_one() -> None:
         (("axle", 1, "damping"), True, "[[axle]] 2, damping=True must be a number"),
         (("axle", 1, "damping"), float("nan"), "[[axle]] 2, damping=nan must be finite: give a number"),
         (("axle", 0, "spring_stifness"), 1.0, "[[axle]] 1, spring_stifness is not known here: did you mean spring_"),
+        (
+            ("axle", 0, "springStiffness"),
+            1.0,
+            "[[axle]] 1, springStiffness is not known here: did you mean spring_stiff",
+        ),
+        (("body", "unsprung_mass"), 1.0, "body, unsprung_mass is not known here: move it to the table that it belongs"),
         (("axle", 0, "tyre_stiffness"), None, "[[axle]] 1: unsprung_mass needs tyre_stiffness: add it, or leave both"),
         (("mounted_mass", 0, "frequency"), 0, "[[mounted_mass]] 1, frequency=0 must be above 0: correct it"),
         (("sensor", 0), 1, "[[sensor]] 1=1 must be a table of fields: write [name] above them"),
@@ -243,6 +249,32 @@ def test_refusals_name_the_field_the_rule_and_the_remedy(path, value, message) -
         parse_vehicle(changed(path, value))
     assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("path", "wrong", "right"),
+    [
+        (
+            ("axle", 0, "spring_stiffness"),
+            "stifness",
+            "[[axle]] 1, stifness is not known here: did you mean spring_stiff",
+        ),
+        (("axle", 1, "half_track"), "halftrack", "[[axle]] 2, halftrack is not known here: did you mean half_track?"),
+        (("sensor", 0, "channel"), "chanel", "[[sensor]] 1, chanel is not known here: did you mean channel?"),
+        (("axle",), "axles", "axles is not known here: did you mean axle?"),
+        (("axle",), "axel", "axel is not known here: did you mean axle?"),
+    ],
+)
+def test_a_misspelt_key_is_named_and_not_the_one_that_is_missing_for_it(path, wrong, right) -> None:
+    fields = tomllib.loads(EXAMPLE)
+    table = fields
+    for step in path[:-1]:
+        table = table[step]
+    table[wrong] = table.pop(path[-1])
+    with pytest.raises(ParameterError) as refusal:
+        parse_vehicle(fields)
+    assert str(refusal.value).startswith(right)
+    assert "more)" not in str(refusal.value)
 
 
 def test_further_problems_are_counted() -> None:

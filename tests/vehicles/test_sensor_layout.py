@@ -5,8 +5,8 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.recording import Channel, Gap, Recording
-from sprung.vehicles import Sensor
-from sprung.vehicles.sensor_layout import with_layout
+from sprung.vehicles import Sensor, read_vehicle
+from sprung.vehicles.sensor_layout import check_present, layout_notes, quantities_of, with_layout
 
 
 def recorded(*channels):
@@ -27,7 +27,7 @@ def test_raw_values_become_si_and_get_their_place() -> None:
 
 
 def test_values_in_si_are_not_converted_again() -> None:
-    placed = with_layout(recorded(Channel("a", "acceleration")), [sensor("a"), sensor("c")])
+    placed = with_layout(recorded(Channel("a", "acceleration")), [sensor("a")])
     np.testing.assert_allclose(placed.samples, [[1, 2, 3]])
     assert placed.channels[0].position == (1.2, 0.7, 0.0)
     turned = with_layout(recorded(Channel("a", "acceleration")), [sensor("a", scale=-1.0)])
@@ -88,3 +88,56 @@ def test_quantities_of_one_unit_are_the_file_s() -> None:
     velocity = sensor("v", quantity="velocity", unit="m/s")
     placed = with_layout(recorded(Channel("v", "speed")), [velocity])
     assert placed.channels[0].quantity == "velocity"
+
+
+def test_a_missing_sensor_is_refused_with_the_name_that_may_have_been_meant() -> None:
+    """The sensor AccZ was called Acc_Z by the logger: without it corners came out 124 % off."""
+    run = recorded(Channel("AccX"), Channel("Acc_Z"), Channel("speed", "speed"))
+    sensors = [sensor("AccX"), sensor("AccZ")]
+    sentence = (
+        "the recording lacks 1 of the vehicle file's 2 sensors: AccZ (did you mean 'Acc_Z'?) (channels that no sensor"
+        " names: Acc_Z, speed): make the names agree, or go on without them with --allow-missing (in Python"
+        " allow_missing=True)"
+    )
+    for refused in (with_layout, quantities_of):
+        with pytest.raises(ParameterError) as refusal:
+            refused(run, sensors)
+        assert str(refusal.value) == sentence
+    placed = with_layout(run, sensors, allow_missing=True)
+    assert placed.history[-1] == "sensor layout of 1 channels"
+    assert placed.channels[1] == Channel("Acc_Z")
+    assert quantities_of(run, sensors, allow_missing=True)["AccX"] == "acceleration"
+
+
+def test_a_dead_sensor_is_not_missing() -> None:
+    run = recorded(Channel("a"), Channel("b"))
+    dead = Recording(run.samples * [[1.0], [np.nan]], 10.0, run.channels)
+    assert with_layout(dead, [sensor("a"), sensor("b")]).names == ("a", "b")
+
+
+def test_a_recording_may_lack_conditions() -> None:
+    speed = sensor("v", quantity="speed", unit="m/s", position=None, direction=None)
+    heat = sensor("t", quantity="temperature", unit="degC", position=None, direction=None)
+    assert with_layout(recorded(Channel("a")), [sensor("a"), speed, heat]).names == ("a",)
+
+
+def test_channels_left_out_by_choice_are_not_missing_unless_one_looks_like_them() -> None:
+    sensors = [sensor("acc_fl"), sensor("acc_fr")]
+    check_present(["acc_fl", "speed"], sensors, is_choice=True)
+    with pytest.raises(ParameterError, match=r"acc_fr \(did you mean 'AccFR'\?\)"):
+        check_present(["acc_fl", "AccFR"], sensors, is_choice=True)
+
+
+def test_notes_name_what_is_missing_and_what_is_left_over() -> None:
+    """Speed, whatever its case, and temperatures are used although no sensor names them."""
+    car = read_vehicle("zafira")
+    names = ("acc_fl", "acc_fr", "ACC_RL", "throttle", "Speed", "oil")
+    kinds = ("unknown",) * 5 + ("temperature",)
+    run = recorded(*(Channel(name, kind) for name, kind in zip(names, kinds, strict=True)))
+    assert layout_notes(run, car) == (
+        "missing sensors, which the vehicle file names: acc_rl (did you mean 'ACC_RL'?), acc_rr",
+        "left-over channels, which the vehicle file does not name: ACC_RL, throttle",
+    )
+    complete = recorded(*(Channel(one.channel) for one in car.sensor))
+    assert layout_notes(complete, car) == ()
+    assert layout_notes(run, car.model_copy(update={"sensor": ()})) == ()

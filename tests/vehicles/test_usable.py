@@ -99,3 +99,16 @@ def test_a_large_offset_is_not_a_dead_channel() -> None:
     """An accelerometer standing upright: 9.81 m/s^2 and little motion."""
     samples = 9.81 + 1e-4 * noise()
     assert usable(recorded(samples)).n_samples == 1000
+
+
+def test_the_speed_may_have_a_name_that_means_it() -> None:
+    """Where no channel is called speed and the file names none: the only one of known unit, not of a wheel."""
+    wheel = "Vehicle.Chassis.Axle.Row1.Wheel.Left.Speed"
+    run = recorded(noise(3), ("a", "Vehicle.Speed", wheel), quantities=("acceleration", "speed", "speed"))
+    assert speed_channel(run) == "Vehicle.Speed"
+    car = read_description("zafira")
+    assert speed_channel(run, car) == "Vehicle.Speed"
+    assert speed_channel(run, car.model_copy(update={"speed_channel": "v"})) is None
+    assert speed_channel(recorded(noise(2), ("a", "Vehicle.Speed"), quantities=["unknown"] * 2)) is None
+    assert speed_channel(recorded(noise(2), ("Vehicle.Speed", "gps_speed_mps"), quantities=["speed"] * 2)) is None
+    assert speed_channel(recorded(noise(2), ("Vehicle.Speed", "Speed"), quantities=["speed"] * 2)) == "Speed"

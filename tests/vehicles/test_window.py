@@ -64,7 +64,23 @@ def test_the_speed_is_scaled_and_advanced(car, run) -> None:
     assert np.isnan(speed[949:]).all()
     assert window.conditions["speed"] == pytest.approx(np.nanmean(speed))
     assert window.motion.n_samples == 949
-    assert window.recording.history[-1] == "speed times 1.1, advanced by 0.505 s"
+    assert "speed times 1.1, advanced by 0.505 s" in window.recording.history
+
+
+def test_a_window_says_what_its_recording_lacks(car, run) -> None:
+    with pytest.raises(ParameterError, match="lacks 1 of the vehicle file's 5 sensors: acc_rr "):
+        window_of(run.select([name for name in run.names if name != "acc_rr"]), car)
+    part = run.select([name for name in run.names if name not in {"acc_rr", "yaw_rate"}])
+    window = window_of(part, car, allow_missing=True)
+    assert window.missing == ("acc_rr", "yaw_rate")
+    assert window.notes == (
+        "missing sensors, which the vehicle file names: acc_rr, yaw_rate",
+        "left-over channels, which the vehicle file does not name: other",
+    )
+    assert window.recording.history[-2:] == window.notes
+    assert usable(part, vehicle=car, allow_missing=True).history[-3:-1] == window.notes
+    with pytest.raises(ParameterError, match="lacks 2 of"):
+        usable(part, vehicle=car)
 
 
 def test_motion_is_what_identification_uses_and_computed_once(car, run) -> None:
@@ -156,3 +172,25 @@ def test_temperatures_are_those_of_dampers_before_ambient(car, run) -> None:
     assert conditions["tyre_temperature"] == pytest.approx(35.0)
     assert conditions["tyre_pressure"] == pytest.approx(2.3e5)
     assert window_of(more, vehicle).outputs == window_of(run, car).outputs
+
+
+def test_wheels_and_tyres_are_known_by_their_names(car, run) -> None:
+    """Two wheels at 10 and 14 m/s; the temperature of a tyre is not that of the air."""
+    wheel = "Vehicle.Chassis.Axle.Row1.Wheel.{}"
+    names = {f"{wheel.format('Left')}.Speed": "speed", f"{wheel.format('Right')}.Speed": "speed"}
+    names |= {
+        f"{wheel.format('Left')}.Tire.Temperature": "temperature",
+        f"{wheel.format('Left')}.Tire.Pressure": "pressure",
+    }
+    channels = (*run.channels[:5], *(Channel(name, quantity) for name, quantity in names.items()))
+    values = np.outer([10.0, 14.0, 35.0, 2.2e5], np.ones(1000))
+    window = window_of(replace(run, samples=np.vstack([run.samples[:5], values]), channels=channels), car)
+    assert window.speed == "speed"
+    assert window.conditions == {
+        "speed": pytest.approx(12.0),
+        "standing": 0.0,
+        "turning": window.conditions["turning"],
+        "tyre_temperature": pytest.approx(35.0),
+        "tyre_pressure": pytest.approx(2.2e5),
+    }
+    assert window.notes == ()

@@ -9,7 +9,7 @@ from typing import Any
 from sprung._checks import check_number
 from sprung.documents import mode_documents
 from sprung.errors import SprungError
-from sprung.identification import modes_of_summary, summarise
+from sprung.identification import IdentificationSettings, modes_of_summary, summarise
 from sprung.link import Header, Key, Spool, checked_map, joined
 from sprung.link.summaries import summary_document
 from sprung.recording import Recording
@@ -113,7 +113,8 @@ class OnBoard:
         }
         self._number += 1
         try:
-            summary = summarise(self._method, whole, vehicle=self._vehicle)
+            settings = IdentificationSettings(allow_missing=True)  # the box that takes the blocks has decided
+            summary = summarise(self._method, whole, settings=settings, vehicle=self._vehicle)
             modes = modes_of_summary(summary, vehicle=self._vehicle)
         except SprungError as error:
             return [("modes", {**place, "modes": [], "reason": str(error)})]

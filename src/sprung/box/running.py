@@ -47,7 +47,15 @@ class Sender(Protocol):
         """Return whether all frames are acknowledged within `timeout` [s]."""
 
 
-def box_of(name: str, vehicle: Vehicle, spool: Spool, address: Address, *, on_board: "OnBoard | None" = None) -> Box:
+def box_of(
+    name: str,
+    vehicle: Vehicle,
+    spool: Spool,
+    address: Address,
+    *,
+    on_board: "OnBoard | None" = None,
+    allow_missing: bool = False,
+) -> Box:
     """Return the box of a vehicle.
 
     Parameters
@@ -62,17 +70,23 @@ def box_of(name: str, vehicle: Vehicle, spool: Spool, address: Address, *, on_bo
         Address of the broker.
     on_board
         Identification on the vehicle; None: samples are sent.
+    allow_missing
+        Whether the source may lack sensors of the vehicle file, which the monitor then reports.
 
     Raises
     ------
     ParameterError
         Where the vehicle cannot have that name.
+
+    Notes
+    -----
+    The channels of the first block that the box takes are compared with the sensors of the vehicle file.
     """
     return Box(
         BoxSettings(name, vehicle_text(vehicle)),
         spool,
         address,
-        quantities=lambda block: quantities_of(block, vehicle.sensor),
+        quantities=lambda block: quantities_of(block, vehicle.sensor, allow_missing=allow_missing),
         on_board=on_board,
     )
 

@@ -1,7 +1,7 @@
 """Completion of a vehicle file from healthy drives."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -83,7 +83,11 @@ class CalibrationSettings:
 
 
 def calibrate(
-    recordings: Sequence[Recording], vehicle: Vehicle, *, settings: CalibrationSettings | None = None
+    recordings: Sequence[Recording],
+    vehicle: Vehicle,
+    *,
+    settings: CalibrationSettings | None = None,
+    allow_missing: bool = False,
 ) -> Calibration:
     """Complete a vehicle file with what healthy drives teach.
 
@@ -96,6 +100,8 @@ def calibrate(
         Vehicle as its file describes it.
     settings
         Choices.
+    allow_missing
+        Whether the recordings may lack sensors of the vehicle file; a note then says which.
 
     Returns
     -------
@@ -104,7 +110,8 @@ def calibrate(
     Raises
     ------
     ParameterError
-        If there is no recording, or the recordings have other channels than the first one.
+        If there is no recording, one lacks a sensor of the vehicle file, or the recordings have other channels than the
+        first one.
     DataError
         If the speed is missing, or no segment of a window is long, fast and steady enough.
 
@@ -121,9 +128,11 @@ def calibrate(
     D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992), 415-447 (evidence of models).
     """
     settings = settings or CalibrationSettings()
-    windows = [window_of(recording, vehicle) for recording in recordings]
+    windows = [window_of(recording, vehicle, allow_missing=allow_missing) for recording in recordings]
     _check_alike(windows)
-    return calibrated(tuple(window_spectra(window, settings.corners) for window in windows), vehicle, settings=settings)
+    spectra = tuple(window_spectra(window, settings.corners) for window in windows)
+    calibration = calibrated(spectra, vehicle, settings=settings)
+    return replace(calibration, notes=(*windows[0].notes, *calibration.notes))
 
 
 def calibrated(
@@ -271,14 +280,14 @@ def usable_spectra(recordings: Iterable[Recording], vehicle: Vehicle) -> tuple[W
     Parameters
     ----------
     recordings
-        Windows as read.
+        Windows as read, which may lack sensors of the vehicle file.
     vehicle
         Vehicle as its file describes it.
     """
     usable: list[WindowSpectra] = []
     for recording in recordings:
         try:
-            spectra = window_spectra(window_of(recording, vehicle), CornerSettings())
+            spectra = window_spectra(window_of(recording, vehicle, allow_missing=True), CornerSettings())
         except (DataError, ParameterError):
             continue
         if not usable or spectra.layout.names == usable[0].layout.names:

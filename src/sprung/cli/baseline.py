@@ -6,8 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.checks import check_file
-from sprung.cli.options import INPUT, Files, Json, Minutes, TypeFile, VehicleFile, option
+from sprung.cli.checks import check_file, may_lack_sensors
+from sprung.cli.options import (
+    INPUT,
+    AllowMissing,
+    Files,
+    Json,
+    Minutes,
+    TypeFile,
+    VehicleFile,
+    option,
+)
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
@@ -28,6 +37,7 @@ def baseline(
     vehicle: VehicleFile,
     out: Annotated[Path, option("B.json", "Baseline file to write.")],
     reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
     window: Minutes = 10.0,
     least_windows: Annotated[
         int | None, option("N", "Least number of usable windows (6; 2 with --type).", "--windows", min=2)
@@ -65,15 +75,16 @@ def baseline(
     type_baseline = None if of_type is None else type_of(description, of_type)
     before = None if previous is None else baseline_of(description, previous)
     description = completed_vehicle(description, before)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
     with progress_bar() as report:
 
         def parts() -> "Iterator[tuple[float, Recording]]":
             return windows_of(files, reading=reading, minutes=window, report=report)
 
-        observations = observed(parts(), description, report=report)
+        observations = observed(parts(), description, allow_missing=may_lack, report=report)
         calibration = _calibration(parts, description, observations, is_wanted=calibrate if of_type is None else False)
         if calibration is not None:
-            observations = observed(parts(), calibration.vehicle, report=report)
+            observations = observed(parts(), calibration.vehicle, allow_missing=may_lack, report=report)
     learnt = learn(
         observations,
         reason=reason.strip() or "first learning",
@@ -86,7 +97,8 @@ def baseline(
         learnt = replace(learnt, vehicle_file=vehicle_text(complete))
     write_baseline(learnt, out)
     if write_result(baseline_document(learnt), json):
-        sentences = tables.baseline_in_words(learnt, n_windows=len(observations))
+        layout = list(dict.fromkeys(note for observation in observations for note in observation.notes))
+        sentences = [*tables.baseline_in_words(learnt, n_windows=len(observations)), *layout]
         completed = [] if calibration is None else tables.calibration_in_words(calibration)
         show(tables.baseline_table(learnt), [*sentences, *completed, f"wrote {out}"])
 
@@ -107,7 +119,7 @@ def _calibration(
     chosen = chosen_windows(len(errors))
     recordings = (part for number, (_, part) in enumerate(parts()) if number in chosen)
     if is_wanted:
-        return calibrate(list(recordings), vehicle)
+        return calibrate(list(recordings), vehicle, allow_missing=True)  # the windows have been observed
     try:
         return calibrated_if_imperfect(usable_spectra(recordings, vehicle), vehicle, model_errors=errors)
     except DataError:  # the observations state the reason
@@ -167,7 +179,11 @@ def windows_of(
 
 
 def observed(
-    parts: "Iterable[tuple[float, Recording]]", vehicle: "Vehicle", *, report: Callable[[str, float], None]
+    parts: "Iterable[tuple[float, Recording]]",
+    vehicle: "Vehicle",
+    *,
+    allow_missing: bool,
+    report: Callable[[str, float], None],
 ) -> "list[Observation]":
     """Return the observations of windows."""
     from sprung.diagnosis import observe_window
@@ -175,5 +191,5 @@ def observed(
     observations: list[Observation] = []
     for number, (time, part) in enumerate(parts, start=1):
         report(f"window {number}", 0.5)
-        observations.append(observe_window(part, vehicle, time=time))
+        observations.append(observe_window(part, vehicle, time=time, allow_missing=allow_missing))
     return observations

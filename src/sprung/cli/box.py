@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sprung.cli.checks import names
+from sprung.cli.checks import may_lack_sensors, names
 from sprung.cli.logs import LogFormat, log_to, stop_on_signals
-from sprung.cli.options import SamplingRate, VehicleFile, option
+from sprung.cli.options import AllowMissing, SamplingRate, VehicleFile, option
 from sprung.cli.replay import BrokerUrl, VehicleId
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def box(
     ] = 256.0,
     channels: Annotated[str | None, option("A,B,..", "Channels or signals to send.")] = None,
     sampling_rate: SamplingRate = None,
+    allow_missing: AllowMissing = False,
     pace: Annotated[
         float | None, option("X", "Speed of a replay of files, times real time.", show_default="no limit")
     ] = None,
@@ -66,10 +67,11 @@ def box(
 
     log_to(log_format)
     description = read_vehicle(vehicle)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=names(channels))
     stopping = stop_on_signals()
     frames = Spool(spool, most_bytes=round(1e6 * spool_megabytes), boot_from=time.time_ns() // 10**6)
     ring = _on_board(description, spool / "ring", ring_megabytes) if on_board else None
-    running = box_of(vehicle_id, description, frames, Address.parse(broker), on_board=ring)
+    running = box_of(vehicle_id, description, frames, Address.parse(broker), on_board=ring, allow_missing=may_lack)
     settings = SourceSettings(
         vehicle=description,
         folder=spool,

@@ -3,8 +3,17 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.checks import check_file, check_folder
-from sprung.cli.options import INPUT, Figures, Files, Json, Minutes, VehicleFile, option
+from sprung.cli.checks import check_file, check_folder, may_lack_sensors
+from sprung.cli.options import (
+    INPUT,
+    AllowMissing,
+    Figures,
+    Files,
+    Json,
+    Minutes,
+    VehicleFile,
+    option,
+)
 from sprung.cli.output import show, write_result
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
@@ -21,6 +30,7 @@ def calibrate(
     vehicle: VehicleFile,
     out: Annotated[Path, option("V2.toml", "Completed vehicle file to write.")],
     reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
     window: Minutes = 10.0,
     mounts: Annotated[int, option("N", "Largest number of masses on mounts to add.", min=0, panel=INPUT)] = 3,
     modes: Annotated[
@@ -42,12 +52,13 @@ def calibrate(
     check_file("--json", json, inputs=[*files, vehicle])
     check_folder("--figures", figures)
     description = read_vehicle(vehicle)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
     settings = CalibrationSettings(most_mounts=mounts, has_modes=modes)
     with progress_bar() as report:
         recordings = read_records(files, settings=reading, on_progress=report)
         parts = [part for _, part in windows(recordings, length=60 * window)]
         report(f"calibrating on {len(parts)} windows", 0.5)
-        result = calibrated(parts, description, settings=settings)
+        result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
         paths = _draw(result, figures, ", ".join(path.name for path in files))
     write_vehicle(result.vehicle, out)
     if write_result(calibration_document(result), json):

@@ -3,8 +3,12 @@
 import csv
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sprung.errors import ParameterError
+
+if TYPE_CHECKING:
+    from sprung.vehicles import Sensor
 
 
 def names(text: str | None) -> tuple[str, ...] | None:
@@ -15,6 +19,30 @@ def names(text: str | None) -> tuple[str, ...] | None:
     if not parts or not all(parts) or len(set(parts)) < len(parts):
         raise ParameterError(f"{text!r} is not a list of different names: separate them by commas, as in acc_fl,acc_fr")
     return tuple(parts)
+
+
+def may_lack_sensors(sensors: "Sequence[Sensor]", *, allow_missing: bool, channels: Sequence[str] | None) -> bool:
+    """Return whether recordings may lack sensors of a vehicle file: as allowed, or left out with --channels.
+
+    Parameters
+    ----------
+    sensors
+        Sensors of the vehicle file.
+    allow_missing
+        Option of the command.
+    channels
+        Channels that are read; None: all.
+
+    Raises
+    ------
+    ParameterError
+        If one of the chosen channels looks like a sensor that is not among them, without permission.
+    """
+    from sprung.vehicles.sensor_layout import check_present
+
+    if channels is not None:
+        check_present(channels, sensors, allow_missing=allow_missing, is_choice=True)
+    return allow_missing or channels is not None
 
 
 def check_file(option: str, path: str | Path | None, *, inputs: Sequence[str | Path] = ()) -> None:

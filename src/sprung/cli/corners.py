@@ -4,8 +4,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, Figures, Files, Json, Page, VehicleFile, option
+from sprung.cli.checks import check_file, check_folder, may_lack_sensors, names
+from sprung.cli.options import (
+    INPUT,
+    AllowMissing,
+    Figures,
+    Files,
+    Json,
+    Page,
+    VehicleFile,
+    option,
+)
 from sprung.cli.output import show, write_result
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
@@ -24,6 +33,7 @@ def corners(
     *,
     vehicle: VehicleFile,
     reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
     band: Annotated[
         tuple[float, float] | None, option("LO HI", "Frequencies to fit, in Hz. Default: around the vehicle's modes.")
     ] = None,
@@ -71,6 +81,7 @@ def corners(
     check_file("--report", page, inputs=[*files, vehicle])
     check_folder("--figures", figures)
     description = read_vehicle(vehicle)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
     settings = CornerSettings(
         band=band,
         segment=segment,
@@ -83,7 +94,7 @@ def corners(
     with progress_bar() as report:
         recordings = read_records(files, settings=reading, on_progress=report)
         report("fitting", 0.5)
-        fit = fit_drive(recordings, description, settings=settings)
+        fit = fit_drive(recordings, description, settings=settings, allow_missing=may_lack)
         paths = _draw(fit, figures, ", ".join(path.name for path in files))
         document = corners_document(fit)
         paths += write_page(

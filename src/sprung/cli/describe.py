@@ -40,6 +40,7 @@ def describe(
     """Write a vehicle file from a data sheet, with guesses of what it does not state; complete it with calibrate."""
     from sprung.calibration import DataSheet, described
     from sprung.vehicles import structure, write_vehicle
+    from sprung.vehicles.plausibility import plausibility_notes
 
     check_file("--out", out)
     sheet = DataSheet(
@@ -66,6 +67,7 @@ def describe(
     show(
         [
             f"guessed vehicle: {', '.join(body)}",
+            *plausibility_notes(vehicle),
             f"wrote {out}: state where the sensors are, then complete it with `sprung calibrate` on healthy drives",
         ]
     )

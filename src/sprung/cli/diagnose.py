@@ -4,9 +4,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.baseline import baseline_of, completed_vehicle, observed, type_of, windows_of
-from sprung.cli.checks import check_file, check_folder
+from sprung.cli.checks import check_file, check_folder, may_lack_sensors
 from sprung.cli.options import (
     INPUT,
+    AllowMissing,
     Figures,
     Files,
     Json,
@@ -43,6 +44,7 @@ def diagnose(
     ] = None,
     of_type: TypeFile = None,
     reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
     window: Minutes = 10.0,
     false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
     hours_per_day: Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)] = 8.0,
@@ -66,9 +68,10 @@ def diagnose(
     type_baseline = None if of_type is None else type_of(description, of_type)
     normal = None if baseline is None else baseline_of(description, baseline)
     description = completed_vehicle(description, normal)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
     with progress_bar() as report:
         parts = windows_of(files, reading=reading, minutes=window, report=report)
-        observations = observed(parts, description, report=report)
+        observations = observed(parts, description, allow_missing=may_lack, report=report)
         result = diagnosis.diagnose(
             observations,
             normal,

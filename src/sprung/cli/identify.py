@@ -7,8 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, names
-from sprung.cli.options import INPUT, OUTPUT, Figures, Files, Json, Page, option
+from sprung.cli.checks import check_file, check_folder, may_lack_sensors, names
+from sprung.cli.options import (
+    INPUT,
+    OUTPUT,
+    AllowMissing,
+    Figures,
+    Files,
+    Json,
+    Page,
+    option,
+)
 from sprung.cli.output import show, write_result
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
@@ -36,6 +45,7 @@ def identify(
         ),
     ] = None,
     reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
     method: Annotated[
         Literal["cov", "acs", "coss", "plscf", "fdd"],
         typer.Option(
@@ -159,6 +169,9 @@ def identify(
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
     with progress_bar() as report:
         description = None if vehicle is None else read_description(vehicle)
+        if description is not None:
+            may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
+            settings = replace(settings, allow_missing=may_lack)
         read = partial(read_records, settings=reading, on_progress=report)
         if setups:
             identification = identify_setups(

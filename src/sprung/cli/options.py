@@ -21,6 +21,14 @@ Channels = Annotated[
     str | None,
     option("A,B,..", "Channels to read, including the speed channel if it is needed. Default: all.", panel=INPUT),
 ]
+AllowMissing = Annotated[
+    bool,
+    typer.Option(
+        "--allow-missing",
+        help="Go on without sensors of the vehicle file that the recordings lack; the results then say which.",
+        rich_help_panel=INPUT,
+    ),
+]
 VehicleFile = Annotated[
     Path,
     option("V.toml|NAME", "Vehicle file or name of a shipped vehicle: geometry, masses, sensors, nominal components."),

@@ -5,7 +5,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from sprung.cli.options import Files, VehicleFile, option
+from sprung.cli.checks import may_lack_sensors
+from sprung.cli.options import AllowMissing, Files, VehicleFile, option
 from sprung.cli.output import show
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
@@ -26,6 +27,7 @@ def replay(
     broker: BrokerUrl = "mqtt://127.0.0.1:1883",
     pace: Annotated[float | None, option("X", "Speed of the replay, times real time.", show_default="no limit")] = None,
     reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
     spool: Annotated[
         Path | None, option("DIR", "Folder that keeps frames until they are acknowledged; run again, it continues.")
     ] = None,
@@ -42,9 +44,10 @@ def replay(
     if pace is not None:
         check_number("--pace", pace, above=0)
     description = read_vehicle(vehicle)
+    may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
     with tempfile.TemporaryDirectory(prefix="sprung-") as scratch:
         frames = Spool(spool or Path(scratch), boot_from=time.time_ns() // 10**6, is_synced=spool is not None)
-        box = box_of(vehicle_id, description, frames, Address.parse(broker))
+        box = box_of(vehicle_id, description, frames, Address.parse(broker), allow_missing=may_lack)
         try:
             resumed = box.resume_time()
             box.open(timeout=10.0)

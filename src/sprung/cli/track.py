@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder
-from sprung.cli.options import INPUT, Figures, Json, Page, option
+from sprung.cli.checks import check_file, check_folder, may_lack_sensors
+from sprung.cli.options import INPUT, AllowMissing, Figures, Json, Page, option
 from sprung.cli.output import show, write_result
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
@@ -47,6 +47,7 @@ def track(
         option("V.toml|NAME", "Vehicle file or name of a shipped vehicle: sensors, band and labels.", panel=INPUT),
     ] = None,
     reading: "ReadSettings",
+    allow_missing: AllowMissing = False,
     method: Annotated[
         Literal["cov", "acs", "coss", "plscf", "fdd"],
         typer.Option(help="Identification of each window, as for sprung identify.", rich_help_panel=INPUT),
@@ -89,8 +90,10 @@ def track(
             windows = _from_documents(files, distance=1.0 if window is None else window)
         else:
             description = None if vehicle is None else read_description(vehicle)
+            sensors = () if description is None else description.sensor
+            may_lack = may_lack_sensors(sensors, allow_missing=allow_missing, channels=reading.channels)
             recordings = _Recordings(files, settings=reading, report=report)
-            windows = _identified(recordings, window, method, _settings(band), description)
+            windows = _identified(recordings, window, method, _settings(band, may_lack=may_lack), description)
             start = recordings.start
         windows = sorted(windows, key=lambda part: part.time)
         tracked = track_modes(
@@ -118,10 +121,10 @@ def track(
         raise IdentificationError("no mode is in enough windows: use longer windows, or more of them")
 
 
-def _settings(band: tuple[float, float] | None) -> "IdentificationSettings":
+def _settings(band: tuple[float, float] | None, *, may_lack: bool) -> "IdentificationSettings":
     from sprung.identification import IdentificationSettings
 
-    return IdentificationSettings(band=band)
+    return IdentificationSettings(band=band, allow_missing=may_lack)
 
 
 def _are_documents(files: Sequence[Path]) -> bool:

@@ -16,7 +16,13 @@ from sprung.diagnosis.evidence import ModeChange, mode_changes
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Verdict, detectable_in_words
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import LEARNING_WINDOWS, LEAST_WINDOWS, learn
-from sprung.diagnosis.observation import Observation, observe, observe_window, windows
+from sprung.diagnosis.observation import (
+    Observation,
+    observe,
+    observe_window,
+    windows,
+    with_missing_as_faults,
+)
 from sprung.diagnosis.residuals import (
     ResidualReference,
     ResidualStatistics,
@@ -84,4 +90,5 @@ __all__ = [
     "sensor_faults",
     "trend",
     "windows",
+    "with_missing_as_faults",
 ]

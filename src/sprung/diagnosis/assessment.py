@@ -126,6 +126,7 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
         *(opinion if _is_contradicted(tests) else ()),
     )
     notes = (
+        *_layout_notes(every),
         *_inconclusive_notes(every),
         *_exclusion_notes(every, baseline),
         *baseline.notes,
@@ -159,7 +160,7 @@ def _doubts(baseline: Baseline, detection: Detection | None) -> tuple[str, ...]:
 
 def _inconclusive(observations: tuple[Observation, ...], false_alarms: float) -> Diagnosis:
     """Return the diagnosis of windows none of which is conclusive."""
-    notes = tuple(_inconclusive_notes(observations))
+    notes = (*_layout_notes(observations), *_inconclusive_notes(observations))
     return Diagnosis((), _distinct_faults(observations), None, observations, notes, None, false_alarms)
 
 
@@ -270,6 +271,11 @@ def _words(candidate: Candidate) -> str:
     )
 
 
+def _layout_notes(observations: Sequence[Observation]) -> tuple[str, ...]:
+    """Return the notes on sensors that windows lack and channels that the vehicle file does not name, once each."""
+    return tuple(dict.fromkeys(note for observation in observations for note in observation.notes))
+
+
 def _inconclusive_notes(observations: Sequence[Observation]) -> list[str]:
     """Return notes on inconclusive windows, one for each reason."""
     reasons = [observation.reason for observation in observations if not observation.is_conclusive]
@@ -289,6 +295,14 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
         notes.append(
             f"{len(conclusive) - len(sound)} of {len(conclusive)} windows were excluded because "
             f"{' and '.join(sorted(causes))}; the suspension is not monitored until this is repaired"
+        )
+    others = {name for window in sound if not baseline.has_sensors_of(window) for name in window.missing}
+    n_others = sum(not baseline.has_sensors_of(window) for window in sound)
+    if n_others:
+        lacking = f"lack the sensors {', '.join(sorted(others))}" if others else "have more sensors"
+        notes.append(
+            f"{n_others} of {len(sound)} windows were excluded because they {lacking}, unlike those of the baseline:"
+            " learn it again with the same sensors"
         )
     distrusted = sum(not baseline.is_trusted_on(observation) for observation in sound)
     if distrusted:

@@ -68,10 +68,11 @@ class Baseline:
         Median model error of the windows that it was learnt from, see `CornerFit`.
     taught
         Times of the windows that it was learnt from [s].
-
     vehicle_file
         Text of the vehicle file that a calibration completed, in terms of which the windows were observed; empty: the
         file as given.
+    missing
+        Sensors of motion of the vehicle file that its windows lack.
 
     Raises
     ------
@@ -98,6 +99,7 @@ class Baseline:
     model_error: float = 0.0
     taught: tuple[float, ...] = ()
     vehicle_file: str = ""
+    missing: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         size, more = len(self.components), 1 + len(CONDITIONS)
@@ -125,22 +127,32 @@ class Baseline:
             )
         if self.version == 0:
             return (f"no baseline of the vehicle itself: compared with {self.reason}",)
+        without = (
+            (f"the baseline was learnt without the sensors {', '.join(self.missing)} of the vehicle file",)
+            if self.missing
+            else ()
+        )
         if self.model_error < _IMPERFECT:
-            return ()
+            return without
         return (
+            *without,
             f"the vehicle file deviates by {100 * self.model_error:.0f} % on the windows of the baseline, so that "
             "small changes are found late or not at all: check masses, geometry and places of sensors, and add what "
             "it lacks, such as an engine on mounts",
         )
 
     def accepts(self, observation: Observation) -> bool:
-        """Return whether a window can be compared: conclusive, without failing sensors, with the same components.
+        """Return whether a window can be compared: conclusive, from sound sensors, with the same components.
 
         The effect of a failing sensor on a fit is unknown. Without a learnt baseline, the vehicle file must also
         explain the window well.
         """
-        is_sound = observation.is_conclusive and not observation.sensor_faults
+        is_sound = observation.is_conclusive and not observation.sensor_faults and self.has_sensors_of(observation)
         return is_sound and observation.components == self.components and self.is_trusted_on(observation)
+
+    def has_sensors_of(self, observation: Observation) -> bool:
+        """Return whether a window lacks the same sensors as those that the baseline was learnt from, if it was."""
+        return self.version == 0 or observation.missing == self.missing
 
     def is_trusted_on(self, observation: Observation) -> bool:
         """Return whether the baseline was learnt from windows, or the vehicle file explains this one well."""

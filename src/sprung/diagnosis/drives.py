@@ -11,7 +11,11 @@ from sprung.vehicles import Vehicle
 
 
 def fit_drive(
-    recordings: Recording | Iterable[Recording], vehicle: Vehicle, *, settings: CornerSettings | None = None
+    recordings: Recording | Iterable[Recording],
+    vehicle: Vehicle,
+    *,
+    settings: CornerSettings | None = None,
+    allow_missing: bool = False,
 ) -> CornerFit:
     """Fit springs, dampers and tyres of every corner to a drive, with a second start from identified modes.
 
@@ -23,6 +27,8 @@ def fit_drive(
         Vehicle with its sensors.
     settings
         Choices of the fit; None: all from the vehicle.
+    allow_missing
+        Whether the recordings may lack sensors of the vehicle file; a note then says which.
 
     Returns
     -------
@@ -35,13 +41,14 @@ def fit_drive(
         As from `sprung.likelihood.fit_corners`.
     """
     records = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    return fit_corners(records, vehicle, settings=settings, modes=_modes(records, vehicle))
+    modes = _modes(records, vehicle, allow_missing=allow_missing)
+    return fit_corners(records, vehicle, settings=settings, modes=modes, allow_missing=allow_missing)
 
 
-def _modes(recordings: list[Recording], vehicle: Vehicle) -> Modes | None:
+def _modes(recordings: list[Recording], vehicle: Vehicle, *, allow_missing: bool) -> Modes | None:
     """Return the modes in recordings; None where there are none."""
     try:
-        settings = IdentificationSettings(has_road_modes=False, refine=False)
+        settings = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=allow_missing)
         return cov_ssi(recordings, settings=settings, vehicle=vehicle).modes
     except (DataError, IdentificationError):
         return None

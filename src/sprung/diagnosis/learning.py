@@ -103,7 +103,11 @@ def learn(
     every = list(observations)
     vehicle = vehicle_of(every)
     sound = [observation for observation in every if observation.is_conclusive and not observation.sensor_faults]
-    common = [observation for observation in sound if observation.components == sound[0].components]
+    common = [
+        observation
+        for observation in sound
+        if (observation.components, observation.missing) == (sound[0].components, sound[0].missing)
+    ]
     if type_baseline is not None and common and common[0].components != type_baseline.components:
         raise ParameterError("the components differ from those of the type's baseline: fit the same ones")
     while True:
@@ -139,6 +143,7 @@ def learn(
         residuals=_residual_reference(common),
         model_error=float(np.median([window.conditions.get("model_error", 0.0) for window in common])),
         taught=tuple(sorted(observation.time for observation in common)),
+        missing=common[0].missing,
     )
 
 

@@ -1,6 +1,6 @@
 """Observations of windows of ten minutes: conditions, corners, modes, sensor faults; or a reason for their absence."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from sprung._arrays import Real
 from sprung._checks import freeze
 from sprung.diagnosis.residuals import VEHICLE_RATE, ResidualStatistics, residual_statistics
 from sprung.diagnosis.sensors import SensorFault, check_sensors, exchanged_opposites, speed_fault
+from sprung.diagnosis.sensors.faults import MISSING
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerFit, CornerSettings
 from sprung.likelihood.fitting import fit_windows
@@ -60,6 +61,11 @@ class Observation:
         Name of the vehicle; empty if unknown.
     residuals
         Statistics for the residual test; None if the window is inconclusive or a sensor fails.
+    missing
+        Sensors of motion of the vehicle file that the recording lacks.
+    notes
+        Unusual motion of the vehicle file, sensors that the recording lacks, and channels that the file does not name,
+        in words.
     """
 
     time: float
@@ -72,6 +78,8 @@ class Observation:
     reason: str = ""
     vehicle: str = ""
     residuals: ResidualStatistics | None = None
+    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, log_ratios=1, covariance=2)
@@ -126,6 +134,7 @@ def observe(
     *,
     length: float = WINDOW,
     settings: CornerSettings | None = None,
+    allow_missing: bool = False,
 ) -> tuple[Observation, ...]:
     """Return the observations of all windows of recordings.
 
@@ -139,6 +148,8 @@ def observe(
         Length of a window [s].
     settings
         Choices of the fit.
+    allow_missing
+        Whether the recordings may lack sensors of the vehicle file.
 
     Returns
     -------
@@ -152,11 +163,18 @@ def observe(
         As raised by `observe_window`.
     """
     parts = windows(recordings, length=length)
-    return tuple(observe_window(part, vehicle, time=time, settings=settings) for time, part in parts)
+    return tuple(
+        observe_window(part, vehicle, time=time, settings=settings, allow_missing=allow_missing) for time, part in parts
+    )
 
 
 def observe_window(
-    recording: Recording, vehicle: Vehicle, *, time: float = 0.0, settings: CornerSettings | None = None
+    recording: Recording,
+    vehicle: Vehicle,
+    *,
+    time: float = 0.0,
+    settings: CornerSettings | None = None,
+    allow_missing: bool = False,
 ) -> Observation:
     """Return the observation of one window.
 
@@ -170,13 +188,16 @@ def observe_window(
         Time of the window's first sample [s].
     settings
         Choices of the fit.
+    allow_missing
+        Whether the recording may lack sensors of the vehicle file; the observation then names them. It can be compared
+        with a baseline that was learnt without the same ones.
 
     Raises
     ------
     DataError
         If the recording has no motion sensor of the vehicle file.
     ParameterError
-        If the recording has none of the vehicle file's sensors, or one with another quantity.
+        If the recording lacks a sensor of the vehicle file, or has one with another quantity.
 
     Notes
     -----
@@ -184,7 +205,7 @@ def observe_window(
     the axles gives. An inconclusive window states its reason. A window whose sensors contradict each other is
     inconclusive: the baseline assumes one sensor layout, and exchanged channels leave no valid data.
     """
-    window = window_of(recording, vehicle)
+    window = window_of(recording, vehicle, allow_missing=allow_missing)
     check = check_sensors(window)
     sound = window.without({fault.channel for fault in check.faults})
     faults = check.faults
@@ -242,6 +263,8 @@ def _conclusive(time: float, window: Window, fit: CornerFit, faults: tuple[Senso
         sensor_faults=faults,
         vehicle=window.vehicle.name,
         residuals=None if faults else _residuals(window),
+        missing=window.missing,
+        notes=window.notes,
     )
 
 
@@ -263,5 +286,34 @@ def _residuals(window: Window) -> ResidualStatistics | None:
 
 def _inconclusive(time: float, window: Window, faults: tuple[SensorFault, ...], reason: str) -> Observation:
     """Return the observation of a window without estimates of the corners."""
-    nothing = np.zeros(0), np.zeros((0, 0))
-    return Observation(time, (), *nothing, window.conditions, {}, faults, reason, window.vehicle.name)
+    return Observation(
+        time=time,
+        components=(),
+        log_ratios=np.zeros(0),
+        covariance=np.zeros((0, 0)),
+        conditions=window.conditions,
+        modes={},
+        sensor_faults=faults,
+        reason=reason,
+        vehicle=window.vehicle.name,
+        missing=window.missing,
+        notes=window.notes,
+    )
+
+
+def with_missing_as_faults(observation: Observation, *, known: Collection[str] = ()) -> Observation:
+    """Return a window whose missing sensors are faults, as a vehicle that is watched has them all.
+
+    Parameters
+    ----------
+    observation
+        Window, observed with `allow_missing`.
+    known
+        Sensors without which its baseline was learnt.
+    """
+    faults = tuple(
+        SensorFault(name, MISSING, "no channel has its name: repair it, or correct the vehicle file")
+        for name in observation.missing
+        if name not in known
+    )
+    return replace(observation, sensor_faults=(*observation.sensor_faults, *faults))

@@ -43,6 +43,7 @@ class BaselineDocument(Document):
     degrees: float
     taught: tuple[float, ...] = ()
     vehicle_file: str = ""
+    missing: tuple[str, ...] = ()
     conditions: dict[str, ConditionDocument]
     residuals: ResidualReference | None = None
     detectable: dict[str, dict[str, float]] = Field(default_factory=dict)

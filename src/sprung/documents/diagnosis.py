@@ -47,6 +47,7 @@ Window = Annotated[
     Observation,
     Published(
         *("time", "components", "log_ratios", "covariance", "conditions", "modes", "sensor_faults", "reason"),
+        *("missing", "notes"),
     ),
     BeforeValidator(_restored),
 ]

@@ -1,7 +1,7 @@
 """From recordings to the correlations of their segments, record by record."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
 
@@ -26,6 +26,8 @@ from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic, in_families, without_side_lines
 from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix
+from sprung.vehicles.plausibility import plausibility_notes
+from sprung.vehicles.sensor_layout import check_present, layout_notes
 from sprung.vehicles.usable import AnyVehicle, output_channels, speed_channel, usable
 
 #: Function called with the current step in words and the share that is done, 0 to 1.
@@ -83,6 +85,24 @@ class _Correlated:
     lines: RecordSpectra | None
 
 
+@dataclass(frozen=True, slots=True)
+class _Remarks:
+    """What is found as records are read: why some are left out, faults of channels of the others, layout of sensors."""
+
+    left_out: dict[int, DataError] = field(default_factory=dict)
+    faults: list[tuple[ChannelFault, ...]] = field(default_factory=list)
+    layout: dict[str, None] = field(default_factory=dict)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One sentence each."""
+        return (
+            *self.layout,
+            *(f"record {number} left out: {error}" for number, error in self.left_out.items()),
+            *note_on_faults(self.faults),
+        )
+
+
 def correlate_records(
     recordings: Recording | Iterable[Recording],
     *,
@@ -115,25 +135,25 @@ def correlate_records(
     DataError
         If there is no record, or no record is usable, with the reason of the first.
     ParameterError
-        If a setting does not suit the records, or records differ in channels or sampling rate.
+        If a setting does not suit the records, records differ in channels or sampling rate, or one lacks a sensor of
+        the vehicle file.
     """
     records = [recordings] if isinstance(recordings, Recording) else recordings
     total_duration = sum(record.duration for record in records) if isinstance(records, Sequence) else None
-    left_out: dict[int, DataError] = {}
-    faults: list[tuple[ChannelFault, ...]] = []
-    moving = _usable_records(records, vehicle, report, left_out, faults)
+    remarks = _Remarks()
+    moving = _usable_records(records, vehicle, report, remarks, allow_missing=settings.allow_missing)
     plan, first = _first_record(
-        moving, method, settings, vehicle=vehicle, total_duration=total_duration, left_out=left_out
+        moving, method, settings, vehicle=vehicle, total_duration=total_duration, left_out=remarks.left_out
     )
     correlated = [first]
     for number, recording in moving:
         try:
-            _check_alive(faults[-1], plan)
+            _check_alive(remarks.faults[-1], plan)
             prepared = prepare(recording, plan.preparation, lifter=settings.lifter)
             harmonics = _harmonics(recording, plan.preparation, settings, vehicle)
             correlated.append(_correlate(method, prepared, harmonics, plan, settings))
         except DataError as error:
-            left_out[number] = error
+            remarks.left_out[number] = error
     levels = [record.levels for record in correlated if record.levels is not None]
     edited = [record.edited_spectra for record in correlated if record.edited_spectra is not None]
     lines = [record.lines for record in correlated if record.lines is not None]
@@ -146,10 +166,7 @@ def correlate_records(
         spectra=reduce(add, [record.spectra for record in correlated]),
         edited_spectra=reduce(add, edited) if edited else None,
         harmonics=_common_harmonics([record.harmonics for record in correlated]),
-        notes=(
-            *(f"record {number} left out: {error}" for number, error in left_out.items()),
-            *note_on_faults(faults),
-        ),
+        notes=remarks.notes,
         lines=reduce(add, lines) if lines else None,
     )
 
@@ -158,21 +175,26 @@ def _usable_records(
     records: Iterable[Recording],
     vehicle: AnyVehicle | None,
     report: Progress,
-    left_out: dict[int, DataError],
-    faults: list[tuple[ChannelFault, ...]],
+    remarks: _Remarks,
+    *,
+    allow_missing: bool,
 ) -> Iterator[tuple[int, Recording]]:
-    """Yield the number and the usable part of each record; put the others into `left_out`, and faults into `faults`."""
+    """Yield the number and the usable part of each record; remark on the others, on faults and on missing sensors."""
     n_records = len(records) if isinstance(records, Sequence) else 0
     for number, record in enumerate(records, start=1):
         report(f"correlating record {number}", 0.5 * (number - 1) / n_records if n_records else 0.0)
+        if vehicle is not None:
+            check_present(record.names, vehicle.sensor, allow_missing=allow_missing)
+            notes = (*plausibility_notes(vehicle), *layout_notes(record, vehicle))
+            remarks.layout.update(dict.fromkeys(notes))
         try:
             outputs = [name for name in output_channels(record, vehicle) if name in record.names]
             living, found = without_dead_parts(record, outputs) if outputs else (record, ())
-            recording = usable(living, vehicle=vehicle)
+            recording = usable(living, vehicle=vehicle, allow_missing=True)  # a dead channel is not missing
         except DataError as error:
-            left_out[number] = error
+            remarks.left_out[number] = error
         else:
-            faults.append(found)
+            remarks.faults.append(found)
             yield number, recording
 
 

@@ -114,7 +114,7 @@ def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
     Parameters
     ----------
     recordings
-        Drives of one condition, with the speed.
+        Drives of one condition, with the speed; sensors of the vehicle file that they lack are left out.
     vehicle
         Vehicle with its sensors.
 
@@ -123,7 +123,7 @@ def fit_of_road(recordings: Sequence[Recording], vehicle: Vehicle) -> CornerFit:
     DataError
         If there is no speed, too little steady driving, or the drives are not consistent with the vehicle file.
     ParameterError
-        If the sensors of the vehicle file do not fit the recordings.
+        If the recordings have none of the sensors of the vehicle file, or one with another quantity.
     """
     windows = [window for record in recordings for window in _windows(record, vehicle)]
     if not windows:
@@ -167,7 +167,7 @@ def doubts(fit: CornerFit) -> str:
 
 def _windows(recording: Recording, vehicle: Vehicle) -> Iterator[Window]:
     """Yield a recording as a window of its vehicle, if it has the speed and moves."""
-    window = window_of(recording, vehicle)
+    window = window_of(recording, vehicle, allow_missing=True)
     try:
         is_usable = window.speed is not None and window.motion.n_samples > 0
     except DataError:

@@ -56,6 +56,8 @@ class IdentificationSettings:
         Whether CoSS-SSI sorts segments by the level of the very correlations that it averages (the form of the thesis),
         which biases damping: high at low level, low at high level, in a linear system, too. False: products are sorted
         by the level that the past lets expect.
+    allow_missing
+        Whether recordings may lack sensors of the vehicle file; a note then says which.
 
     Raises
     ------
@@ -78,6 +80,7 @@ class IdentificationSettings:
     refine: bool = True
     has_road_modes: bool = True
     has_own_levels: bool = False
+    allow_missing: bool = False
 
     def __post_init__(self) -> None:
         if self.band is not None and not 0 <= self.band[0] < self.band[1]:

@@ -1,6 +1,6 @@
 """Modes of a structure measured in several set-ups of roving sensors."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
 from operator import add
@@ -22,6 +22,7 @@ from sprung.recording import Recording
 from sprung.signals.harmonics import Harmonic
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.labels import labelled
+from sprung.vehicles.sensor_layout import check_present
 from sprung.vehicles.usable import AnyVehicle, output_channels
 
 #: Share of a spectral segment up to which its correlations are used: the window leaves more than half of them.
@@ -63,7 +64,8 @@ def identify_setups(
         Names of the channels that stay in place in all set-ups; all others have moved, also where names repeat. None:
         channels of one name are one point unless their positions or directions differ.
     settings
-        Settings of the identification of each set-up; its `references` are those of the correlations.
+        Settings of the identification of each set-up; its `references` are those of the correlations. Each set-up may
+        lack sensors of the vehicle file; with `allow_missing`, all of them may.
     vehicle
         As for `cov_ssi`.
     on_progress
@@ -80,8 +82,8 @@ def identify_setups(
     DataError
         If no set-up is usable. One bad set-up of several is left out, with a note.
     ParameterError
-        If set-ups do not share channels, all have the same channels and no references are given, or a setting does not
-        suit the records.
+        If set-ups do not share channels, all have the same channels and no references are given, all lack a sensor of
+        the vehicle file, or a setting does not suit the records.
 
     Notes
     -----
@@ -97,16 +99,19 @@ def identify_setups(
     analysis: application to the Luiz I steel arch bridge, Proceedings of the 27th International Modal Analysis
     Conference (PoSER: post separate estimation re-scaling).
     """
-    report = on_progress or _no_report
+    report, settings = on_progress or _no_report, settings or IdentificationSettings()
+    sensors = () if vehicle is None or settings.allow_missing else vehicle.sensor
     if isinstance(setups, Sequence):
         _check_channels(setups, references, vehicle)
+    measured: dict[str, None] = {}
+    own = replace(settings, allow_missing=True)
     identifications: list[Identification] = []
     numbers: list[int] = []
     left_out: dict[int, DataError] = {}
     for number, records in enumerate(setups, start=1):
         report(f"identifying set-up {number}", 0.0)
         try:
-            identifications.append(identify(records, settings=settings, vehicle=vehicle))
+            identifications.append(identify(_noted(records, measured), settings=own, vehicle=vehicle))
             numbers.append(number)
         except DataError as error:
             left_out[number] = error
@@ -115,10 +120,27 @@ def identify_setups(
     if len(identifications) == 1:
         reason = f": set-up {next(iter(left_out))} {next(iter(left_out.values()))}" if left_out else ""
         raise ParameterError(f"modes of roving sensors need at least two usable set-ups, got 1{reason}")
+    check_present(tuple(measured), sensors)
     report("merging the set-ups", 1.0)
     points = common_points([identification.channels for identification in identifications], references=references)
     notes = [f"set-up {number} left out: {error}" for number, error in left_out.items()]
     return _merged(identifications, points, numbers, vehicle=vehicle, notes=notes)
+
+
+def _noted(records: Recording | Iterable[Recording], measured: dict[str, None]) -> Recording | Iterable[Recording]:
+    """Return the records of a set-up; the names of their channels are put into `measured` as they are read."""
+    if not isinstance(records, Recording | Sequence):
+        return _noting(records, measured)
+    for _ in _noting([records] if isinstance(records, Recording) else records, measured):
+        pass
+    return records
+
+
+def _noting(records: Iterable[Recording], measured: dict[str, None]) -> Iterator[Recording]:
+    """Yield records and put the names of their channels into `measured`."""
+    for record in records:
+        measured.update(dict.fromkeys(record.names))
+        yield record
 
 
 def _no_report(doing: str, share: float) -> None:

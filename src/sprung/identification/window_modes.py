@@ -7,6 +7,8 @@ from sprung.identification.methods import METHODS
 from sprung.identification.settings import IdentificationSettings
 from sprung.modal import Modes
 from sprung.recording import Recording
+from sprung.vehicles.plausibility import plausibility_notes
+from sprung.vehicles.sensor_layout import layout_notes
 from sprung.vehicles.usable import AnyVehicle
 
 
@@ -24,12 +26,16 @@ class WindowModes:
         Modes; None where the window could not be analysed.
     reason
         Why there are no modes; empty otherwise.
+    notes
+        Unusual motion of the vehicle file, sensors that the window lacks, and channels that the file does not name, in
+        words.
     """
 
     time: float
     source: str
     modes: Modes | None
     reason: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def identify_window(
@@ -57,10 +63,12 @@ def identify_window(
     Raises
     ------
     ParameterError
-        If a setting does not suit the recording. A window that is too short or has dead channels is no error.
+        If a setting does not suit the recording, or it lacks a sensor of the vehicle file. A window that is too short
+        or has dead channels is no error.
     """
+    notes = () if vehicle is None else (*plausibility_notes(vehicle), *layout_notes(recording, vehicle))
     try:
         modes = METHODS[method](recording, settings=settings, vehicle=vehicle).modes
     except (DataError, IdentificationError) as error:
-        return WindowModes(time, source, None, str(error))
-    return WindowModes(time, source, modes, "" if len(modes) else "no mode found")
+        return WindowModes(time, source, None, str(error), notes)
+    return WindowModes(time, source, modes, "" if len(modes) else "no mode found", notes)

@@ -127,6 +127,7 @@ def fit_corners(
     *,
     settings: CornerSettings | None = None,
     modes: Modes | None = None,
+    allow_missing: bool = False,
 ) -> CornerFit:
     """Fit springs, dampers and tyres of every corner to a drive on a road or track or a run on a rig.
 
@@ -141,6 +142,8 @@ def fit_corners(
         Choices of the fit; None: all from the vehicle.
     modes
         Modes identified in the same recordings, as another start of the search (see `corners_from_modes`).
+    allow_missing
+        Whether the recordings may lack sensors of the vehicle file; a note then says which.
 
     Returns
     -------
@@ -152,7 +155,7 @@ def fit_corners(
         If no segment is long, fast and steady enough, the speed is missing and cannot be estimated from the delay
         between the axles, or the recordings are not consistent with the vehicle file.
     ParameterError
-        If the sensors of the vehicle file do not fit the recordings.
+        If the recordings lack a sensor of the vehicle file, or have one with another quantity.
 
     Notes
     -----
@@ -167,7 +170,8 @@ def fit_corners(
     H. White, Maximum likelihood estimation of misspecified models, Econometrica 50 (1982) 1-25.
     """
     records = [recordings] if isinstance(recordings, Recording) else recordings
-    return fit_windows([window_of(record, vehicle) for record in records], settings=settings, modes=modes)
+    windows = [window_of(record, vehicle, allow_missing=allow_missing) for record in records]
+    return fit_windows(windows, settings=settings, modes=modes)
 
 
 def fit_windows(
@@ -194,9 +198,10 @@ def fit_windows(
     setup, segments, has_speed, delay = _prepare(windows, settings or CornerSettings())
     check = None if modes is None else setup.components_of(modes)
     starts = [] if check is None else [check]
+    layout = dict.fromkeys(note for window in windows for note in window.notes)
     if has_speed:
         fit = _fit(segments, setup, starts)
-        return replace(fit, from_modes=check, speed_delay=delay, notes=(*fit.notes, *_delay_note(delay)))
+        return replace(fit, from_modes=check, speed_delay=delay, notes=(*layout, *fit.notes, *_delay_note(delay)))
     known = _with_speeds(segments, setup)
     for _ in range(_ROUNDS - 1):
         fit = _fit(known, setup, starts)
@@ -204,7 +209,7 @@ def fit_windows(
     fit = _fit(known, setup, starts)
     low, high = known.speeds.min(), known.speeds.max()
     note = f"the speed was not recorded: {low:.3g} to {high:.3g} m/s, from the delay between the axles"
-    return replace(fit, notes=(*fit.notes, note), from_modes=check)
+    return replace(fit, notes=(*layout, *fit.notes, note), from_modes=check)
 
 
 def _prepare(

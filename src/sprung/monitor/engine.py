@@ -19,6 +19,7 @@ from sprung.diagnosis import (
     diagnosis_of,
     learn,
     observe_window,
+    with_missing_as_faults,
 )
 from sprung.documents import (
     baseline_document,
@@ -172,6 +173,9 @@ class VehicleMonitor:
     Memory: the samples of one window, and 96 observations of about 4 kB each with four outputs and twelve components.
     While a baseline is learnt, an observation also holds the correlations of its segments for the residual test (170 kB
     in ten minutes): 2 MB with twelve windows, released when it is learnt.
+
+    A sensor of the vehicle file that the samples lack is a failing sensor, as one that is dead, unless the baseline was
+    learnt without it: the monitor goes on, and the window is not learnt from.
 
     The first three windows of a learning decide whether the vehicle file is calibrated (`Completion`). If so, the
     learning begins anew with the windows that follow, in terms of the completed file, which the baseline keeps and
@@ -421,7 +425,10 @@ class VehicleMonitor:
             try:
                 is_complete = self._n_samples == self._needed(self._blocks[0])
                 known = IdentificationSettings(
-                    harmonics=None if is_complete else self._harmonics, has_road_modes=False, refine=False
+                    harmonics=None if is_complete else self._harmonics,
+                    has_road_modes=False,
+                    refine=False,
+                    allow_missing=True,
                 )
                 identify = METHODS[self._settings.method]
                 identification = identify(joined(self._blocks), settings=known, vehicle=self._vehicle)
@@ -439,7 +446,9 @@ class VehicleMonitor:
         number = self._n_windows
         self._n_windows += 1
         time = recording.start / 1e9 if recording.start is not None else number * self._settings.window
-        observed = observe_window(recording, self._vehicle, time=time)
+        known = () if self._baseline is None else self._baseline.missing
+        observed = observe_window(recording, self._vehicle, time=time, allow_missing=True)
+        observed = with_missing_as_faults(observed, known=known)
         # Same as after a restart: the memory order of its arrays would show in the last digit of findings.
         observation = self._restored_observation(
             observation_from_document(observation_document(observed)), observed.residuals

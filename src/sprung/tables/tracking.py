@@ -66,8 +66,8 @@ def tracks_in_words(tracked: TrackedModes) -> str:
 
 
 def tracks_notes(tracked: TrackedModes, windows: Sequence[WindowModes]) -> list[str]:
-    """Return sentences on windows without modes, and on modes that belong to no track."""
-    notes = []
+    """Return sentences on the layout of the sensors, on windows without modes, and on modes that belong to no track."""
+    notes = list(dict.fromkeys(note for window in windows for note in window.notes))
     empty = [(number, window) for number, window in enumerate(windows, start=1) if window.reason]
     notes += [f"window {number} ({window.source}): {window.reason}" for number, window in empty[:_MOST]]
     if len(empty) > _MOST:

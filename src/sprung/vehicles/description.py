@@ -1,12 +1,12 @@
 """Contents of a vehicle file: body, axles, sensors, with the checks of every field."""
 
-import math
 from types import MappingProxyType
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from sprung._checks import check_number
+from sprung.vehicles.magnitudes import check_magnitudes, check_quarter
 from sprung.vehicles.sections import (
     LONGEST_DELAY,
     Axle,
@@ -29,11 +29,6 @@ BODY_MOTIONS = ("bounce", "pitch", "roll", "sway", "yaw")
 #: Default of missing inertias: radius of gyration squared over front times rear axle distance (pitch), or over half
 #: the track width squared (roll). The shipped vehicles have 0.77 to 0.90 and 0.49 to 0.57.
 PITCH_SHARE, ROLL_SHARE = 0.85, 0.5
-#: Plausible radii of gyration over the distance of the farthest axle or wheel, and largest plausible distance of a
-#: sensor over the wheelbase.
-_GYRATION, _FARTHEST_SENSOR = (0.05, 4.0), 5.0
-#: Plausible natural frequency of the body on its springs alone [Hz].
-_BOUNCE = (0.05, 500.0)
 
 
 def corner_names(n_axles: int) -> tuple[str, ...]:
@@ -153,7 +148,9 @@ class Vehicle(Description):
                 self._check_layout(sensor)
             if sensor.quantity == "wheel_speed":
                 self._check_wheel(sensor)
-        self._check_plausible()
+        if len({axle.lateral_stiffness is None for axle in self.axle}) > 1:
+            raise ValueError("lateral_stiffness is given for some axles only: give it for all, or for none")
+        check_magnitudes(self)
         return self
 
     @model_validator(mode="after")
@@ -162,40 +159,6 @@ class Vehicle(Description):
         if len(set(shapes)) < len(shapes):
             raise ValueError(f"[[flexible_mode]]: shape {shapes[0]!r} occurs more than once: remove one")
         return self
-
-    def _check_plausible(self) -> None:
-        """Raise if values are implausible for any vehicle; the usual reason is a wrong unit."""
-        if len({axle.lateral_stiffness is None for axle in self.axle}) > 1:
-            raise ValueError("lateral_stiffness is given for some axles only: give it for all, or for none")
-        reach = max(abs(axle.x) for axle in self.axle), max(axle.half_track for axle in self.axle)
-        for name, length in zip(("pitch_inertia", "roll_inertia"), reach, strict=True):
-            inertia = getattr(self.body, name)
-            if inertia is not None:
-                low, high = ((share * length) ** 2 * self.body.mass for share in _GYRATION)
-                if not low <= inertia <= high:
-                    raise ValueError(
-                        f"body, {name}={inertia:g} kg m2 must be {low:.3g} to {high:.3g} for a mass of "
-                        f"{self.body.mass:g} kg with axles and wheels within {length:g} m: correct the unit"
-                    )
-        limit = math.sqrt(math.prod(self.inertias))
-        if abs(self.body.product_of_inertia) >= limit:
-            raise ValueError(
-                f"body, product_of_inertia={self.body.product_of_inertia:g} kg m2 must be between -{limit:.4g} and "
-                f"{limit:.4g}, the root of pitch times roll inertia: correct the unit"
-            )
-        bounce = math.sqrt(2 * sum(axle.spring_stiffness for axle in self.axle) / self.body.mass) / (2 * math.pi)
-        if not _BOUNCE[0] <= bounce <= _BOUNCE[1]:
-            raise ValueError(
-                f"[[axle]], spring_stiffness: a body of {self.body.mass:g} kg would bounce on these springs at "
-                f"{bounce:.3g} Hz, but must do so at {_BOUNCE[0]:g} to {_BOUNCE[1]:g} Hz: correct the units, N/m and kg"
-            )
-        farthest = _FARTHEST_SENSOR * (self.axle[0].x - self.axle[-1].x)
-        for number, sensor in enumerate(self.sensor, start=1):
-            if sensor.position is not None and max(map(abs, sensor.position)) > farthest:
-                raise ValueError(
-                    f"[[sensor]] {number}, position={list(sensor.position)} is more than {farthest:.3g} m, five "
-                    "wheelbases, from the centre of gravity: give metres"
-                )
 
     @staticmethod
     def _check_layout(sensor: Sensor) -> None:
@@ -226,6 +189,11 @@ class Quarter(Description):
     kind: Literal["quarter"]
     body: QuarterBody = QuarterBody()
     corner: QuarterCorner
+
+    @model_validator(mode="after")
+    def _is_plausible(self) -> "Quarter":
+        check_quarter(self)
+        return self
 
     @property
     def coordinates(self) -> tuple[str, ...]:

@@ -1,25 +1,29 @@
 """The part of a recording that identification and fits may use."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from sprung.channel_names import rule_of
 from sprung.errors import DataError
-from sprung.recording import Recording
+from sprung.recording import Channel, Recording
 from sprung.signals.conditioning import while_moving, without_missing
 from sprung.signals.inspection import CONDITIONS, constant_value
 from sprung.vehicles.description import Chain, Quarter, Vehicle
-from sprung.vehicles.sensor_layout import with_layout
+from sprung.vehicles.sensor_layout import layout_notes, with_layout
 
 #: Speed below which a vehicle's motion carries no information on its modes [m/s].
 _SLOWEST = 3.0
+#: Usual name of the channel with the speed.
+_SPEED = "speed"
 #: Relative variation of a constant after resampling and conversion of units: a channel within it is dead.
 _ROUNDING = 1e-12
 
 AnyVehicle = Vehicle | Quarter | Chain
 
 
-def usable(recording: Recording, *, vehicle: AnyVehicle | None = None) -> Recording:
+def usable(recording: Recording, *, vehicle: AnyVehicle | None = None, allow_missing: bool = False) -> Recording:
     """Return the outputs (and the speed) of a recording in SI units, while the vehicle moves and no value is missing.
 
     Parameters
@@ -28,17 +32,21 @@ def usable(recording: Recording, *, vehicle: AnyVehicle | None = None) -> Record
         Recording as read.
     vehicle
         Vehicle whose sensors, if its file states any, are the outputs; otherwise every channel of motion is one.
+    allow_missing
+        Whether the recording may lack sensors of the vehicle file; the history then says which.
 
     Raises
     ------
     DataError
         If an output is dead, or nothing is left.
     ParameterError
-        If the recording has none of the vehicle file's sensors, or one with another quantity.
+        If the recording lacks a sensor of the vehicle file, or has one with another quantity.
     """
     speed = speed_channel(recording, vehicle)
     if vehicle is not None and vehicle.sensor:
-        recording = with_layout(recording, vehicle.sensor)
+        notes = layout_notes(recording, vehicle)
+        recording = with_layout(recording, vehicle.sensor, allow_missing=allow_missing)
+        recording = replace(recording, history=(*recording.history, *notes))
     return usable_motion(recording, output_channels(recording, vehicle), speed)
 
 
@@ -83,12 +91,33 @@ def usable_motion(recording: Recording, outputs: Sequence[str], speed: str | Non
 
 
 def speed_channel(recording: Recording, vehicle: AnyVehicle | None = None) -> str | None:
-    """Return the name of the channel with the vehicle's speed, ignoring case; None if there is none."""
-    name = "speed" if vehicle is None else vehicle.speed_channel
+    """Return the name of the channel with the vehicle's speed; None if there is none.
+
+    Parameters
+    ----------
+    recording
+        Recording.
+    vehicle
+        Vehicle with the name of its speed channel; None: "speed".
+
+    Notes
+    -----
+    Case does not count. If there is no channel "speed", and the vehicle file names no other, it is the only channel
+    whose name means the vehicle's speed (`channel_names`: "Vehicle.Speed") and whose unit is known.
+    """
+    name = _SPEED if vehicle is None else vehicle.speed_channel
     if name in recording.names:
         return name
     alike = [other for other in recording.names if other.casefold() == name.casefold()]
+    if not alike and name == _SPEED:
+        alike = [channel.name for channel in recording.channels if channel.quantity == "speed" and _is_speed(channel)]
     return alike[0] if len(alike) == 1 else None
+
+
+def _is_speed(channel: Channel) -> bool:
+    """Return whether the name of a channel means the speed of the vehicle, not of a wheel."""
+    rule = rule_of(channel.name)
+    return rule is not None and rule.quantity == "speed" and rule.corner is None
 
 
 def _check_alive(recording: Recording, outputs: Sequence[str]) -> None:

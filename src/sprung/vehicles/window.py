@@ -6,11 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
+from sprung.channel_names import corner_of
 from sprung.recording import Channel, Recording
 from sprung.signals.delays import advanced_linearly
 from sprung.vehicles.description import Vehicle
 from sprung.vehicles.models import structure
-from sprung.vehicles.sensor_layout import with_layout
+from sprung.vehicles.plausibility import plausibility_notes
+from sprung.vehicles.sensor_layout import layout_notes, missing_sensors, with_layout
 from sprung.vehicles.structure import Structure
 from sprung.vehicles.usable import output_channels, speed_channel, usable_motion
 
@@ -40,6 +42,11 @@ class Window:
         Means of "speed" [m/s], "temperature" [°C] (of the dampers where these are measured, otherwise ambient),
         "tyre_temperature" [°C] and "tyre_pressure" [Pa], "standing" (share of time), "turning" (RMS of the yaw rate
         [rad/s]), as far as channels measure them.
+    missing
+        Sensors of motion that the recording lacks.
+    notes
+        Unusual motion of the vehicle file, sensors that the recording lacks, and channels that the file does not name,
+        in words.
     """
 
     recording: Recording
@@ -47,6 +54,8 @@ class Window:
     structure: Structure
     speed: str | None
     conditions: dict[str, float]
+    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -87,7 +96,7 @@ class Window:
         return replace(self, recording=self.recording.part(first, last))
 
 
-def window_of(recording: Recording, vehicle: Vehicle) -> Window:
+def window_of(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = False) -> Window:
     """Return a recording as a window of its vehicle.
 
     Parameters
@@ -96,15 +105,27 @@ def window_of(recording: Recording, vehicle: Vehicle) -> Window:
         Recording as read.
     vehicle
         Vehicle with its sensors.
+    allow_missing
+        Whether the recording may lack sensors of motion, which is then noted.
 
     Raises
     ------
     ParameterError
-        If the recording has none of the vehicle file's sensors, or one with another quantity.
+        If the recording lacks a sensor of the vehicle file, or has one with another quantity.
     """
-    placed = with_speed_corrected(with_speed_of_wheels(with_layout(recording, vehicle.sensor), vehicle), vehicle)
+    placed = with_layout(recording, vehicle.sensor, allow_missing=allow_missing)
+    placed = with_speed_corrected(with_speed_of_wheels(placed, vehicle), vehicle)
     speed = speed_channel(placed, vehicle)
-    return Window(placed, vehicle, structure(vehicle), speed, _conditions(placed, vehicle, speed))
+    notes = (*plausibility_notes(vehicle), *layout_notes(recording, vehicle))
+    return Window(
+        recording=replace(placed, history=(*placed.history, *notes)),
+        vehicle=vehicle,
+        structure=structure(vehicle),
+        speed=speed,
+        conditions=_conditions(placed, vehicle, speed),
+        missing=missing_sensors(recording.names, vehicle.sensor),
+        notes=notes,
+    )
 
 
 def with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> Recording:
@@ -115,7 +136,8 @@ def with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> Recording:
     recording
         Recording in SI units.
     vehicle
-        Vehicle with sensors of the wheels' circumferential speed, or of their rotation and their rolling radius.
+        Vehicle with sensors of the wheels' circumferential speed, or of their rotation and their rolling radius; or one
+        whose recording names them, such as "Vehicle.Chassis.Axle.Row1.Wheel.Left.Speed" (`channel_names`).
 
     Notes
     -----
@@ -127,6 +149,8 @@ def with_speed_of_wheels(recording: Recording, vehicle: Vehicle) -> Recording:
     radii = _rolling_radii(vehicle)
     wheels = {sensor.channel: 1.0 for sensor in vehicle.sensor if sensor.quantity == "speed" and sensor.on in radii}
     wheels |= {sensor.channel: radii[sensor.on] for sensor in vehicle.sensor if sensor.quantity == "wheel_speed"}
+    speeds_of = {channel.name: corner_of(channel.name) for channel in recording.channels if channel.quantity == "speed"}
+    wheels |= {name: 1.0 for name, corner in speeds_of.items() if corner in vehicle.suspensions}
     rows = {recording.index(name): factor for name, factor in wheels.items() if name in recording.names}
     if not rows:
         return recording
@@ -189,7 +213,7 @@ def _temperatures_and_pressure(placed: Recording, vehicle: Vehicle) -> dict[str,
     means: dict[str, list[float]] = {"temperature": [], "ambient": [], "tyre_temperature": [], "tyre_pressure": []}
     for channel, values in zip(placed.channels, placed.samples, strict=True):
         sensor = sensors.get(channel.name)
-        is_on_wheel = sensor is not None and sensor.on.startswith("wheel")
+        is_on_wheel = corner_of(channel.name) is not None if sensor is None else sensor.on.startswith("wheel")
         if np.isnan(values).all():
             continue
         mean = float(np.nanmean(values))

@@ -46,7 +46,7 @@ class SensorCheck:
     disagreement: float = 0.0
 
 
-def sensor_faults(recording: Recording, vehicle: Vehicle) -> tuple[SensorFault, ...]:
+def sensor_faults(recording: Recording, vehicle: Vehicle, *, allow_missing: bool = False) -> tuple[SensorFault, ...]:
     """Return the faults of single sensors of a recording.
 
     Parameters
@@ -55,13 +55,15 @@ def sensor_faults(recording: Recording, vehicle: Vehicle) -> tuple[SensorFault, 
         Recording of a minute or more, as read.
     vehicle
         Vehicle with its sensors.
+    allow_missing
+        Whether the recording may lack sensors of the vehicle file; they are no faults here.
 
     Raises
     ------
     DataError, ParameterError
         As raised by `check_sensors` and `window_of`.
     """
-    return check_sensors(window_of(recording, vehicle)).faults
+    return check_sensors(window_of(recording, vehicle, allow_missing=allow_missing)).faults
 
 
 def check_sensors(window: Window) -> SensorCheck:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-#: Kinds of faults, each a word of `SensorFault.kind`.
+#: Kinds of faults that the checks find, each a word of `SensorFault.kind`.
 KINDS = (
     "dead",
     "stuck",
@@ -16,6 +16,8 @@ KINDS = (
     "time_shifted",
     "hum",
 )
+#: Kind of a sensor whose channel the samples lack, which only the monitor takes for a fault.
+MISSING = "missing"
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +29,7 @@ class SensorFault:
     channel
         Name of the channel.
     kind
-        One of `KINDS`.
+        One of `KINDS`, or `MISSING`.
     detail
         Size of the fault, in words.
     """

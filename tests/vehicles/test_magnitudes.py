@@ -1,0 +1,126 @@
+"""Numbers of a vehicle file in a wrong unit: what is refused, and in which words."""
+
+import copy
+
+import pytest
+
+from sprung.errors import ParameterError
+from sprung.vehicles import VEHICLES, parse_vehicle, read_description, read_vehicle
+
+CAR = read_vehicle("zafira").model_dump(exclude_defaults=True) | {"kind": "road"}
+
+
+def changed(*, body=None, kind="road", **axle):
+    """The fields of a car of 1480 kg with other values for its body and both axles."""
+    fields = copy.deepcopy(CAR) | {"kind": kind}
+    fields["body"] |= body or {}
+    for one in fields["axle"]:
+        one.update(axle)
+    return fields
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        (
+            changed(spring_stiffness=44.0),
+            "[[axle]] 1, spring_stiffness=44 N/m under 370 kg of body: sinking by 82.5 m, more than 2.8 m: is that "
+            "N/mm? Give N/m",
+        ),
+        (
+            changed(half_track=720.0),
+            "[[axle]] 1, half_track=720 m of a vehicle with a wheelbase of 2.8 m: is that mm? Give metres",
+        ),
+        (changed(half_track=1e-3), "[[axle]], x: a wheelbase of 2.8 m with a half track of 0.001 m: is that mm? Give"),
+        (changed(damping=1.78), "that damps it by 0.022 %: is that N s/mm? Give N s/m, kg and N/m"),
+        (
+            changed(damping=1.78e6),
+            "that damps it by 2.2e+04 %: is the stiffness in another unit? Give N s/m, kg and N/m",
+        ),
+        (
+            changed(tyre_stiffness=190.9),
+            "[[axle]] 1, tyre_stiffness=190.9 N/m below springs of 44179 N/m: is that N/mm? Give N/m",
+        ),
+        (changed(unsprung_mass=0.0405), "unsprung_mass=0.0405 kg under 370 kg of body: is that t? Give kilograms"),
+        (
+            changed(unsprung_mass=40500.0),
+            "kg under 370 kg of body: is that g, or is the mass of the body missing? Give",
+        ),
+        (
+            changed(body={"mass": 1.48, "pitch_inertia": 2.2, "roll_inertia": 0.36}),
+            "body, mass=1.48 kg of a vehicle with 3.93 m2 between its wheels: is that t? Give kilograms, or leave it "
+            "out where all values are per kilogram of body",
+        ),
+        (
+            changed(body={"mass": 1.48e6, "pitch_inertia": 2.2e6, "roll_inertia": 0.36e6}),
+            "body, mass=1.48e+06 kg of a vehicle with 3.93 m2 between its wheels: is that g? Give kilograms",
+        ),
+        (
+            changed(spring_stiffness=4e9),
+            "[[axle]] 1, spring_stiffness=4e+09 N/m under 370 kg of body: a bounce at 523 Hz",
+        ),
+        (
+            changed(rolling_radius=310.0),
+            "[[axle]] 1, rolling_radius=310 m of a vehicle with a wheelbase of 2.8 m: is that",
+        ),
+        (
+            changed(body={"height": 550.0}),
+            "body, height=550 m of a vehicle with a wheelbase of 2.8 m: is that mm? Give",
+        ),
+        (
+            {**CAR, "mounted_mass": [{"mass": 180.0, "x": 1100.0, "frequency": 11.0, "damping_ratio": 0.1}]},
+            "[[mounted_mass]] 1, x=1100, y=0 is more than 14 m, five wheelbases, from the centre of gravity: is",
+        ),
+        (
+            {**CAR, "mounted_mass": [{"mass": 180e3, "x": 1.1, "frequency": 11.0, "damping_ratio": 0.1}]},
+            "[[mounted_mass]] 1, mass=180000 kg on a body of 1480 kg: is that g, or is the mass of the body missing?",
+        ),
+    ],
+)
+def test_a_wrong_unit_is_asked_for(fields, sentence) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        parse_vehicle(fields)
+    assert sentence in str(refusal.value)
+
+
+def test_lengths_in_millimetres_are_asked_for() -> None:
+    """All lengths of the axles alike: they agree among themselves, but not with any vehicle."""
+    fields = changed(half_track=702.0)
+    for axle in fields["axle"]:
+        axle["x"] *= 1000
+    with pytest.raises(ParameterError, match=r"\[\[axle\]\], x: a wheelbase of 2800 m: is that mm\? Give metres"):
+        parse_vehicle(fields)
+
+
+def test_a_quarter_vehicle_is_checked_by_its_mass() -> None:
+    corner = {"unsprung_mass": 40.0, "spring_stiffness": 20.0, "damping": 1500.0, "tyre_stiffness": 200e3}
+    with pytest.raises(
+        ParameterError, match=r"\[corner\], spring_stiffness=20 N/m under 400 kg of body: sinking by 196"
+    ):
+        parse_vehicle({"name": "q", "kind": "quarter", "body": {"mass": 400.0}, "corner": corner})
+
+
+@pytest.mark.parametrize("kind", ["road", "rail", "rig"])
+def test_dampers_may_be_left_out(kind) -> None:
+    assert parse_vehicle(changed(kind=kind, damping=0.0)).kind == kind
+
+
+def test_a_rig_may_have_hardly_any_damping() -> None:
+    assert parse_vehicle(changed(kind="rig", damping=1.78)).kind == "rig"
+
+
+@pytest.mark.parametrize("scale", [0.1, 0.2, 1.0, 3.0])
+@pytest.mark.parametrize("name", [name for name in VEHICLES if name not in {"chain3", "quarter"}])
+def test_models_of_any_scale_are_vehicles(name, scale) -> None:
+    """Of the same material: lengths s, masses s^3, stiffnesses s, damping s^2, inertias s^5; frequencies 1/s."""
+    fields = read_description(name).model_dump(exclude_defaults=True)
+    powers = {"mass": 3, "unsprung_mass": 3, "wheelset_mass": 3, "damping": 2, "x": 1, "half_track": 1, "height": 1}
+    powers |= {"pitch_inertia": 5, "roll_inertia": 5, "yaw_inertia": 5, "wheelset_roll_inertia": 5}
+    powers |= dict.fromkeys(("spring_stiffness", "tyre_stiffness", "longitudinal_stiffness"), 1)
+    powers |= {"contact_half_track": 1}
+    tables = [fields["body"], *fields["axle"], *fields.get("mounted_mass", ())]
+    for table in tables:
+        table |= {key: value * scale ** powers[key] for key, value in table.items() if key in powers}
+    for sensor in fields["sensor"]:
+        sensor["position"] = [scale * place for place in sensor["position"]]
+    parse_vehicle({**fields, "kind": read_description(name).kind})
