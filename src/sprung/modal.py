@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung._arrays import Complex, Indices, Real
-from sprung._checks import freeze, frozen_array
+from sprung._checks import check_type, freeze, frozen_array
 from sprung.errors import ParameterError
 
 
@@ -52,6 +52,8 @@ def mac(shapes: Complex | Real, others: Complex | Real) -> Real:
     >>> mac(np.array([[1, 1j]]), np.array([[1j, -1], [1, -1j]])).round(12) + 0.0
     array([[1., 0.]])
     """
+    for name, value in (("shapes", shapes), ("others", others)):
+        check_type(name, value, np.ndarray, advice="modes.mode_shapes")
     products = np.abs(np.conj(shapes) @ others.T) ** 2
     powers = np.outer(np.sum(np.abs(shapes) ** 2, axis=1), np.sum(np.abs(others) ** 2, axis=1))
     return products / np.maximum(powers, np.finfo(float).tiny)

@@ -1,7 +1,7 @@
 """Recordings: samples with channels, units, positions, gaps, and the history of their processing."""
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number, check_one_of, freeze
+from sprung._checks import check_each, check_number, check_one_of, freeze
 from sprung.errors import ParameterError
 
 #: Quantities that a channel may measure, with their SI units. An unknown quantity has no unit.
@@ -175,6 +175,17 @@ class Recording:
     def changed(self, step: str, **fields: Any) -> "Recording":
         """Return a copy with other `fields` and `step` added to the history."""
         return replace(self, history=(*self.history, step), **fields)
+
+
+def each_recording(recordings: Recording | Iterable[Recording]) -> Iterable[Recording]:
+    """Return one recording or several as an iterable, which is read once if it is an iterator.
+
+    Raises
+    ------
+    ParameterError
+        If something else than recordings is given, such as a path or an array.
+    """
+    return [recordings] if isinstance(recordings, Recording) else check_each("recordings", recordings, Recording)
 
 
 class Piece(Protocol):

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import freeze
+from sprung._checks import check_type, freeze
 from sprung.diagnosis.residuals import VEHICLE_RATE, ResidualStatistics, residual_statistics
 from sprung.diagnosis.sensors import SensorFault, check_sensors, exchanged_opposites, speed_fault
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerFit, CornerSettings
 from sprung.likelihood.fitting import fit_windows
-from sprung.recording import Recording
+from sprung.recording import Recording, each_recording
 from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.window import Window, window_of
@@ -89,7 +89,7 @@ class Observation:
 def windows(
     recordings: Recording | Iterable[Recording], *, length: float = WINDOW
 ) -> Iterator[tuple[float, Recording]]:
-    """Yield windows of recordings with their start times.
+    """Return an iterator over windows of recordings with their start times.
 
     Parameters
     ----------
@@ -99,14 +99,19 @@ def windows(
         Length of a window [s]. A remainder at the end of a recording that is shorter than half a window joins the last
         window.
 
-    Yields
-    ------
-    tuple
+    Returns
+    -------
+    iterator of tuple
         Time of the window's first sample since the start of the first recording [s], and its samples.
     """
+    return _windows(each_recording(recordings), length)
+
+
+def _windows(recordings: Iterable[Recording], length: float) -> Iterator[tuple[float, Recording]]:
+    """Yield windows of recordings with their start times."""
     clock = 0.0
     first: int | None = None
-    for recording in [recordings] if isinstance(recordings, Recording) else recordings:
+    for recording in recordings:
         if recording.start is not None:
             first = recording.start if first is None else first
             clock = (recording.start - first) / 1e9
@@ -151,6 +156,7 @@ def observe(
     DataError, ParameterError
         As raised by `observe_window`.
     """
+    check_type("vehicle", vehicle, Vehicle)
     parts = windows(recordings, length=length)
     return tuple(observe_window(part, vehicle, time=time, settings=settings) for time, part in parts)
 
@@ -184,6 +190,8 @@ def observe_window(
     the axles gives. An inconclusive window states its reason. A window whose sensors contradict each other is
     inconclusive: the baseline assumes one sensor layout, and exchanged channels leave no valid data.
     """
+    check_type("recording", recording, Recording)
+    check_type("vehicle", vehicle, Vehicle)
     window = window_of(recording, vehicle)
     check = check_sensors(window)
     sound = window.without({fault.channel for fault in check.faults})

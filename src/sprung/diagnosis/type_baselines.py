@@ -8,7 +8,7 @@ from scipy import stats
 from scipy.linalg import block_diag
 
 from sprung._arrays import Real
-from sprung._checks import check_number, frozen_array
+from sprung._checks import check_each, check_number, check_type, frozen_array
 from sprung.diagnosis.baseline import (
     CONDITIONS,
     Baseline,
@@ -695,9 +695,11 @@ def _mean_covariance(observations: Iterable[Observation], components: tuple[Comp
 
 def _usable(windows: Mapping[str, Iterable[Observation]]) -> dict[str, list[Observation]]:
     """Return the windows that can be learnt from, with the commonest components, of vehicles that have any."""
+    check_type("windows", windows, Mapping, advice="{'car-1': sprung.observe(recordings, vehicle), ..}")
+    every = {vehicle: check_each(f"windows[{vehicle!r}]", own, Observation) for vehicle, own in windows.items()}
     sound = {
         vehicle: [window for window in own if window.is_conclusive and not window.sensor_faults]
-        for vehicle, own in windows.items()
+        for vehicle, own in every.items()
     }
     kinds = [window.components for own in sound.values() for window in own]
     common = max(kinds, key=kinds.count, default=())

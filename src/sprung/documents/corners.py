@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from sprung._arrays import Real
+from sprung._checks import check_type
 from sprung.documents.document import Document, Estimate, Number, Pair, checked, read_fields, write_document
 from sprung.documents.modes import FittedMode, fitted_modes
 from sprung.likelihood import CornerFit
@@ -58,6 +59,7 @@ def corners_document(fit: CornerFit) -> CornersDocument:
     fit
         Fitted vehicle.
     """
+    check_type("fit", fit, CornerFit)
     modes = fit.modes()
     frequencies = fit.model.spectra.frequencies
     return CornersDocument.model_validate(

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import AliasChoices, BeforeValidator, Field, TypeAdapter, ValidationError
 
 from sprung._arrays import Real
+from sprung._checks import check_type
 from sprung.diagnosis import (
     Candidate,
     Detection,
@@ -173,6 +174,7 @@ def diagnosis_document(
     modes
         Changes of the body's modes that the findings imply.
     """
+    check_type("diagnosis", diagnosis, Diagnosis)
     baseline = diagnosis.baseline
     return DiagnosisDocument.model_validate(
         {

@@ -20,6 +20,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema, to_jsonable_python
 
+from sprung._checks import check_path, check_type
 from sprung.errors import FormatError, ParameterError
 
 #: A number that may be unknown: NaN in Python, null in JSON.
@@ -147,6 +148,7 @@ def write_document(document: Document | Mapping[str, Any], path: str | Path) -> 
     path
         File to write; an existing one is replaced.
     """
+    check_type("document", document, Document, Mapping, advice="what a sprung.read_ function returns")
     Path(path).write_text(document_text(document), encoding="utf-8")
 
 
@@ -160,6 +162,7 @@ def read_fields(path: str | Path) -> dict[str, Any]:
     FormatError
         If it does not hold a JSON object.
     """
+    check_path("path", path)
     try:
         fields = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:

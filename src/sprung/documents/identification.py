@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from sprung._arrays import Complex
+from sprung._checks import check_type
 from sprung.documents.document import Computed, Document, Number, Pair, checked, plain, read_fields, write_document
 from sprung.documents.modes import IdentifiedMode, ModeValues, Participation, identified_modes, participations
 from sprung.identification import Identification, RovingSetups, SubsetModes
@@ -152,6 +153,7 @@ def identification_document(
     vehicle
         Vehicle of the identification, whose mass matrix weights the participation; None: equal masses.
     """
+    check_type("identification", identification, Identification)
     settings = identification.effective_settings
     lifter = None if settings.lifter is None else {"kind": type(settings.lifter).__name__, **plain(settings.lifter)}
     return IdentificationDocument.model_validate(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sprung._arrays import Indices, Real
+from sprung._checks import check_type
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 
@@ -203,6 +204,7 @@ def inspect(recording: Recording) -> Inspection:
     >>> facts.channels[0].maximum, facts.channels[0].clipped
     (3.0, 0.6)
     """
+    check_type("recording", recording, Recording)
     return inspect_blocks([recording])
 
 
