@@ -186,6 +186,17 @@ def required(package: str, *, purpose: str, extra: str) -> Any:
         raise missing_package(error, package, purpose=purpose, extra=extra) from None
 
 
+def data_frame_of(columns: Mapping[str, Any]) -> Any:
+    """Return a pandas.DataFrame of columns by their names.
+
+    Raises
+    ------
+    MissingPackageError
+        If pandas is not installed.
+    """
+    return required("pandas", purpose="a data frame", extra="notebook").DataFrame(columns)
+
+
 def missing_package(error: ImportError, package: str, *, purpose: str, extra: str) -> ImportError:
     """Return the error of an optional package that is not installed; `error` itself if another module is missing."""
     if error.name is None or error.name.split(".")[0] != package.split(".", maxsplit=1)[0]:

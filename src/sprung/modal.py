@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sprung._arrays import Complex, Indices, Real
 from sprung._checks import check_type, freeze, frozen_array
+from sprung._display import Drawable, Tabular, counted, in_short, listed
 from sprung.errors import ParameterError
 
 
@@ -212,7 +213,7 @@ _SENTENCES = {
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Modes:
+class Modes(Tabular, Drawable):
     """Modes by rising natural frequency.
 
     Parameters
@@ -267,6 +268,18 @@ class Modes:
 
     def __len__(self) -> int:
         return len(self.poles)
+
+    def __repr__(self) -> str:
+        """Return number, channels and values in words."""
+        return in_short(f"Modes: {counted(len(self), 'mode')} of {listed(self.channels)}", self.in_words)
+
+    @property
+    def in_words(self) -> str:
+        """Frequency, damping and label of each mode, such as "1.21 Hz 24.1 % bounce", of the first few of many."""
+        return listed(
+            f"{frequency:.4g} Hz {100 * ratio:.3g} %{f' {label}' if label else ''}"
+            for frequency, ratio, label in zip(self.natural_frequency, self.damping_ratio, self.labels, strict=True)
+        )
 
     @property
     def natural_frequency(self) -> Real:

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sprung.plotting.style import in_hertz, in_percent, listed, panel_grid, pretty_unit, spread
+from sprung._display import listed
+from sprung.plotting.style import in_hertz, in_percent, panel_grid, pretty_unit, spread
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=30), st.floats(0, 0.2))

@@ -7,6 +7,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung._checks import check_type, freeze
+from sprung._display import Tabular, counted, in_short, listed
 from sprung.diagnosis.residuals import VEHICLE_RATE, ResidualStatistics, residual_statistics
 from sprung.diagnosis.sensors import SensorFault, check_sensors, exchanged_opposites, speed_fault
 from sprung.errors import DataError, ParameterError
@@ -27,12 +28,23 @@ LAYOUT_CONDITIONS = {
     "payload_product": 50.0,
     "right_over_left": 0.2,
 }
+#: Units of conditions; the others have none.
+CONDITION_UNITS = {
+    "speed": "m/s",
+    "temperature": "°C",
+    "turning": "rad/s",
+    "roughness": "m^3",
+    "payload": "kg",
+    "payload_x_moment": "kg m",
+    "payload_y_moment": "kg m",
+    "payload_product": "kg m^2",
+}
 #: Model error above which a window is inconclusive.
 _MOST_ERROR = 1.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Observation:
+class Observation(Tabular):
     """Estimates from one window, and its conditions.
 
     Parameters
@@ -76,6 +88,17 @@ class Observation:
     def __post_init__(self) -> None:
         freeze(self, log_ratios=1, covariance=2)
 
+    def __repr__(self) -> str:
+        """Return time, conditions, modes and sensor faults, or why the window is inconclusive."""
+        of_vehicle = f" of {self.vehicle!r}" if self.vehicle else ""
+        state = self.reason and f"inconclusive: {self.reason}"
+        modes = listed(f"{label} {f:.4g} Hz {100 * ratio:.3g} %" for label, (f, ratio) in self.modes.items())
+        faults = listed(f"{fault.channel} {fault.kind.replace('_', ' ')}" for fault in self.sensor_faults)
+        head = f"Observation at {self.time:.6g} s{of_vehicle}: "
+        head += state or f"{counted(len(self.components), 'component')}; {modes}"
+        conditions = listed(f"{name} {value:.4g}" for name, value in self.conditions.items())
+        return in_short(head, conditions, f"sensor faults: {faults}" if faults else "")
+
     @property
     def is_conclusive(self) -> bool:
         """Whether the window has estimates."""
@@ -84,6 +107,18 @@ class Observation:
     def without_segments(self) -> "Observation":
         """Return the observation with residual statistics reduced to what a comparison needs."""
         return self if self.residuals is None else replace(self, residuals=self.residuals.without_segments())
+
+
+class Observations(tuple[Observation, ...], Tabular):
+    """Observations of several windows."""
+
+    def __repr__(self) -> str:
+        """Return the number of windows, and why some are inconclusive."""
+        conclusive = [window for window in self if window.is_conclusive]
+        vehicles = ", ".join(sorted({window.vehicle for window in self if window.vehicle}))
+        reasons = listed(dict.fromkeys(window.reason for window in self if window.reason))
+        count = f"{counted(len(self), 'window')}, {len(conclusive)} conclusive"
+        return in_short(f"Observations{f' of {vehicles}' if vehicles else ''}: {count}", reasons)
 
 
 def windows(
@@ -131,7 +166,7 @@ def observe(
     *,
     length: float = WINDOW,
     settings: CornerSettings | None = None,
-) -> tuple[Observation, ...]:
+) -> Observations:
     """Return the observations of all windows of recordings.
 
     Parameters
@@ -147,9 +182,9 @@ def observe(
 
     Returns
     -------
-    tuple of Observation
-        One observation for each window, see `observe_window`. Times are counted from the start of the first recording;
-        recordings without a start time follow each other.
+    Observations
+        Tuple of one observation for each window, see `observe_window`. Times are counted from the start of the first
+        recording; recordings without a start time follow each other.
 
     Raises
     ------
@@ -158,7 +193,7 @@ def observe(
     """
     check_type("vehicle", vehicle, Vehicle)
     parts = windows(recordings, length=length)
-    return tuple(observe_window(part, vehicle, time=time, settings=settings) for time, part in parts)
+    return Observations(observe_window(part, vehicle, time=time, settings=settings) for time, part in parts)
 
 
 def observe_window(

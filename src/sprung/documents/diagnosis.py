@@ -9,13 +9,16 @@ from pydantic import AliasChoices, BeforeValidator, Field, TypeAdapter, Validati
 
 from sprung._arrays import Real
 from sprung._checks import check_type
+from sprung._display import in_short
 from sprung.diagnosis import (
     Candidate,
     Detection,
     Diagnosis,
     Finding,
+    Findings,
     ModeChange,
     Observation,
+    Observations,
     SensorFault,
     Verdict,
 )
@@ -127,6 +130,23 @@ class DiagnosisDocument(Document):
     notes: tuple[str, ...]
     modes: tuple[ModeChangeDocument, ...] = ()
     residual_test: tuple[ResidualTestDocument, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return the verdict with the findings, or the notes."""
+        head = f"DiagnosisDocument of {self.vehicle!r}: {self.verdict.replace('_', ' ')}"
+        return in_short(head, *(finding.sentence for finding in self.findings), *self.notes)
+
+    def _repr_html_(self) -> str:
+        return Findings(self.findings)._repr_html_()
+
+    def to_dataframe(self) -> Any:
+        """Return the findings as a pandas.DataFrame, as `Diagnosis.to_dataframe`."""
+        return Findings(self.findings).to_dataframe()
+
+    @property
+    def observations(self) -> Observations:
+        """Windows of the diagnosis."""
+        return Observations(self.windows)
 
 
 def observation_document(observation: Observation) -> dict[str, Any]:

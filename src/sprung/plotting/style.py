@@ -2,7 +2,7 @@
 
 import math
 import textwrap
-from collections.abc import Sequence
+from io import BytesIO
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import isotonic_regression
 
 from sprung._arrays import Real
+from sprung._display import listed
 from sprung.identification import Identification
 from sprung.modal import Modes
 
@@ -29,9 +30,10 @@ NO_MODE = "No mode was identified."
 #: Half width of a 95 % interval in standard deviations.
 HALF_WIDTH_95 = 1.96
 AnyFigure = TypeVar("AnyFigure", bound=FigureBase)
+#: Resolution in notebooks [dots per inch].
+_NOTEBOOK = 80
 #: Width of a character over the size of the font.
 _CHARACTER = 0.6
-_MOST_NAMES = 8
 
 
 def mode_colour(index: int) -> str:
@@ -66,13 +68,6 @@ def pretty_unit(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³") or "unit unknown"
 
 
-def listed(names: Sequence[str]) -> str:
-    """Return names separated by commas, only the first few of many."""
-    if len(names) <= _MOST_NAMES:
-        return ", ".join(names)
-    return ", ".join(names[: _MOST_NAMES - 1]) + f" and {len(names) - _MOST_NAMES + 1} more"
-
-
 def origin(identification: Identification) -> str:
     """Return the origin of the modes in words: method, channels, sampling rate."""
     names = listed([channel.name for channel in identification.channels])
@@ -81,9 +76,18 @@ def origin(identification: Identification) -> str:
     return f"{method} of {names} at {identification.sampling_rate:.4g} Hz{remark}"
 
 
+class _Shown(Figure):
+    """Figure that notebooks show by itself, as no window manager knows it."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = BytesIO()
+        self.savefig(buffer, format="png", dpi=_NOTEBOOK)
+        return buffer.getvalue()
+
+
 def new_figure(what: str, where: str, *, width: float, height: float) -> Figure:
     """Return an empty figure of a size [in] with a heading and the origin of its data below."""
-    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    figure = _Shown(figsize=(width, height), layout="constrained", facecolor="white")
     n_characters = int(width / (_CHARACTER * LARGE / 72))
     lines = [line for part in (what, where) for line in textwrap.wrap(part, n_characters)]
     figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=LARGE, color=INK, linespacing=1.4)
