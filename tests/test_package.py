@@ -1,9 +1,12 @@
 import ast
+import inspect
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 from pkgutil import resolve_name
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import pytest
 
@@ -36,7 +39,55 @@ def test_types_of_results_have_a_public_name() -> None:
     assert isinstance(car, sprung.Structure)
     assert all(isinstance(component, sprung.Component) for component in car.components())
     assert isinstance(sprung.read_description("chain3"), sprung.Chain)
-    assert callable(sprung.plotting.save_figures)
+
+
+def test_figures_are_reachable_from_the_package() -> None:
+    code = "import sprung; print(sprung.plotting.save_figures.__name__, 'tracks_figure' in dir(sprung.plotting))"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert process.stdout == "save_figures True\n"
+
+
+#: Types of parts of models, which are named in packages of their own.
+OF_MODELS = {
+    "likelihood": {"Model"},
+    "diagnosis": {"Scatter"},
+    "excitation": {"Lines", "Route"},
+    "simulation": {"ForceLaw"},
+    "vehicles": {
+        *("BodyShape", "ChainMass", "Element", "LearntNumber", "MechanicalSystem", "Outputs", "QuarterBody"),
+        *("QuarterCorner", "StateSpace"),
+    },
+}
+
+
+def own_types(annotation: Any) -> Iterator[type]:
+    """Yield the types of this package in an annotation."""
+    if get_origin(annotation) is Annotated:
+        return
+    for part in get_args(annotation):
+        yield from own_types(part)
+    if isinstance(annotation, type) and annotation.__module__.startswith("sprung."):
+        yield annotation
+
+
+def received(kind: type) -> Iterator[Any]:
+    """Yield the types of the public attributes of a type, and of what its methods return."""
+    yield from (hint for name, hint in get_type_hints(kind).items() if not name.startswith("_"))
+    for name, member in inspect.getmembers(kind):
+        function = member.fget if isinstance(member, property) else member
+        if not name.startswith("_") and inspect.isfunction(function) and function.__module__ == kind.__module__:
+            yield get_type_hints(function, include_extras=True).get("return")
+
+
+def test_every_type_that_is_received_is_importable_from_the_package() -> None:
+    values = [getattr(sprung, name) for name in sprung.__all__]
+    public = {value for value in values if isinstance(value, type)}
+    hints = [get_type_hints(function).get("return") for function in values if inspect.isfunction(function)]
+    results = public - {kind for kind in public if issubclass(kind, sprung.Document | Exception)}
+    hints += [hint for kind in results for hint in received(kind)]
+    missing = {f"{kind.__module__.split('.')[1]}.{kind.__name__}" for hint in hints for kind in own_types(hint)}
+    missing -= {f"{kind.__module__.split('.')[1]}.{kind.__name__}" for kind in public}
+    assert missing <= {f"{home}.{name}" for home, names in OF_MODELS.items() for name in names}
 
 
 def test_version_is_that_of_the_installed_package() -> None:

@@ -2,9 +2,11 @@
 
 import difflib
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
-from typing import Any
+from os import PathLike
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +18,27 @@ from sprung.errors import DataError, MissingPackageError, ParameterError
 _ALIKE = 0.75
 #: Units at the end of a name, in letters alone.
 _UNITS_OF_NAMES = re.compile(r"(?<=.)(mps2|ms2|mss|kmh|kph|mps|dps|degs|rads|degc|kpa|mg|g)$")
+_Value = TypeVar("_Value")
+#: What gives a value of each type, and the function that reads it from a file.
+_MAKERS = MappingProxyType(
+    {
+        "Baseline": "sprung.learn(observations)",
+        "CornerFit": "sprung.fit_corners(recording, vehicle)",
+        "DataSheet": "sprung.DataSheet(mass=.., wheelbase=.., ..)",
+        "Diagnosis": "sprung.diagnose(observations, baseline)",
+        "DriveSettings": "sprung.DriveSettings()",
+        "Identification": "sprung.cov_ssi(recording)",
+        "Modes": "sprung.cov_ssi(recording).modes",
+        "Observation": "sprung.observe(recordings, vehicle)",
+        "Recording": "sprung.read('run.csv')",
+        "Structure": "sprung.structure(vehicle)",
+        "TrackedModes": "sprung.track_modes(modes)",
+        "TypeBaseline": "sprung.learn_type(observations_by_vehicle)",
+        "Vehicle": "sprung.read_vehicle('car.toml')",
+    }
+)
+_READERS = MappingProxyType({"Baseline": "read_baseline", "Recording": "read", "Vehicle": "read_vehicle"})
+_FROM_SAMPLES = "sprung.Recording(samples, sampling_rate, channels), with samples of shape (channels, samples)"
 
 
 def frozen_array(name: str, values: ArrayLike, *, ndim: int, dtype: Any = np.float64) -> NDArray[Any]:
@@ -122,6 +145,76 @@ def _plain(name: str) -> str:
     return _UNITS_OF_NAMES.sub("", letters) or name.casefold()
 
 
+def check_type(name: str, value: object, *types: type, advice: str = "") -> None:
+    """Raise if `value` is of none of the types, the first of which is named with what gives one.
+
+    Raises
+    ------
+    ParameterError
+        If the value is of another type.
+    """
+    if not isinstance(value, types):
+        raise _wrong_type(name, value, types[0].__name__, advice)
+
+
+def check_each(name: str, values: Iterable[_Value], *types: type) -> Iterable[_Value]:
+    """Return several values of one of the types; those of an iterator are checked as it is read.
+
+    Raises
+    ------
+    ParameterError
+        If these are not several values, or one of them is of another type.
+    """
+    if isinstance(values, types):
+        raise ParameterError(f"{name} is one {types[0].__name__}, but must be several: pass [{name}]")
+    if isinstance(values, str | PathLike | Mapping) or hasattr(values, "shape") or not isinstance(values, Iterable):
+        raise _wrong_type(name, values, types[0].__name__)
+    each = _checked(name, values, types)
+    return list(each) if isinstance(values, Sequence) else each
+
+
+def check_path(name: str, value: object) -> None:
+    """Raise if `value` is not a path.
+
+    Raises
+    ------
+    ParameterError
+        If the value is of another type.
+    """
+    if not isinstance(value, str | PathLike):
+        raise ParameterError(f"{name} is {_in_words(value)}, but must be the path of one file: pass 'folder/name'")
+
+
+def _checked(name: str, values: Iterable[_Value], types: tuple[type, ...]) -> Iterator[_Value]:
+    """Yield the values, each if it is of one of the types."""
+    for number, value in enumerate(values):
+        check_type(f"{name}[{number}]", value, *types)
+        yield value
+
+
+def _wrong_type(name: str, value: object, kind: str, advice: str = "") -> ParameterError:
+    """Return the error of a value of another type than wanted, which says what to pass."""
+    advice = advice or _MAKERS.get(kind, f"a sprung.{kind}")
+    if isinstance(value, str | PathLike) and kind in _READERS:
+        advice = f"sprung.{_READERS[kind]}({str(value)!r})"
+    elif hasattr(value, "shape") and kind == "Recording":
+        advice = _FROM_SAMPLES
+    kind = "array" if kind == "ndarray" else kind
+    article = "an" if kind[0] in "AEIOUa" else "a"
+    return ParameterError(f"{name} is {_in_words(value)}, but must be {article} {kind}: pass {advice}")
+
+
+def _in_words(value: object) -> str:
+    """Return what a value of a wrong type is."""
+    if value is None:
+        return "None"
+    if isinstance(value, str | PathLike):
+        return f"the text {str(value)!r}"
+    name = "array" if type(value).__name__ == "ndarray" else type(value).__name__
+    kind = f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
+    return f"{kind} of shape {value.shape}" if hasattr(value, "shape") else kind
+
+
 def required(package: str, *, purpose: str, extra: str) -> Any:
     """Return an optional package, or raise an error that states its purpose and how to install it.
 
@@ -134,6 +227,17 @@ def required(package: str, *, purpose: str, extra: str) -> Any:
         return import_module(package)
     except ImportError as error:
         raise missing_package(error, package, purpose=purpose, extra=extra) from None
+
+
+def data_frame_of(columns: Mapping[str, Any]) -> Any:
+    """Return a pandas.DataFrame of columns by their names.
+
+    Raises
+    ------
+    MissingPackageError
+        If pandas is not installed.
+    """
+    return required("pandas", purpose="a data frame", extra="notebook").DataFrame(columns)
 
 
 def missing_package(error: ImportError, package: str, *, purpose: str, extra: str) -> ImportError:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung._arrays import Complex, Indices, Real
-from sprung._checks import freeze, frozen_array
+from sprung._checks import check_type, freeze, frozen_array
+from sprung._display import Drawable, Tabular, counted, in_short, listed
 from sprung.errors import ParameterError
 
 
@@ -52,6 +53,8 @@ def mac(shapes: Complex | Real, others: Complex | Real) -> Real:
     >>> mac(np.array([[1, 1j]]), np.array([[1j, -1], [1, -1j]])).round(12) + 0.0
     array([[1., 0.]])
     """
+    for name, value in (("shapes", shapes), ("others", others)):
+        check_type(name, value, np.ndarray, advice="modes.mode_shapes")
     products = np.abs(np.conj(shapes) @ others.T) ** 2
     powers = np.outer(np.sum(np.abs(shapes) ** 2, axis=1), np.sum(np.abs(others) ** 2, axis=1))
     return products / np.maximum(powers, np.finfo(float).tiny)
@@ -210,7 +213,7 @@ _SENTENCES = {
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Modes:
+class Modes(Tabular, Drawable):
     """Modes by rising natural frequency.
 
     Parameters
@@ -265,6 +268,18 @@ class Modes:
 
     def __len__(self) -> int:
         return len(self.poles)
+
+    def __repr__(self) -> str:
+        """Return number, channels and values in words."""
+        return in_short(f"Modes: {counted(len(self), 'mode')} of {listed(self.channels)}", self.in_words)
+
+    @property
+    def in_words(self) -> str:
+        """Frequency, damping and label of each mode, such as "1.21 Hz 24.1 % bounce", of the first few of many."""
+        return listed(
+            f"{frequency:.4g} Hz {100 * ratio:.3g} %{f' {label}' if label else ''}"
+            for frequency, ratio, label in zip(self.natural_frequency, self.damping_ratio, self.labels, strict=True)
+        )
 
     @property
     def natural_frequency(self) -> Real:

@@ -1,15 +1,17 @@
 """Recordings: samples with channels, units, positions, gaps, and the history of their processing."""
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number, check_one_of, freeze
+from sprung._checks import check_each, check_number, check_one_of, freeze
+from sprung._display import Drawable, Tabular, counted, in_short, listed
 from sprung.errors import ParameterError
 
 #: Quantities that a channel may measure, with their SI units. An unknown quantity has no unit.
@@ -85,7 +87,7 @@ class Gap:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Recording:
+class Recording(Tabular, Drawable):
     """Samples of several channels at one rate, with their meaning and their history.
 
     Parameters
@@ -132,6 +134,15 @@ class Recording:
         indices = [0, *(gap.index for gap in self.gaps), self.n_samples]
         if any(late <= early for early, late in itertools.pairwise(indices)) and self.gaps:
             raise ParameterError(f"gap indices {indices[1:-1]} must rise between 1 and {self.n_samples - 1}")
+
+    def __repr__(self) -> str:
+        """Return size, rate, gaps, start and channels in words."""
+        size = f"Recording: {self.n_samples} samples at {self.sampling_rate:.8g} Hz ({self.duration:.5g} s)"
+        gaps = f", {counted(len(self.gaps), 'gap')}" if self.gaps else ""
+        start = "" if self.start is None else f", from {datetime.fromtimestamp(self.start // 10**9, tz=UTC):%F %T} UTC"
+        units = (f"{channel.name} [{channel.unit or '?'}]" for channel in self.channels)
+        last = f"last step: {self.history[-1]}" if self.history else ""
+        return in_short(size + gaps + start, listed(units), last)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -183,6 +194,17 @@ class Recording:
     def changed(self, step: str, **fields: Any) -> "Recording":
         """Return a copy with other `fields` and `step` added to the history."""
         return replace(self, history=(*self.history, step), **fields)
+
+
+def each_recording(recordings: Recording | Iterable[Recording]) -> Iterable[Recording]:
+    """Return one recording or several as an iterable, which is read once if it is an iterator.
+
+    Raises
+    ------
+    ParameterError
+        If something else than recordings is given, such as a path or an array.
+    """
+    return [recordings] if isinstance(recordings, Recording) else check_each("recordings", recordings, Recording)
 
 
 class Piece(Protocol):

@@ -1,9 +1,13 @@
 """Figures of a corner fit."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Rectangle
+from matplotlib.text import Annotation
 
 from sprung.likelihood import fit_corners
 from sprung.plotting.corners import corner_bars, corners_figure, correlation_figure, fitted_spectra_figure
@@ -93,3 +97,41 @@ def test_correlations_of_the_estimates(fit) -> None:
     np.testing.assert_allclose(np.diag(values), 1)
     np.testing.assert_allclose(values, values.T)
     assert np.abs(values).max() <= 1 + 1e-12
+
+
+def test_the_axis_is_scaled_to_the_changes_and_not_to_absurd_intervals() -> None:
+    log_ratios, deviations = np.zeros(12), np.full(12, 0.6)
+    log_ratios[0] = np.log(0.85)
+    figure = corner_bars(
+        COMPONENTS,
+        log_ratios,
+        deviations,
+        is_identifiable=np.ones(12, dtype=bool),
+        heading=("Corners", ""),
+        by_chance=np.full(12, 0.03),
+    )
+    for axes in figure.axes:
+        assert axes.get_ylim()[1] == pytest.approx(-axes.get_ylim()[0])
+        assert 20.0 < axes.get_ylim()[1] < 35.0
+        assert len([line for line in axes.get_lines() if line.get_gid() == "cut off"]) == 6
+        assert all(isinstance(text, Annotation) and abs(text.xy[1]) < axes.get_ylim()[1] for text in axes.texts)
+
+
+def test_narrow_intervals_are_shown_whole() -> None:
+    figure = corner_bars(
+        COMPONENTS, np.zeros(12), np.full(12, 0.03), is_identifiable=np.ones(12, dtype=bool), heading=("Corners", "")
+    )
+    axes = figure.axes[0]
+    assert not [line for line in axes.get_lines() if line.get_gid() == "cut off"]
+    assert axes.get_ylim()[0] < intervals(axes).min()
+    assert intervals(axes).max() < axes.get_ylim()[1]
+
+
+def test_correlations_are_readable_on_dark_and_light_cells() -> None:
+    component_covariance = np.full((12, 12), 0.95) + 0.05 * np.eye(12)
+    component_covariance[0, 1] = component_covariance[1, 0] = 0.35
+    model = SimpleNamespace(components=COMPONENTS)
+    fit: Any = SimpleNamespace(components=COMPONENTS, covariance=component_covariance, model=model)
+    texts = {text.get_text(): text.get_color() for text in correlation_figure(fit).axes[0].texts}
+    assert texts[".95"] == "white"
+    assert texts[".35"] != "white"

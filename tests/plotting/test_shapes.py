@@ -1,10 +1,11 @@
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
-from matplotlib.text import Annotation
+from matplotlib.text import Annotation, Text
 from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
@@ -104,3 +105,39 @@ def test_no_mode_is_said() -> None:
     none = as_modes(np.zeros((0, 4)), CORNERS)
     for figure in (shapes_figure(none, CORNERS), complexity_figure(none)):
         assert figure.axes[0].texts[0].get_text() == "No mode was identified."
+
+
+MIXED = (
+    *(Channel(f"acc_{axis}", "acceleration") for axis in "xy"),
+    Channel("gyro_x", "angular_velocity"),
+    Channel("acc_z", "acceleration"),
+)
+
+
+def test_quantities_are_drawn_apart_each_relative_to_its_largest_channel() -> None:
+    modes = as_modes([np.array([1, -0.5, 0.04 + 0.03j, 0.25])], MIXED)
+    axes = shapes_figure(modes, MIXED).axes[0]
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["acc_x", "acc_y", "acc_z", "gyro_x"]
+    assert [bar.get_height() for bar in axes.containers[0]] == pytest.approx([1, -0.5, 0.25, 0.8])
+    scales = [text.get_text() for text in axes.texts if text.get_gid() == "scale"]
+    assert scales == ["acceleration\n1 = 1 m/s²", "angular velocity\n1 = 0.05 rad/s"]
+    compass = complexity_figure(modes, MIXED)
+    radii = [np.asarray(line.get_ydata())[1] for line in compass.axes[0].get_lines() if line.get_gid() == "channel"]
+    assert radii == pytest.approx([1, 0.5, 1, 0.25])
+    assert "of the same quantity" in compass.get_suptitle()
+
+
+def test_the_largest_of_many_channels_are_named_without_overlap() -> None:
+    generator = np.random.default_rng(1)
+    channels = tuple(Channel(f"acc_{k:02d}") for k in range(17))
+    shape = generator.standard_normal((2, 17)) * (1 + 0.1j * generator.standard_normal((2, 17)))
+    modes = as_modes(unit_shapes(shape), channels)
+    figure = complexity_figure(modes, channels)
+    figure.draw_without_rendering()
+    for axes, own in zip(figure.axes, modes.mode_shapes, strict=True):
+        names = [text for text in axes.texts if text.get_gid() == "name"]
+        largest = np.argsort(-np.abs(own))[:6]
+        assert {text.get_text() for text in names} == {channels[k].name for k in largest}
+        boxes = [Text.get_window_extent(text) for text in names]
+        for one, other in itertools.combinations(boxes, 2):
+            assert min(one.x1, other.x1) <= max(one.x0, other.x0) or min(one.y1, other.y1) <= max(one.y0, other.y0)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
-from sprung.plotting.style import in_hertz, in_percent, listed, panel_grid, pretty_unit, spread
+from sprung._display import listed
+from sprung.plotting.style import INK, in_hertz, in_percent, ink_on, panel_grid, pretty_unit, spread
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=30), st.floats(0, 0.2))
@@ -32,7 +34,7 @@ def test_grids_have_few_rows_that_are_filled_evenly(n_panels, grid) -> None:
 
 
 def test_units_have_superscripts() -> None:
-    assert [pretty_unit(unit) for unit in ("m/s^2", "m^3", "rad/s", "")] == ["m/s²", "m³", "rad/s", "unit unknown"]
+    assert [pretty_unit(unit) for unit in ("m/s^2", "m^3", "rad/s", "")] == ["m/s²", "m³", "rad/s", ""]
 
 
 def test_many_names_are_cut_short_and_counted() -> None:
@@ -40,3 +42,8 @@ def test_many_names_are_cut_short_and_counted() -> None:
     names = [f"acc_{k}" for k in range(100)]
     kept, _, n_more = listed(names).removesuffix(" more").rpartition(" and ")
     assert len(kept.split(", ")) + int(n_more) == 100
+
+
+def test_text_on_an_image_is_dark_on_light_cells_and_white_on_dark_ones() -> None:
+    image = Figure().subplots().imshow(np.zeros((1, 1)), cmap="RdBu_r", vmin=-1, vmax=1)
+    assert [ink_on(image, value) for value in (-1.0, 0.0, 1.0)] == ["white", INK, "white"]

@@ -59,3 +59,12 @@ def test_no_track_is_said() -> None:
     nothing = track_modes([modes(2.0), modes(3.0)], settings=TrackingSettings(least_count=2, out_of=2))
     (axes,) = tracks_figure(nothing).axes
     assert axes.texts[0].get_text() == "No mode is in enough windows."
+
+
+def test_the_legend_lists_what_the_figure_shows(tracked) -> None:
+    (legend,) = tracks_figure(tracked).legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        *("window, with 95 % interval", "first window of a mode", "last window", "jump", "window without modes"),
+    ]
+    (plain,) = tracks_figure(track_modes([modes(2.0, 5.0)] * 6)).legends
+    assert [text.get_text() for text in plain.get_texts()] == ["window, with 95 % interval"]

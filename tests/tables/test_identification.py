@@ -1,7 +1,5 @@
 """Tables of an identification."""
 
-from dataclasses import replace
-
 import pytest
 
 from sprung.identification import cov_ssi
@@ -18,8 +16,8 @@ def identification():
 
 
 def test_the_source_is_shown_where_a_vehicle_on_its_road_gives_modes(identification) -> None:
-    assert "source" not in modes_table(identification).columns
-    table = modes_table(replace(identification, sources=("ssi", "road_likelihood", "ssi")))
+    assert "source" not in modes_table(identification.modes, identification.sources).columns
+    table = modes_table(identification.modes, ("ssi", "road_likelihood", "ssi"))
     column = table.columns.index("source")
     assert [row[column] for row in table.rows] == ["SSI", "vehicle on its road", "SSI"]
     assert {len(row) for row in table.rows} == {len(table.columns)}

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number
+from sprung._checks import check_number, check_type
 from sprung.calibration.additions import likely_mount, with_mode, with_mount
 from sprung.calibration.draft import Draft, VehicleNumber, explicit, moved
 from sprung.calibration.fitting import (
@@ -34,7 +34,7 @@ from sprung.calibration.windows import DELAY, WindowSpectra, window_spectra
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerSettings
 from sprung.likelihood.spectra import OVERCOUNT
-from sprung.recording import Recording
+from sprung.recording import Recording, each_recording
 from sprung.vehicles import Component, Vehicle, corner_names
 from sprung.vehicles.sections import FlexibleMode, LearntNumber
 from sprung.vehicles.window import Window, window_of
@@ -83,7 +83,7 @@ class CalibrationSettings:
 
 
 def calibrate(
-    recordings: Sequence[Recording],
+    recordings: Recording | Iterable[Recording],
     vehicle: Vehicle,
     *,
     settings: CalibrationSettings | None = None,
@@ -128,7 +128,8 @@ def calibrate(
     D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992), 415-447 (evidence of models).
     """
     settings = settings or CalibrationSettings()
-    windows = [window_of(recording, vehicle, allow_missing=allow_missing) for recording in recordings]
+    check_type("vehicle", vehicle, Vehicle)
+    windows = [window_of(recording, vehicle, allow_missing=allow_missing) for recording in each_recording(recordings)]
     _check_alike(windows)
     spectra = tuple(window_spectra(window, settings.corners) for window in windows)
     calibration = calibrated(spectra, vehicle, settings=settings)

@@ -5,7 +5,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from sprung._checks import check_number, check_one_of
+from sprung._checks import check_number, check_one_of, check_type
 from sprung.errors import ParameterError
 from sprung.vehicles import Axle, Body, Sensor, Vehicle
 from sprung.vehicles.sections import LearntNumber
@@ -171,6 +171,7 @@ def described(sheet: DataSheet) -> Vehicle:
     springs, k^2/ab).
     T. D. Gillespie, Fundamentals of Vehicle Dynamics, SAE, 1992, chapter 5 (ride rate, ride frequencies).
     """
+    check_type("sheet", sheet, DataSheet)
     unsprung = sheet.unsprung_masses or (_UNSPRUNG * sheet.mass, _UNSPRUNG * sheet.mass)
     loads = [sheet.mass * share - 2 * mass for share, mass in zip(_shares(sheet), unsprung, strict=True)]
     sprung = sum(loads)

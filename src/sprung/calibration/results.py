@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from sprung._arrays import Real
 from sprung._checks import freeze
+from sprung._display import Drawable, Savable, Tabular, counted, in_short
 from sprung.vehicles import Vehicle
 
 #: Gain in ln evidence that counts as an improvement: far more than chance, as models are never perfect.
@@ -44,7 +45,7 @@ class CalibratedNumber:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Calibration:
+class Calibration(Tabular, Savable, Drawable):
     """A vehicle file completed from drives.
 
     Parameters
@@ -84,6 +85,13 @@ class Calibration:
 
     def __post_init__(self) -> None:
         freeze(self, frequencies=1, misfit_before=2, misfit_after=2)
+
+    def __repr__(self) -> str:
+        """Return the numbers learnt, the gain in evidence and the first note."""
+        learnt = sum(number.is_identifiable for number in self.learnt)
+        numbers = f"{learnt} of {counted(len(self.learnt), 'number')} determined by {counted(self.n_windows, 'window')}"
+        gain = f"gain in ln evidence over the given file: {self.evidence_gain:.0f}"
+        return in_short(f"Calibration of {self.vehicle.name!r}: {numbers}", gain, *self.notes[:1])
 
     @property
     def n_windows(self) -> int:

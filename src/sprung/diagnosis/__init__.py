@@ -13,11 +13,12 @@ from sprung.diagnosis.changes import (
 )
 from sprung.diagnosis.detectability import detectable
 from sprung.diagnosis.evidence import ModeChange, mode_changes
-from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Verdict, detectable_in_words
+from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, Findings, Verdict, detectable_in_words
 from sprung.diagnosis.hypotheses import Hypothesis
 from sprung.diagnosis.learning import LEARNING_WINDOWS, LEAST_WINDOWS, learn
 from sprung.diagnosis.observation import (
     Observation,
+    Observations,
     observe,
     observe_window,
     windows,
@@ -56,9 +57,11 @@ __all__ = [
     "Detection",
     "Diagnosis",
     "Finding",
+    "Findings",
     "Hypothesis",
     "ModeChange",
     "Observation",
+    "Observations",
     "RankedVehicle",
     "ResidualReference",
     "ResidualStatistics",

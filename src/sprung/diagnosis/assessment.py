@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from sprung._checks import check_each, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline, vehicle_of
 from sprung.diagnosis.changes import Candidate, ChangeDetector, Detection, Size
 from sprung.diagnosis.findings import SEVERITIES, Diagnosis, Finding, time_in_words
@@ -67,7 +68,10 @@ def diagnose(
     All windows pass through one `ChangeDetector`, or without a baseline one `TypeDetector`, whose result `diagnosis_of`
     words.
     """
-    every = tuple(observations)
+    for name, value, kind in (("baseline", baseline, Baseline), ("type_baseline", type_baseline, TypeBaseline)):
+        if value is not None:
+            check_type(name, value, kind)
+    every = tuple(check_each("observations", observations, Observation))
     vehicle = vehicle_of(every)
     if baseline is not None and vehicle and baseline.vehicle and vehicle != baseline.vehicle:
         raise ParameterError(

@@ -8,6 +8,7 @@ from scipy.linalg import block_diag
 
 from sprung._arrays import Real
 from sprung._checks import frozen_array
+from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.diagnosis.directions import USUAL_ENDS, directions, usual_nuisance
 from sprung.diagnosis.observation import LAYOUT_CONDITIONS, Observation
 from sprung.diagnosis.residuals import ResidualReference
@@ -26,7 +27,7 @@ _IMPERFECT, _TRUSTED = 0.25, 0.15
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Baseline:
+class Baseline(Tabular, Savable):
     """Normal state of one vehicle over the conditions it meets.
 
     Parameters
@@ -110,6 +111,13 @@ class Baseline:
             if values.shape != shape or not np.all(np.isfinite(values)):
                 raise ParameterError(f"{name} of a baseline must be {shape} finite numbers: learn it again")
             object.__setattr__(self, name, values)
+
+    def __repr__(self) -> str:
+        """Return the vehicle, the learning, the conditions and limits."""
+        windows = f"{counted(self.n_windows, 'window')}, {self.n_refused} left out"
+        head = f"Baseline {self.version} of {self.vehicle!r} ({self.reason}): {len(self.components)} components from "
+        known = (f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in self.ranges.items())
+        return in_short(head + windows, listed(known), *self.notes[:1])
 
     @property
     def doubt(self) -> Real:

@@ -7,7 +7,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from sprung._arrays import Real
-from sprung._checks import check_number
+from sprung._checks import check_number, check_type
 from sprung.diagnosis.baseline import CONDITIONS, Baseline
 from sprung.diagnosis.comparison import Compared
 from sprung.diagnosis.ratios import Hypotheses, Scores, dimensions_of, explained_by, scores_of
@@ -143,6 +143,7 @@ def detectable(
     ParameterError
         If a number is out of its range.
     """
+    check_type("baseline", baseline, Baseline)
     check_number("n_windows", n_windows, at_least=1)
     check_number("false_alarms", false_alarms, above=0)
     check_number("windows_per_day", windows_per_day, above=0)

@@ -6,7 +6,7 @@ from sprung.errors import DataError, IdentificationError
 from sprung.identification import IdentificationSettings, cov_ssi
 from sprung.likelihood import CornerFit, CornerSettings, fit_corners
 from sprung.modal import Modes
-from sprung.recording import Recording
+from sprung.recording import Recording, each_recording
 from sprung.vehicles import Vehicle
 
 
@@ -40,7 +40,7 @@ def fit_drive(
     DataError, ParameterError
         As from `sprung.likelihood.fit_corners`.
     """
-    records = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    records = list(each_recording(recordings))
     modes = _modes(records, vehicle, allow_missing=allow_missing)
     return fit_corners(records, vehicle, settings=settings, modes=modes, allow_missing=allow_missing)
 

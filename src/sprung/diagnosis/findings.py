@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Literal
 
+from sprung._display import Drawable, Savable, Tabular, counted, in_short, listed
 from sprung.diagnosis.baseline import Baseline
 from sprung.diagnosis.changes import Detection
-from sprung.diagnosis.observation import Observation
+from sprung.diagnosis.observation import Observation, Observations
 from sprung.diagnosis.residuals import ResidualTest
 from sprung.diagnosis.sensors import SensorFault
 from sprung.diagnosis.trends import Trend
@@ -31,7 +32,7 @@ _DATED = 1e8
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(Tabular):
     """One change of a suspension.
 
     Parameters
@@ -68,6 +69,10 @@ class Finding:
     runner_up: str
     trend: Trend | None
 
+    def __repr__(self) -> str:
+        """Return the finding in plain words."""
+        return in_short(f"Finding ({self.severity}): {self.sentence}")
+
     @property
     def hypothesis(self) -> str:
         """Name of its `Hypothesis`."""
@@ -101,8 +106,18 @@ class Finding:
         return f"{self.corner.replace('_', '-')} {self.component}"
 
 
+class Findings(tuple[Finding, ...], Tabular):
+    """Findings of a diagnosis."""
+
+    def __repr__(self) -> str:
+        """Return the findings in plain words."""
+        return (
+            in_short(*(repr(finding) for finding in self[:2]), listed(repr(one) for one in self[2:])) or "no findings"
+        )
+
+
 @dataclass(frozen=True, eq=False, slots=True)
-class Diagnosis:
+class Diagnosis(Tabular, Savable, Drawable):
     """Diagnosis of a vehicle from its windows.
 
     Parameters
@@ -138,6 +153,18 @@ class Diagnosis:
     false_alarms: float = 1e-3
     residual_tests: Mapping[float, ResidualTest] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "findings", Findings(self.findings))
+        object.__setattr__(self, "observations", Observations(self.observations))
+
+    def __repr__(self) -> str:
+        """Return the verdict with the findings, the doubts or what would have been found."""
+        windows = f"{counted(len(self.observations), 'window')}"
+        faults = listed(f"{fault.channel} {fault.kind.replace('_', ' ')}" for fault in self.sensor_faults)
+        reasons = [*(finding.sentence for finding in self.findings), *self.doubts, *self.notes]
+        head = f"Diagnosis of {windows}: {self.verdict.replace('_', ' ')}"
+        return in_short(f"{head}; sensor faults: {faults}" if faults else head, *reasons[:2])
 
     @property
     def verdict(self) -> Verdict:

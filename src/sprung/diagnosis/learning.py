@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import check_number
+from sprung._checks import check_each, check_number, check_type
 from sprung.diagnosis.baseline import (
     Baseline,
     medians,
@@ -100,7 +100,10 @@ def learn(
     if least_windows is None:
         least_windows = LEAST_WINDOWS if type_baseline is None else _LEAST_WITH_TYPE
     check_number("least_windows", least_windows, at_least=2)
-    every = list(observations)
+    for name, value, kind in (("previous", previous, Baseline), ("type_baseline", type_baseline, TypeBaseline)):
+        if value is not None:
+            check_type(name, value, kind)
+    every = list(check_each("observations", observations, Observation))
     vehicle = vehicle_of(every)
     sound = [observation for observation in every if observation.is_conclusive and not observation.sensor_faults]
     common = [

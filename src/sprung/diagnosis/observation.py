@@ -6,14 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Real
-from sprung._checks import freeze
+from sprung._checks import check_type, freeze
+from sprung._display import Tabular, counted, in_short, listed
 from sprung.diagnosis.residuals import VEHICLE_RATE, ResidualStatistics, residual_statistics
 from sprung.diagnosis.sensors import SensorFault, check_sensors, exchanged_opposites, speed_fault
 from sprung.diagnosis.sensors.faults import MISSING
 from sprung.errors import DataError, ParameterError
 from sprung.likelihood import CornerFit, CornerSettings
 from sprung.likelihood.fitting import fit_windows
-from sprung.recording import Recording
+from sprung.recording import Recording, each_recording
 from sprung.vehicles import Component, Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.window import Window, window_of
@@ -28,12 +29,23 @@ LAYOUT_CONDITIONS = {
     "payload_product": 50.0,
     "right_over_left": 0.2,
 }
+#: Units of conditions; the others have none.
+CONDITION_UNITS = {
+    "speed": "m/s",
+    "temperature": "°C",
+    "turning": "rad/s",
+    "roughness": "m^3",
+    "payload": "kg",
+    "payload_x_moment": "kg m",
+    "payload_y_moment": "kg m",
+    "payload_product": "kg m^2",
+}
 #: Model error above which a window is inconclusive.
 _MOST_ERROR = 1.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Observation:
+class Observation(Tabular):
     """Estimates from one window, and its conditions.
 
     Parameters
@@ -84,6 +96,17 @@ class Observation:
     def __post_init__(self) -> None:
         freeze(self, log_ratios=1, covariance=2)
 
+    def __repr__(self) -> str:
+        """Return time, conditions, modes and sensor faults, or why the window is inconclusive."""
+        of_vehicle = f" of {self.vehicle!r}" if self.vehicle else ""
+        state = self.reason and f"inconclusive: {self.reason}"
+        modes = listed(f"{label} {f:.4g} Hz {100 * ratio:.3g} %" for label, (f, ratio) in self.modes.items())
+        faults = listed(f"{fault.channel} {fault.kind.replace('_', ' ')}" for fault in self.sensor_faults)
+        head = f"Observation at {self.time:.6g} s{of_vehicle}: "
+        head += state or f"{counted(len(self.components), 'component')}; {modes}"
+        conditions = listed(f"{name} {value:.4g}" for name, value in self.conditions.items())
+        return in_short(head, conditions, f"sensor faults: {faults}" if faults else "")
+
     @property
     def is_conclusive(self) -> bool:
         """Whether the window has estimates."""
@@ -94,10 +117,22 @@ class Observation:
         return self if self.residuals is None else replace(self, residuals=self.residuals.without_segments())
 
 
+class Observations(tuple[Observation, ...], Tabular):
+    """Observations of several windows."""
+
+    def __repr__(self) -> str:
+        """Return the number of windows, and why some are inconclusive."""
+        conclusive = [window for window in self if window.is_conclusive]
+        vehicles = ", ".join(sorted({window.vehicle for window in self if window.vehicle}))
+        reasons = listed(dict.fromkeys(window.reason for window in self if window.reason))
+        count = f"{counted(len(self), 'window')}, {len(conclusive)} conclusive"
+        return in_short(f"Observations{f' of {vehicles}' if vehicles else ''}: {count}", reasons)
+
+
 def windows(
     recordings: Recording | Iterable[Recording], *, length: float = WINDOW
 ) -> Iterator[tuple[float, Recording]]:
-    """Yield windows of recordings with their start times.
+    """Return an iterator over windows of recordings with their start times.
 
     Parameters
     ----------
@@ -107,14 +142,19 @@ def windows(
         Length of a window [s]. A remainder at the end of a recording that is shorter than half a window joins the last
         window.
 
-    Yields
-    ------
-    tuple
+    Returns
+    -------
+    iterator of tuple
         Time of the window's first sample since the start of the first recording [s], and its samples.
     """
+    return _windows(each_recording(recordings), length)
+
+
+def _windows(recordings: Iterable[Recording], length: float) -> Iterator[tuple[float, Recording]]:
+    """Yield windows of recordings with their start times."""
     clock = 0.0
     first: int | None = None
-    for recording in [recordings] if isinstance(recordings, Recording) else recordings:
+    for recording in recordings:
         if recording.start is not None:
             first = recording.start if first is None else first
             clock = (recording.start - first) / 1e9
@@ -135,7 +175,7 @@ def observe(
     length: float = WINDOW,
     settings: CornerSettings | None = None,
     allow_missing: bool = False,
-) -> tuple[Observation, ...]:
+) -> Observations:
     """Return the observations of all windows of recordings.
 
     Parameters
@@ -153,17 +193,18 @@ def observe(
 
     Returns
     -------
-    tuple of Observation
-        One observation for each window, see `observe_window`. Times are counted from the start of the first recording;
-        recordings without a start time follow each other.
+    Observations
+        Tuple of one observation for each window, see `observe_window`. Times are counted from the start of the first
+        recording; recordings without a start time follow each other.
 
     Raises
     ------
     DataError, ParameterError
         As raised by `observe_window`.
     """
+    check_type("vehicle", vehicle, Vehicle)
     parts = windows(recordings, length=length)
-    return tuple(
+    return Observations(
         observe_window(part, vehicle, time=time, settings=settings, allow_missing=allow_missing) for time, part in parts
     )
 
@@ -205,6 +246,8 @@ def observe_window(
     the axles gives. An inconclusive window states its reason. A window whose sensors contradict each other is
     inconclusive: the baseline assumes one sensor layout, and exchanged channels leave no valid data.
     """
+    check_type("recording", recording, Recording)
+    check_type("vehicle", vehicle, Vehicle)
     window = window_of(recording, vehicle, allow_missing=allow_missing)
     check = check_sensors(window)
     sound = window.without({fault.channel for fault in check.faults})

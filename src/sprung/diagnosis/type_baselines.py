@@ -8,7 +8,8 @@ from scipy import stats
 from scipy.linalg import block_diag
 
 from sprung._arrays import Indices, Real
-from sprung._checks import check_number, frozen_array
+from sprung._checks import check_each, check_number, check_type, frozen_array
+from sprung._display import Savable, counted, in_short
 from sprung.diagnosis.baseline import (
     CONDITIONS,
     Baseline,
@@ -51,7 +52,7 @@ _WIDE = 3.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class TypeBaseline:
+class TypeBaseline(Savable):
     """Normal state of the vehicles of a type.
 
     Parameters
@@ -105,6 +106,11 @@ class TypeBaseline:
             if values.shape != shape or not np.all(np.isfinite(values)):
                 raise ParameterError(f"{name} of a type's baseline must be {shape} finite numbers: learn it again")
             object.__setattr__(self, name, values)
+
+    def __repr__(self) -> str:
+        """Return the type, and the numbers of vehicles and windows."""
+        size = f"{counted(self.n_vehicles, 'vehicle')}, {counted(self.n_windows, 'window')}"
+        return in_short(f"TypeBaseline of {self.name!r}: {len(self.components)} components from {size}")
 
     @property
     def information(self) -> Real:
@@ -708,9 +714,11 @@ def _mean_covariance(observations: Iterable[Observation], components: tuple[Comp
 
 def _usable(windows: Mapping[str, Iterable[Observation]]) -> dict[str, list[Observation]]:
     """Return the windows that can be learnt from, with the commonest components, of vehicles that have any."""
+    check_type("windows", windows, Mapping, advice="{'car-1': sprung.observe(recordings, vehicle), ..}")
+    every = {vehicle: check_each(f"windows[{vehicle!r}]", own, Observation) for vehicle, own in windows.items()}
     sound = {
         vehicle: [window for window in own if window.is_conclusive and not window.sensor_faults]
-        for vehicle, own in windows.items()
+        for vehicle, own in every.items()
     }
     kinds = [window.components for own in sound.values() for window in own]
     common = max(kinds, key=kinds.count, default=())

@@ -7,7 +7,7 @@ from sprung.documents.baseline import (
     read_baseline,
     write_baseline,
 )
-from sprung.documents.calibration import CalibrationDocument, calibration_document
+from sprung.documents.calibration import CalibrationDocument, calibration_document, read_calibration, write_calibration
 from sprung.documents.corners import CornersDocument, corners_document, read_corners, write_corners
 from sprung.documents.diagnosis import (
     DiagnosisDocument,
@@ -39,8 +39,9 @@ from sprung.documents.recordings import (
     write_inspections,
     write_truth,
 )
+from sprung.documents.results import document_of, save
 from sprung.documents.schemas import DOCUMENTS, json_schema, read_document, write_json_schemas
-from sprung.documents.tracking import TrackingDocument, tracking_document
+from sprung.documents.tracking import TrackingDocument, read_tracking, tracking_document, write_tracking
 from sprung.documents.type_baseline import (
     TypeBaselineDocument,
     read_type_baseline,
@@ -72,6 +73,7 @@ __all__ = [
     "corners_document",
     "detectable_document",
     "diagnosis_document",
+    "document_of",
     "document_text",
     "finding_document",
     "fleet_document",
@@ -82,24 +84,29 @@ __all__ = [
     "observation_document",
     "observation_from_document",
     "read_baseline",
+    "read_calibration",
     "read_corners",
     "read_diagnosis",
     "read_document",
     "read_identification",
     "read_inspections",
+    "read_tracking",
     "read_truth",
     "read_type_baseline",
+    "save",
     "tracking_document",
     "truth_document",
     "type_baseline_document",
     "type_baseline_from_document",
     "write_baseline",
+    "write_calibration",
     "write_corners",
     "write_diagnosis",
     "write_document",
     "write_identification",
     "write_inspections",
     "write_json_schemas",
+    "write_tracking",
     "write_truth",
     "write_type_baseline",
 ]

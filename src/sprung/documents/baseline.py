@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from sprung._arrays import Real
+from sprung._checks import check_type
 from sprung.diagnosis import Baseline, ResidualReference, TypeBaseline, detectable
 from sprung.diagnosis.baseline import CONDITIONS
 from sprung.documents.document import Document, Pair, checked, read_fields, write_document
@@ -63,6 +64,7 @@ def baseline_document(baseline: Baseline) -> BaselineDocument:
     baseline
         Learnt from windows of a healthy vehicle.
     """
+    check_type("baseline", baseline, Baseline)
     return BaselineDocument.model_validate(
         {
             "schema": "sprung.baseline/1",

@@ -1,12 +1,14 @@
 """The document of a calibration, `sprung.calibration/1`."""
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
 
 from sprung._arrays import Real
+from sprung._checks import check_type
 from sprung.calibration import CalibratedNumber, Calibration
-from sprung.documents.document import Document
+from sprung.documents.document import Document, checked, read_fields, write_document
 
 
 class CalibrationDocument(Document):
@@ -39,3 +41,35 @@ def calibration_document(calibration: Calibration) -> CalibrationDocument:
     return CalibrationDocument.model_validate(
         {"schema": "sprung.calibration/1", "vehicle": calibration.vehicle.name, **fields}
     )
+
+
+def write_calibration(calibration: Calibration, path: str | Path) -> None:
+    """Write a calibration as a JSON file, `sprung.calibration/1`; `write_vehicle` writes the completed vehicle file.
+
+    Parameters
+    ----------
+    calibration
+        Vehicle completed from drives.
+    path
+        File to write; an existing one is replaced.
+    """
+    check_type("calibration", calibration, Calibration, advice="sprung.calibrate(recordings, vehicle)")
+    write_document(calibration_document(calibration), path)
+
+
+def read_calibration(path: str | Path) -> CalibrationDocument:
+    """Read a calibration from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_calibration` or `sprung calibrate --json` wrote.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read.
+    FormatError
+        If it holds something else.
+    """
+    return checked(CalibrationDocument, read_fields(path), source=str(path))

@@ -7,6 +7,8 @@ import numpy as np
 from pydantic import Field
 
 from sprung._arrays import Real
+from sprung._checks import check_type, data_frame_of
+from sprung._display import in_short, listed
 from sprung.documents.document import Document, Estimate, Number, Pair, checked, read_fields, write_document
 from sprung.documents.modes import FittedMode, fitted_modes
 from sprung.likelihood import CornerFit
@@ -49,6 +51,37 @@ class CornersDocument(Document):
     fit: FitQuality
     notes: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """Return the quality of the fit, and the changes from nominal."""
+        changes = (
+            f"{corner}.{kind} {100 * (part.relative_to_nominal - 1):+.1f} %"
+            for corner, parts in self.corners.items()
+            for kind, part in parts.items()
+            if part.is_identifiable
+        )
+        head = f"CornersDocument from {self.fit.n_segments} segments, model error {100 * self.fit.model_error:.2g} %"
+        return in_short(head, f"from nominal: {listed(changes)}", *self.notes[:1])
+
+    def to_dataframe(self) -> Any:
+        """Return the components as a pandas.DataFrame, as `CornerFit.to_dataframe`.
+
+        Raises
+        ------
+        MissingPackageError
+            If pandas is not installed.
+        """
+        parts = [(corner, kind, part) for corner, own in self.corners.items() for kind, part in own.items()]
+        return data_frame_of(
+            {
+                "corner": [corner for corner, _, _ in parts],
+                "component": [kind for _, kind, _ in parts],
+                "value [N/m, N s/m]": [part.value for _, _, part in parts],
+                "std [N/m, N s/m]": [part.std for _, _, part in parts],
+                "relative_to_nominal [-]": [part.relative_to_nominal for _, _, part in parts],
+                "is_identifiable": [part.is_identifiable for _, _, part in parts],
+            }
+        )
+
 
 def corners_document(fit: CornerFit) -> CornersDocument:
     """Return a fit of springs, dampers and tyres as `sprung.corners/1`.
@@ -58,6 +91,7 @@ def corners_document(fit: CornerFit) -> CornersDocument:
     fit
         Fitted vehicle.
     """
+    check_type("fit", fit, CornerFit)
     modes = fit.modes()
     frequencies = fit.model.spectra.frequencies
     return CornersDocument.model_validate(

@@ -8,13 +8,17 @@ import numpy as np
 from pydantic import AliasChoices, BeforeValidator, Field, TypeAdapter, ValidationError
 
 from sprung._arrays import Real
+from sprung._checks import check_type
+from sprung._display import in_short
 from sprung.diagnosis import (
     Candidate,
     Detection,
     Diagnosis,
     Finding,
+    Findings,
     ModeChange,
     Observation,
+    Observations,
     SensorFault,
     Verdict,
 )
@@ -128,6 +132,23 @@ class DiagnosisDocument(Document):
     modes: tuple[ModeChangeDocument, ...] = ()
     residual_test: tuple[ResidualTestDocument, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return the verdict with the findings, or the notes."""
+        head = f"DiagnosisDocument of {self.vehicle!r}: {self.verdict.replace('_', ' ')}"
+        return in_short(head, *(finding.sentence for finding in self.findings), *self.notes)
+
+    def _repr_html_(self) -> str:
+        return Findings(self.findings)._repr_html_()
+
+    def to_dataframe(self) -> Any:
+        """Return the findings as a pandas.DataFrame, as `Diagnosis.to_dataframe`."""
+        return Findings(self.findings).to_dataframe()
+
+    @property
+    def observations(self) -> Observations:
+        """Windows of the diagnosis."""
+        return Observations(self.windows)
+
 
 def observation_document(observation: Observation) -> dict[str, Any]:
     """Return a window as one JSON object, as in the `windows` of `sprung.diagnosis/1` and in the store."""
@@ -174,6 +195,7 @@ def diagnosis_document(
     modes
         Changes of the body's modes that the findings imply.
     """
+    check_type("diagnosis", diagnosis, Diagnosis)
     baseline = diagnosis.baseline
     return DiagnosisDocument.model_validate(
         {

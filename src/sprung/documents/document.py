@@ -20,6 +20,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema, to_jsonable_python
 
+from sprung._checks import check_path, check_type
+from sprung._display import in_short, listed
 from sprung.errors import FormatError, ParameterError
 
 #: A number that may be unknown: NaN in Python, null in JSON.
@@ -43,6 +45,18 @@ class Document(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, from_attributes=True, arbitrary_types_allowed=True)
+
+    def __repr__(self) -> str:
+        """Return the kind of document, and the names of its fields."""
+        return in_short(f"{type(self).__name__}: {listed(type(self).model_fields)}")
+
+    def __str__(self) -> str:
+        """Return the text of `repr`."""
+        return repr(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write the document as a JSON file; an existing one is replaced."""
+        write_document(self, path)
 
     def as_json(self) -> dict[str, Any]:
         """Return the document as plain JSON values; null for numbers that are not finite."""
@@ -147,6 +161,7 @@ def write_document(document: Document | Mapping[str, Any], path: str | Path) -> 
     path
         File to write; an existing one is replaced.
     """
+    check_type("document", document, Document, Mapping, advice="what a sprung.read_ function returns")
     Path(path).write_text(document_text(document), encoding="utf-8")
 
 
@@ -160,6 +175,7 @@ def read_fields(path: str | Path) -> dict[str, Any]:
     FormatError
         If it does not hold a JSON object.
     """
+    check_path("path", path)
     try:
         fields = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:

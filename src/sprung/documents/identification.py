@@ -1,19 +1,26 @@
 """The document of an identification, `sprung.identification/1`."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from sprung._arrays import Complex
+from sprung._checks import check_type
+from sprung._display import in_short
 from sprung.documents.document import Computed, Document, Number, Pair, checked, plain, read_fields, write_document
 from sprung.documents.modes import IdentifiedMode, ModeValues, Participation, identified_modes, participations
 from sprung.identification import Identification, RovingSetups, SubsetModes
 from sprung.identification.refinement import Refinement
 from sprung.modal import Modes
+from sprung.recording import Channel
 from sprung.signals.harmonics import Harmonic
 from sprung.vehicles.usable import AnyVehicle
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class SubsetValues(ModeValues):
@@ -94,11 +101,12 @@ class SetUpsDocument(Document):
 
 
 class IdentificationDocument(Document):
-    """An identification as a file holds it: without stabilisation diagrams, spectra and places of the sensors."""
+    """An identification as a file holds it: without stabilisation diagrams and spectra."""
 
     schema_name: Literal["sprung.identification/1"] = Field(alias="schema")
     method: str
     channels: tuple[str, ...]
+    sensors: tuple[Channel, ...] = ()
     sampling_rate: float
     band: tuple[Number, Number]
     modes: tuple[MergedMode, ...]
@@ -108,6 +116,27 @@ class IdentificationDocument(Document):
     settings: dict[str, Any]
     notes: tuple[str, ...]
     setups: SetUpsDocument | None = None
+
+    def __repr__(self) -> str:
+        """Return method, channels and modes in words."""
+        head = f"IdentificationDocument by {self.method} of {len(self.channels)} channels: {len(self.modes)} modes"
+        return in_short(head, self.as_modes().in_words, *self.notes[:1])
+
+    def _repr_html_(self) -> str:
+        return self.as_modes()._repr_html_()
+
+    def to_dataframe(self) -> Any:
+        """Return the modes as a pandas.DataFrame, as `Modes.to_dataframe`."""
+        return self.as_modes().to_dataframe()
+
+    def plot(self) -> "Figure":
+        """Return the picture of the mode shapes: on the body where the places of the sensors are known."""
+        figure: Figure = resolve_name("sprung.plotting.shapes:shapes_figure")(self.as_modes(), self.as_channels())
+        return figure
+
+    def as_channels(self) -> tuple[Channel, ...]:
+        """Return the outputs with quantity, position and direction, as far as the file states them."""
+        return self.sensors or tuple(Channel(name) for name in self.channels)
 
     def as_modes(self) -> Modes:
         """Return the modes as arrays, for comparisons and pictures."""
@@ -152,6 +181,7 @@ def identification_document(
     vehicle
         Vehicle of the identification, whose mass matrix weights the participation; None: equal masses.
     """
+    check_type("identification", identification, Identification)
     settings = identification.effective_settings
     lifter = None if settings.lifter is None else {"kind": type(settings.lifter).__name__, **plain(settings.lifter)}
     return IdentificationDocument.model_validate(
@@ -159,6 +189,7 @@ def identification_document(
             "schema": "sprung.identification/1",
             "method": identification.method,
             "channels": [channel.name for channel in identification.channels],
+            "sensors": identification.channels,
             "sampling_rate": identification.sampling_rate,
             "band": identification.band,
             "modes": _merged_modes(identification, vehicle),

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from sprung._checks import check_type
 from sprung.documents.document import Computed, Document, Pair, checked, read_fields, write_document
 from sprung.documents.modes import ExactMode
 from sprung.signals.inspection import ChannelFacts, Inspection
@@ -98,6 +99,7 @@ def inspection_document(inspections: Mapping[str, Inspection]) -> InspectionDocu
     inspections
         Facts by the path of the file.
     """
+    check_type("inspections", inspections, Mapping, advice="{'run.csv': sprung.inspect(recording)}")
     files = [
         {"path": path, **{name: getattr(inspection, name) for name in FileFacts.model_fields if name != "path"}}
         for path, inspection in inspections.items()
@@ -155,6 +157,7 @@ def truth_document(truth: Mapping[str, Any]) -> TruthDocument:
     FormatError
         If a key is missing or holds something else.
     """
+    check_type("truth", truth, Mapping, advice="the truth of a sprung.SimulatedDrive")
     return checked(TruthDocument, truth, source="the truth of a simulation")
 
 

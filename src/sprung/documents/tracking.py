@@ -1,12 +1,16 @@
 """The document of modes followed over time, `sprung.track/1`."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from sprung._arrays import Complex
-from sprung.documents.document import Document, Number, plain
+from sprung._checks import check_type, data_frame_of
+from sprung._display import in_short, listed
+from sprung.documents.document import Document, Number, checked, plain, read_fields, write_document
 from sprung.documents.modes import ModeValues
 from sprung.identification.tracks import Track, TrackedModes
 from sprung.identification.window_modes import WindowModes
@@ -83,10 +87,41 @@ class TrackingDocument(Document):
     settings: dict[str, Any]
     notes: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """Return the numbers of tracks and windows, and the mean frequencies."""
+        means = (
+            f"{track.natural_frequency.mean:.4g} Hz{f' {track.label}' if track.label else ''} ({len(track.points)})"
+            for track in self.tracks
+        )
+        return in_short(f"TrackingDocument: {len(self.tracks)} tracks over {len(self.windows)} windows", listed(means))
+
+    def to_dataframe(self) -> Any:
+        """Return the modes of the tracks as a pandas.DataFrame, as `TrackedModes.to_dataframe`.
+
+        Raises
+        ------
+        MissingPackageError
+            If pandas is not installed.
+        """
+        points = [
+            (number, track.label, point) for number, track in enumerate(self.tracks, start=1) for point in track.points
+        ]
+        units = {"natural_frequency": "Hz", "natural_frequency_std": "Hz"}
+        names = ("natural_frequency", "natural_frequency_std", "damping_ratio", "damping_ratio_std", "mac")
+        return data_frame_of(
+            {
+                "track": [number for number, _, _ in points],
+                "label": [label for _, label, _ in points],
+                "window": [point.window for _, _, point in points],
+                f"time [{self.time_unit}]": [self.windows[point.window].time for _, _, point in points],
+                **{f"{name} [{units.get(name, '-')}]": [getattr(p, name) for _, _, p in points] for name in names},
+            }
+        )
+
 
 def tracking_document(
     tracked: TrackedModes,
-    windows: Sequence[WindowModes],
+    windows: Sequence[WindowModes] | None = None,
     *,
     start: int | None = None,
     has_times: bool = True,
@@ -99,7 +134,7 @@ def tracking_document(
     tracked
         Result of `track_modes`.
     windows
-        Its windows.
+        Its windows with their sources and reasons; None: unknown.
     start
         Time of the first window, UTC in nanoseconds since 1970; None where unknown.
     has_times
@@ -121,7 +156,9 @@ def tracking_document(
                     reason=window.reason,
                 )
                 for window in windows
-            ],
+            ]
+            if windows is not None
+            else _windows(tracked),
             "tracks": [_track(track) for track in tracked.tracks],
             "strays": sorted(
                 (point for track in tracked.strays for point in _points(track)),
@@ -131,6 +168,51 @@ def tracking_document(
             "notes": tuple(notes),
         }
     )
+
+
+def write_tracking(tracked: TrackedModes, path: str | Path, *, start: int | None = None) -> None:
+    """Write tracked modes as a JSON file, `sprung.track/1`.
+
+    Parameters
+    ----------
+    tracked
+        Result of `track_modes`.
+    path
+        File to write; an existing one is replaced.
+    start
+        Time of the first window, UTC in nanoseconds since 1970; None where unknown.
+    """
+    check_type("tracked", tracked, TrackedModes)
+    write_document(tracking_document(tracked, start=start, has_times=tracked.has_times), path)
+
+
+def read_tracking(path: str | Path) -> TrackingDocument:
+    """Read tracked modes from a JSON file.
+
+    Parameters
+    ----------
+    path
+        File that `write_tracking` or `sprung track --json` wrote.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read.
+    FormatError
+        If it holds something else.
+    """
+    return checked(TrackingDocument, read_fields(path), source=str(path))
+
+
+def _windows(tracked: TrackedModes) -> list[TrackedWindow]:
+    """Return the windows of tracks, with the number of modes of each."""
+    counts = np.zeros(len(tracked.times), dtype=np.intp)
+    for track in (*tracked.tracks, *tracked.strays):
+        counts[track.windows] += 1
+    return [
+        TrackedWindow(time=time, source="", n_modes=int(count), reason="" if known else "no mode found")
+        for time, count, known in zip(tracked.times, counts, tracked.has_result, strict=True)
+    ]
 
 
 def _track(track: Track) -> TrackDocument:

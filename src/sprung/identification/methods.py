@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from sprung._arrays import Indices, Real
-from sprung._checks import check_one_of
+from sprung._checks import check_one_of, check_type
 from sprung.errors import ParameterError
 from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import Correlations, average
@@ -35,9 +35,10 @@ from sprung.identification.stabilisation import (
 from sprung.identification.subsets import subsets_of_equal_width
 from sprung.identification.trends import N_LEVELS, LevelTrends, level_trends, trends_in_words
 from sprung.modal import Modes, PoleStatus, join_modes, unit_shapes
-from sprung.recording import Recording
+from sprung.recording import Recording, each_recording
 from sprung.signals.cepstrum import Lifter, ShortPass
 from sprung.signals.harmonics import Harmonic, near_harmonic
+from sprung.vehicles import Chain, Quarter, Vehicle
 from sprung.vehicles.labels import labelled
 from sprung.vehicles.usable import AnyVehicle
 
@@ -191,6 +192,7 @@ def enhanced_fdd(
     decomposition, Smart Materials and Structures 10, 441-445.
     """
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
+    recordings = _checked(recordings, vehicle)
     if settings.ladder is not None or settings.has_disjoint_references:
         raise ParameterError("FDD has neither a ladder (--thesis) nor references: leave them out")
     records = correlate_records(recordings, method="fdd", settings=settings, vehicle=vehicle, report=report)
@@ -264,7 +266,8 @@ def summarise(
     """
     check_one_of("method", method, [name for name in METHODS if name != "fdd"])
     settings = _suitable(method, settings or IdentificationSettings())
-    records = correlate_records(recordings, method=method, settings=settings, vehicle=vehicle, report=_no_report)
+    given = _checked(recordings, vehicle)
+    records = correlate_records(given, method=method, settings=settings, vehicle=vehicle, report=_no_report)
     return _summary(method, settings, records, _subset_levels(settings, records))[0]
 
 
@@ -299,6 +302,15 @@ def _suitable(method: str, settings: IdentificationSettings) -> IdentificationSe
     return replace(settings, criteria=replace(criteria, damping=_DAMPING_OF_POLYNOMIALS))
 
 
+def _checked(
+    recordings: Recording | Iterable[Recording], vehicle: AnyVehicle | None
+) -> Recording | Iterable[Recording]:
+    """Return the recordings if these are recordings, and the vehicle is a vehicle."""
+    if vehicle is not None:
+        check_type("vehicle", vehicle, Vehicle, Quarter, Chain)
+    return recordings if isinstance(recordings, Recording) else each_recording(recordings)
+
+
 def _no_report(doing: str, share: float) -> None:
     """Report nothing."""
 
@@ -311,6 +323,7 @@ def _identify(
     on_progress: Progress | None,
 ) -> Identification:
     """Correlate, sort, realise, select, merge and label."""
+    recordings = _checked(recordings, vehicle)
     report, settings = on_progress or _no_report, _suitable(method, settings or IdentificationSettings())
     if isinstance(recordings, Sequence) and len(setups := group_by_setup(recordings, vehicle=vehicle)) > 1:
         each, names = replace(settings, references=None), settings.references

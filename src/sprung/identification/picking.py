@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from sprung._arrays import Indices
-from sprung._checks import check_number
+from sprung._checks import check_number, check_type
 from sprung.errors import ParameterError
 from sprung.identification.fdd import bells_at, modes_of_bells
 from sprung.identification.merging import merge_modes
@@ -62,6 +62,7 @@ def pick_modes(
     >>> pick_modes(cov_ssi(run), [19.5, 7.1]).modes.natural_frequency.round(1)
     array([ 7. , 19.7])
     """
+    check_type("identification", identification, Identification)
     wanted = sorted(check_number("a picked frequency", frequency, above=0) for frequency in frequencies)
     if not wanted:
         raise ParameterError("no frequency is given to pick a mode at: give at least one")

@@ -6,6 +6,7 @@ import numpy as np
 
 from sprung._arrays import Indices, Real
 from sprung._checks import freeze
+from sprung._display import Drawable, Savable, Tabular, counted, in_short
 from sprung.identification.correlation import Correlations
 from sprung.identification.ladders import BlockRowLadder
 from sprung.identification.refinement import Refinement
@@ -58,7 +59,7 @@ class SubsetModes:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Identification:
+class Identification(Tabular, Savable, Drawable):
     """Modes of one condition, with everything that led to them.
 
     Parameters
@@ -130,6 +131,13 @@ class Identification:
         if isinstance(plan.ladder, BlockRowLadder):
             return settings
         return replace(settings, block_rows=plan.ladder.block_rows, max_order=plan.ladder.max_order)
+
+    def __repr__(self) -> str:
+        """Return method, channels, modes and the first note in words."""
+        channels = f"{counted(len(self.channels), 'channel')} at {self.sampling_rate:.5g} Hz"
+        notes = f"{counted(len(self.notes), 'note')}: {self.notes[0]}" if self.notes else ""
+        head = f"Identification by {self.method} from {channels}: {counted(len(self.modes), 'mode')}"
+        return in_short(head, self.modes.in_words, notes)
 
     def __str__(self) -> str:
         """Return the modes as a table: values with their standard deviations, rate of stable points, label."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from sprung._checks import check_number
+from sprung._checks import check_number, check_type
 from sprung.errors import ParameterError
 from sprung.identification.ladders import BlockRowLadder, Ladder
 from sprung.identification.stabilisation import THESIS_CRITERIA, StabilityCriteria
@@ -142,9 +142,11 @@ def as_in_thesis(
     ----------
     F. Liu (2020), eq. 3-35 to 3-57 and 4-1.
     """
+    given = settings or IdentificationSettings()
+    check_type("settings", given, IdentificationSettings)
     criteria = replace(THESIS_CRITERIA, stable_rate=stable_rate)
     return replace(
-        settings or IdentificationSettings(),
+        given,
         ladder=BlockRowLadder(*rows),
         criteria=criteria,
         has_road_modes=False,

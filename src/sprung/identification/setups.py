@@ -10,6 +10,7 @@ import numpy as np
 from scipy import fft
 
 from sprung._arrays import Complex, Indices, Real
+from sprung._checks import check_each
 from sprung.errors import DataError, ParameterError
 from sprung.identification.contribution import complete_shapes
 from sprung.identification.correlation import Correlations, exact_correlations
@@ -18,7 +19,7 @@ from sprung.identification.results import Identification, RovingSetups, SetUp
 from sprung.identification.roving import Points, common_points
 from sprung.identification.settings import IdentificationSettings
 from sprung.modal import Modes, mac, unit_shapes
-from sprung.recording import Recording
+from sprung.recording import Recording, each_recording
 from sprung.signals.harmonics import Harmonic
 from sprung.signals.spectrum import SpectralMatrix
 from sprung.vehicles.labels import labelled
@@ -100,8 +101,14 @@ def identify_setups(
     Conference (PoSER: post separate estimation re-scaling).
     """
     report, settings = on_progress or _no_report, settings or IdentificationSettings()
+    if not callable(identify):
+        raise ParameterError("identify must be the method for each set-up: pass sprung.cov_ssi, then the set-ups")
+    if isinstance(setups, Recording | str) or not isinstance(setups, Iterable):
+        check_each("setups", setups, Recording)
     sensors = () if vehicle is None or settings.allow_missing else vehicle.sensor
     if isinstance(setups, Sequence):
+        for setup in setups:
+            each_recording(setup)
         _check_channels(setups, references, vehicle)
     measured: dict[str, None] = {}
     own = replace(settings, allow_missing=True)

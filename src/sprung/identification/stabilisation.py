@@ -10,6 +10,7 @@ from scipy.cluster import hierarchy
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
+from sprung._display import Tabular, counted, in_short
 from sprung.identification.contribution import contributions, excesses
 from sprung.identification.correlation import Correlations
 from sprung.identification.scatter import deviation_of_mean
@@ -100,7 +101,7 @@ THESIS_CRITERIA = StabilityCriteria(
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class StabilisationDiagram:
+class StabilisationDiagram(Tabular):
     """Poles of all rungs of a ladder, each with its status.
 
     Parameters
@@ -123,6 +124,14 @@ class StabilisationDiagram:
     def __post_init__(self) -> None:
         freeze(self, status=1, dtype=np.int8)
         freeze(self, alignments=1, dtype=np.intp)
+
+    def __repr__(self) -> str:
+        """Return the numbers of poles and rungs, and the commonest statuses."""
+        rungs = counted(len(self.poles.ladder), "rung")
+        counts = sorted(zip(*np.unique(self.status, return_counts=True), strict=True), key=lambda pair: -pair[1])
+        words = ", ".join(f"{count} {PoleStatus(status).name.lower()}" for status, count in counts)
+        head = f"StabilisationDiagram: {counted(len(self.status), 'pole')} on {rungs}"
+        return in_short(head, words.replace("_", " "))
 
 
 def with_honest_deviations(poles: Poles, correlations: Correlations) -> Poles:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from sprung._arrays import Booleans, Real
+from sprung._checks import check_each
 from sprung.errors import DataError, ParameterError
 from sprung.identification.assignment import Members, estimates_of, follow, with_scatter
 from sprung.identification.track_joining import JUMP_WINDOWS, continued, is_confirmed, united
@@ -73,6 +74,7 @@ def track_modes(
     automatic identification of the modal parameters of a long span arch bridge, Mechanical Systems and Signal
     Processing 23, 316-329.
     """
+    windows = list(check_each("windows", windows, Modes, type(None)))
     settings = settings or TrackingSettings()
     instants = np.arange(float(len(windows))) if times is None else np.asarray(times, dtype=np.float64)
     _check_times(instants, len(windows))

@@ -7,6 +7,7 @@ from scipy.ndimage import median_filter
 
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
+from sprung._display import Drawable, Savable, Tabular, counted, in_short, listed
 from sprung.modal import Modes, mac, unit_shapes
 
 #: Fewest windows for a scatter, and for a trend.
@@ -79,7 +80,7 @@ class Jump:
 
 
 @dataclass(frozen=True, slots=True)
-class Trend:
+class TrackTrend:
     """Straight line through the values of a track over time.
 
     Parameters
@@ -182,11 +183,11 @@ class TrackedValue:
     high: float
     scatter: float
     stated: float
-    trend: Trend | None
+    trend: TrackTrend | None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class TrackedModes:
+class TrackedModes(Tabular, Savable, Drawable):
     """Modes followed over windows.
 
     Parameters
@@ -215,6 +216,20 @@ class TrackedModes:
     def __post_init__(self) -> None:
         freeze(self, times=1)
         freeze(self, has_result=1, dtype=np.bool_)
+
+    def __repr__(self) -> str:
+        """Return the numbers of tracks and windows, and the mean frequencies."""
+        windows = f"{counted(len(self.times), 'window')}, {int(self.has_result.sum())} of them with modes"
+        means = (
+            f"{track.natural_frequency.mean:.4g} Hz{f' {track.label}' if track.label else ''} ({len(track)})"
+            for track in self.tracks
+        )
+        return in_short(f"TrackedModes: {counted(len(self.tracks), 'track')} over {windows}", listed(means))
+
+    @property
+    def has_times(self) -> bool:
+        """Whether the times of the windows are more than their numbers from 0."""
+        return not np.array_equal(self.times, np.arange(len(self.times)))
 
 
 def mean_shape(mode_shapes: Complex) -> Complex:
@@ -254,7 +269,7 @@ def _tracked(times: Real, values: Real, deviations: Real) -> TrackedValue:
     )
 
 
-def _trend(times: Real, values: Real) -> Trend:
+def _trend(times: Real, values: Real) -> TrackTrend:
     """Return the line of least squares; its deviation allows for residuals that are alike in neighbouring windows."""
     lever = times - times.mean()
     squares = float(lever @ lever)
@@ -265,4 +280,4 @@ def _trend(times: Real, values: Real) -> Trend:
     alike = min(max(alike, 0.0), _MOST_CORRELATED)
     variance = power / (len(values) - 2) / squares * (1 + alike) / (1 - alike)
     span = float(np.ptp(times))
-    return Trend(slope, float(np.sqrt(variance)), slope * span, float(np.sqrt(variance)) * span)
+    return TrackTrend(slope, float(np.sqrt(variance)), slope * span, float(np.sqrt(variance)) * span)

@@ -6,6 +6,7 @@ import numpy as np
 
 from sprung._arrays import Booleans, Complex, Real
 from sprung._checks import freeze
+from sprung._display import Drawable, Savable, Tabular, counted, in_short, listed
 from sprung.likelihood.speed_delay import SpeedDelay
 from sprung.likelihood.whittle import Model
 from sprung.vehicles import Component, ExactModes, Structure
@@ -20,7 +21,7 @@ _STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class CornerFit:
+class CornerFit(Tabular, Savable, Drawable):
     """The vehicle that explains a drive best.
 
     Parameters
@@ -58,6 +59,15 @@ class CornerFit:
 
     def __post_init__(self) -> None:
         freeze(self, parameters=1, covariance=2, misfit=2)
+
+    def __repr__(self) -> str:
+        """Return the quality of the fit, and the components that deviate most from nominal."""
+        known = np.flatnonzero(self.is_identifiable)
+        order = sorted(known, key=lambda row: -abs(self.log_ratios[row]) / self.log_ratios_std[row])
+        changes = (f"{self.components[row]} {100 * np.expm1(self.log_ratios[row]):+.1f} %" for row in order)
+        quality = f"{counted(self.n_segments, 'segment')}, model error {100 * self.model_error:.2g} %"
+        head = f"CornerFit: {len(known)} of {counted(len(self.components), 'component')} identifiable from {quality}"
+        return in_short(head, f"from nominal: {listed(changes)}" if order else "", *self.notes[:1])
 
     @property
     def components(self) -> tuple[Component, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sprung._arrays import Real
+from sprung._checks import check_type
 from sprung.errors import DataError
 from sprung.likelihood.components import free_components
 from sprung.likelihood.coordinates import RigidLayout, rigid_layout
@@ -35,7 +36,7 @@ from sprung.likelihood.vehicle import (
 )
 from sprung.likelihood.whittle import TOO_FAR, Model
 from sprung.modal import Modes
-from sprung.recording import Recording
+from sprung.recording import Recording, each_recording
 from sprung.vehicles import Structure, Vehicle
 from sprung.vehicles.labels import MOTIONS
 from sprung.vehicles.window import Window, window_of
@@ -169,7 +170,8 @@ def fit_corners(
     125-139.
     H. White, Maximum likelihood estimation of misspecified models, Econometrica 50 (1982) 1-25.
     """
-    records = [recordings] if isinstance(recordings, Recording) else recordings
+    check_type("vehicle", vehicle, Vehicle)
+    records = each_recording(recordings)
     windows = [window_of(record, vehicle, allow_missing=allow_missing) for record in records]
     return fit_windows(windows, settings=settings, modes=modes)
 

@@ -7,6 +7,7 @@ from sprung.plotting.diagnosis import corner_changes_figure, evidence_figure, mo
 from sprung.plotting.mac import mac_figure, reference_mac_figure
 from sprung.plotting.rates import alignment_rates, stable_rates_figure
 from sprung.plotting.responses import cepstrum_figure, response_figure
+from sprung.plotting.results import picture_of
 from sprung.plotting.runs import Spread, runs_figure
 from sprung.plotting.saving import figures, save_figures
 from sprung.plotting.shapes import complexity_figure, shapes_figure
@@ -34,6 +35,7 @@ __all__ = [
     "mac_figure",
     "misfit_figure",
     "mode_changes_figure",
+    "picture_of",
     "reference_mac_figure",
     "response_figure",
     "runs_figure",

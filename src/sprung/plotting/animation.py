@@ -17,6 +17,7 @@ from matplotlib.patheffects import withStroke
 
 from sprung._arrays import Complex, Indices, Real
 from sprung._checks import check_one_of, freeze
+from sprung._display import listed
 from sprung.errors import ParameterError
 from sprung.formats.nodes import nodes_of
 from sprung.modal import Modes
@@ -28,7 +29,6 @@ from sprung.plotting.style import (
     SMALL,
     in_hertz,
     in_percent,
-    listed,
     mode_colour,
     mode_name,
     new_figure,

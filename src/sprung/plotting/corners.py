@@ -1,18 +1,26 @@
 """Figures of a corner fit: spectra, the vehicle from above, correlations of the estimates."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.patches import Rectangle
 
+from sprung._arrays import Booleans, Real
 from sprung.likelihood import CornerFit
-from sprung.plotting.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
+from sprung.plotting.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, ink_on, new_figure, plain
 from sprung.vehicles import Component
 
 _UNITS = {"bounce": "(m/s²)²/Hz", "pitch": "(rad/s²)²/Hz", "roll": "(rad/s²)²/Hz"}
 _COMPONENTS = ("spring", "damper", "tyre")
+#: Smallest correlation that is printed.
+_LEAST_CORRELATION = 0.3
+#: Changes are scaled to the largest one with this room; intervals are shown up to this multiple of it, or this many
+#: per cent, and the axis reaches at least to the last one [%].
+_ROOM, _MOST_SHOWN, _LEAST_SHOWN, _LEAST_REACH = 1.35, 2.0, 10.0, 7.5
 
 
 def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
@@ -69,12 +77,12 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
 
 def corner_bars(
     components: Sequence[Component],
-    log_ratios: np.ndarray,
-    deviations: np.ndarray,
+    log_ratios: Real,
+    deviations: Real,
     *,
-    is_identifiable: np.ndarray,
+    is_identifiable: Booleans,
     heading: tuple[str, str],
-    by_chance: np.ndarray | None = None,
+    by_chance: Real | None = None,
 ) -> Figure:
     """Draw the vehicle from above with bars of every component.
 
@@ -90,47 +98,65 @@ def corner_bars(
         Heading of the figure, and the line below it.
     by_chance
         Part of the deviations that is independent between components, drawn as a thicker line; None: not drawn.
+
+    Notes
+    -----
+    The axis is scaled to the changes: an interval that reaches far beyond them is cut off, with an arrow at its end.
     """
     corners = list(dict.fromkeys(component.corner for component in components))
     n_axles = len(corners) // 2
     figure = new_figure(*heading, width=9.5, height=1.4 + 2.1 * n_axles)
     panels = figure.subplots(n_axles, 2, squeeze=False, sharey=True)
     change, low, high = (100 * np.expm1(log_ratios + sign * HALF_WIDTH_95 * deviations) for sign in (0, -1, 1))
-    reach = max(10.0, 1.3 * np.abs(np.concatenate([low[is_identifiable], high[is_identifiable], [5.0]])).max())
-    thick = (
-        None
-        if by_chance is None
-        else [100 * np.expm1(log_ratios + sign * HALF_WIDTH_95 * by_chance) for sign in (-1, 1)]
-    )
+    inner = deviations if by_chance is None else by_chance
+    near, far = (100 * np.expm1(log_ratios + sign * HALF_WIDTH_95 * inner) for sign in (-1, 1))
+    reach = _reach(change[is_identifiable], near[is_identifiable], far[is_identifiable])
     for axes, corner in zip(panels.ravel(), corners, strict=True):
         rows = [row for row, component in enumerate(components) if component.corner == corner]
         words = [components[row].kind for row in rows]
-        _draw_corner(axes, words, is_identifiable[rows], change[rows], low[rows], high[rows])
-        if thick is not None:
-            axes.vlines(range(len(rows)), thick[0][rows], thick[1][rows], color=INK, linewidth=4)
-        axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
         axes.set_ylim(-reach, reach)
+        intervals = np.array([low[rows], near[rows], far[rows], high[rows]])
+        _draw_corner(axes, words, is_identifiable[rows], change[rows], intervals)
+        if by_chance is not None:
+            axes.vlines(range(len(rows)), intervals[1], intervals[2], color=INK, linewidth=4)
+        axes.set_title(corner.replace("_", " "), fontsize=NORMAL, loc="left", color=INK)
     for axes in panels[:, 0]:
         axes.set_ylabel("change [%]", fontsize=SMALL)
     return figure
 
 
-def _draw_corner(axes: Axes, names: list[str], is_identifiable: np.ndarray, *changes: np.ndarray) -> None:
-    """Draw the bars of one corner: change of each component and its interval [%], grey where not identifiable."""
+def _reach(change: Real, low: Real, high: Real) -> float:
+    """Return the end of the axis of changes [%]: that of the changes, and of their intervals where these are narrow."""
+    largest = np.abs(change).max(initial=0.0)
+    ends = np.abs(np.concatenate([low, high])).max(initial=0.0)
+    return float(_ROOM * max(largest, min(ends, max(_MOST_SHOWN * largest, _LEAST_SHOWN)), _LEAST_REACH))
+
+
+def _draw_corner(axes: Axes, names: list[str], is_identifiable: Booleans, change: Real, intervals: Real) -> None:
+    """Draw the bars of one corner: the change of each component [%], grey where it is not identifiable.
+
+    Intervals are the ends of those of all and of independent scatter [%], rising, shape (4, components); one that goes
+    beyond the axis ends in an arrow.
+    """
     plain(axes)
     axes.axhline(0, color=INK, linewidth=1)
-    for place, (name, is_known, change, low, high) in enumerate(zip(names, is_identifiable, *changes, strict=True)):
+    bottom, top = axes.get_ylim()
+    for place, (name, is_known) in enumerate(zip(names, is_identifiable, strict=True)):
+        low, near, far, high = intervals[:, place]
         colour = MODE_COLOURS[_COMPONENTS.index(name) % 3] if is_known else "#C8C8C8"
-        axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change, color=colour, alpha=0.75, linewidth=0))
+        axes.add_patch(Rectangle((place - 0.3, 0), 0.6, change[place], color=colour, alpha=0.75, linewidth=0))
         axes.vlines(place, low, high, color=INK, linewidth=1.3)
+        for is_beyond, limit, marker in ((low < bottom, bottom, CARETDOWN), (high > top, top, CARETUP)):
+            if is_beyond:
+                axes.plot(place, limit, marker=marker, color=INK, markersize=6, clip_on=False, gid="cut off")
         if is_known:
-            above = change >= 0
+            above = change[place] >= 0
             axes.annotate(
-                f"{change:+.1f} %",
-                (place, high if above else low),
-                xytext=(0, 3 if above else -3),
+                f"{change[place]:+.1f} %",
+                (place, max(far, 0.0) if above else min(near, 0.0)),
+                xytext=(4, 1 if above else -1),
                 textcoords="offset points",
-                ha="center",
+                ha="left",
                 va="bottom" if above else "top",
                 fontsize=SMALL,
             )
@@ -146,13 +172,17 @@ def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:
     names = [f"{component.corner.replace('_', ' ')} {component.kind}" for component in fit.components]
     what = f"Correlation of the estimates: {source}" if source else "Correlation of the estimates"
     size = 2.6 + 0.42 * count
-    figure = new_figure(what, "", width=max(size + 1, 7.5), height=size)
+    figure = new_figure(
+        what, f"Values from {_LEAST_CORRELATION:g} in size are printed.", width=max(size + 1, 7.5), height=size
+    )
     axes = figure.subplots()
     image = axes.imshow(values, cmap="RdBu_r", vmin=-1, vmax=1)
     axes.set_xticks(range(count), names, fontsize=SMALL, rotation=90)
     axes.set_yticks(range(count), names, fontsize=SMALL)
     for (row, column), value in np.ndenumerate(values):
-        if row != column and abs(value) >= 0.3:
-            axes.text(column, row, f"{value:.1f}", ha="center", va="center", fontsize=SMALL - 1)
+        if row != column and abs(value) >= _LEAST_CORRELATION:
+            colour = ink_on(image, value)
+            text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL - 1, "color": colour}
+            axes.text(column, row, f"{value:.2f}".replace("0.", ".").replace("-", "−"), gid="value", **text)
     figure.colorbar(image, ax=axes, shrink=0.8).set_label("correlation [-]", fontsize=NORMAL)
     return figure

@@ -108,7 +108,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         is_identifiable=np.ones(len(mean), dtype=np.bool_),
         heading=(
             f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {since / 60:.0f} min",
-            "95 % intervals: thick: independent scatter; thin: with common effects such as payload",
+            "95 % intervals: thick: independent scatter; thin: with common effects; arrow: goes on",
         ),
         by_chance=np.sqrt(np.diag(own)),
     )

@@ -16,6 +16,7 @@ from sprung.plotting.style import (
     NORMAL,
     SMALL,
     in_hertz,
+    ink_on,
     mode_colour,
     mode_name,
     new_figure,
@@ -71,7 +72,7 @@ def draw_mac(axes: Axes, values: Real, names: Sequence[str]) -> AxesImage:
     axes.tick_params(length=0)
     if n <= _MOST_PRINTED:
         for (row, column), value in np.ndenumerate(values):
-            colour = "white" if value > 0.55 else INK
+            colour = ink_on(image, value)
             axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, color=colour, gid="value")
     return image
 
@@ -123,14 +124,14 @@ def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *
             write_no_mode(axes)
             continue
         values = mac(reference.mode_shapes, modes.mode_shapes)
-        axes.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+        image = axes.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto")
         axes.set_yticks(range(len(reference)), names, fontsize=SMALL)
         axes.set_xticks(
             range(len(modes)), [in_hertz(value) for value in modes.natural_frequency], fontsize=SMALL, rotation=30
         )
         axes.tick_params(length=0)
         for (row, column), value in np.ndenumerate(values):
-            colour = "white" if value > 0.55 else INK
+            colour = ink_on(image, value)
             axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, color=colour)
     return figure
 

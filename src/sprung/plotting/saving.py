@@ -62,7 +62,7 @@ def figures(identification: Identification, *, source: str = "") -> dict[str, Fi
     modes, channels = identification.modes, identification.channels
     if len(modes) and len(channels) > 1:
         figures_by_name["mode_shapes"] = shapes_figure(modes, channels, source=source)
-        figures_by_name["complexity"] = complexity_figure(modes, source=source)
+        figures_by_name["complexity"] = complexity_figure(modes, channels, source=source)
         figures_by_name["mac"] = mac_figure(identification, source=source)
     if identification.subsets and all(subset.level is not None for subset in identification.subsets):
         figures_by_name["subsets"] = subsets_figure(identification, source=source)

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sprung._arrays import Real
-from sprung.plotting.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, panel_grid, plain, pretty_unit
+from sprung.plotting.style import INK, MODE_COLOURS, NORMAL, SMALL, new_figure, panel_grid, plain, with_unit
 from sprung.recording import Recording
 from sprung.signals.spectrum import spectral_matrix
 
@@ -39,7 +39,8 @@ def histories_figure(recordings: Sequence[tuple[str, Recording]], *, title: str,
             time, values = _envelope(np.arange(shown) / recording.sampling_rate, recording.samples[row, :shown])
             axes.plot(time, values, color=_colour(number, len(recordings)), linewidth=0.7)
         axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
-        axes.set_ylabel(f"{channel.quantity.replace('_', ' ')} [{pretty_unit(channel.unit)}]", fontsize=SMALL)
+        quantity = "value" if channel.quantity == "unknown" else channel.quantity.replace("_", " ")
+        axes.set_ylabel(with_unit(quantity, channel.unit), fontsize=SMALL)
     _name_axis(panels, "Time [s]")
     _name_curves(figure, [name for name, _ in recordings])
     return figure
@@ -64,7 +65,7 @@ def levels_figure(recordings: Sequence[tuple[str, Recording]], *, title: str, in
             )
         axes.set_ylim(0, None)
         axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
-        axes.set_ylabel(f"RMS [{pretty_unit(channel.unit)}]", fontsize=SMALL)
+        axes.set_ylabel(with_unit("RMS", channel.unit), fontsize=SMALL)
     _name_axis(panels, "Time [s]")
     _name_curves(figure, [name for name, _ in recordings])
     return figure
@@ -119,8 +120,7 @@ def densities_figure(
                 )
         axes.set_xlim(lowest, highest)
         axes.set_title(channel.name, fontsize=NORMAL, color=INK, loc="left")
-        unit = pretty_unit(channel.unit)
-        axes.set_ylabel(f"PSD [({unit})²/Hz]", fontsize=SMALL)
+        axes.set_ylabel(with_unit("PSD", channel.unit and f"({channel.unit})^2/Hz"), fontsize=SMALL)
     _name_axis(panels, "Frequency [Hz]")
     _name_curves(figure, [name for name, _ in recordings])
     return figure

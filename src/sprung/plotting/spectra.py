@@ -86,7 +86,7 @@ def spectra_figure(identification: Identification, *, source: str = "") -> Figur
         mark_harmonics(axes, identification.harmonics, width=width, channel=name, has_labels=has_labels)
         style: dict[str, Any] = {"has_labels": has_labels, "is_short": n_columns > 1}
         mark_modes(axes, identification.modes, width=width, height=0.8 * row_height, **style)
-        axes.set_ylabel(f"{name}\n[dB re 1 {_density_unit(identification.channels[k].unit)}]", fontsize=SMALL)
+        axes.set_ylabel(f"{name}\n{_level_unit(identification.channels[k].unit)}", fontsize=SMALL)
         if k + n_columns >= n_channels:
             axes.set_xlabel("Frequency [Hz]", fontsize=NORMAL)
             axes.tick_params(labelbottom=True)
@@ -94,11 +94,12 @@ def spectra_figure(identification: Identification, *, source: str = "") -> Figur
     return figure
 
 
-def _density_unit(unit: str) -> str:
-    """Return the unit of a power spectral density, such as "(m/s²)²/Hz"."""
+def _level_unit(unit: str) -> str:
+    """Return the unit of the level of a power spectral density, such as "[dB re 1 (m/s²)²/Hz]"."""
     if not unit:
-        return "(unit unknown)²/Hz"
-    return f"({pretty_unit(unit)})²/Hz" if set(unit) & set("/^") else f"{pretty_unit(unit)}²/Hz"
+        return "[dB], as recorded"
+    density = f"({pretty_unit(unit)})²/Hz" if set(unit) & set("/^") else f"{pretty_unit(unit)}²/Hz"
+    return f"[dB re 1 {density}]"
 
 
 def _draw_channel(axes: Axes, identification: Identification, row: int, shown: FrequencyRange, room: float) -> None:

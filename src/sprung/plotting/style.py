@@ -2,17 +2,19 @@
 
 import math
 import textwrap
-from collections.abc import Sequence
+from io import BytesIO
 from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
+from matplotlib.image import AxesImage
 from numpy.typing import ArrayLike
 from scipy.optimize import isotonic_regression
 
 from sprung._arrays import Real
+from sprung._display import listed
 from sprung.identification import Identification
 from sprung.modal import Modes
 
@@ -29,9 +31,12 @@ NO_MODE = "No mode was identified."
 #: Half width of a 95 % interval in standard deviations.
 HALF_WIDTH_95 = 1.96
 AnyFigure = TypeVar("AnyFigure", bound=FigureBase)
+#: Relative luminance below which text on a colour is white.
+_DARK = 0.18
+#: Resolution in notebooks [dots per inch].
+_NOTEBOOK = 80
 #: Width of a character over the size of the font.
 _CHARACTER = 0.6
-_MOST_NAMES = 8
 
 
 def mode_colour(index: int) -> str:
@@ -62,15 +67,36 @@ def mode_values(modes: Modes, index: int) -> str:
 
 
 def pretty_unit(unit: str) -> str:
-    """Return a unit with superscripts; "unit unknown" for an empty one."""
-    return unit.replace("^2", "²").replace("^3", "³") or "unit unknown"
+    """Return a unit with superscripts."""
+    return unit.replace("^2", "²").replace("^3", "³")
 
 
-def listed(names: Sequence[str]) -> str:
-    """Return names separated by commas, only the first few of many."""
-    if len(names) <= _MOST_NAMES:
-        return ", ".join(names)
-    return ", ".join(names[: _MOST_NAMES - 1]) + f" and {len(names) - _MOST_NAMES + 1} more"
+def with_unit(what: str, unit: str) -> str:
+    """Return the label of an axis: with the unit in brackets, or "as recorded" where it is unknown.
+
+    Examples
+    --------
+    >>> with_unit("RMS", "m/s^2"), with_unit("RMS", "")
+    ('RMS [m/s²]', 'RMS, as recorded')
+    """
+    return f"{what} [{pretty_unit(unit)}]" if unit else f"{what}, as recorded"
+
+
+def ink_on(image: AxesImage, value: float) -> str:
+    """Return the colour of text on a cell of an image: white on dark ones, otherwise nearly black.
+
+    Notes
+    -----
+    By the relative luminance 0.2126 R + 0.7152 G + 0.0722 B of the linear components of sRGB; text of both colours
+    has the same contrast at 0.18.
+
+    References
+    ----------
+    W3C, Web Content Accessibility Guidelines 2.1 (2018), definitions of relative luminance and contrast ratio.
+    """
+    colour = np.asarray(image.to_rgba(np.array(value)), dtype=np.float64)[:3]
+    linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+    return "white" if linear @ (0.2126, 0.7152, 0.0722) < _DARK else INK
 
 
 def origin(identification: Identification) -> str:
@@ -81,9 +107,18 @@ def origin(identification: Identification) -> str:
     return f"{method} of {names} at {identification.sampling_rate:.4g} Hz{remark}"
 
 
+class _Shown(Figure):
+    """Figure that notebooks show by itself, as no window manager knows it."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = BytesIO()
+        self.savefig(buffer, format="png", dpi=_NOTEBOOK)
+        return buffer.getvalue()
+
+
 def new_figure(what: str, where: str, *, width: float, height: float) -> Figure:
     """Return an empty figure of a size [in] with a heading and the origin of its data below."""
-    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    figure = _Shown(figsize=(width, height), layout="constrained", facecolor="white")
     n_characters = int(width / (_CHARACTER * LARGE / 72))
     lines = [line for part in (what, where) for line in textwrap.wrap(part, n_characters)]
     figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=LARGE, color=INK, linespacing=1.4)

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from sprung._arrays import Real
+from sprung._arrays import Indices, Real
 from sprung.identification.tracks import Track, TrackedModes
 from sprung.plotting.style import (
     FAINT,
@@ -32,6 +32,8 @@ _LEAST_RANGE = (0.01, 0.3)
 #: Windows above which a stated deviation is drawn as a band, and distances of windows that are a gap.
 _MANY, _GAP = 60, 1.5
 _UNITS = ((120.0, 1.0, "s"), (7200.0, 60.0, "min"), (np.inf, 3600.0, "h"))
+#: Colours of modes of no track, and of windows without modes.
+_STRAY, _EMPTY = "#8C8C8C", "#E4E4E4"
 
 #: Untyped part of matplotlib.
 _DATES: Any = dates
@@ -83,7 +85,7 @@ def tracks_figure(
     room = 0.02 * float(np.ptp(axis)) or 0.5
     for axes in (overview, panels[0, 0]):
         axes.set_xlim(float(axis[0]) - room, float(axis[-1]) + room)
-    figure.legend(handles=_legend(), loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+    figure.legend(handles=_legend(tracked), loc="outside lower center", ncols=5, fontsize=SMALL, frameon=False)
     return figure
 
 
@@ -102,16 +104,18 @@ def _draw_overview(axes: Axes, tracked: TrackedModes, axis: Real) -> None:
     """Draw the frequencies of all modes, those of tracks in their colours."""
     plain(axes)
     for track in tracked.strays:
-        axes.plot(axis[track.windows], track.modes.natural_frequency, ".", color="#C4C4C4", markersize=2.5)
+        axes.plot(axis[track.windows], track.modes.natural_frequency, ".", color=_STRAY, markersize=4)
     for number, track in enumerate(tracked.tracks):
         colour = mode_colour(number)
         style: dict[str, Any] = {"color": colour, "markersize": 3, "linewidth": 0.6}
-        axes.plot(axis[track.windows], track.modes.natural_frequency, marker=".", alpha=0.8, **style)
+        for part in _unbroken(axis[track.windows], _step(axis)):
+            places = axis[track.windows][part]
+            axes.plot(places, track.modes.natural_frequency[part], marker=".", alpha=0.8, **style)
         place = (float(axis[track.windows[-1]]), float(track.modes.natural_frequency[-1]))
         text: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": colour, "va": "center"}
         axes.annotate(str(number + 1), place, xytext=(5, 0), **text)
     for empty in axis[~tracked.has_result]:
-        axes.axvline(float(empty), color="#F0F0F0", linewidth=1.5, zorder=0)
+        axes.axvline(float(empty), color=_EMPTY, linewidth=2.5, zorder=0)
     top = max(float(np.percentile(track.modes.natural_frequency, 99)) for track in tracked.tracks)
     axes.set_ylim(0, 1.12 * top)
     axes.set_ylabel("Natural frequency [Hz]", fontsize=SMALL)
@@ -145,13 +149,17 @@ def _draw_track(row: NDArray[Any], tracked: TrackedModes, track: Track, number: 
 
 def _draw_values(axes: Axes, places: Real, values: Real, halves: Real, *, step: float, colour: str) -> None:
     """Draw values with 95 % intervals, and a line where no window lies between."""
-    breaks = np.flatnonzero(np.diff(places) > _GAP * step) + 1
-    for part in np.split(np.arange(len(places)), breaks):
+    for part in _unbroken(places, step):
         axes.plot(places[part], values[part], color=colour, linewidth=0.7, alpha=0.6)
     is_many = len(places) > _MANY
     style: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35} if is_many else {"linewidth": 1.0, "capsize": 2}
     axes.errorbar(places, values, halves, fmt="none", ecolor=colour, elinewidth=style.pop("linewidth"), **style)
     axes.plot(places, values, "o", color=colour, markersize=2.2 if is_many else 3.5)
+
+
+def _unbroken(places: Real, step: float) -> list[Indices]:
+    """Return the indices of places between which no window lies."""
+    return np.split(np.arange(len(places)), np.flatnonzero(np.diff(places) > _GAP * step) + 1)
 
 
 def _draw_ends(axes: Axes, tracked: TrackedModes, track: Track, axis: Real, colour: str) -> None:
@@ -168,12 +176,19 @@ def _step(axis: Real) -> float:
     return float(np.median(np.diff(axis))) if len(axis) > 1 else 1.0
 
 
-def _legend() -> list[Line2D]:
-    """Return legend entries."""
+def _legend(tracked: TrackedModes) -> list[Line2D]:
+    """Return legend entries for what the figure shows."""
     grey: dict[str, Any] = {"color": FAINT, "linestyle": "none"}
-    return [
-        Line2D([], [], color=FAINT, marker="o", markersize=4, linewidth=1, label="in a window, with 95 % interval"),
-        Line2D([], [], **{**grey, "color": "#C4C4C4"}, marker=".", label="of no track"),
-        Line2D([], [], **grey, marker=">", label="first or last window of a track"),
-        Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (2, 2)), label="jump"),
-    ]
+    present = np.flatnonzero(tracked.has_result)
+    ends = {int(present[0]), int(present[-1])}
+    handles = [Line2D([], [], color=FAINT, marker="o", markersize=4, linewidth=1, label="window, with 95 % interval")]
+    if any(not {int(track.windows[0]), int(track.windows[-1])} <= ends for track in tracked.tracks):
+        handles.append(Line2D([], [], **grey, marker=">", markersize=5, label="first window of a mode"))
+        handles.append(Line2D([], [], **grey, marker="<", markersize=5, label="last window"))
+    if any(track.jumps for track in tracked.tracks):
+        handles.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (2, 2)), label="jump"))
+    if tracked.strays:
+        handles.append(Line2D([], [], color=_STRAY, linestyle="none", marker=".", label="identified, of no track"))
+    if not tracked.has_result.all():
+        handles.append(Line2D([], [], color=_EMPTY, linewidth=4, label="window without modes"))
+    return handles

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from sprung._arrays import Indices, Real
+from sprung._checks import check_type
+from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 
@@ -73,7 +75,7 @@ class ChannelFacts:
 
 
 @dataclass(frozen=True, slots=True)
-class Inspection:
+class Inspection(Tabular, Savable):
     """Facts about a recording.
 
     Parameters
@@ -100,6 +102,17 @@ class Inspection:
     gap_duration: float
     start: int | None
     history: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """Return the size, and the channels with faults."""
+        faults = listed(
+            f"{facts.name} {'dead' if facts.is_dead else 'clipped' if facts.is_clipped else 'stuck'}"
+            for facts in self.channels
+            if facts.is_dead or facts.is_clipped or facts.is_stuck
+        )
+        size = f"{self.n_samples} samples at {self.sampling_rate:.8g} Hz, {counted(self.n_gaps, 'gap')}"
+        head = f"Inspection: {counted(len(self.channels), 'channel')} of {size}"
+        return in_short(head, f"faults: {faults}" if faults else "no dead, clipped or stuck channel")
 
 
 def is_condition(name: str, quantity: str) -> bool:
@@ -203,6 +216,7 @@ def inspect(recording: Recording) -> Inspection:
     >>> facts.channels[0].maximum, facts.channels[0].clipped
     (3.0, 0.6)
     """
+    check_type("recording", recording, Recording)
     return inspect_blocks([recording])
 
 

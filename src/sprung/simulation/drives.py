@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from sprung._checks import check_number, check_one_of
+from sprung._checks import check_number, check_one_of, check_type
 from sprung.excitation import (
     BodyAccelerations,
     CrossSlope,
@@ -266,6 +266,8 @@ def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | lis
     >>> drive.recording.names
     ('acc_fl', 'acc_fr', 'acc_rl', 'acc_rr', 'speed')
     """
+    check_type("vehicle", vehicle, Vehicle)
+    check_type("settings", settings, DriveSettings)
     generator = np.random.default_rng(seed)
     true = true_vehicle(vehicle, settings.deviations)
     healthy = _healthy(true, settings)

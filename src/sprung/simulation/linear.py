@@ -7,7 +7,7 @@ from scipy.linalg import expm, matrix_balance, schur
 from scipy.signal import lfilter
 
 from sprung._arrays import Real
-from sprung._checks import check_number
+from sprung._checks import check_number, check_type
 from sprung.errors import ParameterError
 from sprung.excitation import Excitation, RandomInputs
 from sprung.recording import Recording
@@ -172,6 +172,7 @@ def simulate(
     ParameterError
         If the vehicle has no sensors, or another number of inputs than the excitation.
     """
+    check_type("vehicle", vehicle, Structure)
     check_number("duration", duration, above=0)
     check_number("sampling_rate", sampling_rate, above=0)
     check_fits(vehicle, excitation)
@@ -200,5 +201,6 @@ def simulate(
 
 def usual_excitation(vehicle: Structure) -> Excitation:
     """Return white excitation of every input: forces of 1 N, base displacements of 0.1 mm (standard deviation)."""
+    check_type("vehicle", vehicle, Structure)
     moved = any(element.foot is not None for element in vehicle.elements)
     return RandomInputs(len(vehicle.inputs), standard_deviation=1e-4 if moved else 1.0)

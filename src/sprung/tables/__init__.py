@@ -1,5 +1,6 @@
 """Results as tables and sentences, for the command line, reports and pages."""
 
+from sprung._display import counted
 from sprung.tables.calibration import calibration_in_words, calibration_table
 from sprung.tables.corners import components_table, fitted_modes_table, payload_in_words
 from sprung.tables.diagnosis import (
@@ -7,8 +8,10 @@ from sprung.tables.diagnosis import (
     baseline_table,
     diagnosis_in_words,
     diagnosis_tables,
+    findings_table,
     hypotheses_table,
     mode_changes_table,
+    observations_table,
     trend_in_words,
     why_unusable,
 )
@@ -25,7 +28,7 @@ from sprung.tables.identification import (
 )
 from sprung.tables.inspection import inspection_in_words, inspection_table, true_modes_table
 from sprung.tables.monitoring import alert_history_table, alerts_table, vehicles_table
-from sprung.tables.table import Table, counted, span_in_words, time_in_words, with_deviation
+from sprung.tables.table import Table, span_in_words, time_in_words, with_deviation
 from sprung.tables.tracking import tracks_in_words, tracks_notes, tracks_table
 
 __all__ = [
@@ -40,6 +43,7 @@ __all__ = [
     "counted",
     "diagnosis_in_words",
     "diagnosis_tables",
+    "findings_table",
     "fitted_modes_table",
     "fleet_tables",
     "harmonics_table",
@@ -50,6 +54,7 @@ __all__ = [
     "inspection_table",
     "mode_changes_table",
     "modes_table",
+    "observations_table",
     "orders_in_words",
     "payload_in_words",
     "shapes_in_words",

@@ -1,15 +1,27 @@
 """Tables of baselines and diagnoses."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from sprung.diagnosis import Baseline, Detection, Diagnosis, ModeChange, Trend, detectable, detectable_in_words
+from sprung._display import counted
+from sprung.diagnosis import (
+    Baseline,
+    Detection,
+    Diagnosis,
+    Finding,
+    ModeChange,
+    Observation,
+    Trend,
+    detectable,
+    detectable_in_words,
+)
 from sprung.diagnosis.baseline import CONDITIONS
-from sprung.tables.table import Table, counted, in_words
+from sprung.diagnosis.findings import time_in_words
+from sprung.diagnosis.observation import CONDITION_UNITS
+from sprung.tables.table import Table, in_words
 
-#: Units of conditions.
-_UNITS = {"speed": " m/s", "payload": " kg", "roughness": " m^3", "temperature": " °C", "turning": " rad/s"}
 #: Hypotheses in the table.
 _SHOWN = 5
 #: Numbers of further windows for which a baseline states the smallest detectable losses.
@@ -53,7 +65,7 @@ def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
     sentences = [f"version {baseline.version} ({baseline.reason}): {learnt}"]
     if baseline.ranges:
         ranges = ", ".join(
-            f"{name} {low:.3g} to {high:.3g}{_UNITS.get(name, '')}"
+            f"{name} {low:.3g} to {high:.3g} {CONDITION_UNITS.get(name, '')}".rstrip()
             for name, (low, high) in baseline.ranges.items()
             if name in CONDITIONS
         )
@@ -115,6 +127,50 @@ def diagnosis_tables(diagnosis: Diagnosis, changes: Sequence[ModeChange]) -> lis
     """
     tables = [] if diagnosis.detection is None else [hypotheses_table(diagnosis.detection)]
     return [*tables, mode_changes_table(changes)] if changes else tables
+
+
+def findings_table(findings: Sequence[Finding]) -> Table:
+    """Return the table of findings: part, size, onset, severity and advice."""
+    rows = tuple(
+        (
+            in_words(finding.hypothesis),
+            "" if finding.change is None else f"{100 * finding.change:+.1f}",
+            "" if finding.interval is None else " to ".join(f"{100 * end:+.1f}" for end in finding.interval),
+            time_in_words(finding.since),
+            finding.severity,
+            finding.advice,
+        )
+        for finding in findings
+    )
+    return Table("Findings", ("part", "change [%]", "95 % interval [%]", "since", "severity", "advice"), rows)
+
+
+def observations_table(observations: Sequence[Observation]) -> Table:
+    """Return the table of windows: conditions, body modes, quality of the fit, faults of sensors."""
+    labels = list(dict.fromkeys(label for window in observations for label in window.modes))
+    columns = ("start", "speed [m/s]", "model error [%]", *labels, "remarks")
+    rows = tuple(
+        (
+            time_in_words(window.time),
+            _condition(window, "speed"),
+            _condition(window, "model_error", factor=100.0),
+            *(_mode_in_words(window.modes.get(label)) for label in labels),
+            "; ".join(
+                [
+                    *([f"inconclusive: {window.reason}"] if window.reason else []),
+                    *(f"{fault.channel} {in_words(fault.kind)}" for fault in window.sensor_faults),
+                ]
+            ),
+        )
+        for window in observations
+    )
+    return Table("Windows", columns, rows)
+
+
+def _condition(window: Observation, name: str, *, factor: float = 1.0) -> str:
+    """Return a condition of a window; empty where it is unknown."""
+    value = window.conditions.get(name, math.nan)
+    return f"{factor * value:.3g}" if math.isfinite(value) else ""
 
 
 def hypotheses_table(detection: Detection) -> Table:

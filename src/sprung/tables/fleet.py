@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+from sprung._display import counted
 from sprung.diagnosis import TypeBaseline
-from sprung.tables.table import Table, counted, in_words
+from sprung.tables.table import Table, in_words
 
 
 def fleet_tables(document: Mapping[str, Any]) -> list[Table]:

@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from sprung._arrays import Complex
+from sprung._display import counted
 from sprung.identification import Identification, LevelTrends, RovingSetups, SubsetModes
 from sprung.modal import Modes, PoleStatus
 from sprung.signals.harmonics import Harmonic
-from sprung.tables.table import Table, counted, in_words, with_deviation
+from sprung.tables.table import Table, in_words, with_deviation
 
 #: Channels below this share of the largest one are omitted from a shape in words.
 _MAIN_SHARE = 0.3
@@ -61,7 +62,7 @@ def identification_tables(identification: Identification) -> list[Table]:
     """Return all tables of an identification that have rows."""
     tables = []
     if len(identification.modes):
-        tables.append(modes_table(identification))
+        tables.append(modes_table(identification.modes, identification.sources))
     if len(identification.modes) and len(identification.subsets) > 1:
         tables.append(subsets_table(identification))
     if len(identification.modes) and identification.setups is not None:
@@ -71,20 +72,28 @@ def identification_tables(identification: Identification) -> list[Table]:
     return tables
 
 
-def modes_table(identification: Identification) -> Table:
-    """Return the table of identified modes: values with standard deviations, stability, label and shape in words."""
-    modes = identification.modes
+def modes_table(modes: Modes, sources: Sequence[str] = ()) -> Table:
+    """Return the table of identified modes: values with standard deviations, stability, label and shape in words.
+
+    Parameters
+    ----------
+    modes
+        Modes of any number.
+    sources
+        Source of each mode as in `Identification`; empty: unknown.
+    """
+    sources = sources or ("",) * len(modes)
     shapes = shapes_in_words(modes.channels, modes.mode_shapes)
-    has_sources = "road_likelihood" in identification.sources
+    has_sources = "road_likelihood" in sources
     columns = ("frequency [Hz]", "damping [%]", "stable", "MPC", "label", *(["source"] if has_sources else []), "shape")
     rows = tuple(
         (
             with_deviation(modes.natural_frequency[k], modes.natural_frequency_std[k]),
             with_deviation(100 * modes.damping_ratio[k], 100 * modes.damping_ratio_std[k]),
-            _stable(modes.stable_rate[k], identification.sources[k]),
+            _stable(modes.stable_rate[k], sources[k]),
             f"{modes.mpc[k]:.2f}",
             in_words(modes.labels[k] or ""),
-            *([_SOURCES[identification.sources[k]]] if has_sources else []),
+            *([_SOURCES[sources[k]]] if has_sources else []),
             shapes[k],
         )
         for k in range(len(modes))

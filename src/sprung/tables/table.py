@@ -69,11 +69,6 @@ def with_deviation(value: float, deviation: float) -> str:
     return " ± ".join(f"{round(number, decimals):.{max(decimals, 0)}f}" for number in (value, deviation))
 
 
-def counted(number: int, thing: str) -> str:
-    """Return a number of things, such as "1 mode" or "3 modes"."""
-    return f"{number} {thing}{'' if number == 1 else 's'}"
-
-
 def time_in_words(time: int) -> str:
     """Return a time (UTC ns) to the minute, such as "2026-11-21 08:30"."""
     return f"{datetime.fromtimestamp(time / 1e9, tz=UTC):%Y-%m-%d %H:%M}"

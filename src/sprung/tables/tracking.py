@@ -3,9 +3,10 @@
 import math
 from collections.abc import Sequence
 
+from sprung._display import counted
 from sprung.identification.tracks import Track, TrackedModes, TrackedValue
 from sprung.identification.window_modes import WindowModes
-from sprung.tables.table import Table, counted, in_words, time_in_words, with_deviation
+from sprung.tables.table import Table, in_words, time_in_words, with_deviation
 
 #: Most jumps in a cell, and most windows without result in a sentence.
 _MOST = 3

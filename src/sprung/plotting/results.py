@@ -1,0 +1,61 @@
+"""The one picture of a value."""
+
+from functools import singledispatch
+
+from matplotlib.figure import Figure
+
+from sprung.calibration import Calibration
+from sprung.diagnosis import Diagnosis
+from sprung.errors import ParameterError
+from sprung.identification import Identification
+from sprung.identification.tracks import TrackedModes
+from sprung.likelihood import CornerFit
+from sprung.modal import Modes
+from sprung.plotting.calibration import misfit_figure
+from sprung.plotting.corners import corners_figure
+from sprung.plotting.diagnosis import corner_changes_figure
+from sprung.plotting.shapes import shapes_figure
+from sprung.plotting.signals import histories_figure
+from sprung.plotting.stabilisation import stabilisation_figure
+from sprung.plotting.tracking import tracks_figure
+from sprung.recording import Channel, Recording
+
+
+@singledispatch
+def picture_of(value: object) -> Figure:
+    """Return the picture of a value.
+
+    Parameters
+    ----------
+    value
+        Recording: signals over time. Modes: mode shapes. Identification: stabilisation diagram. Tracked modes: modes
+        over time. Corner fit: corners against nominal. Diagnosis: corners against the baseline. Calibration: misfit
+        before and after.
+
+    Raises
+    ------
+    ParameterError
+        If a value of this type has no picture, or a diagnosis has no conclusive window.
+    """
+    raise ParameterError(f"a {type(value).__name__} has no picture of its own: see the functions of sprung.plotting")
+
+
+picture_of.register(Calibration, misfit_figure)
+picture_of.register(CornerFit, corners_figure)
+picture_of.register(Diagnosis, corner_changes_figure)
+picture_of.register(Identification, stabilisation_figure)
+
+
+@picture_of.register
+def _of_recording(recording: Recording) -> Figure:
+    return histories_figure([("", recording)], title="Signals")
+
+
+@picture_of.register
+def _of_modes(modes: Modes) -> Figure:
+    return shapes_figure(modes, [Channel(name) for name in modes.channels])
+
+
+@picture_of.register
+def _of_tracks(tracked: TrackedModes) -> Figure:
+    return tracks_figure(tracked, has_times=tracked.has_times)
