@@ -2,11 +2,11 @@
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from sprung.alerting import Backoff, LogSender, Message, PublishSender, Sender, deliver
 from sprung.monitor.site import Send
-from sprung.storage import Store, StoreError
+from sprung.storage import NotificationRow, Store, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -25,6 +25,11 @@ class Postman:
         Store of the notifications.
     senders
         Senders, each of which has its own attempts.
+
+    Notes
+    -----
+    A failure is logged and added to the history of the alert when it is first seen, when its reason changes, and when
+    the notification is abandoned; so is the delivery that ends it.
     """
 
     def __init__(self, store: Store, senders: Sequence[Sender]) -> None:
@@ -32,6 +37,12 @@ class Postman:
         self._backoff = Backoff()
         self._next: dict[int, int] = {}
         self._delivered: dict[int, set[str]] = {}
+        self._failing: dict[str, str] = {}
+
+    @property
+    def troubles(self) -> list[str]:
+        """Sentence about each sender whose last attempt failed."""
+        return [f"alerts are not delivered by {name}: {reason}" for name, reason in dict(self._failing).items()]
 
     def send(self, *, now: int) -> None:
         """Send what is due."""
@@ -42,13 +53,34 @@ class Postman:
             waiting = [sender for sender in self._senders if sender.name not in delivered]
             errors = deliver(Message(**row.document), waiting)
             delivered |= {sender.name for sender in waiting} - errors.keys()
-            if errors and row.attempts + 1 < _MOST_ATTEMPTS:
-                self._store.alerts.notification_failed(row.id, "; ".join(errors.values()))
-                self._next[row.id] = self._backoff.next_attempt(row.attempts + 1, now)
-            else:
-                self._store.alerts.notification_sent(row.id, now)
-                self._next.pop(row.id, None)
-                self._delivered.pop(row.id, None)
+            for sender in waiting:
+                self._failing.pop(sender.name, None)
+            self._failing |= errors
+            self._settle(row, errors, now)
+
+    def _settle(self, row: NotificationRow, errors: Mapping[str, str], now: int) -> None:
+        """Store the outcome of an attempt, with what is new about it."""
+        reasons = "; ".join(errors.values())
+        is_abandoned = bool(errors) and row.attempts + 1 >= _MOST_ATTEMPTS
+        if is_abandoned:
+            self._record(row, "abandoned", f"after {_MOST_ATTEMPTS} attempts: {reasons}", now)
+        elif errors and reasons != row.last_error:
+            self._record(row, "undelivered", f"{reasons}; it will be sent again", now)
+        elif row.last_error and not errors:
+            self._record(row, "delivered", f"at attempt {row.attempts + 1}", now)
+        if errors and not is_abandoned:
+            self._store.alerts.notification_failed(row.id, reasons)
+            self._next[row.id] = self._backoff.next_attempt(row.attempts + 1, now)
+        else:
+            self._store.alerts.notification_sent(row.id, now)
+            self._next.pop(row.id, None)
+            self._delivered.pop(row.id, None)
+
+    def _record(self, row: NotificationRow, what: str, comment: str, now: int) -> None:
+        """Log what happened to a notification, and add it to the history of the alert."""
+        level = logging.INFO if what == "delivered" else logging.ERROR
+        LOG.log(level, f"notification of alert {row.alert} {what}: {comment}")
+        self._store.alerts.record(row.alert, what, comment, now=now)
 
 
 class Posting:

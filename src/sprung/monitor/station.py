@@ -78,7 +78,8 @@ class Station:
             clock=clock,
             timer=timer,
         )
-        self._posting = Posting(Postman(store, senders_of(site.send, self._link.publish)), clock)
+        self._postman = Postman(store, senders_of(site.send, self._link.publish))
+        self._posting = Posting(self._postman, clock)
         self._serving = Serving(site.http_address, figures=self.figures, troubles=self.troubles)
         self._is_resting = False
 
@@ -147,7 +148,7 @@ class Station:
     def troubles(self) -> list[str]:
         """Return sentences about problems of the monitor itself."""
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
-        return [sentence for sentence in (broker, self._gate.trouble) if sentence]
+        return [sentence for sentence in (broker, self._gate.trouble, *self._postman.troubles) if sentence]
 
     def _take(self) -> int:
         """Store the messages received, and return their number."""

@@ -5,6 +5,9 @@ from typing import Any
 
 from sprung.tables.table import Table, time_in_words
 
+#: Events of the notification of an alert, in words.
+_DELIVERIES = {"undelivered": "not delivered", "delivered": "delivered", "abandoned": "abandoned"}
+
 
 def alerts_table(document: Mapping[str, Any]) -> Table:
     """Return the table of the alerts in a `sprung.alerts/1`."""
@@ -53,6 +56,8 @@ def _event_in_words(entry: Mapping[str, Any]) -> str:
     """Return what happened to an alert."""
     if entry["what"] == "assigned":
         return f"assigned to {entry['assignee'] or 'nobody'}"
+    if entry["what"] in _DELIVERIES:
+        return f"notification {_DELIVERIES[entry['what']]}"
     return _state_in_words(entry["what"], entry["shelved_until"])
 
 
