@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, replace
+from typing import Any
 
 from sprung.alerting import (
     Alert,
@@ -84,7 +85,7 @@ class AlertBook:
         """Store the new state of an alert, and the notification about it, if there is one."""
         if transition.what == "none":
             return
-        notify = asdict(message_of(transition.alert, transition)) if transition.is_notified else None
+        notify = _notification(transition) if transition.is_notified else None
         history = (transition.what, transition.who, transition.comment)
         self._store.alerts.put(row_of(transition.alert), history=history, notify=notify, now=now)
 
@@ -109,6 +110,13 @@ def row_of(alert: Alert) -> AlertRow:
     fields = asdict(alert)
     inner = {name: fields.pop(name) for name in _INNER}
     return AlertRow(**fields, document=json.loads(json.dumps(inner, default=str)))
+
+
+def _notification(transition: Transition) -> dict[str, Any]:
+    """Return the notification about an event as the store keeps it: its picture is drawn when it is sent."""
+    fields = asdict(message_of(transition.alert, transition))
+    del fields["picture"]
+    return fields
 
 
 def _first_of_each_channel(faults: Iterable[SensorFault]) -> list[SensorFault]:

@@ -11,12 +11,14 @@ from typing import Any
 
 from sprung._checks import check_number
 from sprung.alerting import (
+    STEPS,
     AlertSettings,
     Transition,
     acknowledged,
     assigned,
     commented,
     health_index,
+    severity_step,
     shelved,
     state_name,
     unshelved,
@@ -26,6 +28,7 @@ from sprung.errors import ParameterError
 from sprung.monitor.alert_book import AlertBook, alert_of
 from sprung.monitor.fleets import rankings
 from sprung.storage import AlertRow, Store
+from sprung.tables import alert_history_table, time_in_words
 
 
 def alerts_document(store: Store, *, vehicle: str | None = None, is_complete: bool = False) -> dict[str, Any]:
@@ -60,6 +63,29 @@ def history_document(store: Store, number: int) -> dict[str, Any]:
     rows = [asdict(row) for row in store.alerts.history(number)]
     history = [{name: value for name, value in row.items() if name not in {"id", "alert"}} for row in rows]
     return {"schema": "sprung.alert-history/1", "number": number, "history": history}
+
+
+def alert_in_words(store: Store, number: int) -> str | None:
+    """Return an alert, its history and what can be done as lines of text; None if there is no alert of that number."""
+    row = next((row for row in store.alerts.find() if row.id == number), None)
+    if row is None:
+        return None
+    history = alert_history_table(history_document(store, number)).rows
+    lines = [
+        f"Alert {number} of {row.vehicle}: {state_name(alert_of(row))}",
+        "",
+        row.text,
+        f"Cause: {row.cause}",
+        f"Severity: {row.severity} of 1000 ({STEPS[severity_step(row.severity)]})",
+        f"Raised: {time_in_words(row.raised)} UTC (time {row.count})",
+        *([f"Assigned to: {row.assignee}"] if row.assignee else []),
+        "",
+        "History (UTC)",
+        *(f"{time}  {event}, by {who}{': ' if comment else ''}{comment}" for time, event, who, comment in history),
+        "",
+        f"On the machine of the monitor: sprung alerts ack {number}, or shelve, assign, comment",
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def acknowledge(store: Store, number: int, *, who: str, comment: str = "", now: int) -> None:
