@@ -7,6 +7,7 @@ import threading
 import time
 from dataclasses import replace
 from datetime import UTC, datetime
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import pytest
@@ -270,3 +271,42 @@ def test_a_fleet_of_the_monitor_is_ranked(sprung, store):
     refused = sprung("vehicles", "rank", "--store", store, "--rate", "2")
     assert refused.code == 2
     assert "rate" in refused.err
+
+
+def test_senders_are_tested_without_a_monitor(sprung, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    got = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self):
+            got.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+            self.send_response(204)
+            self.end_headers()
+
+        def log_message(self, *_):
+            """Be silent."""
+
+    server = HTTPServer(("127.0.0.1", 0), Handler)
+    thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+    thread.start()
+    try:
+        path = tmp_path / "site.toml"
+        hook = f'[[send.webhook]]\nurl = "http://127.0.0.1:{server.server_port}/x"\n'
+        path.write_text(hook, encoding="utf-8")
+        sound = sprung("monitor", "--site", path, "--test-senders")
+        mail = '[[send.mail]]\nhost = "127.0.0.1"\nport = 1\nsender = "a@example.org"\nrecipients = ["b@example.org"]\n'
+        path.write_text(hook + mail, encoding="utf-8")
+        failing = sprung("monitor", "--site", path, "--test-senders")
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+    assert (sound.code, sound.out.strip()) == (0, "- webhook 1: sent")
+    assert failing.code == 1
+    assert "- webhook 1: sent" in failing.out
+    assert "- mail 1: failed: mail server 127.0.0.1:1 cannot be reached (Connection refused): check" in failing.out
+    assert [message["subject"] for message in got] == ["Sprung: test message, no alert"] * 2
+    assert list(tmp_path.iterdir()) == [path]
+    none = sprung("monitor", "--test-senders")
+    assert none.code == 2
+    assert "the site file has no sender" in none.err
