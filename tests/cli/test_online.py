@@ -182,7 +182,7 @@ def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
         row = opened.alerts.find()[0]
         opened.alerts.put(replace(row, is_active=False), history=("cleared", "", ""), now=NOW)
     (one,) = sprung("vehicles", "--store", store, "--json", "-").document()["vehicles"]
-    assert one["state"] == "identifies on board: 1 windows of modes"
+    assert one["state"] == "identifies on board: 1 window of modes"
     assert one["modes"] == [{"natural_frequency": 1.5}]
 
 
@@ -217,9 +217,11 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
         (("monitor", "--log", "xml"), "--log 'xml' is not one of json, text"),
         (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "not a valid name"),
         (
-            ("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
+            ("replay", "drive.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
             "cannot be reached: connection refused",
         ),
+        (("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira"), "none.csv"),
+        (("replay", "drive.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--start", "noon"), "is not a time"),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or another source"),
         (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "vehicle 'monitor' has the name of a user"),
         (("monitor", "--store", "sqlite:///run.csv", "--broker", "mqtt://127.0.0.1:1"), "is not a store but another"),
@@ -230,6 +232,8 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
 def test_bad_usage(sprung, words, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "run.csv").write_text("t,a\n0,1\n", encoding="utf-8")
+    rows = "".join(f"{k / 100},{k % 7}\n" for k in range(300))
+    (tmp_path / "drive.csv").write_text(f"t,acc_fl\n{rows}", encoding="utf-8")
     found = sprung(*words)
     assert found.code == 2, found
     assert (tmp_path / "run.csv").read_text(encoding="utf-8").startswith("t,a")

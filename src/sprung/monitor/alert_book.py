@@ -19,7 +19,7 @@ from sprung.alerting import (
 )
 from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
 from sprung.documents import detectable_document, finding_document
-from sprung.monitor.engine import Observed
+from sprung.monitor.engine import Observed, fault_in_words
 from sprung.storage import AlertRow, Store
 
 #: Severity of a failing sensor, of a silent vehicle, and of a problem of the monitor itself.
@@ -126,8 +126,7 @@ def _first_of_each_channel(faults: Iterable[SensorFault]) -> list[SensorFault]:
 
 def _of_sensor(vehicle: str, fault: SensorFault) -> Report:
     """Return the report of a sensor fault."""
-    text = f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}"
-    return Report(vehicle, f"sensor:{fault.channel}", _SENSOR, text, {"kind": fault.kind})
+    return Report(vehicle, f"sensor:{fault.channel}", _SENSOR, fault_in_words(fault), {"kind": fault.kind})
 
 
 def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:

@@ -74,10 +74,10 @@ class Postman:
             waiting = [sender for sender in self._senders if sender.name not in delivered]
             errors = deliver(self._message(row), waiting)
             delivered |= {sender.name for sender in waiting} - errors.keys()
+            self._settle(row, errors, now)
             for sender in waiting:
                 self._failing.pop(sender.name, None)
             self._failing |= errors
-            self._settle(row, errors, now)
 
     def _message(self, row: NotificationRow) -> Message:
         """Return the message of a notification."""
