@@ -90,6 +90,8 @@ class Ledger:
                 findings=tuple(_numbered(event, finding) for event in windows for finding in _findings(event)),
                 baselines=tuple(baseline for event in windows for baseline in _baselines(event, now)),
                 snapshot=outcome.state,
+                status=outcome.status._asdict(),
+                now=now,
             )
         )
         return is_saved
@@ -156,7 +158,14 @@ class Ledger:
         except SprungError as error:
             LOG.warning("report of a box discarded", extra={"vehicle": frame.vehicle, "reason": str(error)})
         self._store.results.commit(
-            Progress(frame.vehicle, frame.boot, done_seq=frame.seq, delete_through_seq=frame.seq, modes=modes)
+            Progress(
+                frame.vehicle,
+                frame.boot,
+                done_seq=frame.seq,
+                delete_through_seq=frame.seq,
+                modes=modes,
+                now=self._clock(),
+            )
         )
 
     def _archive(self, vehicle: str, boot: int, event: Observed) -> None:
