@@ -2,11 +2,13 @@
 
 import struct
 
+import cbor2
 import pytest
 
 from sprung.monitor import MonitorSettings, VehicleMonitor
 from sprung.monitor.pictures import alert_picture
 from sprung.monitor.workers import analyse
+from sprung.plotting import corner_changes_figure
 from sprung.storage import Progress, StoredFrame, open_store
 from sprung.vehicles import vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
@@ -37,6 +39,13 @@ def test_an_alert_of_the_suspension_has_a_picture_of_the_corners(store) -> None:
     width, height = struct.unpack(">II", picture[16:24])
     assert 600 < width < 1200
     assert 200 < height < 1000
+
+
+def test_the_picture_dates_the_onset(store, car) -> None:
+    monitor = VehicleMonitor.from_state(car, cbor2.loads(store.results.snapshot("car-1").document))
+    assert monitor.diagnosis is not None
+    figure = corner_changes_figure(monitor.diagnosis, monitor.baseline)
+    assert "mean of 1 windows since 2026-11-21 00:20 UTC" in str([text.get_text() for text in figure.texts])
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def test_a_failure_is_logged_at_once_and_kept_in_the_history(store, caplog) -> N
     assert postman.troubles == ["alerts are not delivered by mail 1: mail 1 is not there"]
     (said,) = caplog.records
     assert said.levelno == logging.ERROR
-    assert said.getMessage() == "notification of alert 1 undelivered: mail 1 is not there; it will be sent again"
+    assert said.getMessage() == "notification of alert 1 was not delivered: mail 1 is not there; it will be sent again"
     for second in range(1, 60):
         postman.send(now=NOW + second * SECOND)
     assert postman.troubles == []

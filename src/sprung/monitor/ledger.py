@@ -94,6 +94,13 @@ class Ledger:
                 now=now,
             )
         )
+        for event in windows:
+            if event.baseline is not None:
+                learnt = {"version": event.baseline.version, "windows": event.baseline.n_windows}
+                LOG.info("baseline learnt", extra={"vehicle": outcome.vehicle, **learnt})
+            elif outcome.status.is_learning and outcome.status.note:
+                reason = {"reason": outcome.status.note}
+                LOG.info("window not learnt from", extra={"vehicle": outcome.vehicle, **reason})
         return is_saved
 
     def update_alerts(self, vehicle: str, events: tuple[Event, ...]) -> None:

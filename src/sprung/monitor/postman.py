@@ -22,6 +22,8 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: Number of attempts after which a notification is abandoned.
 _MOST_ATTEMPTS = 20
+#: Events of a notification in words, where they are others.
+_WORDS = {"undelivered": "not delivered"}
 #: Time between checks for notifications [s].
 _EVERY = 1.0
 
@@ -106,7 +108,7 @@ class Postman:
     def _record(self, row: NotificationRow, what: str, comment: str, now: int) -> None:
         """Log what happened to a notification, and add it to the history of the alert."""
         level = logging.INFO if what == "delivered" else logging.ERROR
-        LOG.log(level, f"notification of alert {row.alert} {what}: {comment}")
+        LOG.log(level, f"notification of alert {row.alert} was {_WORDS.get(what, what)}: {comment}")
         self._store.alerts.record(row.alert, what, comment, now=now)
 
 
