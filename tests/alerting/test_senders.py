@@ -23,6 +23,7 @@ from sprung.alerting import (
     Report,
     SendError,
     WebhookSender,
+    addressed,
     message_of,
     reported,
 )
@@ -202,6 +203,26 @@ def test_mail() -> None:
     assert commands[-1] == "QUIT"
 
 
+def test_mail_carries_number_link_and_picture() -> None:
+    link = "https://sprung.example.org/alerts/7"
+    message = addressed(a_message(), number=7, link=link, picture=b"\x89PNG picture")
+    with smtp_server() as (port, mails, _):
+        mail(port).send(message)
+    ((_, one),) = mails
+    assert one["Subject"] == "car: front_left.spring raised (high), alert 7"
+    plain, html = one.get_body(("plain",)).get_content(), one.get_body(("html",)).get_content()
+    for text in (plain, html):
+        assert "front-left spring 20 % softer" in text
+        assert "Alert: 7 (acknowledge with: sprung alerts ack 7)" in text
+    assert f"Link: {link}\r\n" in plain
+    assert f'<a href="{link}">{link}</a>' in html
+    (picture,) = [part for part in one.walk() if part.get_content_type() == "image/png"]
+    assert picture.get_content() == b"\x89PNG picture"
+    assert picture.get_content_disposition() == "inline"
+    assert f"cid:{picture['Content-ID'].strip('<>')}" in html
+    assert (message.document["number"], message.document["link"]) == (7, link)
+
+
 def test_mail_is_not_sent_in_the_clear() -> None:
     with smtp_server() as (port, mails, commands), pytest.raises(SendError, match="STARTTLS"):
         mail(port, starttls=True, username="ann", password="secret").send(a_message())
@@ -229,7 +250,7 @@ def test_mail_with_refused_recipients(refused, sentence, count) -> None:
 
 
 def test_mail_without_a_server() -> None:
-    with pytest.raises(SendError, match=r"mail server 127\.0\.0\.1:\d+ did not accept the mail"):
+    with pytest.raises(SendError, match=r"mail server 127\.0\.0\.1:\d+ cannot be reached \(Connection ref"):
         mail(closed_port()).send(a_message())
     with smtp_server(greeting="554 go away") as (port, _, _), pytest.raises(SendError, match="554"):
         mail(port).send(a_message())

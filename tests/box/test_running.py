@@ -1,6 +1,7 @@
 """A live source and a replay, with a box whose monitor is played."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,7 +102,7 @@ def test_a_replay_returns_what_was_sent():
     box, steps = PlayedBox(), []
     box.open()
     sent = replay(box, blocks(12), pace=None, patience=1.0, on_progress=lambda step, share: steps.append(step))
-    assert sent == 60.0
+    assert sent == (60.0, None, None)
     assert steps[-2:] == ["1.0 min sent", "waiting for acknowledgements"]
 
 
@@ -109,4 +110,19 @@ def test_a_replay_without_acknowledgements_says_what_is_missing():
     box = PlayedBox(waits=1)
     box.open()
     with pytest.raises(DataError, match=r"2 frames not acknowledged after 0\.5 s: check that a monitor runs"):
+        replay(box, blocks(2), pace=None, patience=0.5)
+
+
+def test_a_replay_returns_the_time_of_its_samples():
+    box = PlayedBox()
+    box.open()
+    timed = [replace(block, start=10**18 + 5 * k * 10**9) for k, block in enumerate(blocks(3))]
+    assert replay(box, timed, pace=None, patience=1.0) == (15.0, 10**18, 10**18 + 15 * 10**9)
+
+
+def test_a_replay_that_is_refused_names_the_reason():
+    box = PlayedBox(waits=1)
+    box.open()
+    box.problem = "the broker refuses messages of vehicle 'bus-18'"
+    with pytest.raises(DataError, match=r"2 frames not acknowledged: the broker refuses messages of vehicle 'bus-18'"):
         replay(box, blocks(2), pace=None, patience=0.5)

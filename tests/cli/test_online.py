@@ -7,6 +7,7 @@ import threading
 import time
 from dataclasses import replace
 from datetime import UTC, datetime
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import pytest
@@ -181,7 +182,7 @@ def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
         row = opened.alerts.find()[0]
         opened.alerts.put(replace(row, is_active=False), history=("cleared", "", ""), now=NOW)
     (one,) = sprung("vehicles", "--store", store, "--json", "-").document()["vehicles"]
-    assert one["state"] == "identifies on board: 1 windows of modes"
+    assert one["state"] == "identifies on board: 1 window of modes"
     assert one["modes"] == [{"natural_frequency": 1.5}]
 
 
@@ -216,9 +217,11 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
         (("monitor", "--log", "xml"), "--log 'xml' is not one of json, text"),
         (("replay", "none.csv", "--vehicle-id", "a/b", "--vehicle", "zafira"), "not a valid name"),
         (
-            ("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
+            ("replay", "drive.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--broker", "mqtt://127.0.0.1:1"),
             "cannot be reached: connection refused",
         ),
+        (("replay", "none.csv", "--vehicle-id", "a", "--vehicle", "zafira"), "none.csv"),
+        (("replay", "drive.csv", "--vehicle-id", "a", "--vehicle", "zafira", "--start", "noon"), "is not a time"),
         (("box", "--vehicle-id", "a", "--vehicle", "zafira"), "give files or another source"),
         (("box", "--vehicle-id", "monitor", "--vehicle", "zafira"), "vehicle 'monitor' has the name of a user"),
         (("monitor", "--store", "sqlite:///run.csv", "--broker", "mqtt://127.0.0.1:1"), "is not a store but another"),
@@ -229,6 +232,8 @@ def test_what_cannot_be_done_is_said(sprung, store, words, sentence):
 def test_bad_usage(sprung, words, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "run.csv").write_text("t,a\n0,1\n", encoding="utf-8")
+    rows = "".join(f"{k / 100},{k % 7}\n" for k in range(300))
+    (tmp_path / "drive.csv").write_text(f"t,acc_fl\n{rows}", encoding="utf-8")
     found = sprung(*words)
     assert found.code == 2, found
     assert (tmp_path / "run.csv").read_text(encoding="utf-8").startswith("t,a")
@@ -270,3 +275,42 @@ def test_a_fleet_of_the_monitor_is_ranked(sprung, store):
     refused = sprung("vehicles", "rank", "--store", store, "--rate", "2")
     assert refused.code == 2
     assert "rate" in refused.err
+
+
+def test_senders_are_tested_without_a_monitor(sprung, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    got = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self):
+            got.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+            self.send_response(204)
+            self.end_headers()
+
+        def log_message(self, *_):
+            """Be silent."""
+
+    server = HTTPServer(("127.0.0.1", 0), Handler)
+    thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+    thread.start()
+    try:
+        path = tmp_path / "site.toml"
+        hook = f'[[send.webhook]]\nurl = "http://127.0.0.1:{server.server_port}/x"\n'
+        path.write_text(hook, encoding="utf-8")
+        sound = sprung("monitor", "--site", path, "--test-senders")
+        mail = '[[send.mail]]\nhost = "127.0.0.1"\nport = 1\nsender = "a@example.org"\nrecipients = ["b@example.org"]\n'
+        path.write_text(hook + mail, encoding="utf-8")
+        failing = sprung("monitor", "--site", path, "--test-senders")
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+    assert (sound.code, sound.out.strip()) == (0, "- webhook 1: sent")
+    assert failing.code == 1
+    assert "- webhook 1: sent" in failing.out
+    assert "- mail 1: failed: mail server 127.0.0.1:1 cannot be reached (Connection refused): check" in failing.out
+    assert [message["subject"] for message in got] == ["Sprung: test message, no alert"] * 2
+    assert list(tmp_path.iterdir()) == [path]
+    none = sprung("monitor", "--test-senders")
+    assert none.code == 2
+    assert "the site file has no sender" in none.err

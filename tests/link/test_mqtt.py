@@ -9,13 +9,21 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlencode
 
+import numpy as np
 import pytest
 
-from sprung.link import UPWARDS, Address, Link, LinkError, topic
+from sprung.box.running import box_of, replay
+from sprung.errors import DataError
+from sprung.link import UPWARDS, Address, Link, LinkError, Spool, topic
 from sprung.link.messages import LARGEST
+from sprung.monitor import Intake
+from sprung.recording import Channel, Recording
+from sprung.storage import open_store
+from sprung.vehicles import read_vehicle
 
 pytest.importorskip("paho.mqtt.client")
 
@@ -102,6 +110,10 @@ class Client:
             if heard == last:
                 return found
             found.append(heard)
+
+    def heard_first(self, *, timeout=10.0):
+        """Return the next message."""
+        return self._heard.get(timeout=timeout)
 
     def heard_until_now(self, other, name):
         """Return what came before a message that another client, or this one, sends now."""
@@ -452,3 +464,43 @@ def test_largest_frame_passes_and_a_larger_packet_does_not(client) -> None:
     vehicle.link.publish(topic("A", "raw"), bytes(LARGEST + 100_000))
     eventually(lambda: not vehicle.link.is_connected, "the broker closes the connection")
     assert monitor.link.is_connected
+
+
+def test_a_refused_message_is_a_problem_until_the_next_connection(client) -> None:
+    one = client("A")
+    assert (one.link.is_rejected, one.link.problem) == (False, "")
+    assert one.link.publish(topic("B", "raw"), b"")
+    eventually(lambda: one.link.is_rejected, "the refusal")
+    assert "refuses messages: Not authorized" in one.link.problem
+
+
+def test_a_vehicle_with_the_certificate_of_another_is_named_on_both_sides(
+    client, shipped, certificates, tmp_path: Path, caplog
+) -> None:
+    where = address(shipped, certificates, certificates / "A")
+    car = read_vehicle("zafira")
+    box = box_of("tram-7", car, Spool(tmp_path / "spool", is_synced=False), Address.parse(where))
+    monitor = client("monitor", topics=upward())
+    block = Recording(np.random.default_rng(1).standard_normal((1, 100)), 100.0, (Channel("acc_fl", "acceleration"),))
+    box.open(timeout=10.0)
+    try:
+        box.take(replace(block, start=10**18))
+        with pytest.raises(DataError, match=r"1 frames not acknowledged: the broker .* refuses messages of vehicle"):
+            replay(box, [], pace=None, patience=30.0)
+        assert box.problem.endswith(
+            f"refuses messages of vehicle 'tram-7': the certificate {certificates}/A.crt is that of 'A': use "
+            "--vehicle-id A, or the credentials of tram-7"
+        )
+        box.step()
+        message = monitor.heard_first()
+    finally:
+        box.close()
+    assert message[0] == topic("A", "event")
+    with open_store(f"sqlite:///{tmp_path}/store.sqlite") as store:
+        intake = Intake(store, lambda name, payload: None)
+        intake.take([message, message], now=0)
+    assert caplog.messages == [
+        "messages on sprung/v1/A/event are refused: a box with the certificate of 'A' calls itself 'tram-7', so that "
+        "the broker refuses its samples: use --vehicle-id A on the box, or give it the certificate of tram-7"
+    ]
+    assert intake.figures["sprung_messages_refused_total"] == 2

@@ -6,8 +6,8 @@ import pytest
 
 from sprung.alerting import AlertSettings
 from sprung.errors import ParameterError
-from sprung.monitor import AlertBook, desk
-from sprung.storage import open_store
+from sprung.monitor import AlertBook, VehicleStatus, desk
+from sprung.storage import Progress, StoredFrame, open_store
 
 NOW = 1_795_219_200_000_000_000
 HOUR = 3600 * 10**9
@@ -49,6 +49,16 @@ def test_acts_on_an_alert(store) -> None:
     assert [row[1] for row in audit] == ["ack", "assign", "shelve", "unshelve", "comment"]
 
 
+def test_an_alert_in_words(store) -> None:
+    desk.acknowledge(store, 1, who="anna", comment="seen", now=NOW + 1)
+    text = desk.alert_in_words(store, 1)
+    assert text is not None
+    assert text.startswith("Alert 1 of car-1: acknowledged\n\ncar-1 has sent nothing\nCause: silent\n")
+    assert "Severity: 300 of 1000 (low)\nRaised: 2026-11-21 00:00 UTC (time 1)\n" in text
+    assert "2026-11-21 00:00  raised, by the monitor\n2026-11-21 00:00  acknowledged, by anna: seen\n" in text
+    assert desk.alert_in_words(store, 2) is None
+
+
 def test_alerts_that_are_normal_again_are_listed_if_wanted(store) -> None:
     AlertBook(store, AlertSettings()).clear("car-1", "silent", now=NOW + 1)
     desk.acknowledge(store, 1, who="anna", now=NOW + 2)
@@ -65,6 +75,38 @@ def test_requests(store) -> None:
     assert (raw.act, raw.detail) == ("raw", {"from": NOW - 300 * 10**9, "to": NOW})
     (vehicle,) = desk.vehicles_document(store)["vehicles"]
     assert (vehicle["vehicle"], vehicle["state"], vehicle["last_seen"]) == ("car-1", "car-1 has sent nothing", NOW)
+
+
+LEARNING = VehicleStatus(n_learnt=4, n_needed=12, is_learning=True, window=600.0, until=NOW - HOUR)
+
+
+@pytest.mark.parametrize(
+    ("status", "state"),
+    [
+        (None, "learning: no samples analysed yet"),
+        (LEARNING, "learning: 4 of 12 windows"),
+        (LEARNING._replace(note="the vehicle stood"), "learning: 4 of 12 windows; last window: the vehicle stood"),
+        (
+            LEARNING._replace(n_learnt=0, share=0.5),
+            "learning: 0 of 12 windows; 5.0 of the 10 min of the next window have arrived",
+        ),
+        (
+            LEARNING._replace(repeated=1500.0),
+            "learning: 4 of 12 windows; the last 25.0 min were analysed before and do not count again",
+        ),
+        (LEARNING._replace(is_learning=False, n_learnt=12, share=0.5), "no alert"),
+        (LEARNING._replace(is_learning=False, note="sensor a is dead"), "last window: sensor a is dead"),
+    ],
+)
+def test_a_vehicle_states_what_is_learnt_and_why_not(store, status, state) -> None:
+    AlertBook(store, AlertSettings()).clear("car-1", "silent", now=NOW)
+    if status is not None:
+        store.inbox.add_frames([StoredFrame("car-1", 1, 0, NOW, b"x")], now=NOW)
+        store.results.commit(Progress("car-1", 1, done_seq=0, status=status._asdict()))
+    (vehicle,) = desk.vehicles_document(store)["vehicles"]
+    assert vehicle["state"] == state
+    expected = (None, None, None) if status is None else (status.n_learnt, 12, NOW - HOUR)
+    assert (vehicle["learnt"], vehicle["needed"], vehicle["data_until"]) == expected
 
 
 @pytest.mark.parametrize(

@@ -210,3 +210,19 @@ def test_memory_of_a_vehicle_is_bounded(car, drive, frames_of) -> None:
     run = drive(0)
     blocks = [frame_block(decode(payload), quantities_of(run, car.sensor)) for payload in frames_of(run)]
     assert sum(block.frame.counts.nbytes for block in blocks) < 1.3e6
+
+
+def test_a_recording_that_is_replayed_teaches_once(car, drive) -> None:
+    monitor = VehicleMonitor(car, settings=replace(SETTINGS, identify_every=0))
+    run = drive(0)
+    assert len(windows(monitor.update(run))) == 1
+    taught = monitor.learning
+    assert monitor.update(run) == ()
+    assert (monitor.learning, monitor.repeated, monitor.buffered) == (taught, run.duration, 0.0)
+    assert monitor.until == run.start + 600 * 10**9
+    state = cbor2.loads(cbor2.dumps(monitor.state()))
+    assert VehicleMonitor.from_state(car, state).update(run) == ()
+    corrected = car.model_copy(update={"name": "corrected"})
+    assert len(windows(VehicleMonitor.from_state(corrected, state).update(run))) == 1
+    monitor.learn_again("new springs")
+    assert len(windows(monitor.update(run))) == 1

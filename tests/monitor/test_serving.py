@@ -12,7 +12,12 @@ from sprung.monitor import FIGURES, Serving
 
 def test_metrics_and_health() -> None:
     troubles: list[str] = []
-    one = Serving(("127.0.0.1", 0), figures=lambda: dict.fromkeys(FIGURES, 2.5), troubles=lambda: troubles)
+    one = Serving(
+        ("127.0.0.1", 0),
+        figures=lambda: dict.fromkeys(FIGURES, 2.5),
+        troubles=lambda: troubles,
+        alert={7: "Alert 7 of car-1 – soft\n"}.get,
+    )
     one.open()
 
     def ask(path):
@@ -29,7 +34,8 @@ def test_metrics_and_health() -> None:
     assert ask("/health") == (200, json.dumps({"healthy": True, "troubles": []}))
     troubles.append("the store cannot write")
     assert ask("/health")[0] == 503
-    assert ask("/else")[0] == 404
+    assert ask("/alerts/7") == (200, "Alert 7 of car-1 – soft\n")
+    assert {ask(path)[0] for path in ("/else", "/alerts/8", "/alerts/x", "/alerts/7/")} == {404}
     one.close()
 
 

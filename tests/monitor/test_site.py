@@ -66,13 +66,18 @@ def fields(model, table=""):
 
 def test_every_setting_is_in_the_manual_with_its_default() -> None:
     expected = {key: (shown_default(field), field.description) for key, field in fields(Site)}
-    assert len(expected) == 30
-    assert {key: row for key, row in documented().items() if key in expected} == expected
+    assert len(expected) == 31
+    assert documented() == expected
 
 
 def test_defaults_are_those_of_the_parts() -> None:
     assert Site().watch.settings == MonitorSettings()
     assert Site().alerts.settings == AlertSettings()
+
+
+def test_the_address_of_an_alert_is_below_that_of_the_site() -> None:
+    assert Site().alert_url(7) == ""
+    assert Site(url="https://sprung.example.org/").alert_url(7) == "https://sprung.example.org/alerts/7"
 
 
 def changed(path, value):
@@ -116,6 +121,7 @@ def changed(path, value):
             "store: 'results.sqlite' is not the address of a store: write sqlite:///folder/",
         ),
         (("http",), "8737", "http: '8737' is not an address: write HOST:PORT, such as 127.0.0.1:8737"),
+        (("url",), "sprung.example.org", "url: 'sprung.example.org' is not the address of a page: write it like https"),
         (("http",), "a:70000", "http: 'a:70000' is not an address"),
         (("send",), [], "send must be a table of fields"),
         (("send", "webhook"), {"url": "http://secret"}, "send, webhook must be a list: write texts in brackets"),

@@ -1,6 +1,7 @@
 """From frames to the store: each once, in order, whatever the order they come in."""
 
 import json
+import time
 import zlib
 from functools import partial
 from pathlib import Path
@@ -9,8 +10,9 @@ import cbor2
 import numpy as np
 import pytest
 
+from sprung.alerting import AlertSettings
 from sprung.link import checked_map, message, topic
-from sprung.monitor import alert_of
+from sprung.monitor import AlertBook, alert_of
 from sprung.storage import StoreError
 
 #: 2026-11-21, UTC ns.
@@ -361,3 +363,16 @@ def test_modes_from_a_box_amid_samples_lose_none_of_them(bench, run_frames, expe
     found = contents(again.store)
     found["modes"] = [entry for entry in found["modes"] if "is_on_board" not in entry[1]]
     assert alike(found, expected)
+
+
+def test_mail_that_is_not_delivered_is_a_trouble_at_once(bench) -> None:
+    mail = {"host": "127.0.0.1", "port": 1, "sender": "a@example.org", "recipients": ["b@example.org"]}
+    one = bench(send={"mail": [mail]})
+    assert one.station.troubles() == []
+    AlertBook(one.store, AlertSettings()).report("car-1", "silent", "car-1 has sent nothing", now=one.now)
+    end = time.monotonic() + 30.0
+    while not one.station.troubles() and time.monotonic() < end:
+        time.sleep(0.05)
+    (trouble,) = one.station.troubles()
+    assert trouble.startswith("alerts are not delivered by mail 1: mail server 127.0.0.1:1 cannot be reached (")
+    assert "undelivered" in [row.what for row in one.store.alerts.history(1)]

@@ -22,6 +22,16 @@ def test_alert_is_stored_and_replaced_by_its_cause(store) -> None:
     ]
 
 
+def test_an_event_is_recorded_that_leaves_the_alert_as_it_is(store) -> None:
+    alert = store.alerts.put(replace(ALERT, assignee="eve"), history=RAISED, now=101)
+    store.alerts.record(alert.id, "undelivered", "the mail server is away", now=102)
+    assert store.alerts.find() == [alert]
+    last = store.alerts.history(alert.id)[-1]
+    assert last == HistoryRow(
+        last.id, alert.id, 102, "undelivered", "", "the mail server is away", assignee="eve", shelved_until=None
+    )
+
+
 def test_alerts_are_chosen_by_vehicle_and_state(store) -> None:
     store.alerts.put(ALERT, history=RAISED, now=0)
     store.alerts.put(replace(ALERT, cause="tyre", severity=5), history=RAISED, now=0)

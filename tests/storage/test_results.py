@@ -112,3 +112,17 @@ def test_old_results_are_deleted(filled) -> None:
     assert len(filled.results.baselines("zafira")) == 1
     assert [command.id for command in filled.requests.open_commands()] == [still_open]
     assert filled.delete_older(200) == 0
+
+
+def test_results_of_an_old_recording_stay_as_long_as_others(filled) -> None:
+    filled.results.commit(replace(PROGRESS, now=1000))
+    assert filled.delete_older(1000) == 0
+    assert filled.results.n_observations("zafira") == len(filled.results.observations("zafira")) == 2
+    assert filled.delete_older(1001) == 3
+
+
+def test_the_last_status_of_a_vehicle_is_kept(filled) -> None:
+    assert filled.results.status("zafira") is None
+    for n_learnt in (1, 2):
+        filled.results.commit(replace(PROGRESS, status={"n_learnt": n_learnt}))
+    assert filled.results.status("zafira") == {"n_learnt": 2}

@@ -38,12 +38,17 @@ def test_history_says_who_did_what():
     )
 
 
-def test_vehicles_have_their_baseline_and_health():
-    vehicle = {"vehicle": "bus-17", "windows": 9, "health_index": 87.4, "last_seen": NOON, "state": "no alert"}
-    vehicles = [{**vehicle, "baseline": None}, {**vehicle, "baseline": 2}]
-    rows = vehicles_table({"vehicles": vehicles}).rows
-    assert rows[0] == ("bus-17", "9", "none", "87", "2026-11-21 12:00", "no alert")
-    assert rows[1][2] == "version 2"
+def test_vehicles_have_their_baseline_health_and_age():
+    vehicle = {"vehicle": "bus-17", "windows": 9, "health_index": 100.0, "last_seen": NOON, "state": "no alert"}
+    vehicles = [
+        {**vehicle, "baseline": None, "data_until": None},
+        {**vehicle, "baseline": 2, "data_until": NOON - 72 * 60 * MINUTE},
+        {**vehicle, "baseline": None, "health_index": 87.4, "data_until": NOON},
+    ]
+    rows = vehicles_table({"vehicles": vehicles}, now=NOON + 90 * MINUTE).rows
+    assert rows[0] == ("bus-17", "9", "none", "unknown", "90 min ago", "", "no alert")
+    assert rows[1] == ("bus-17", "9", "version 2", "100", "90 min ago", "2026-11-18 12:00\n3 days ago", "no alert")
+    assert rows[2][3] == "87"
 
 
 def test_true_modes_keep_their_digits():

@@ -14,7 +14,7 @@ from sprung.alerting.alerts import (
 )
 from sprung.alerting.delivery import Backoff, Sender, SendError, deliver
 from sprung.alerting.health import health_index
-from sprung.alerting.messages import Message, message_of
+from sprung.alerting.messages import Message, addressed, message_of, trial_message
 from sprung.alerting.people import acknowledged, assigned, commented, shelf_ended, shelved, unshelved
 from sprung.alerting.rounds import absent, assess, reported
 from sprung.alerting.senders import LogSender, MailSender, PublishSender, WebhookSender
@@ -37,6 +37,7 @@ __all__ = [
     "WebhookSender",
     "absent",
     "acknowledged",
+    "addressed",
     "assess",
     "assigned",
     "commented",
@@ -49,5 +50,6 @@ __all__ = [
     "shelf_ended",
     "shelved",
     "state_name",
+    "trial_message",
     "unshelved",
 ]

@@ -1,6 +1,6 @@
 """Notifications about alerts, for people and programs."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from math import isfinite
 from typing import Any
@@ -30,6 +30,8 @@ class Message:
         Time of the event, UTC ns.
     document
         Contents as `sprung.alert/1`, for programs.
+    picture
+        Figure of the alert as PNG, for senders that can show one; empty: none.
     """
 
     vehicle: str
@@ -39,6 +41,7 @@ class Message:
     text: str
     time: int
     document: dict[str, Any] = field(hash=False)
+    picture: bytes = field(default=b"", repr=False)
 
 
 def message_of(alert: Alert, transition: Transition) -> Message:
@@ -78,6 +81,38 @@ def message_of(alert: Alert, transition: Transition) -> Message:
         time=alert.updated,
         document=_document(alert, transition, subject),
     )
+
+
+def addressed(message: Message, *, number: int, link: str = "", picture: bytes = b"") -> Message:
+    """Return a notification with what its recipient needs to act on it.
+
+    Parameters
+    ----------
+    message
+        Notification about an event of an alert, from `message_of`.
+    number
+        Number of the alert.
+    link
+        Address of the alert; empty: none.
+    picture
+        Figure of the alert as PNG; empty: none.
+    """
+    lines = [message.text, f"Alert: {number} (acknowledge with: sprung alerts ack {number})"]
+    return replace(
+        message,
+        subject=f"{message.subject}, alert {number}",
+        text="\n".join([*lines, *([f"Link: {link}"] if link else [])]),
+        document={**message.document, "number": number, "link": link or None},
+        picture=picture,
+    )
+
+
+def trial_message(time: int) -> Message:
+    """Return a notification that tries senders out at a time (UTC ns): no alert is behind it."""
+    subject = "Sprung: test message, no alert"
+    text = "This message tests the delivery of alerts. No alert was raised; there is nothing to do."
+    document = {"schema": "sprung.alert/1", "time": _written(time), "what": "test", "subject": subject, "text": text}
+    return Message("monitor", "test", 1, subject, text, time, document)
 
 
 def _document(alert: Alert, transition: Transition, subject: str) -> dict[str, Any]:

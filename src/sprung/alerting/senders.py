@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from email.message import EmailMessage
 from email.utils import format_datetime
+from html import escape
 from http.client import HTTPException
 from typing import Any
 from urllib.error import HTTPError, URLError
@@ -23,6 +24,8 @@ from sprung.errors import ParameterError
 
 #: Log levels of the steps of severity.
 _LEVELS = (logging.INFO, logging.INFO, logging.WARNING, logging.ERROR, logging.CRITICAL)
+#: Content identifier of the picture within a mail.
+_PICTURE = "picture@sprung"
 #: Names of vehicles that can be part of a topic.
 _VEHICLE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
@@ -190,8 +193,11 @@ class MailSender:
             raise SendError(f"{where} refused username or password ({error.smtp_code})") from None
         except smtplib.SMTPRecipientsRefused as error:
             raise SendError(f"{where} refused {', '.join(error.recipients)}: check the recipients") from None
-        except (OSError, ValueError) as error:  # SMTPException is an OSError
+        except (smtplib.SMTPException, ValueError) as error:
             raise SendError(f"{where} did not accept the mail ({error})") from error
+        except OSError as error:
+            reason = error.strerror or str(error) or type(error).__name__
+            raise SendError(f"{where} cannot be reached ({reason}): check host, port and starttls") from error
         if refused:
             raise SendError(f"{where} refused {', '.join(refused)} and accepted the others: check the recipients")
 
@@ -204,7 +210,19 @@ class MailSender:
         mail["Date"] = format_datetime(datetime.fromtimestamp(message.time // 1_000_000_000, tz=UTC))
         mail["Auto-Submitted"] = "auto-generated"
         mail.set_content(message.text)
+        if message.picture:
+            page = f'<pre style="font-family: inherit; white-space: pre-wrap">{_linked(message.text)}</pre>'
+            mail.add_alternative(f'{page}<img src="cid:{_PICTURE}" style="max-width: 100%">', subtype="html")
+            (_, html) = mail.iter_parts()
+            html.add_related(
+                message.picture, "image", "png", cid=f"<{_PICTURE}>", filename="alert.png", disposition="inline"
+            )
         return mail
+
+
+def _linked(text: str) -> str:
+    """Return a text as HTML, with its addresses as links."""
+    return re.sub(r"https?://\S+", lambda link: f'<a href="{link[0]}">{link[0]}</a>', escape(text))
 
 
 class PublishSender:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sprung.errors import FormatError, ParameterError
 from sprung.link import (
+    TIME_SET,
     VERSION,
     Address,
     Every,
@@ -23,11 +24,13 @@ from sprung.link import (
     Spool,
     check_vehicle,
     checked_map,
+    common_name,
     encode,
     message,
     quantised,
     topic,
 )
+from sprung.link.messages import VEHICLE
 from sprung.recording import Recording
 
 if TYPE_CHECKING:
@@ -60,6 +63,8 @@ class BoxSettings:
         Bytes of a count: 2, 3 or 4.
     patience
         Time without progress after which everything is sent again [s].
+    time_status
+        Status of the time of its samples, as in `Frame`.
 
     Raises
     ------
@@ -71,6 +76,7 @@ class BoxSettings:
     description: str
     width: int = 2
     patience: float = 10.0
+    time_status: int = TIME_SET
 
     def __post_init__(self) -> None:
         check_vehicle(self.vehicle)
@@ -121,9 +127,11 @@ class Box:
         self._sending = Sending(spool, patience=settings.patience)
         self._on_board = on_board
         self._quantities, self._clock, self._sleep = quantities, clock, sleep
+        self._address, self._user = address, common_name(address.cert) if address.cert else address.user
         self._received: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._announced: dict[str, str] = {}
         self._reporting, self._examining = Every(_REPORT, clock), Every(_EXAMINE, clock)
+        self._warning = Every(_EXAMINE, clock)
         self._problem = ""
         self._lock = threading.Lock()
         self._link = Link(
@@ -142,7 +150,24 @@ class Box:
     @property
     def problem(self) -> str:
         """Known reason why frames do not get through; empty if they do."""
-        return self._problem or self._link.problem
+        return self._problem or self.refusal or self._link.problem
+
+    @property
+    def refusal(self) -> str:
+        """Known reason why the broker refuses messages of the vehicle, and what to do; empty if it accepts them."""
+        if not self._link.is_rejected:
+            return ""
+        vehicle = self._settings.vehicle
+        sentence = f"the broker {self._address} refuses messages of vehicle {vehicle!r}"
+        if not self._user:
+            return f"{sentence}: check its list of permissions (ACL)"
+        if self._user == vehicle:
+            return f"{sentence}: its list of permissions (ACL) denies them to {vehicle!r}"
+        known_by = f"the certificate {self._address.cert}" if self._address.cert else "the user"
+        return (
+            f"{sentence}: {known_by} is that of {self._user!r}: use --vehicle-id {self._user}, or the credentials of "
+            f"{vehicle}"
+        )
 
     @property
     def n_waiting(self) -> int:
@@ -172,13 +197,15 @@ class Box:
                 self._send(now)
 
     def drain(self, *, timeout: float) -> bool:
-        """Send what is left, and return whether all of it was acknowledged within a time [s]."""
+        """Send what is left, and return whether all of it was acknowledged within a time [s]; not if it is refused."""
         end = self._clock() + timeout
         while self._clock() < end:
             self.step()
             if next(self._spool.frames(), None) is None:
                 return True
             self._sleep(_LOOK)
+            if self.refusal:
+                break
         return False
 
     def close(self) -> None:
@@ -220,6 +247,7 @@ class Box:
                 counts,
                 settings.width,
                 flags,
+                time_status=settings.time_status,
                 configuration=settings.configuration,
                 previous=previous,
             )
@@ -271,6 +299,8 @@ class Box:
             self._report()
         if self._examining.is_due:
             self._examine()
+        if self._link.is_rejected and self._warning.is_due:
+            self._warn()
         for _, _, payload in self._sending.due(now):
             kind = "raw" if self._on_board is None else checked_map(payload).get(Key.KIND, "raw")
             if not self._link.publish(topic(self._settings.vehicle, kind), payload):
@@ -342,6 +372,13 @@ class Box:
             "problem": self.problem,
         }
         self._publish("health", document)
+
+    def _warn(self) -> None:
+        """Tell the monitor, under the name that the broker knows, that the vehicle has another one."""
+        if self._user != self._settings.vehicle and VEHICLE.fullmatch(self._user):
+            self._warning.start()
+            document = {Key.VERSION: VERSION, "did": "misnamed", "vehicle": self._settings.vehicle}
+            self._link.publish(topic(self._user, "event"), message(document))
 
     def _boot_before_oldest(self) -> dict[int, int]:
         """Return the boot before that of the oldest frame, and its end; all of its frames may have been dropped."""

@@ -3,12 +3,12 @@
 import threading
 import time
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from sprung.box.box import Box, BoxSettings
 from sprung.box.sources import paced
 from sprung.errors import DataError
-from sprung.link import Address, Spool
+from sprung.link import TIME_SET, Address, Spool
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle, vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
@@ -18,6 +18,22 @@ if TYPE_CHECKING:
 
 #: Time between steps of the link while samples come in [s].
 _STEP = 0.05
+
+
+class Sent(NamedTuple):
+    """Samples that were sent and acknowledged.
+
+    Parameters
+    ----------
+    duration
+        Duration without gaps [s].
+    begin, end
+        Times of the first sample and after the last one, UTC ns; None without samples.
+    """
+
+    duration: float
+    begin: int | None
+    end: int | None
 
 
 class Sender(Protocol):
@@ -55,6 +71,7 @@ def box_of(
     *,
     on_board: "OnBoard | None" = None,
     allow_missing: bool = False,
+    time_status: int = TIME_SET,
 ) -> Box:
     """Return the box of a vehicle.
 
@@ -72,6 +89,8 @@ def box_of(
         Identification on the vehicle; None: samples are sent.
     allow_missing
         Whether the source may lack sensors of the vehicle file, which the monitor then reports.
+    time_status
+        Status of the time of its samples, as in `Frame`.
 
     Raises
     ------
@@ -83,7 +102,7 @@ def box_of(
     The channels of the first block that the box takes are compared with the sensors of the vehicle file.
     """
     return Box(
-        BoxSettings(name, vehicle_text(vehicle)),
+        BoxSettings(name, vehicle_text(vehicle), time_status=time_status),
         spool,
         address,
         quantities=lambda block: quantities_of(block, vehicle.sensor, allow_missing=allow_missing),
@@ -136,7 +155,7 @@ def replay(
     pace: float | None,
     patience: float,
     on_progress: Callable[[str, float], None] = lambda step, share: None,
-) -> float:
+) -> Sent:
     """Send blocks at a pace, and wait until they are acknowledged.
 
     Parameters
@@ -154,26 +173,33 @@ def replay(
 
     Returns
     -------
-    float
-        Duration of the samples sent [s].
+    Sent
+        Samples that were sent.
 
     Raises
     ------
     DataError
-        Where not all frames were acknowledged in time.
+        Where not all frames were acknowledged in time, or the broker refuses them.
     """
     sent = 0.0
+    begin: int | None = None
+    end: int | None = None
     for block in paced(blocks, pace, clock=time.monotonic, sleep=time.sleep):
         box.take(block)
         box.step()
         sent += block.duration
+        if block.start is not None:
+            begin = block.start if begin is None else begin
+            end = block.start + round(1e9 * block.duration)
         on_progress(f"{sent / 60:.1f} min sent", 0.5)
     on_progress("waiting for acknowledgements", 0.9)
     if not box.drain(timeout=patience):
+        if box.problem:
+            raise DataError(f"{box.n_waiting} frames not acknowledged: {box.problem}")
         raise DataError(
             f"{box.n_waiting} frames not acknowledged after {patience:g} s: check that a monitor runs at its broker"
         )
-    return sent
+    return Sent(sent, begin, end)
 
 
 def _step(box: Sender, stopping: threading.Event, on_problem: Callable[[str], None]) -> None:

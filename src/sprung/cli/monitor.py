@@ -1,13 +1,22 @@
 """The command `sprung monitor`."""
 
+import logging
 import os
 import time
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from sprung.cli.logs import LogFormat, log_to, stop_on_signals
 from sprung.cli.options import option
+from sprung.cli.output import show
+
+if TYPE_CHECKING:
+    from sprung.monitor import Site
+
+LOG = logging.getLogger("sprung.monitor")
 
 
 def monitor(
@@ -32,15 +41,22 @@ def monitor(
     http: Annotated[
         str | None, option("HOST:PORT", "Address of /metrics and /health.", show_default="127.0.0.1:8737")
     ] = None,
+    test_senders: Annotated[
+        bool,
+        typer.Option("--test-senders", help="Send a test message by each sender of the site file, and report results."),
+    ] = False,
     log_format: LogFormat = "text",
 ) -> None:
     """Monitor vehicles until stopped: frames come by MQTT; modes, diagnoses and alerts go into a store.
 
     Without options it runs a broker for this machine at port 1883, and keeps results in ./sprung-data.
+
+    With --test-senders it monitors nothing, and exits with 1 if a message was not sent.
     """
     from sprung.link import Link
     from sprung.monitor import Site, Station, Workers, read_site
     from sprung.monitor.broker import open_broker
+    from sprung.monitor.guidance import start_in_words
     from sprung.storage import open_store
 
     log_to(log_format)
@@ -48,6 +64,9 @@ def monitor(
     settings = (Site() if site is None else read_site(site)).model_copy(
         update={name: value for name, value in given.items() if value is not None}
     )
+    if test_senders:
+        _test_senders(settings)
+        return
     with open_store(settings.store) as opened, open_broker(settings.broker) as address:
         workers = Workers(settings.watch.workers, limit=settings.watch.seconds_per_job, clock=time.monotonic)
         connect = partial(Link, address, f"sprung-monitor-{os.getpid()}")
@@ -55,6 +74,18 @@ def monitor(
         stopping = stop_on_signals()
         try:
             station.open()
+            for sentence in start_in_words(settings, address, http=station.http_address, n_vehicles=station.n_vehicles):
+                LOG.info(sentence)
             station.run(stopping.is_set)
         finally:
             station.close()
+
+
+def _test_senders(site: "Site") -> None:
+    """Send test messages, and print what came of each."""
+    from sprung.monitor.postman import try_senders
+
+    outcomes = try_senders(site.send, now=time.time_ns())
+    show([f"{name}: {f'failed: {reason}' if reason else 'sent'}" for name, reason in outcomes.items()])
+    if any(outcomes.values()):
+        raise typer.Exit(1)

@@ -28,32 +28,45 @@ def replay(
     pace: Annotated[float | None, option("X", "Speed of the replay, times real time.", show_default="no limit")] = None,
     reading: "ReadSettings",
     allow_missing: AllowMissing = False,
+    start: Annotated[
+        str | None,
+        option("TIME", "Start of files without time, such as 2026-11-21T08:30 (UTC).", show_default="they end now"),
+    ] = None,
     spool: Annotated[
         Path | None, option("DIR", "Folder that keeps frames until they are acknowledged; run again, it continues.")
     ] = None,
     patience: Annotated[float, option("SECONDS", "Longest wait for the last acknowledgement.", min=0)] = 60.0,
 ) -> None:
-    """Send recordings to a monitor as a vehicle would, and wait until they are acknowledged."""
+    """Send recordings to a monitor as a vehicle would, and wait until they are acknowledged.
+
+    Samples keep the time of the recording. The monitor passes over what it has analysed before.
+    """
     from sprung._checks import check_number
     from sprung.box import after, from_files
+    from sprung.box.recorded import replay_times
     from sprung.box.running import box_of
     from sprung.box.running import replay as send
-    from sprung.link import Address, Spool
+    from sprung.link import Address, Spool, check_vehicle
+    from sprung.tables import span_in_words
     from sprung.vehicles import read_vehicle
 
     if pace is not None:
         check_number("--pace", pace, above=0)
+    check_vehicle(vehicle_id)
     description = read_vehicle(vehicle)
     may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
+    address = Address.parse(broker)
     with tempfile.TemporaryDirectory(prefix="sprung-") as scratch:
         frames = Spool(spool or Path(scratch), boot_from=time.time_ns() // 10**6, is_synced=spool is not None)
-        box = box_of(vehicle_id, description, frames, Address.parse(broker), allow_missing=may_lack)
+        times = replay_times(files, now=time.time_ns(), start=start, settings=reading)
+        box = box_of(vehicle_id, description, frames, address, time_status=times.status, allow_missing=may_lack)
         try:
             resumed = box.resume_time()
             box.open(timeout=10.0)
-            recorded = from_files(files, start=time.time_ns(), settings=reading)
+            recorded = from_files(files, start=times.start, settings=reading)
             with progress_bar() as report:
                 sent = send(box, after(recorded, resumed), pace=pace, patience=patience, on_progress=report)
         finally:
             box.close()
-    show([f"{sent / 60:.1f} min of {vehicle_id} sent and acknowledged"])
+    span = "" if sent.begin is None or sent.end is None else f" ({span_in_words(sent.begin, sent.end)})"
+    show([*times.in_words, f"{sent.duration / 60:.1f} min of {vehicle_id}{span} sent and acknowledged"])

@@ -45,12 +45,12 @@ def rank(
 ) -> None:
     """Rank the vehicles of each type (same vehicle file) by how much they deviate from the others."""
     from sprung import tables
-    from sprung.monitor.desk import ranking_document
+    from sprung.monitor.desk import NO_VEHICLES, ranking_document
 
     with existing_store(store) as opened:
         document = ranking_document(opened, rate=rate)
     if write_result(document, json):
-        show(*tables.fleet_tables(document), document["notes"] or ([] if document["types"] else ["no vehicles yet"]))
+        show(*tables.fleet_tables(document), document["notes"] or ([] if document["types"] else [NO_VEHICLES]))
 
 
 @application.command()
@@ -96,8 +96,9 @@ def raw(
 def _print_vehicles(store: "Store", json: str | None, sentences: list[str]) -> None:
     """Print vehicles as a table with sentences under it, as JSON, or both."""
     from sprung import tables
-    from sprung.monitor.desk import vehicles_document
+    from sprung.monitor.desk import NO_VEHICLES, vehicles_document
 
     document = vehicles_document(store)
     if write_result(document, json):
-        show(tables.vehicles_table(document) if document["vehicles"] else ["no vehicles yet"], sentences)
+        table = tables.vehicles_table(document, now=time.time_ns())
+        show(table if document["vehicles"] else [NO_VEHICLES], sentences)

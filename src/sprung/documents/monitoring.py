@@ -53,9 +53,12 @@ class VehicleEntry(Document):
 
     vehicle: str
     windows: int
+    learnt: int | None
+    needed: int | None
     baseline: int | None
     health_index: float
     last_seen: int
+    data_until: int | None
     modes: dict[str, Pair] | tuple[dict[str, Any], ...] | None
     state: str
 

@@ -4,6 +4,7 @@
 """
 
 from sprung.link.blocks import Block, FrameBlock, frame_block, joined
+from sprung.link.certificates import common_name
 from sprung.link.frame import (
     CLIPPED,
     MISSING,
@@ -53,6 +54,7 @@ __all__ = [
     "VersionError",
     "check_vehicle",
     "checked_map",
+    "common_name",
     "decode",
     "encode",
     "frame_block",

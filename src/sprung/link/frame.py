@@ -114,6 +114,11 @@ class Frame:
             )
 
     @property
+    def is_time_known(self) -> bool:
+        """Whether the time is that of the measurement."""
+        return self.time_status != TIME_UNKNOWN
+
+    @property
     def n_samples(self) -> int:
         """Number of samples of each channel."""
         return int(self.counts.shape[1])

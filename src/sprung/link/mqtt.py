@@ -129,7 +129,7 @@ class Link:
         self._is_connected = threading.Event()
         # Connected, or certain that another attempt would fail like the first.
         self._is_decided = threading.Event()
-        self._problem = self._refusal = ""
+        self._problem = self._refusal = self._rejection = ""
         self._is_closed = False
         self._client = self._made(self._mqtt.MQTTv311 if address.version == "3" else self._mqtt.MQTTv5)
 
@@ -140,8 +140,15 @@ class Link:
 
     @property
     def problem(self) -> str:
-        """Known reason why there is no connection, and what to do; empty if there is one."""
-        return self._problem
+        """Known reason why there is no connection, or why the broker refuses messages; empty if all is well."""
+        if self._problem or not self._rejection:
+            return self._problem
+        return f"the broker {self._address} refuses messages: {self._rejection}"
+
+    @property
+    def is_rejected(self) -> bool:
+        """Whether the broker refused a message, as when a vehicle's name is not that of its certificate."""
+        return bool(self._rejection)
 
     def open(self, *, timeout: float = 0.0, is_patient: bool = False) -> None:
         """Start connecting, and wait up to a time [s] for the connection.
@@ -219,7 +226,7 @@ class Link:
             self._problem = self._refusal
             self._is_decided.set()
             return
-        self._problem = self._refusal = ""
+        self._problem = self._refusal = self._rejection = ""
         for name in self._topics:
             client.subscribe(name, qos=1)
         self._is_connected.set()
@@ -258,9 +265,9 @@ class Link:
         return f"the broker {self._address} cannot be reached: {why}"
 
     def _published(self, _client: Any, _data: Any, _number: int, reason: Any, _properties: Any) -> None:
-        """Record that the broker refused a message, as when a vehicle's name is not that of its certificate."""
+        """Record that the broker refused a message, until the next connection."""
         if reason.is_failure:
-            self._problem = f"the broker refuses messages: {reason}"
+            self._rejection = str(reason)
 
 
 def _why(error: BaseException | None) -> str:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, replace
+from typing import Any
 
 from sprung.alerting import (
     Alert,
@@ -18,7 +19,7 @@ from sprung.alerting import (
 )
 from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
 from sprung.documents import detectable_document, finding_document
-from sprung.monitor.engine import Observed
+from sprung.monitor.engine import Observed, fault_in_words
 from sprung.storage import AlertRow, Store
 
 #: Severity of a failing sensor, of a silent vehicle, and of a problem of the monitor itself.
@@ -84,7 +85,7 @@ class AlertBook:
         """Store the new state of an alert, and the notification about it, if there is one."""
         if transition.what == "none":
             return
-        notify = asdict(message_of(transition.alert, transition)) if transition.is_notified else None
+        notify = _notification(transition) if transition.is_notified else None
         history = (transition.what, transition.who, transition.comment)
         self._store.alerts.put(row_of(transition.alert), history=history, notify=notify, now=now)
 
@@ -111,6 +112,13 @@ def row_of(alert: Alert) -> AlertRow:
     return AlertRow(**fields, document=json.loads(json.dumps(inner, default=str)))
 
 
+def _notification(transition: Transition) -> dict[str, Any]:
+    """Return the notification about an event as the store keeps it: its picture is drawn when it is sent."""
+    fields = asdict(message_of(transition.alert, transition))
+    del fields["picture"]
+    return fields
+
+
 def _first_of_each_channel(faults: Iterable[SensorFault]) -> list[SensorFault]:
     """Return the first fault of each channel."""
     return list({fault.channel: fault for fault in reversed(list(faults))}.values())
@@ -118,8 +126,7 @@ def _first_of_each_channel(faults: Iterable[SensorFault]) -> list[SensorFault]:
 
 def _of_sensor(vehicle: str, fault: SensorFault) -> Report:
     """Return the report of a sensor fault."""
-    text = f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}"
-    return Report(vehicle, f"sensor:{fault.channel}", _SENSOR, text, {"kind": fault.kind})
+    return Report(vehicle, f"sensor:{fault.channel}", _SENSOR, fault_in_words(fault), {"kind": fault.kind})
 
 
 def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:

@@ -11,12 +11,14 @@ from typing import Any
 
 from sprung._checks import check_number
 from sprung.alerting import (
+    STEPS,
     AlertSettings,
     Transition,
     acknowledged,
     assigned,
     commented,
     health_index,
+    severity_step,
     shelved,
     state_name,
     unshelved,
@@ -25,7 +27,15 @@ from sprung.documents import fleet_document
 from sprung.errors import ParameterError
 from sprung.monitor.alert_book import AlertBook, alert_of
 from sprung.monitor.fleets import rankings
+from sprung.monitor.workers import VehicleStatus
 from sprung.storage import AlertRow, Store
+from sprung.tables import alert_history_table, counted, time_in_words
+
+#: What to do where no vehicle has sent.
+NO_VEHICLES = (
+    "no vehicles yet: start sprung box on a vehicle, or sprung replay FILE --vehicle-id ID --vehicle V.toml, with "
+    "--broker of the monitor"
+)
 
 
 def alerts_document(store: Store, *, vehicle: str | None = None, is_complete: bool = False) -> dict[str, Any]:
@@ -60,6 +70,29 @@ def history_document(store: Store, number: int) -> dict[str, Any]:
     rows = [asdict(row) for row in store.alerts.history(number)]
     history = [{name: value for name, value in row.items() if name not in {"id", "alert"}} for row in rows]
     return {"schema": "sprung.alert-history/1", "number": number, "history": history}
+
+
+def alert_in_words(store: Store, number: int) -> str | None:
+    """Return an alert, its history and what can be done as lines of text; None if there is no alert of that number."""
+    row = next((row for row in store.alerts.find() if row.id == number), None)
+    if row is None:
+        return None
+    history = alert_history_table(history_document(store, number)).rows
+    lines = [
+        f"Alert {number} of {row.vehicle}: {state_name(alert_of(row))}",
+        "",
+        row.text,
+        f"Cause: {row.cause}",
+        f"Severity: {row.severity} of 1000 ({STEPS[severity_step(row.severity)]})",
+        f"Raised: {time_in_words(row.raised)} UTC (time {row.count})",
+        *([f"Assigned to: {row.assignee}"] if row.assignee else []),
+        "",
+        "History (UTC)",
+        *(f"{time}  {event}, by {who}{': ' if comment else ''}{comment}" for time, event, who, comment in history),
+        "",
+        f"On the machine of the monitor: sprung alerts ack {number}, or shelve, assign, comment",
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def acknowledge(store: Store, number: int, *, who: str, comment: str = "", now: int) -> None:
@@ -185,26 +218,35 @@ def ranking_document(store: Store, *, rate: float = 0.05) -> dict[str, Any]:
 
 def vehicle_summary(store: Store, vehicle: str, last_seen: int) -> dict[str, Any]:
     """Return windows, baseline, health index, modes and state of a vehicle, as in `sprung.vehicles/1`."""
-    observations = store.results.observations(vehicle)
-    baselines = store.results.baselines(vehicle)
+    results = store.results
+    n_windows, last = results.n_observations(vehicle), results.observations(vehicle, limit=1)
+    reports = [] if last else [row.document for row in results.modes(vehicle) if row.document.get("is_on_board")]
+    baselines = results.baselines(vehicle)
     active = [alert_of(row) for row in store.alerts.find(vehicle=vehicle, is_active=True)]
-    reports = [entry.document for entry in store.results.modes(vehicle) if entry.document.get("is_on_board")]
-    last = observations[-1].document if observations else None
-    modes = last["modes"] if last else reports[-1]["modes"] if reports else None
-    state = "; ".join(alert.text for alert in active)
-    if not state and reports and not observations:
-        state = f"identifies on board: {len(reports)} windows of modes"
-    if not state:
-        state = "learning" if not baselines else (last["reason"] if last and last["reason"] else "no alert")
+    stored = results.status(vehicle)
+    status = None if stored is None else VehicleStatus(**stored)
+    doing = _doing(status, n_reports=len(reports), is_new=not (baselines or active))
     return {
         "vehicle": vehicle,
-        "windows": len(observations),
+        "windows": n_windows,
+        "learnt": None if status is None else status.n_learnt,
+        "needed": None if status is None else status.n_needed,
         "baseline": baselines[-1].version if baselines else None,
         "health_index": health_index(active),
         "last_seen": last_seen,
-        "modes": modes,
-        "state": state,
+        "data_until": None if status is None else status.until,
+        "modes": last[0].document["modes"] if last else reports[-1]["modes"] if reports else None,
+        "state": "; ".join([*(alert.text for alert in active), *([doing] if doing else [])]) or "no alert",
     }
+
+
+def _doing(status: VehicleStatus | None, *, n_reports: int, is_new: bool) -> str:
+    """Return what the monitor does with the data of a vehicle; empty where it assesses them as usual."""
+    if n_reports:
+        return f"identifies on board: {counted(n_reports, 'window')} of modes"
+    if status is not None:
+        return status.in_words
+    return "learning: no samples analysed yet" if is_new else ""
 
 
 def _entry(row: AlertRow, state: str) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from sprung.diagnosis import (
     Diagnosis,
     Observation,
     ResidualStatistics,
+    SensorFault,
     TypeBaseline,
     TypeDetector,
     diagnosis_of,
@@ -34,6 +35,7 @@ from sprung.errors import DataError, ParameterError, SprungError
 from sprung.identification import METHODS, IdentificationSettings
 from sprung.link import Block, joined
 from sprung.monitor.completion import Completion
+from sprung.monitor.repeats import Repeats
 from sprung.recording import Channel, Gap, Recording
 from sprung.signals.harmonics import Harmonic, harmonic_from_dict
 from sprung.vehicles import Vehicle, vehicle_from_text, vehicle_text
@@ -180,6 +182,9 @@ class VehicleMonitor:
     The first three windows of a learning decide whether the vehicle file is calibrated (`Completion`). If so, the
     learning begins anew with the windows that follow, in terms of the completed file, which the baseline keeps and
     which serves from then on.
+
+    Samples that were analysed before, as when a recording is replayed again, are passed over (`Repeats`), until a new
+    learning or another vehicle file makes them count again.
     """
 
     def __init__(
@@ -208,11 +213,17 @@ class VehicleMonitor:
         self._diagnosis: Diagnosis | None = None
         self._note = ""
         self._harmonics: tuple[Harmonic, ...] | None = None
+        self._repeats = Repeats()
 
     @property
     def vehicle(self) -> Vehicle:
         """Vehicle as its file describes it, or as completed by calibration."""
         return self._vehicle
+
+    @property
+    def settings(self) -> MonitorSettings:
+        """Settings of the monitoring."""
+        return self._settings
 
     @property
     def baseline(self) -> Baseline | None:
@@ -260,8 +271,18 @@ class VehicleMonitor:
 
     @property
     def note(self) -> str:
-        """Reason why the last window was inconclusive, or limits of the baseline; empty otherwise."""
+        """Why the last window was inconclusive or not learnt from, or limits of the baseline; empty otherwise."""
         return self._note
+
+    @property
+    def until(self) -> int | None:
+        """Time after the last sample, UTC ns; None before the first."""
+        return self._repeats.end
+
+    @property
+    def repeated(self) -> float:
+        """Duration of the samples that arrived last and were analysed before [s]; 0 after new ones."""
+        return self._repeats.repeated
 
     def update(self, block: Block) -> tuple[Event, ...]:
         """Add samples and return the events that they complete.
@@ -275,9 +296,11 @@ class VehicleMonitor:
         Returns
         -------
         tuple of Identified or Observed
-            Events in order of time.
+            Events in order of time; none for samples that were analysed before.
         """
         events: list[Event] = []
+        if self._repeats.update(block):
+            return ()
         if self._blocks and not _are_alike(block, self._blocks[-1]):
             self._blocks, self._n_samples = [], 0
         step = self._settings.identify_every * block.sampling_rate
@@ -312,6 +335,7 @@ class VehicleMonitor:
         self._reason = reason.strip()
         self._learning, self._detector, self._diagnosis = [], None, None
         self._completion = Completion(is_wanted=self._settings.calibrate)
+        self._repeats.forget()
 
     def state(self) -> dict[str, Any]:
         """Return everything that is needed to continue, as plain values and bytes."""
@@ -334,6 +358,7 @@ class VehicleMonitor:
             "completion": self._completion.state(),
             "harmonics": None if self._harmonics is None else [asdict(line) for line in self._harmonics],
             "blocks": [_stored(block) for block in self._blocks],
+            "repeats": {"file": vehicle_text(self._given), **self._repeats.state()},
         }
 
     @classmethod
@@ -386,6 +411,10 @@ class VehicleMonitor:
             lines = state["harmonics"]
             monitor._harmonics = None if lines is None else tuple(map(harmonic_from_dict, lines))
             monitor._blocks = [_restored(block) for block in state["blocks"]]
+            if "repeats" in state:
+                monitor._repeats = Repeats.from_state(state["repeats"])
+                if state["repeats"]["file"] != vehicle_text(vehicle):
+                    monitor._repeats.forget()
         except (KeyError, TypeError, ValueError) as error:
             raise ParameterError(f"the saved state is incomplete or invalid ({error}): start from scratch") from None
         monitor._n_samples = sum(block.n_samples for block in monitor._blocks)
@@ -453,7 +482,7 @@ class VehicleMonitor:
         observation = self._restored_observation(
             observation_from_document(observation_document(observed)), observed.residuals
         )
-        self._note = observation.reason
+        self._note = observation.reason or "; ".join(map(fault_in_words, observation.sensor_faults))
         learnt: Baseline | None = None
         if self._detector is None:
             if not self._complete_file(recording, observation):
@@ -547,6 +576,11 @@ def _restored_type(document: Mapping[str, Any] | None) -> TypeBaseline | None:
 def _are_alike(block: Block, last: Block) -> bool:
     """Return whether a block can continue a window."""
     return block.channels == last.channels and abs(block.sampling_rate / last.sampling_rate - 1) < 1e-6
+
+
+def fault_in_words(fault: SensorFault) -> str:
+    """Return the fault of a sensor, such as "sensor acc_fl is dead: it is constant"."""
+    return f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}"
 
 
 def _as_recording(block: Block) -> Recording:

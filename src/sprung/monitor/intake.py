@@ -1,5 +1,6 @@
 """Intake of messages from vehicles: validated, stored once, and only then acknowledged."""
 
+import logging
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -7,9 +8,11 @@ from typing import Any
 
 from sprung.errors import FormatError, ParameterError
 from sprung.link import VERSION, Header, Key, VersionError, checked_map, decode, message, parse_topic, topic
-from sprung.link.messages import count
+from sprung.link.messages import count, text
 from sprung.storage import Store, StoredFrame
 from sprung.vehicles import vehicle_from_text
+
+LOG = logging.getLogger("sprung.monitor")
 
 #: The monitor's own name among the vehicles.
 MONITOR = "monitor"
@@ -138,12 +141,16 @@ class Intake:
             self._free[vehicle] = _free_bytes(document)
         elif what == "event" and document.get("did") == "raw":
             self._keep_answer(vehicle, document)
+        elif what == "event" and document.get("did") == "misnamed":
+            raise FormatError(_misnamed(vehicle, document))
         elif what == "state":
             taken.arrived.update(self._update_state(vehicle, document, now))
 
     def _refuse(self, name: str, reason: FormatError | ParameterError) -> None:
-        """Count a refused message, remember the last reason of each topic, and announce the supported version."""
+        """Count a refused message, log the first reason of each topic, and announce the supported version."""
         self._counts["refused"] += 1
+        if name[:120] not in self._refusals:
+            LOG.warning(f"messages on {name[:120]} are refused: {reason}")
         if isinstance(reason, VersionError) and name[:120] not in self._refusals:
             request = message({Key.VERSION: VERSION, "do": "speak", "versions": [VERSION]})
             self._publish(topic(parse_topic(name)[0], "cmd"), request)
@@ -153,24 +160,24 @@ class Intake:
 
     def _describe(self, vehicle: str, document: dict[Any, Any], now: int) -> bool:
         """Store a vehicle's description, and return whether it is new."""
-        text, quantities = document.get("description"), document.get("quantities")
+        description, quantities = document.get("description"), document.get("quantities")
         configuration = document.get(Key.CONFIGURATION)
-        if not isinstance(text, str) or not isinstance(configuration, str) or not isinstance(quantities, dict):
+        if not isinstance(description, str) or not isinstance(configuration, str) or not isinstance(quantities, dict):
             raise FormatError("a description without text, configuration and quantities of the channels")
         if len(quantities) > _MOST_CHANNELS:
             raise FormatError(f"a description of {len(quantities)} channels: at most {_MOST_CHANNELS}")
         # The time to parse a key of many dotted names grows with the square of its length.
-        if len(text) > _MOST_TEXT or max(map(len, text.splitlines()), default=0) > _LONGEST_LINE:
+        if len(description) > _MOST_TEXT or max(map(len, description.splitlines()), default=0) > _LONGEST_LINE:
             raise FormatError(f"a description of more than {_MOST_TEXT} characters, or {_LONGEST_LINE} in a line")
         if any(len(name) > _LONGEST_NAME or "\0" in name for name in map(str, (configuration, *quantities))):
             raise FormatError(f"names of more than {_LONGEST_NAME} characters in a description, or with a null in them")
-        vehicle_from_text(text, source=f"the vehicle file of {vehicle}")
+        vehicle_from_text(description, source=f"the vehicle file of {vehicle}")
         channels = [[str(name), str(quantity)] for name, quantity in quantities.items()]
         inbox = self._store.inbox
         known = inbox.vehicle(vehicle)
-        if known is not None and (known.description, known.channels) == (text, channels):
+        if known is not None and (known.description, known.channels) == (description, channels):
             return False
-        inbox.put_vehicle(vehicle, configuration=configuration, description=text, channels=channels, now=now)
+        inbox.put_vehicle(vehicle, configuration=configuration, description=description, channels=channels, now=now)
         return True
 
     def _keep_answer(self, vehicle: str, document: dict[Any, Any]) -> None:
@@ -226,6 +233,15 @@ def _answer(document: dict[Any, Any]) -> tuple[int, Mapping[str, Any]]:
         if not isinstance(value, int) or not -1 <= value < 2**63:
             raise FormatError(f"an answer without number, {', '.join(_ANSWER)}")
     return int(number or 0), MappingProxyType({**answer, "reason": str(reason)[:200]})
+
+
+def _misnamed(user: str, document: dict[Any, Any]) -> str:
+    """Return the sentence about a box whose vehicle has another name than the broker knows it by."""
+    vehicle = text(document.get("vehicle"))
+    return (
+        f"a box with the certificate of {user!r} calls itself {vehicle!r}, so that the broker refuses its samples: use "
+        f"--vehicle-id {user} on the box, or give it the certificate of {vehicle}"
+    )
 
 
 def _free_bytes(document: dict[Any, Any]) -> float:

@@ -90,8 +90,17 @@ class Ledger:
                 findings=tuple(_numbered(event, finding) for event in windows for finding in _findings(event)),
                 baselines=tuple(baseline for event in windows for baseline in _baselines(event, now)),
                 snapshot=outcome.state,
+                status=outcome.status._asdict(),
+                now=now,
             )
         )
+        for event in windows:
+            if event.baseline is not None:
+                learnt = {"version": event.baseline.version, "windows": event.baseline.n_windows}
+                LOG.info("baseline learnt", extra={"vehicle": outcome.vehicle, **learnt})
+            elif outcome.status.is_learning and outcome.status.note:
+                reason = {"reason": outcome.status.note}
+                LOG.info("window not learnt from", extra={"vehicle": outcome.vehicle, **reason})
         return is_saved
 
     def update_alerts(self, vehicle: str, events: tuple[Event, ...]) -> None:
@@ -156,7 +165,14 @@ class Ledger:
         except SprungError as error:
             LOG.warning("report of a box discarded", extra={"vehicle": frame.vehicle, "reason": str(error)})
         self._store.results.commit(
-            Progress(frame.vehicle, frame.boot, done_seq=frame.seq, delete_through_seq=frame.seq, modes=modes)
+            Progress(
+                frame.vehicle,
+                frame.boot,
+                done_seq=frame.seq,
+                delete_through_seq=frame.seq,
+                modes=modes,
+                now=self._clock(),
+            )
         )
 
     def _archive(self, vehicle: str, boot: int, event: Observed) -> None:

@@ -1,6 +1,7 @@
-"""Figures of the running monitor for Prometheus, and its health, by HTTP."""
+"""Figures of the running monitor for Prometheus, its health, and its alerts, by HTTP."""
 
 import json
+import re
 import threading
 from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -36,7 +37,7 @@ def exposition(figures: Mapping[str, float]) -> str:
 
 
 class Serving:
-    """Answers /metrics and /health.
+    """Answers /metrics, /health and /alerts/NUMBER.
 
     Parameters
     ----------
@@ -46,6 +47,8 @@ class Serving:
         Function that returns those of `FIGURES`.
     troubles
         Function that returns a sentence about each trouble.
+    alert
+        Function that returns the text about the alert of a number; None if there is none.
     """
 
     def __init__(
@@ -54,8 +57,9 @@ class Serving:
         *,
         figures: Callable[[], Mapping[str, float]],
         troubles: Callable[[], list[str]],
+        alert: Callable[[int], str | None] = lambda number: None,
     ) -> None:
-        self._address, self._figures, self._troubles = address, figures, troubles
+        self._address, self._figures, self._troubles, self._alert = address, figures, troubles, alert
         self._server: ThreadingHTTPServer | None = None
         self._thread: threading.Thread | None = None
 
@@ -101,7 +105,11 @@ class Serving:
             troubles = self._troubles()
             document = {"healthy": not troubles, "troubles": troubles}
             return 503 if troubles else 200, "application/json", json.dumps(document)
-        return 404, "text/plain", "not found: /metrics and /health are served\n"
+        number = re.fullmatch(r"/alerts/(\d{1,18})", path)
+        text = None if number is None else self._alert(int(number[1]))
+        if text is not None:
+            return 200, "text/plain; charset=utf-8", text
+        return 404, "text/plain", "not found: /metrics, /health and /alerts/NUMBER are served\n"
 
     def _handler(self) -> type[BaseHTTPRequestHandler]:
         """Return the class that handles requests."""

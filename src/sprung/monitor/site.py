@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from typing import Literal, Self
+from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -162,7 +163,12 @@ class Site(_Table):
     store: str = Field(
         "sqlite:///sprung-data/sprung.sqlite", description="sqlite:///FILE or postgresql://USER@HOST/NAME"
     )
-    http: str = Field("127.0.0.1:8737", description="address of /metrics and /health")
+    http: str = Field("127.0.0.1:8737", description="address of /metrics, /health and /alerts/NUMBER")
+    url: str | None = Field(
+        None,
+        description="address at which people reach this monitor, such as https://sprung.example.org, for the links in "
+        "notifications; left out: no links",
+    )
     watch: Watch = Watch()
     alerts: Alerts = Alerts()
     keep: Keep = Keep()
@@ -186,6 +192,18 @@ class Site(_Table):
     def _is_http(cls, http: str) -> str:
         _http_address(http)
         return http
+
+    @field_validator("url")
+    @classmethod
+    def _is_url(cls, url: str | None) -> str | None:
+        parts = urlsplit(url or "http://host")
+        if parts.scheme not in {"http", "https"} or not parts.hostname:
+            raise ParameterError(f"{url!r} is not the address of a page: write it like https://sprung.example.org")
+        return url
+
+    def alert_url(self, number: int) -> str:
+        """Return the address of an alert; empty where the site has none."""
+        return "" if self.url is None else f"{self.url.rstrip('/')}/alerts/{number}"
 
     @property
     def archive(self) -> Path | None:

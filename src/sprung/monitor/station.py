@@ -9,10 +9,12 @@ from functools import partial
 
 from sprung.link import UPWARDS, VERSION, Key, Link, message, topic
 from sprung.monitor.alert_book import AlertBook
+from sprung.monitor.desk import alert_in_words
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.gate import Gate
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.ledger import Ledger
+from sprung.monitor.pictures import alert_picture
 from sprung.monitor.postman import Posting, Postman, senders_of
 from sprung.monitor.serving import Serving
 from sprung.monitor.site import Site
@@ -55,7 +57,7 @@ class Station:
         clock: Callable[[], int] = time.time_ns,
         timer: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._clock = clock
+        self._site, self._clock = site, clock
         self._messages: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._link = connect(
             topics=[topic("+", what) for what in UPWARDS],
@@ -78,14 +80,33 @@ class Station:
             clock=clock,
             timer=timer,
         )
-        self._posting = Posting(Postman(store, senders_of(site.send, self._link.publish)), clock)
-        self._serving = Serving(site.http_address, figures=self.figures, troubles=self.troubles)
+        self._postman = Postman(
+            store,
+            senders_of(site.send, self._link.publish),
+            link=site.alert_url,
+            picture=partial(alert_picture, store),
+        )
+        self._posting = Posting(self._postman, clock)
+        self._serving = Serving(
+            site.http_address, figures=self.figures, troubles=self.troubles, alert=partial(alert_in_words, store)
+        )
         self._is_resting = False
 
     @property
     def statuses(self) -> Mapping[str, VehicleStatus]:
         """Status of each vehicle after its last job."""
         return self._dispatch.statuses
+
+    @property
+    def http_address(self) -> tuple[str, int]:
+        """Host and port at which the open station answers."""
+        host, port = self._site.http_address
+        return host, self._serving.port or port
+
+    @property
+    def n_vehicles(self) -> int:
+        """Number of vehicles that have sent."""
+        return int(self._dispatch.figures["sprung_vehicles"])
 
     @property
     def is_idle(self) -> bool:
@@ -99,7 +120,7 @@ class Station:
         self._dispatch.open()
         self._posting.open()
         self._link.open(timeout=timeout)
-        LOG.info("monitoring", extra={"vehicles": int(self.figures()["sprung_vehicles"])})
+        LOG.info("monitoring", extra={"vehicles": self.n_vehicles})
 
     def run(self, is_done: Callable[[], bool]) -> None:
         """Monitor until `is_done` returns True."""
@@ -147,7 +168,7 @@ class Station:
     def troubles(self) -> list[str]:
         """Return sentences about problems of the monitor itself."""
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
-        return [sentence for sentence in (broker, self._gate.trouble) if sentence]
+        return [sentence for sentence in (broker, self._gate.trouble, *self._postman.troubles) if sentence]
 
     def _take(self) -> int:
         """Store the messages received, and return their number."""

@@ -27,6 +27,12 @@ class VehicleStatus(NamedTuple):
         Reason why the vehicle cannot be assessed at present; empty if it can.
     is_learning
         Whether windows are collected for a baseline.
+    window
+        Length of a window [s]; 0: unknown.
+    until
+        Time after the last sample, UTC ns; None before the first.
+    repeated
+        Duration of the samples that arrived last and were analysed before [s]; 0 after new ones.
     """
 
     share: float = 0.0
@@ -34,6 +40,22 @@ class VehicleStatus(NamedTuple):
     n_needed: int = 0
     note: str = ""
     is_learning: bool = False
+    window: float = 0.0
+    until: int | None = None
+    repeated: float = 0.0
+
+    @property
+    def in_words(self) -> str:
+        """What is learnt so far and what the last samples were good for; empty where nothing needs to be said."""
+        parts = [f"learning: {self.n_learnt} of {self.n_needed} windows"] if self.is_learning else []
+        if self.note:
+            parts.append(f"last window: {self.note}")
+        if self.is_learning and self.share:
+            length = self.window / 60
+            parts.append(f"{self.share * length:.1f} of the {length:g} min of the next window have arrived")
+        if self.repeated:
+            parts.append(f"the last {self.repeated / 60:.1f} min were analysed before and do not count again")
+        return "; ".join(parts)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -310,12 +332,22 @@ def analyse(
         for payload in frames:
             events += monitor.update(frame_block(decode(payload), quantities))
             consumed += 1
+            is_changed = is_changed or monitor.repeated > 0  # nothing else would ever remove these frames
             if any(isinstance(event, Observed) for event in events):
                 is_changed = True
                 break
     except Exception as error:  # an error in one vehicle must not stop the others
-        return Outcome(vehicle, consumed, (), None, VehicleStatus(), f"{type(error).__name__}: {error}")
-    status = VehicleStatus(monitor.buffered, *monitor.learning, monitor.note, monitor.is_learning)
+        reason = str(error) if isinstance(error, SprungError) else f"{type(error).__name__}: {error}"
+        return Outcome(vehicle, consumed, (), None, VehicleStatus(), reason)
+    status = VehicleStatus(
+        monitor.buffered,
+        *monitor.learning,
+        monitor.note,
+        monitor.is_learning,
+        monitor.settings.window,
+        monitor.until,
+        monitor.repeated,
+    )
     return Outcome(vehicle, consumed, tuple(events), _cbor().dumps(monitor.state()) if is_changed else None, status)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation
+from sprung.diagnosis.findings import time_in_words
 from sprung.errors import ParameterError
 from sprung.plotting.corners import corner_bars
 from sprung.plotting.style import FAINT, HALF_WIDTH_95, INK, MODE_COLOURS, NORMAL, SMALL, new_figure, plain
@@ -107,7 +108,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         np.sqrt(np.diag(spread)),
         is_identifiable=np.ones(len(mean), dtype=np.bool_),
         heading=(
-            f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {since / 60:.0f} min",
+            f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {time_in_words(since)}",
             "95 % intervals: thick: independent scatter; thin: with common effects; arrow: goes on",
         ),
         by_chance=np.sqrt(np.diag(own)),

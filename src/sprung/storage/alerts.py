@@ -66,6 +66,14 @@ class Alerts:
                 connection.execute(NOTIFICATIONS.insert(), message)
         return replace(row, id=identity, updated=now)
 
+    def record(self, alert_id: int, what: str, comment: str, *, now: int) -> None:
+        """Add an event to the history of an alert that leaves the alert as it is."""
+        of_alert = ALERTS.c.id == alert_id
+        entry = {"alert": alert_id, "time": now, "what": what, "who": "", "comment": comment}
+        with self._database.writing() as connection:
+            after = connection.execute(select(ALERTS.c.assignee, ALERTS.c.shelved_until).where(of_alert)).mappings()
+            connection.execute(ALERT_HISTORY.insert(), entry | dict(after.one()))
+
     def history(self, alert_id: int) -> list[HistoryRow]:
         """Return the history of an alert, oldest event first."""
         query = select(ALERT_HISTORY).where(ALERT_HISTORY.c.alert == alert_id).order_by(ALERT_HISTORY.c.id)

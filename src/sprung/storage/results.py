@@ -6,8 +6,8 @@ from sqlalchemy import Connection, Table, and_, delete, func, not_, select, upda
 
 from sprung.errors import ParameterError
 from sprung.storage.database import Database
-from sprung.storage.rows import BaselineRow, Entry, Numbered, Progress, Snapshot
-from sprung.storage.schema import BASELINES, CURSORS, FINDINGS, FRAMES, MODES, OBSERVATIONS, SNAPSHOTS
+from sprung.storage.rows import BaselineRow, Document, Entry, Numbered, Progress, Snapshot
+from sprung.storage.schema import BASELINES, CURSORS, FINDINGS, FRAMES, MODES, OBSERVATIONS, SNAPSHOTS, STATUSES
 
 
 class Results:
@@ -32,7 +32,7 @@ class Results:
         StoreError
             If the store cannot write; nothing is stored then.
         """
-        of_boot = {"vehicle": progress.vehicle, "boot": progress.boot}
+        of_boot = {"vehicle": progress.vehicle, "boot": progress.boot, "stored": progress.now}
         with self._database.writing() as connection:
             _mark_done(connection, progress)
             self._add(connection, OBSERVATIONS, [of_boot | _numbered(entry) for entry in progress.observations])
@@ -46,6 +46,8 @@ class Results:
             self._add(connection, BASELINES, rows)
             if progress.snapshot is not None:
                 self._put_snapshot(connection, progress, progress.snapshot)
+            if progress.status is not None:
+                self._put_status(connection, progress.vehicle, progress.status)
 
     def observations(
         self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
@@ -60,6 +62,18 @@ class Results:
     def findings(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
         """Return the findings on a vehicle in order of time, from `since` on, at most the last `limit`."""
         return self._entries(FINDINGS, vehicle, since, limit)
+
+    def n_observations(self, vehicle: str) -> int:
+        """Return the number of observations of a vehicle."""
+        query = select(func.count()).where(OBSERVATIONS.c.vehicle == vehicle)
+        with self._database.reading() as connection:
+            return connection.scalar(query) or 0
+
+    def status(self, vehicle: str) -> Document | None:
+        """Return the progress of the analysis of a vehicle; None before the first."""
+        query = select(STATUSES.c.document).where(STATUSES.c.vehicle == vehicle)
+        with self._database.reading() as connection:
+            return connection.scalar(query)
 
     def baselines(self, vehicle: str) -> list[BaselineRow]:
         """Return the baselines of a vehicle, the present one last."""
@@ -84,6 +98,11 @@ class Results:
         row = self._database.insert(SNAPSHOTS).values(vehicle=progress.vehicle, **values)
         is_behind = and_(SNAPSHOTS.c.boot == progress.boot, SNAPSHOTS.c.seq > progress.done_seq)
         connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=values, where=not_(is_behind)))
+
+    def _put_status(self, connection: Connection, vehicle: str, document: Document) -> None:
+        """Store the progress of a vehicle."""
+        row = self._database.insert(STATUSES).values(vehicle=vehicle, document=document)
+        connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_={"document": document}))
 
     def _entries(
         self, table: Table, vehicle: str, since: int | None, limit: int | None, *, until: int | None = None

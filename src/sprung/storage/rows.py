@@ -133,6 +133,10 @@ class Progress:
         Version, time, reason and document of each new baseline.
     snapshot
         State after `done_seq`; None: not stored.
+    status
+        Progress of the analysis for people, any JSON; None: not stored.
+    now
+        Present time, from which the age of the results counts; 0: from their t0 on.
 
     Raises
     ------
@@ -149,6 +153,8 @@ class Progress:
     findings: tuple[Numbered, ...] = ()
     baselines: tuple[tuple[int, int, str, Document], ...] = ()
     snapshot: bytes | None = None
+    status: Document | None = None
+    now: int = 0
 
     def __post_init__(self) -> None:
         check_count("boot", self.boot)

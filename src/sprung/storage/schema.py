@@ -110,6 +110,7 @@ def _entries(name: str, *more: Column[object]) -> Table:
         *more,
         Column("t0", _INTEGER, nullable=False),
         Column("document", Json, nullable=False),
+        Column("stored", _INTEGER, nullable=False, server_default="0"),
         Index(f"{name}_in_time", "vehicle", "t0"),
     )
 
@@ -137,6 +138,9 @@ SNAPSHOTS = Table(
     Column("seq", _INTEGER, nullable=False),
     Column("document", LargeBinary, nullable=False),
 )
+
+#: Progress of the analysis of each vehicle, for people.
+STATUSES = Table("statuses", METADATA, _key("vehicle", Text), Column("document", Json, nullable=False))
 
 ALERTS = Table(
     "alerts",

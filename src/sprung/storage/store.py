@@ -91,16 +91,23 @@ class Store:
         self._database.close()
 
     def delete_older(self, before: int) -> int:
-        """Delete observations and modes that begin before a time, notifications sent and commands done before it.
+        """Delete what is older than a time: observations and modes, notifications sent, and commands done before it.
+
+        Parameters
+        ----------
+        before
+            Time, UTC ns. Observations and modes count from when they were stored or from their t0, whichever is later,
+            so that those of an old recording that is replayed stay.
 
         Returns
         -------
         int
             Number of rows deleted. A file of SQLite keeps its size and reuses the space.
         """
-        times = (OBSERVATIONS.c.t0, MODES.c.t0, NOTIFICATIONS.c.sent, COMMANDS.c.done)
+        rules = [delete(table).where(table.c.t0 < before, table.c.stored < before) for table in (OBSERVATIONS, MODES)]
+        rules += [delete(time.table).where(time < before) for time in (NOTIFICATIONS.c.sent, COMMANDS.c.done)]
         with self._database.writing() as connection:
-            return sum(connection.execute(delete(time.table).where(time < before)).rowcount for time in times)
+            return sum(connection.execute(rule).rowcount for rule in rules)
 
 
 def open_store(url: str) -> Store:

@@ -28,11 +28,12 @@ from sprung.tables.identification import (
 )
 from sprung.tables.inspection import inspection_in_words, inspection_table, true_modes_table
 from sprung.tables.monitoring import alert_history_table, alerts_table, vehicles_table
-from sprung.tables.table import Table, span_in_words, time_in_words, with_deviation
+from sprung.tables.table import Table, age_in_words, span_in_words, time_in_words, with_deviation
 from sprung.tables.tracking import tracks_in_words, tracks_notes, tracks_table
 
 __all__ = [
     "Table",
+    "age_in_words",
     "alert_history_table",
     "alerts_table",
     "baseline_in_words",

@@ -3,7 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from sprung.tables.table import Table, time_in_words
+from sprung.tables.table import Table, age_in_words, time_in_words
+
+#: Events of the notification of an alert, in words.
+_DELIVERIES = {"undelivered": "not delivered", "delivered": "delivered", "abandoned": "abandoned"}
 
 
 def alerts_table(document: Mapping[str, Any]) -> Table:
@@ -33,26 +36,41 @@ def alert_history_table(document: Mapping[str, Any]) -> Table:
     return Table("", ("time (UTC)", "event", "by", "comment"), rows, n_words=3)
 
 
-def vehicles_table(document: Mapping[str, Any]) -> Table:
-    """Return the table of the vehicles in a `sprung.vehicles/1`."""
+def vehicles_table(document: Mapping[str, Any], *, now: int) -> Table:
+    """Return the table of the vehicles in a `sprung.vehicles/1`; `now` (UTC ns) is the time that ages count from."""
     rows = tuple(
         (
             vehicle["vehicle"],
             str(vehicle["windows"]),
             "none" if vehicle["baseline"] is None else f"version {vehicle['baseline']}",
-            f"{vehicle['health_index']:.0f}",
-            time_in_words(vehicle["last_seen"]),
+            _health(vehicle),
+            age_in_words(vehicle["last_seen"], now=now),
+            "" if vehicle["data_until"] is None else _time_and_age(vehicle["data_until"], now=now),
             vehicle["state"],
         )
         for vehicle in document["vehicles"]
     )
-    return Table("", ("vehicle", "windows", "baseline", "health (of 100)", "last seen (UTC)", "state"), rows)
+    columns = ("vehicle", "windows", "baseline", "health (of 100)", "last message", "data until (UTC)", "state")
+    return Table("", columns, rows)
+
+
+def _health(vehicle: Mapping[str, Any]) -> str:
+    """Return the health index; a vehicle without baseline and alert is not known to be sound."""
+    is_known = vehicle["baseline"] is not None or vehicle["health_index"] < 100
+    return f"{vehicle['health_index']:.0f}" if is_known else "unknown"
+
+
+def _time_and_age(time: int, *, now: int) -> str:
+    """Return a time, in a second line its age."""
+    return f"{time_in_words(time)}\n{age_in_words(time, now=now)}"
 
 
 def _event_in_words(entry: Mapping[str, Any]) -> str:
     """Return what happened to an alert."""
     if entry["what"] == "assigned":
         return f"assigned to {entry['assignee'] or 'nobody'}"
+    if entry["what"] in _DELIVERIES:
+        return f"notification {_DELIVERIES[entry['what']]}"
     return _state_in_words(entry["what"], entry["shelved_until"])
 
 

@@ -6,6 +6,9 @@ from datetime import UTC, datetime
 
 from sprung.errors import ParameterError
 
+#: Units of ages: name, length, and shortest age in it [s].
+_UNITS = (("days", 86400.0, 172800.0), ("h", 3600.0, 7200.0), ("min", 60.0, 60.0))
+
 
 @dataclass(frozen=True, slots=True)
 class Table:
@@ -72,6 +75,22 @@ def with_deviation(value: float, deviation: float) -> str:
 def time_in_words(time: int) -> str:
     """Return a time (UTC ns) to the minute, such as "2026-11-21 08:30"."""
     return f"{datetime.fromtimestamp(time / 1e9, tz=UTC):%Y-%m-%d %H:%M}"
+
+
+def age_in_words(time: int, *, now: int) -> str:
+    """Return how long ago a time is (both UTC ns), in one unit.
+
+    Examples
+    --------
+    >>> [age_in_words(-seconds * 10**9, now=0) for seconds in (5, 90, 7200, 86400 * 3, -300)]
+    ['just now', '2 min ago', '2 h ago', '3 days ago', 'in 5 min']
+    """
+    seconds = abs(now - time) / 1e9
+    for name, length, least in _UNITS:
+        if seconds >= least:
+            words = f"{seconds / length:.0f} {name}"
+            return f"{words} ago" if now > time else f"in {words}"
+    return "just now"
 
 
 def span_in_words(begin: int, end: int) -> str:

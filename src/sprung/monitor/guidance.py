@@ -1,0 +1,52 @@
+"""What an operator reads when the monitor starts: where it listens, where results are, and what to do next."""
+
+from sprung.link import Address
+from sprung.monitor.site import Site, embedded_port
+from sprung.storage import check_address
+
+
+def start_in_words(site: Site, broker: Address, *, http: tuple[str, int], n_vehicles: int) -> list[str]:
+    """Return sentences about a monitor that has just started.
+
+    Parameters
+    ----------
+    site
+        Settings of the monitor.
+    broker
+        Address of its broker.
+    http
+        Host and port at which it answers.
+    n_vehicles
+        Number of vehicles in the store.
+    """
+    is_embedded = embedded_port(site.broker) is not None
+    store = check_address(site.store).render_as_string(hide_password=True).replace("+psycopg", "")
+    page = f"http://{f'[{http[0]}]' if ':' in http[0] else http[0]}:{http[1]}"
+    where = f" --store {store}" if site.store != Site().store else ""
+    return [
+        f"boxes reach this monitor at {broker}" + (" (own broker, for this machine only)" if is_embedded else ""),
+        f"health: {page}/health, figures for Prometheus: {page}/metrics",
+        f"store: {store}; {_samples(site)}",
+        _recipients(site),
+        f"next: sprung vehicles{where} shows the progress of {n_vehicles} known vehicle{'s'[: n_vehicles != 1]}"
+        if n_vehicles
+        else "next: connect a box (sprung box --help), or replay a recording: sprung replay FILE --vehicle-id ID "
+        f"--vehicle V.toml --broker {broker}; then sprung vehicles{where} shows the progress",
+    ]
+
+
+def _samples(site: Site) -> str:
+    """Return where samples are kept, and how long."""
+    if site.archive is None:
+        return "samples are not kept"
+    return f"samples of the last {site.keep.raw_days:g} days: {site.archive}"
+
+
+def _recipients(site: Site) -> str:
+    """Return who is notified of alerts."""
+    hooks, mails = len(site.send.webhook), [address for mail in site.send.mail for address in mail.recipients]
+    if not hooks and not mails:
+        return "alerts go to this log and to MQTT only: add [[send.mail]] or [[send.webhook]] to the site file"
+    parts = [f"mail to {', '.join(mails)}"] if mails else []
+    parts += [f"{hooks} webhook{'s'[: hooks != 1]}"] if hooks else []
+    return f"alerts go to this log, to MQTT, and by {' and '.join(parts)}: test it with sprung monitor --test-senders"
