@@ -208,7 +208,7 @@ def test_refined_frequencies_of_records_without_noise_are_closer_than_those_of_t
     found = [cov_ssi(run, settings=IdentificationSettings(harmonics=())) for run in runs]
     complete = [result for result in found if len(result.modes) == 3]
     assert len(complete) >= 38
-    before = np.array([result.refinement.start.natural_frequency for result in complete]) / truth - 1
+    before = np.array([refinement_of(result).start.natural_frequency for result in complete]) / truth - 1
     after = np.array([result.modes.natural_frequency for result in complete]) / truth - 1
     deviations = np.array([result.modes.natural_frequency_std for result in complete]) / truth
     assert np.all(np.sqrt(np.mean(after**2, axis=0)) < 1.05 * np.sqrt(np.mean(before**2, axis=0)))
