@@ -13,6 +13,7 @@ from sprung.modal import Modes, mac, unit_shapes
 from sprung.recording import Channel, Gap
 from sprung.signals.cepstrum import Exponential, ShortPass
 from sprung.simulation import simulate, usual_excitation
+from sprung.vehicles import chain
 
 RATE = 1000.0
 FREQUENCY, DAMPING = np.array([3.0, 3.06, 7.0]), np.array([0.01, 0.012, 0.02])
@@ -193,3 +194,23 @@ def test_shapes_agree_with_the_identified_ones(runs) -> None:
     assert np.diag(mac(identified.modes.mode_shapes, refinement_of(identified).start.mode_shapes)) == pytest.approx(
         np.ones(3), abs=0.01
     )
+
+
+@pytest.mark.slow
+def test_refined_frequencies_of_records_without_noise_are_closer_than_those_of_the_subspace() -> None:
+    """Of 40 records, far below whose first mode the forces' hold is all that the accelerations show."""
+    system = chain()
+    truth = system.modes().natural_frequency
+    runs = [
+        simulate(system, usual_excitation(system), duration=60.0, sampling_rate=500.0, seed=seed)
+        for seed in range(1, 41)
+    ]
+    found = [cov_ssi(run, settings=IdentificationSettings(harmonics=())) for run in runs]
+    complete = [result for result in found if len(result.modes) == 3]
+    assert len(complete) >= 38
+    before = np.array([refinement_of(result).start.natural_frequency for result in complete]) / truth - 1
+    after = np.array([result.modes.natural_frequency for result in complete]) / truth - 1
+    deviations = np.array([result.modes.natural_frequency_std for result in complete]) / truth
+    assert np.all(np.sqrt(np.mean(after**2, axis=0)) < 1.05 * np.sqrt(np.mean(before**2, axis=0)))
+    assert np.all(np.sqrt(np.mean((after / deviations) ** 2, axis=0)) < 1.25)  # 1 within 2.3 standard deviations
+    assert abs(np.mean(after[:, 2])) < 0.002  # 0.0028 with frequencies far below the first mode

@@ -20,6 +20,9 @@ _EXPONENTS = {"displacement": 0.0, "angle": 0.0, "strain": 0.0, "velocity": 1.0,
 _USUAL_EXPONENT = 2.0
 #: Bands around the modes in half-power half-widths, widest first: the widest in which the model fits is used.
 _REACHES = (np.inf, 30.0, 12.0)
+#: Lowest frequency of a band over that of its lowest mode. Far below it accelerations fall with the square of the
+#: frequency, until a delay between channels or of the forces, drift and tilt matter, which the model does not hold.
+_LOWEST_OF_MODE = 0.6
 #: Most modes that are fitted together.
 _MOST_TOGETHER = 5
 #: Width of the bins over the half-width of the nearest mode, and over the distance from it.
@@ -168,6 +171,7 @@ def _fit(modes: Modes, chosen: Indices, reach: float, observed: Observed) -> Fit
     frequencies, half_widths = modes.natural_frequency, modes.damping_ratio * modes.natural_frequency
     low = np.min(frequencies[chosen] - reach * half_widths[chosen])
     high = np.max(frequencies[chosen] + reach * half_widths[chosen])
+    low = max(low, _LOWEST_OF_MODE * frequencies[chosen[0]])
     data, channels = observed.spectra, observed.channels
     inside = data.take((low <= data.frequencies) & (data.frequencies <= high))
     if not inside.frequencies.size:
