@@ -9,9 +9,10 @@ SOURCE = Path(__file__).parents[2] / "src" / "sprung"
 
 #: From the ground up; the same picture as in docs/architecture.md.
 FLOORS = (
-    ("errors", "_arrays"),
+    ("errors", "_arrays", "_display"),
     ("_checks",),
     ("recording", "modal", "units", "toml"),
+    ("channel_names",),
     ("formats", "signals"),
     ("vehicles",),
     ("excitation", "likelihood"),
@@ -34,7 +35,7 @@ ONLY_IN = {
     **{key: {"storage"} for key in ("sqlalchemy", "alembic", "psycopg", "sqlite3")},
     "paho": {"link"},
     "can": {"box"},
-    "cantools": {"box"},
+    **{key: {"formats"} for key in ("cantools", "asammdf", "nptdms", "idelib", "dwdatareader", "pymseed")},
 }
 
 

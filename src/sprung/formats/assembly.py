@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sprung._arrays import Booleans, Indices, Real
+from sprung.channel_names import identified, mapping_in_words, read_name_table
 from sprung.errors import DataError, FormatError, ParameterError
 from sprung.formats.settings import TIME_UNITS, ReadSettings
 from sprung.formats.table import Block, Table
@@ -58,7 +59,7 @@ def limited(table: Table, settings: ReadSettings) -> Table:
     FormatError
         As raised by `time_columns.timed`.
     """
-    table = replace(timed(table, settings), bridge=settings.bridge)
+    table = _named(replace(timed(table, settings), bridge=settings.bridge), settings)
     if settings.start is None and settings.end is None:
         return table
     begin, end, origin = _part(table, settings)
@@ -67,6 +68,22 @@ def limited(table: Table, settings: ReadSettings) -> Table:
         return table.blocks(begin + first, end if last is None else min(end, begin + last))
 
     return replace(table, blocks=blocks, times=None, start=None if table.start is None else table.start + origin)
+
+
+def _named(table: Table, settings: ReadSettings) -> Table:
+    """Return the table with what the names of its channels state and the file does not."""
+    rules = read_name_table(settings.names)
+    columns, notes = [], []
+    for column in table.columns:
+        channel = Channel(column.name, column.quantity)
+        named, factor, rule = identified(channel, rules)
+        if rule is None or column.unit:
+            columns.append(column)
+            continue
+        notes.append(mapping_in_words(channel, rule))
+        quantity, factor = named.quantity, column.factor * factor
+        columns.append(replace(column, quantity=quantity, factor=factor, direction=named.direction))
+    return replace(table, columns=tuple(columns), notes=(*table.notes, *notes))
 
 
 def _part(table: Table, settings: ReadSettings) -> tuple[int, int, int]:
@@ -241,7 +258,13 @@ class _Assembler:
         self._facts = facts
         self._clock = facts.clock
         self._channels = tuple(
-            Channel(column.name, column.quantity, comment=column.comment, calibration=column.calibration)
+            Channel(
+                column.name,
+                column.quantity,
+                direction=column.direction,
+                comment=column.comment,
+                calibration=column.calibration,
+            )
             for column in table.columns
         )
         self._factors = np.array([[column.factor] for column in table.columns])

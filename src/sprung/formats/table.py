@@ -35,7 +35,7 @@ class Column:
     """Channel of a file: its heading, its name, its quantity, and the factor to SI units.
 
     `unit` is a stated unit that is not in `sprung.units`: values stay as they are. `comment` and `calibration` are as
-    stated in the file.
+    stated in the file, `direction` is that of a name that means an axis of the vehicle.
     """
 
     heading: str
@@ -45,6 +45,7 @@ class Column:
     unit: str = ""
     comment: str = ""
     calibration: str = ""
+    direction: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
