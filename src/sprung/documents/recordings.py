@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from sprung.documents.document import Computed, Document, Pair, checked, read_fields, write_document
+from sprung.documents.document import Document, Pair, checked, read_fields, write_document
 from sprung.documents.modes import ExactMode
 from sprung.signals.inspection import ChannelFacts, Inspection
 
@@ -22,15 +22,7 @@ class FileFacts(Document):
     """Facts about a recording: an `Inspection` with the path of its file."""
 
     path: str
-    channels: tuple[
-        Annotated[
-            ChannelFacts,
-            Computed("is_dead", "boolean"),
-            Computed("is_clipped", "boolean"),
-            Computed("is_stuck", "boolean"),
-        ],
-        ...,
-    ]
+    channels: tuple[ChannelFacts, ...]
     sampling_rate: float
     n_samples: int
     duration: float

@@ -253,7 +253,7 @@ class ClockFit:
         if np.any(steps < 0):
             row = rows[np.argmax(steps < 0)]
             raise FormatError(
-                f"{self._place} {row}: time runs backwards: sort the rows, split the file there or state --sampling-rate"
+                f"{self._place} {row}: time runs backwards: sort the rows, split the file or state --sampling-rate"
             )
         repeated = np.flatnonzero(steps == 0)
         if repeated.size and not self._n_repeated:
