@@ -3,15 +3,7 @@ import pytest
 
 from sprung.errors import DataError
 from sprung.recording import Channel, Gap, Recording
-from sprung.signals.inspection import (
-    clipped_share,
-    constant_value,
-    equal_runs,
-    inspect,
-    inspect_blocks,
-    missing_share,
-    stuck_runs,
-)
+from sprung.signals.inspection import inspect, inspect_blocks
 
 
 def recording(*rows, **fields):
@@ -77,33 +69,6 @@ def test_a_condition_that_rests_is_neither_clipped_nor_stuck_nor_dead(channel) -
     assert absent.is_dead
     (motion,) = inspect(recording(rising)).channels
     assert (motion.is_clipped, motion.is_stuck) == (True, True)
-
-
-def test_runs_of_equal_values() -> None:
-    values = np.array([1.0, 1.0, 2.0, np.nan, np.nan, 3.0, 3.0, 3.0])
-    starts, lengths = equal_runs(values, breaks=[6])
-    assert starts.tolist() == [0, 2, 3, 4, 5, 6]
-    assert lengths.tolist() == [2, 1, 1, 1, 1, 2]
-    at_10_hz = np.concatenate([np.arange(5.0), np.full(10, 7.0), np.arange(9.0)])
-    assert [part.tolist() for part in stuck_runs(at_10_hz, 10.0)] == [[5], [10]]
-    assert stuck_runs(at_10_hz, 11.0)[0].size == 0
-    assert stuck_runs(at_10_hz, 10.0, breaks=[9])[0].size == 0
-
-
-def test_shares_of_clipped_and_missing_values() -> None:
-    assert clipped_share(np.array([0.0, 3.0, 3.0, 3.0, -1.0])) == pytest.approx(0.6)
-    assert clipped_share(np.array([0.0, 3.0, 3.0, 3.0, -1.0]), breaks=[2]) == 0
-    assert clipped_share(np.full(3, np.nan)) == 0
-    assert missing_share(np.array([1.0, np.nan, np.inf, 2.0])) == pytest.approx(0.5)
-    assert missing_share(np.zeros(0)) == 1
-
-
-def test_a_constant_within_a_tolerance() -> None:
-    assert constant_value(np.array([2.0, np.nan, 2.0])) == 2
-    rising = 2 + 1e-13 * np.arange(3.0)
-    assert constant_value(rising) is None
-    assert constant_value(rising, tolerance=1e-12) == 2
-    assert constant_value(np.full(3, np.nan)) is None
 
 
 def test_gap_ends_a_run() -> None:

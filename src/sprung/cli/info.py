@@ -1,5 +1,6 @@
 """The command `sprung info`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
         for name, settings in _parts(path, reading).items():
             with progress_bar() as report:
                 inspection = inspect_blocks(read_records([path], settings=settings, on_progress=report))
-            inspections[name] = inspection
+            inspections[name] = replace(inspection, group=settings.groups[0] if name != str(path) else None)
             if json != "-":
                 heading = f"{name}: {tables.inspection_in_words(inspection)}"
                 show(tables.inspection_table(inspection), inspection.history, heading=heading)
@@ -36,11 +37,10 @@ def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
 
 def _parts(path: Path, reading: "ReadSettings") -> "dict[str, ReadSettings]":
     """Return what is inspected of a file, by its name: the file, or each group where they do not share a clock."""
-    from dataclasses import replace
-
+    from sprung.documents.recordings import group_label
     from sprung.formats import groups
 
     found = groups(path, reading)
     if reading.groups or reading.channels is not None or len({group.clock for group in found}) == 1:
         return {str(path): reading}
-    return {f"{path}, group {group.name!r}": replace(reading, groups=(group.name,)) for group in found}
+    return {f"{path}{group_label(group.name)}": replace(reading, groups=(group.name,)) for group in found}

@@ -14,7 +14,7 @@ from sprung.identification.correlation import correlate_segments
 from sprung.identification.subspace import block_hankel
 from sprung.recording import Recording
 from sprung.signals.conditioning import decimate
-from sprung.signals.inspection import CONDITIONS
+from sprung.signals.data_faults import CONDITIONS
 from sprung.vehicles.usable import usable
 
 #: Share of the block Hankel matrix' energy that the model order explains.

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
 from sprung._checks import check_type
-from sprung.documents.document import Computed, Document, Pair, checked, read_fields, write_document
+from sprung.documents.document import Document, Pair, checked, read_fields, write_document
 from sprung.documents.modes import ExactMode
 from sprung.signals.inspection import ChannelFacts, Inspection
 
@@ -23,15 +23,7 @@ class FileFacts(Document):
     """Facts about a recording: an `Inspection` with the path of its file."""
 
     path: str
-    channels: tuple[
-        Annotated[
-            ChannelFacts,
-            Computed("is_dead", "boolean"),
-            Computed("is_clipped", "boolean"),
-            Computed("is_stuck", "boolean"),
-        ],
-        ...,
-    ]
+    channels: tuple[ChannelFacts, ...]
     sampling_rate: float
     n_samples: int
     duration: float
@@ -39,6 +31,7 @@ class FileFacts(Document):
     gap_duration: float
     start: int | None
     history: tuple[str, ...]
+    group: str | None = None
 
 
 class TrueValue(Document):
@@ -91,18 +84,26 @@ class TruthDocument(Document):
     noise_band: Pair | None = None
 
 
+def group_label(group: str | None) -> str:
+    """Return what follows the path of a file in the name of one of its groups; nothing for the whole file."""
+    return "" if group is None else f", group {group!r}"
+
+
 def inspection_document(inspections: Mapping[str, Inspection]) -> InspectionDocument:
     """Return facts about recordings as `sprung.info/1`.
 
     Parameters
     ----------
     inspections
-        Facts by the path of the file.
+        Facts by the path of the file, followed by `group_label`.
     """
     check_type("inspections", inspections, Mapping, advice="{'run.csv': sprung.inspect(recording)}")
     files = [
-        {"path": path, **{name: getattr(inspection, name) for name in FileFacts.model_fields if name != "path"}}
-        for path, inspection in inspections.items()
+        {
+            "path": name.removesuffix(group_label(inspection.group)),
+            **{key: getattr(inspection, key) for key in FileFacts.model_fields if key != "path"},
+        }
+        for name, inspection in inspections.items()
     ]
     return InspectionDocument.model_validate({"schema": "sprung.info/1", "files": files})
 
@@ -113,7 +114,7 @@ def write_inspections(inspections: Mapping[str, Inspection], path: str | Path) -
     Parameters
     ----------
     inspections
-        Facts by the path of the recording.
+        Facts by the path of the recording, followed by `group_label`.
     path
         File to write; an existing one is replaced.
     """
@@ -131,7 +132,7 @@ def read_inspections(path: str | Path) -> dict[str, Inspection]:
     Returns
     -------
     dict
-        Facts by the path of the recording.
+        Facts by the path of the recording, followed by `group_label`.
 
     Raises
     ------
@@ -141,7 +142,10 @@ def read_inspections(path: str | Path) -> dict[str, Inspection]:
         If it holds something else.
     """
     document = checked(InspectionDocument, read_fields(path), source=str(path))
-    return {file.path: Inspection(**{name: value for name, value in file if name != "path"}) for file in document.files}
+    return {
+        f"{file.path}{group_label(file.group)}": Inspection(**{key: value for key, value in file if key != "path"})
+        for file in document.files
+    }
 
 
 def truth_document(truth: Mapping[str, Any]) -> TruthDocument:

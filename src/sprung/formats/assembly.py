@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sprung._arrays import Booleans, Indices, Real
 from sprung.channel_names import identified, mapping_in_words, read_name_table
 from sprung.errors import DataError, FormatError, ParameterError
+from sprung.formats.bridging import bridged, said
 from sprung.formats.settings import TIME_UNITS, ReadSettings
 from sprung.formats.table import Block, Table
 from sprung.formats.time_columns import stated_unit, timed
@@ -24,6 +25,11 @@ from sprung.recording import Channel, Gap, Recording
 
 # Largest number that counts as measured; the squares of larger ones might overflow.
 _LARGEST = 1e100
+# Relative difference of a stated rate and that of the time column up to which they agree, and rate [Hz] below which a
+# clock is doubted.
+_AGREEMENT, _SLOW = 0.01, 0.5
+# Fewest rows whose slow clock is doubted.
+_FEWEST_ROWS = 20
 # A channel with fewer values than this share of the rows is dead.
 _ALIVE_SHARE = 0.5
 # Rows around the end of a block that are used again with the next one, the reach of splines and medians.
@@ -34,12 +40,16 @@ _REACH = 1000
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Survey:
-    """Facts about all rows: living channels, scale and advance of time, and the first lines of the history."""
+    """Facts about all rows: living channels, scale and advance of time, and the first lines of the history.
+
+    `is_overruled` says that the stated sampling rate takes the place of a clock that contradicts itself.
+    """
 
     alive: Booleans
     scale: TimeScale | None
     clock: Clock
     history: tuple[str, ...]
+    is_overruled: bool = False
 
 
 def limited(table: Table, settings: ReadSettings) -> Table:
@@ -137,22 +147,52 @@ def survey(table: Table, blocks: Iterable[Block], *, sampling_rate: float | None
     n_rows = 0
     counts = np.zeros(len(table.columns), dtype=int)
     scale = None
+    doubt = ""
     fit = ClockFit(f"{table.path}, {table.row_word}")
     for block in blocks:
         has_value = _values_present(table, block)
         rows = has_value.any(axis=0)
         n_rows += int(rows.sum())
         counts += has_value.sum(axis=1)
-        if block.stamps is None or not rows.any():
+        if block.stamps is None or not rows.any() or doubt:
             continue
         scale = scale or time_scale(block.stamps[rows], time_unit(table))
         stamps = block.stamps[rows]
         numbers = block.first_row + np.flatnonzero(rows)
-        fit.update(_seconds(table, stamps, numbers, scale), numbers, rounding=scale.rounding(stamps))
+        try:
+            fit.update(_seconds(table, stamps, numbers, scale), numbers, rounding=scale.rounding(stamps))
+        except (DataError, FormatError) as error:
+            doubt = _doubt(error, sampling_rate)
     alive = _alive(table, counts, n_rows)
-    clock = fit.clock() if scale else Clock(stated, 1 / stated)
-    _check_agreement(table, clock, stated)
-    return Survey(alive, scale, clock, tuple(_history(table, clock, scale, counts, n_rows)))
+    clock = Clock(stated, 1 / stated)
+    if scale and not doubt:
+        try:
+            clock = fit.clock()
+        except (DataError, FormatError) as error:
+            doubt = _doubt(error, sampling_rate)
+    if not doubt and sampling_rate is not None:
+        doubt = _disagreement(table, clock, sampling_rate)
+    if doubt:
+        clock = Clock(stated, 1 / stated)
+    elif table.time_heading is not None:
+        _check_agreement(table, clock, stated)
+    history = _history(table, _history_of_clock(clock, scale, doubt, n_rows), counts, n_rows)
+    return Survey(alive, scale, clock, tuple(history), is_overruled=bool(doubt))
+
+
+def _doubt(error: Exception, sampling_rate: float | None) -> str:
+    """Return what a clock that contradicts itself is doubted for; raise it where no sampling rate overrules."""
+    if sampling_rate is None:
+        raise error
+    return str(error).rsplit(": ", 1)[0]
+
+
+def _disagreement(table: Table, clock: Clock, stated: float) -> str:
+    """Return what is doubtful in a clock that the stated rate contradicts; empty if it agrees, or is a clean clock."""
+    if abs(stated / clock.sampling_rate - 1) <= _AGREEMENT or not (clock.is_coarse or clock.sampling_rate < _SLOW):
+        return ""
+    why = "but several rows share a stamp" if clock.is_coarse else "which is hardly that of a measurement of motion"
+    return f"{table.path}: {table.time_heading!r} advances at {clock.sampling_rate:.4g} Hz, {why}"
 
 
 def _stated_rate(table: Table, sampling_rate: float | None) -> float:
@@ -218,14 +258,14 @@ def _alive(table: Table, counts: Indices, n_rows: int) -> Booleans:
 
 def _check_agreement(table: Table, clock: Clock, stated: float) -> None:
     """Raise if the stated rate differs by more than 1 % from that of the time column; NaN: no rate is stated."""
-    if abs(stated / clock.sampling_rate - 1) > 0.01:
+    if abs(stated / clock.sampling_rate - 1) > _AGREEMENT:
         raise ParameterError(
             f"{table.path}: sampling_rate={stated:g} contradicts the time column {table.time_heading!r}, which "
             f"advances at {clock.sampling_rate:.6g} Hz: leave --sampling-rate out or correct the column"
         )
 
 
-def _history(table: Table, clock: Clock, scale: TimeScale | None, counts: Indices, n_rows: int) -> Iterator[str]:
+def _history(table: Table, of_clock: Iterable[str], counts: Indices, n_rows: int) -> Iterator[str]:
     """Yield the history of reading, line by line."""
     yield f"read {table.path.name}: {len(table.columns)} channels, {n_rows} rows"
     for column in table.columns:
@@ -233,11 +273,21 @@ def _history(table: Table, clock: Clock, scale: TimeScale | None, counts: Indice
             yield f"{column.name}: unit {column.unit!r} is unknown, values as in the file"
         if column.quantity != "unknown" and column.factor != 1:
             yield f"{column.name}: values times {column.factor:.6g} give {column.quantity.replace('_', ' ')} in SI"
-    yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
+    yield from of_clock
     yield from table.notes
     for column, count in zip(table.columns, counts, strict=True):
         if count < _ALIVE_SHARE * n_rows:
             yield f"{column.name}: dead, values in {count} of {n_rows} rows"
+
+
+def _history_of_clock(clock: Clock, scale: TimeScale | None, doubt: str, n_rows: int) -> Iterator[str]:
+    """Yield what the history says of the clock."""
+    if doubt:
+        yield f"{clock.sampling_rate:g} Hz as stated, in place of a clock that contradicts itself ({doubt})"
+    else:
+        yield clock.describe() if scale else f"no time column: {clock.sampling_rate:g} Hz as stated"
+    if scale and n_rows >= _FEWEST_ROWS and clock.sampling_rate < _SLOW:
+        yield f"is {clock.sampling_rate:.3g} Hz right? if not, state the sampling rate or the unit of the time column"
 
 
 def assemble(table: Table, blocks: Iterable[Block], facts: Survey) -> Iterator[Recording]:
@@ -268,39 +318,51 @@ class _Assembler:
             for column in table.columns
         )
         self._factors = np.array([[column.factor] for column in table.columns])
-        self._first_row: int | None = None
+        self._n_rows = 0
         self._seconds: Real = np.empty(0)
         self._samples: Real = np.empty((len(self._channels), 0))
         self._n_done = 0
         self._next_time: float | None = None
         self._n_cut = 0
+        self._bridged: dict[float, float] = {}
 
     def update(self, block: Block, *, is_last: bool) -> Recording | None:
         """Add the next rows; return the recording that they complete, None if there is none."""
         self._append(block)
         n_rows = self._seconds.size
-        gaps = find_gaps(self._seconds, self._clock)
+        gaps = self._gaps()
         gaps = gaps[gaps > self._n_done]
         end = n_rows if is_last else max(self._n_done, _quiet_end(gaps, n_rows))
         if end <= self._n_done:
             return None
-        make = self._resample if self._clock.is_resampled else self._take_rows
-        recording = make(gaps, end)
+        recording = self._resample(gaps, end) if self._clock.is_resampled else self._take_rows(gaps, end)
         self._forget(gaps, end)
-        return recording
+        return bridged(recording, self._table.bridge) if self._table.bridge else recording
+
+    def _gaps(self) -> Indices:
+        """Return the rows before which time is missing; without short ones where splines pass over them."""
+        gaps = find_gaps(self._seconds, self._clock)
+        if not self._clock.is_resampled or not self._table.bridge:
+            return gaps
+        missing = self._seconds[gaps] - self._seconds[gaps - 1] - self._clock.interval
+        is_short = missing <= self._table.bridge
+        self._bridged |= {
+            float(self._seconds[gap]): float(length)
+            for gap, length in zip(gaps[is_short], missing[is_short], strict=True)
+        }
+        return gaps[~is_short]
 
     def _append(self, block: Block) -> None:
         """Add the rows in which every living channel has a value."""
         present = ~np.isnan(block.values)
         whole = present[self._facts.alive].all(axis=0)
         self._n_cut += int(present.any(axis=0).sum() - whole.sum())
-        if self._first_row is None:
-            self._first_row = block.first_row
-        if self._facts.scale and block.stamps is not None:
+        if self._facts.scale and block.stamps is not None and not self._facts.is_overruled:
             seconds = self._facts.scale.seconds(block.stamps[whole])
         else:
-            rows = block.first_row - self._first_row + np.flatnonzero(whole)
+            rows = self._n_rows + np.flatnonzero(whole)
             seconds = rows.astype(np.float64) * self._clock.interval
+        self._n_rows += block.n_rows
         self._seconds = np.concatenate([self._seconds, seconds])
         self._samples = np.concatenate([self._samples, block.values[:, whole] * self._factors], axis=1)
 
@@ -346,6 +408,8 @@ class _Assembler:
         history = list(self._facts.history)
         if self._n_cut:
             history.append(f"{self._n_cut} rows cut in which a channel has no value")
+        if self._bridged:
+            history.append(said(len(self._bridged), sum(self._bridged.values())))
         origin = self._origin()
         least = 0.25 * self._clock.interval
         self._n_cut = 0

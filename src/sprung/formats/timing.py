@@ -40,6 +40,8 @@ _UNSTEADY_STEP = 0.1
 _FEWEST_SAMPLES_PER_GAP = 20
 # Stamps that repeat the one before in at least this share of rows come in bursts.
 _BURST_SHARE = 0.1
+# Fewest bursts that give a rate.
+_FEWEST_BURSTS = 30
 # Number of samples within which the drift of a clock does not matter; over a day it does.
 _PIECE = 1 << 16
 # Delayed stamps crowd, and splines through crowded samples oscillate; smallest distance of two stamps in intervals.
@@ -122,6 +124,8 @@ class Clock:
         were sampled.
     is_resampled
         Whether the samples must be brought onto a uniform grid.
+    is_coarse
+        Whether many rows have the stamp of the row before.
     """
 
     sampling_rate: float
@@ -131,6 +135,7 @@ class Clock:
     jitter_max: float = 0.0
     in_bursts: bool = False
     is_resampled: bool = False
+    is_coarse: bool = False
 
     @property
     def interval(self) -> float:
@@ -247,7 +252,9 @@ class ClockFit:
         steps = np.diff(seconds, prepend=self._last)
         if np.any(steps < 0):
             row = rows[np.argmax(steps < 0)]
-            raise FormatError(f"{self._place} {row}: time runs backwards: sort the rows or split the file there")
+            raise FormatError(
+                f"{self._place} {row}: time runs backwards: sort the rows, split the file or state --sampling-rate"
+            )
         repeated = np.flatnonzero(steps == 0)
         if repeated.size and not self._n_repeated:
             self._first_repeated = int(rows[repeated[0]])
@@ -300,11 +307,17 @@ class ClockFit:
         interval = self._moment / self._spread if self._spread else self._pace.interval
         rms = float(np.sqrt(self._squares / max(1, self._n_fitted)))
         is_uniform = rms <= max(JITTER_LIMIT * interval, _ROUNDING_LIMIT * self._resolution)
-        in_bursts = not is_uniform and self._n_repeated >= _BURST_SHARE * self._n_stamps
+        is_coarse = self._n_repeated >= _BURST_SHARE * self._n_stamps
+        in_bursts = is_coarse and not is_uniform
         if self._n_repeated and not is_uniform and not in_bursts:
             raise FormatError(
                 f"{self._place} {self._first_repeated} repeats the time of the row before: give every row its own "
-                "time, or remove the time column and state --sampling-rate"
+                "time, or state --sampling-rate"
+            )
+        if is_coarse and self._n_stamps - self._n_repeated < _FEWEST_BURSTS:
+            raise DataError(
+                f"{self._place}s up to the last: {self._n_stamps} rows share {self._n_stamps - self._n_repeated} time "
+                "stamps, too few for a rate: state --sampling-rate"
             )
         return Clock(
             sampling_rate=neat_rate(interval, self._uncertainty(interval)),
@@ -314,6 +327,7 @@ class ClockFit:
             jitter_max=self._largest / interval,
             in_bursts=in_bursts,
             is_resampled=not is_uniform and not in_bursts,
+            is_coarse=is_coarse,
         )
 
     def _uncertainty(self, interval: float) -> float:
@@ -373,7 +387,7 @@ def _first_pace(seconds: Real, coarseness: float) -> Clock:
     span = min(64, steps.size)
     interval = float(np.median(seconds[span:] - seconds[:-span])) / span
     if interval == 0:
-        raise DataError("most rows share one time stamp: remove the time column and state --sampling-rate")
+        raise DataError("most rows share one time stamp: state --sampling-rate")
     return Clock(1 / interval, float(np.median(steps[steps >= interval])))
 
 

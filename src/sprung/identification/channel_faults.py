@@ -6,11 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sprung.recording import Recording
-from sprung.signals.inspection import ChannelFacts, inspect, stuck_runs
+from sprung.signals.data_faults import REST_DURATION, REST_RUN_SHARE, stuck_runs
+from sprung.signals.inspection import ChannelFacts, inspect
 
-#: A run of one value counts as dead from this duration [s] and this share of the record on: shorter ones may come from
-#: a coarse resolution.
-_DEAD_DURATION, _DEAD_SHARE = 2.0, 0.01
 #: A channel that is dead for more than this share of a record is left out, and of others only the dead parts.
 _MOSTLY_DEAD = 0.5
 
@@ -56,10 +54,10 @@ def without_dead_parts(recording: Recording, outputs: Sequence[str]) -> tuple[Re
     facts = inspect(recording.select(list(outputs))).channels
     samples, faults = recording.samples, []
     for fact in facts:
-        if fact.is_dead or not (fact.is_clipped or fact.is_stuck or fact.n_values < recording.n_samples):
+        if fact.is_dead or not (fact.is_clipped or fact.stuck or fact.n_values < recording.n_samples):
             continue
         row = recording.index(fact.name)
-        dead = _dead_samples(recording, row) if fact.is_stuck else np.zeros(0, dtype=np.intp)
+        dead = _dead_samples(recording, row) if fact.stuck else np.zeros(0, dtype=np.intp)
         share = dead.size / recording.n_samples
         if dead.size and share <= _MOSTLY_DEAD:
             samples = samples.copy() if samples is recording.samples else samples
@@ -111,7 +109,7 @@ def _dead_samples(recording: Recording, row: int) -> np.ndarray[tuple[int], np.d
     """Return the indices of the samples in long runs of one value."""
     breaks = [gap.index for gap in recording.gaps]
     starts, lengths = stuck_runs(recording.samples[row], recording.sampling_rate, breaks=breaks)
-    shortest = max(_DEAD_DURATION * recording.sampling_rate, _DEAD_SHARE * recording.n_samples)
+    shortest = max(REST_DURATION * recording.sampling_rate, REST_RUN_SHARE * recording.n_samples)
     is_long = lengths >= shortest
     runs = [np.arange(start, start + n) for start, n in zip(starts[is_long], lengths[is_long], strict=True)]
     return np.concatenate(runs) if runs else np.zeros(0, dtype=np.intp)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sprung._arrays import Real
-from sprung.signals.inspection import equal_runs
+from sprung.signals.data_faults import equal_runs
 
 #: Samples on each side that an interpolated one is computed from, and the shape of their Kaiser window: flat within
 #: 0.01 % up to 0.85 of half the sampling rate.

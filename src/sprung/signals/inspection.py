@@ -1,28 +1,30 @@
-"""Facts about a recording: levels, dead, clipped and stuck channels, gaps.
+"""Facts about a recording: levels and faults of its channels, gaps."""
 
-Dead, stuck, clipped and missing are defined here only; callers with other thresholds pass them as arguments.
-"""
-
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from sprung._arrays import Indices, Real
+from sprung._arrays import Booleans, Real
 from sprung._checks import check_type
 from sprung._display import Savable, Tabular, counted, in_short, listed
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
-
-#: Quantities that are conditions of the motion, not motion: they may stay at a value, even at their highest one.
-CONDITIONS = ("speed", "temperature", "pressure")
-#: Smallest number of consecutive samples at the largest or smallest value that counts as a plateau of clipping.
-_PLATEAU = 3
-#: Share of the samples in plateaus above which a channel is called clipped.
-_CLIPPED_SHARE = 1e-4
-#: Shortest duration [s] and smallest number of samples of a run of equal values that counts as stuck.
-_STUCK_DURATION, _STUCK_RUN = 1.0, 10
+from sprung.signals.data_faults import (
+    CLIPPED_SHARE,
+    DEAD_SHARE,
+    FEWEST_SPIKES,
+    ROUNDING,
+    Rest,
+    count_spikes,
+    filler,
+    is_condition,
+    moving_samples,
+    plateaus,
+    repeated_samples,
+    rest_of,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +39,28 @@ class ChannelFacts:
         Number of samples that are not missing.
     mean, rms, standard_deviation, minimum, maximum
         Levels of the values; the RMS includes the mean. None without values.
+    missing
+        Share of the samples that are missing, 0 to 1.
     clipped
         Share of the values in plateaus of at least three samples at the maximum or minimum, 0 to 1; 0 for conditions
         such as the speed, which may stay at a value.
     stuck
-        Share of the values in runs of one value for at least a second and ten samples, 0 to 1; 0 for conditions.
+        Share of the values in runs of one value for at least a second and ten samples, 0 to 1, while the vehicle moves
+        if the recording has its speed; 0 for conditions.
+    is_dead
+        Whether the channel holds no value, none in more than half of its samples, or measures motion and never changes.
+    is_half_dead, is_stuck
+        Whether the channel rests at 0, or at another value, for 2 % of the time, or for 1 % and two seconds at a
+        stretch.
+    is_clipped
+        Whether the channel is on plateaus at its limits for more than 0.03 % of its samples.
+    filler
+        Value far outside all others that repeats exactly; None without one.
+    fillers, repeated
+        Shares of the samples with that value, and in stretches of half a second or more that are exact copies of
+        earlier ones, 0 to 1.
+    n_spikes
+        Number of single samples that jump and return farther than any body can.
     """
 
     name: str
@@ -53,25 +72,31 @@ class ChannelFacts:
     standard_deviation: float | None
     minimum: float | None
     maximum: float | None
+    missing: float
     clipped: float
     stuck: float
+    is_dead: bool
+    is_half_dead: bool
+    is_stuck: bool
+    is_clipped: bool
+    filler: float | None
+    fillers: float
+    repeated: float
+    n_spikes: int
 
     @property
-    def is_dead(self) -> bool:
-        """Whether the channel holds no value, or measures motion and never changes."""
-        if self.n_values == 0:
-            return True
-        return self.minimum == self.maximum and not is_condition(self.name, self.quantity)
-
-    @property
-    def is_clipped(self) -> bool:
-        """Whether the channel is on plateaus at its limits for more than 0.01 % of its samples."""
-        return not self.is_dead and self.clipped > _CLIPPED_SHARE
-
-    @property
-    def is_stuck(self) -> bool:
-        """Whether the channel repeats one value for a second or longer."""
-        return not self.is_dead and self.stuck > 0
+    def faults(self) -> tuple[str, ...]:
+        """Kinds of faults: dead, half-dead, stuck, clipped, spiking, filled, repeating."""
+        kinds = {
+            "dead": self.is_dead,
+            "half-dead": self.is_half_dead,
+            "stuck": self.is_stuck,
+            "clipped": self.is_clipped,
+            "spiking": self.n_spikes >= FEWEST_SPIKES,
+            "filled": self.fillers > 0,
+            "repeating": self.repeated > 0,
+        }
+        return tuple(kind for kind, is_present in kinds.items() if is_present)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +117,8 @@ class Inspection(Tabular, Savable):
         Time of the first sample, UTC in nanoseconds since 1970; None where unknown.
     history
         One line for each processing step, jitter of the time stamps included.
+    group
+        Group of the file, where its groups have clocks of their own; None otherwise.
     """
 
     channels: tuple[ChannelFacts, ...]
@@ -102,98 +129,14 @@ class Inspection(Tabular, Savable):
     gap_duration: float
     start: int | None
     history: tuple[str, ...]
+    group: str | None = None
 
     def __repr__(self) -> str:
         """Return the size, and the channels with faults."""
-        faults = listed(
-            f"{facts.name} {'dead' if facts.is_dead else 'clipped' if facts.is_clipped else 'stuck'}"
-            for facts in self.channels
-            if facts.is_dead or facts.is_clipped or facts.is_stuck
-        )
+        faults = listed(f"{facts.name} {' and '.join(facts.faults)}" for facts in self.channels if facts.faults)
         size = f"{self.n_samples} samples at {self.sampling_rate:.8g} Hz, {counted(self.n_gaps, 'gap')}"
         head = f"Inspection: {counted(len(self.channels), 'channel')} of {size}"
-        return in_short(head, f"faults: {faults}" if faults else "no dead, clipped or stuck channel")
-
-
-def is_condition(name: str, quantity: str) -> bool:
-    """Return whether a channel shows a condition of the motion (speed, temperature, pressure) and not motion itself.
-
-    Parameters
-    ----------
-    name, quantity
-        Name and quantity as in the recording. A channel of unknown quantity named "speed", in any case of letters,
-        is the speed.
-    """
-    return quantity in CONDITIONS or (quantity == "unknown" and name.casefold() == "speed")
-
-
-def equal_runs(values: Real, *, breaks: Sequence[int] = ()) -> tuple[Indices, Indices]:
-    """Return the start and length of every run of equal values.
-
-    Parameters
-    ----------
-    values
-        Samples of one channel, shape (samples,). A missing value (NaN) is a run of its own.
-    breaks
-        Indices at which a new run starts for any values, such as those of gaps.
-    """
-    is_start = np.ones(values.size, dtype=np.bool_)
-    is_start[1:] = np.diff(values) != 0
-    is_start[list(breaks)] = True
-    starts = np.flatnonzero(is_start)
-    return starts, np.diff(starts, append=values.size)
-
-
-def stuck_runs(values: Real, sampling_rate: float, *, breaks: Sequence[int] = ()) -> tuple[Indices, Indices]:
-    """Return the start and length of every run of one value for at least a second and ten samples.
-
-    Parameters
-    ----------
-    values, breaks
-        As for `equal_runs`.
-    sampling_rate
-        In Hz.
-    """
-    starts, lengths = equal_runs(values, breaks=breaks)
-    is_long = (lengths >= max(_STUCK_RUN, _STUCK_DURATION * sampling_rate)) & ~np.isnan(values[starts])
-    return starts[is_long], lengths[is_long]
-
-
-def clipped_share(values: Real, *, breaks: Sequence[int] = ()) -> float:
-    """Return the share of the values in plateaus of at least three samples at the maximum or minimum, 0 to 1.
-
-    Parameters
-    ----------
-    values, breaks
-        As for `equal_runs`.
-    """
-    finite = values[~np.isnan(values)]
-    if finite.size == 0:
-        return 0.0
-    minimum, maximum = float(finite.min()), float(finite.max())
-    at_minimum, at_maximum = _plateaus(values, breaks, minimum, maximum)
-    return (at_maximum + (at_minimum if minimum < maximum else 0)) / finite.size
-
-
-def missing_share(values: Real) -> float:
-    """Return the share of the values that are missing (NaN) or infinite, 0 to 1; 1 for an empty array."""
-    return 1 - np.count_nonzero(np.isfinite(values)) / values.size if values.size else 1.0
-
-
-def constant_value(values: Real, *, tolerance: float = 0.0) -> float | None:
-    """Return the value of a constant channel; None if it changes or holds no value.
-
-    Parameters
-    ----------
-    values
-        Samples of one channel, shape (samples,); missing values are ignored.
-    tolerance
-        Largest difference of any two values, relative to the largest magnitude, that counts as constant.
-    """
-    finite = values[np.isfinite(values)]
-    if finite.size == 0 or np.ptp(finite) > tolerance * np.abs(finite).max():
-        return None
-    return float(finite[0])
+        return in_short(head, f"faults: {faults}" if faults else "no faults of channels")
 
 
 def inspect(recording: Recording) -> Inspection:
@@ -233,13 +176,15 @@ def inspect_blocks(blocks: Iterable[Recording]) -> Inspection:
     total: Inspection | None = None
     tallies: list[_Tally] = []
     for block in blocks:
-        added = [_tally(values, channel, block) for values, channel in zip(block.samples, block.channels, strict=True)]
+        is_moving = moving_samples(block)
+        rows = zip(block.samples, block.channels, strict=True)
+        added = [_tally(values, channel, block, is_moving) for values, channel in rows]
         tallies = [_merged(*pair) for pair in zip(tallies, added, strict=True)] if tallies else added
         total = _extended(total, block)
     if total is None:
         raise DataError("there is nothing to inspect: the recording has no blocks")
     facts = zip(block.channels, tallies, strict=True)
-    return replace(total, channels=tuple(_facts(channel, tally) for channel, tally in facts))
+    return replace(total, channels=tuple(_facts(channel, tally, total.sampling_rate) for channel, tally in facts))
 
 
 def _extended(total: Inspection | None, block: Recording) -> Inspection:
@@ -268,8 +213,9 @@ def _extended(total: Inspection | None, block: Recording) -> Inspection:
 
 @dataclass(frozen=True, slots=True)
 class _Tally:
-    """Sums over the values of a channel; those at its extremes and in long runs are counted."""
+    """Sums over the values of a channel; those at its extremes, in long runs and with other faults are counted."""
 
+    n_samples: int = 0
     n_values: int = 0
     mean: float = 0.0
     squares: float = 0.0
@@ -277,40 +223,49 @@ class _Tally:
     maximum: float = -np.inf
     n_at_minimum: int = 0
     n_at_maximum: int = 0
-    n_stuck: int = 0
+    rest: Rest = field(default_factory=Rest)
+    rest_moving: Rest = field(default_factory=Rest)
+    filler: float | None = None
+    n_fillers: int = 0
+    n_repeated: int = 0
+    n_spikes: int = 0
 
 
-def _tally(samples: Real, channel: Channel, block: Recording) -> _Tally:
+def _tally(samples: Real, channel: Channel, block: Recording, is_moving: Booleans) -> _Tally:
     """Return the sums over one channel of a block."""
     values = samples[~np.isnan(samples)]
     if values.size == 0:
-        return _Tally()
+        return _Tally(samples.size)
     mean, minimum, maximum = float(values.mean()), float(values.min()), float(values.max())
-    levels = _Tally(values.size, mean, float(np.sum((values - mean) ** 2)), minimum, maximum)
+    levels = _Tally(samples.size, values.size, mean, float(np.sum((values - mean) ** 2)), minimum, maximum)
+    found = filler(samples) or (None, 0)
+    levels = replace(levels, filler=found[0], n_fillers=found[1])
     if is_condition(channel.name, channel.quantity):
         return levels
     breaks = [gap.index for gap in block.gaps]
-    n_at_minimum, n_at_maximum = _plateaus(samples, breaks, minimum, maximum)
-    n_stuck = int(stuck_runs(samples, block.sampling_rate, breaks=breaks)[1].sum())
-    return replace(levels, n_at_minimum=n_at_minimum, n_at_maximum=n_at_maximum, n_stuck=n_stuck)
-
-
-def _plateaus(values: Real, breaks: Sequence[int], minimum: float, maximum: float) -> tuple[int, int]:
-    """Return the number of samples in plateaus at the minimum and at the maximum."""
-    starts, lengths = equal_runs(values, breaks=breaks)
-    heads, is_plateau = values[starts], lengths >= _PLATEAU
-    return int(lengths[is_plateau & (heads == minimum)].sum()), int(lengths[is_plateau & (heads == maximum)].sum())
+    n_at_minimum, n_at_maximum = plateaus(samples, minimum, maximum, breaks=breaks)
+    return replace(
+        levels,
+        n_at_minimum=n_at_minimum,
+        n_at_maximum=n_at_maximum,
+        rest=rest_of(samples, block.sampling_rate, breaks=breaks),
+        rest_moving=rest_of(samples, block.sampling_rate, breaks=breaks, is_moving=is_moving),
+        n_repeated=repeated_samples(samples, block.sampling_rate),
+        n_spikes=count_spikes(samples),
+    )
 
 
 def _merged(first: _Tally, second: _Tally) -> _Tally:
     """Return the sums over both (means and squares after Chan, Golub and LeVeque, 1983)."""
     n_values = first.n_values + second.n_values
+    n_samples = first.n_samples + second.n_samples
     if n_values == 0:
-        return first
+        return replace(first, n_samples=n_samples)
     shift = second.mean - first.mean
     minimum, maximum = min(first.minimum, second.minimum), max(first.maximum, second.maximum)
     both = (first, second)
     return _Tally(
+        n_samples=n_samples,
         n_values=n_values,
         mean=first.mean + shift * second.n_values / n_values,
         squares=first.squares + second.squares + shift**2 * first.n_values * second.n_values / n_values,
@@ -318,11 +273,22 @@ def _merged(first: _Tally, second: _Tally) -> _Tally:
         maximum=maximum,
         n_at_minimum=sum(tally.n_at_minimum for tally in both if tally.minimum == minimum),
         n_at_maximum=sum(tally.n_at_maximum for tally in both if tally.maximum == maximum),
-        n_stuck=first.n_stuck + second.n_stuck,
+        rest=_longer(first.rest, second.rest),
+        rest_moving=_longer(first.rest_moving, second.rest_moving),
+        filler=first.filler if first.n_fillers >= second.n_fillers else second.filler,
+        n_fillers=first.n_fillers + second.n_fillers,
+        n_repeated=first.n_repeated + second.n_repeated,
+        n_spikes=first.n_spikes + second.n_spikes,
     )
 
 
-def _facts(channel: Channel, tally: _Tally) -> ChannelFacts:
+def _longer(first: Rest, second: Rest) -> Rest:
+    """Return the runs of both, with the value of the longest."""
+    longer = first if first.longest >= second.longest else second
+    return replace(longer, n_values=first.n_values + second.n_values, n_resting=first.n_resting + second.n_resting)
+
+
+def _facts(channel: Channel, tally: _Tally, sampling_rate: float) -> ChannelFacts:
     """Return the facts that the sums over a channel give."""
     if tally.n_values == 0:
         levels: dict[str, Any] = dict.fromkeys(("mean", "rms", "standard_deviation", "minimum", "maximum"))
@@ -335,13 +301,30 @@ def _facts(channel: Channel, tally: _Tally) -> ChannelFacts:
             "minimum": tally.minimum,
             "maximum": tally.maximum,
         }
+    missing = 1 - tally.n_values / max(1, tally.n_samples)
+    is_constant = tally.maximum - tally.minimum <= ROUNDING * max(abs(tally.maximum), abs(tally.minimum))
+    is_constant &= not is_condition(channel.name, channel.quantity)
+    is_dead = tally.n_values == 0 or missing > DEAD_SHARE or is_constant
+    rest = tally.rest_moving if tally.rest_moving.n_values else tally.rest
+    is_resting = not is_dead and rest.is_fault(sampling_rate)
+    is_at_zero = is_resting and rest.is_at_zero(levels["standard_deviation"])
     n_clipped = tally.n_at_maximum + (tally.n_at_minimum if tally.minimum < tally.maximum else 0)
+    clipped = n_clipped / max(1, tally.n_values)
     return ChannelFacts(
         name=channel.name,
         quantity=channel.quantity,
         unit=channel.unit,
         n_values=tally.n_values,
         **levels,
-        clipped=n_clipped / max(1, tally.n_values),
-        stuck=tally.n_stuck / max(1, tally.n_values),
+        missing=missing,
+        clipped=clipped,
+        stuck=rest.share,
+        is_dead=is_dead,
+        is_half_dead=is_at_zero,
+        is_stuck=is_resting and not is_at_zero,
+        is_clipped=not is_dead and clipped > CLIPPED_SHARE,
+        filler=tally.filler,
+        fillers=tally.n_fillers / max(1, tally.n_samples),
+        repeated=tally.n_repeated / max(1, tally.n_samples),
+        n_spikes=tally.n_spikes,
     )

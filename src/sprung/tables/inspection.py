@@ -24,7 +24,7 @@ def true_modes_table(truth: Mapping[str, Any]) -> Table:
 def inspection_table(inspection: Inspection) -> Table:
     """Return the table of the channels of a recording: levels and faults."""
     columns = ("channel", "quantity", "unit", "mean", "RMS", "lowest", "highest", "remarks")
-    return Table("", columns, tuple(_row(facts, inspection.n_samples) for facts in inspection.channels), n_words=3)
+    return Table("", columns, tuple(_row(facts) for facts in inspection.channels), n_words=3)
 
 
 def inspection_in_words(inspection: Inspection) -> str:
@@ -46,19 +46,29 @@ def _time(seconds: float) -> str:
     return f"{seconds / 60:.4g} min" if seconds < 7200 else f"{seconds / 3600:.4g} h"
 
 
-def _row(facts: ChannelFacts, n_samples: int) -> tuple[str, ...]:
+def _row(facts: ChannelFacts) -> tuple[str, ...]:
     """Return a channel's row of the table."""
     levels = (facts.mean, facts.rms, facts.minimum, facts.maximum)
     numbers = ("" if level is None else f"{level:.4g}" for level in levels)
-    return (facts.name, facts.quantity, facts.unit, *numbers, _remarks(facts, n_samples))
+    return (facts.name, facts.quantity, facts.unit, *numbers, _remarks(facts))
 
 
-def _remarks(facts: ChannelFacts, n_samples: int) -> str:
+def _remarks(facts: ChannelFacts) -> str:
     """Return the faults of a channel in words."""
     shares = {
-        "clipped": facts.clipped if facts.is_clipped else 0.0,
-        "stuck": facts.stuck if facts.is_stuck else 0.0,
-        "missing": 1 - facts.n_values / n_samples,
+        "half-dead": facts.stuck,
+        "stuck": facts.stuck,
+        "clipped": facts.clipped,
+        "filled": facts.fillers,
+        "repeating": facts.repeated,
     }
-    remarks = ["dead"] if facts.is_dead else []
-    return ", ".join(remarks + [f"{what} {100 * share:.3g} %" for what, share in shares.items() if share > 0])
+    words = {
+        "filled": f"{facts.filler or 0.0:.6g}, a filler, in",
+        "repeating": "copies of earlier stretches",
+        "spiking": f"{facts.n_spikes} spikes",
+    }
+    remarks = [
+        f"{words.get(kind, kind)} {100 * shares[kind]:.3g} %" if kind in shares else words.get(kind, kind)
+        for kind in facts.faults
+    ]
+    return ", ".join(remarks + [f"missing {100 * facts.missing:.3g} %"] * (facts.missing > 0))

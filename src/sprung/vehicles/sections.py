@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from sprung.recording import QUANTITIES, Channel
-from sprung.signals.inspection import CONDITIONS
+from sprung.signals.data_faults import CONDITIONS
 from sprung.units import conversion
 from sprung.vehicles.structure import MOTIONS
 

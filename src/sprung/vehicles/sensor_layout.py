@@ -9,8 +9,8 @@ from sprung._checks import nearest_name
 from sprung.channel_names import rule_of
 from sprung.errors import ParameterError
 from sprung.recording import Channel, Recording
+from sprung.signals.data_faults import CONDITIONS
 from sprung.signals.delays import advanced
-from sprung.signals.inspection import CONDITIONS
 from sprung.vehicles.description import Description
 from sprung.vehicles.sections import Sensor
 

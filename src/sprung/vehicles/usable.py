@@ -9,7 +9,7 @@ from sprung.channel_names import rule_of
 from sprung.errors import DataError
 from sprung.recording import Channel, Recording
 from sprung.signals.conditioning import while_moving, without_missing
-from sprung.signals.inspection import CONDITIONS, constant_value
+from sprung.signals.data_faults import CONDITIONS, ROUNDING, constant_value
 from sprung.vehicles.description import Chain, Quarter, Vehicle
 from sprung.vehicles.sensor_layout import layout_notes, with_layout
 
@@ -17,8 +17,6 @@ from sprung.vehicles.sensor_layout import layout_notes, with_layout
 _SLOWEST = 3.0
 #: Usual name of the channel with the speed.
 _SPEED = "speed"
-#: Relative variation of a constant after resampling and conversion of units: a channel within it is dead.
-_ROUNDING = 1e-12
 
 AnyVehicle = Vehicle | Quarter | Chain
 
@@ -129,7 +127,7 @@ def _check_alive(recording: Recording, outputs: Sequence[str]) -> None:
     dead: dict[str, str] = {}
     for name in outputs:
         samples = recording.samples[recording.index(name)]
-        value = constant_value(samples, tolerance=_ROUNDING)
+        value = constant_value(samples, tolerance=ROUNDING)
         if np.count_nonzero(np.isfinite(samples)) < 2:
             dead[name] = "has no values"
         elif value is not None:

@@ -8,12 +8,11 @@ import numpy as np
 
 from sprung._arrays import Booleans, Real
 from sprung.recording import Recording
+from sprung.signals.data_faults import MOVING
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 from sprung.vehicles import Sensor
 from sprung.vehicles.window import Window
 
-#: Speed above which a vehicle moves [m/s]: while it stands, sensors may well be constant.
-_MOVING = 2.0
 #: Length of segments of spectra [s], and smallest number of them for checks of spectra.
 _SEGMENT, _FEWEST_SEGMENTS = 2.048, 4
 
@@ -91,7 +90,7 @@ def channels_of_motion(window: Window) -> Channels:
     recording = window.recording
     is_moving = np.ones(recording.n_samples, dtype=np.bool_)
     if window.speed is not None:
-        is_fast = recording.samples[recording.index(window.speed)] > _MOVING
+        is_fast = recording.samples[recording.index(window.speed)] > MOVING
         is_moving = is_fast if is_fast.any() else is_moving
     carriers = {sensor.channel: _carrier(sensor) for sensor in window.vehicle.sensor}
     return Channels(recording.select(window.outputs), is_moving, tuple(carriers[name] for name in window.outputs))

@@ -9,7 +9,7 @@ from sprung.diagnosis.sensors.rigid_body import rigid_body_faults
 from sprung.diagnosis.sensors.single import clipped, dead, drifting, hum, noisy, spiking, stuck
 from sprung.errors import DataError
 from sprung.recording import Recording
-from sprung.signals.inspection import missing_share
+from sprung.signals.data_faults import missing_share
 from sprung.vehicles import Vehicle
 from sprung.vehicles.window import Window, window_of
 

@@ -5,17 +5,22 @@ A check takes channels and returns the size of the fault in words, by row of the
 
 import numpy as np
 
-from sprung._arrays import Booleans, Real
+from sprung._arrays import Real
 from sprung.diagnosis.sensors.channels import Channels
-from sprung.signals.inspection import clipped_share, missing_share, stuck_runs
-
-#: Share of missing values above which a channel is dead.
-_MISSING = 0.5
-#: Share of a window on the move above which a channel is stuck. `sprung info` shows any run of a second; a few of them,
-#: as from a slow sensor on a smooth road, are not a fault.
-_STUCK = 0.02
-#: Largest magnitude of 0, over the standard deviation.
-_ZERO = 1e-6
+from sprung.signals.data_faults import (
+    CLIPPED_SHARE,
+    DEAD_SHARE,
+    FEWEST_SPIKES,
+    NO_BODY,
+    SPIKE,
+    Rest,
+    bends,
+    clipped_share,
+    count_apart,
+    missing_share,
+    rest_of,
+    returns,
+)
 
 
 def dead(channels: Channels) -> dict[int, str]:
@@ -23,48 +28,39 @@ def dead(channels: Channels) -> dict[int, str]:
     details = {}
     for row, values in enumerate(channels.samples):
         missing = missing_share(values)
-        rest = _rest(values, channels.sampling_rate)
-        if missing > _MISSING:
+        rest = _rest(channels, row)
+        if missing > DEAD_SHARE:
             details[row] = f"{100 * missing:.0f} % of its values are missing"
-        elif rest is not None and _is_zero(rest[0], values):
-            details[row] = _rest_in_words(*rest)
+        elif rest is not None and _is_zero(rest, values):
+            details[row] = _rest_in_words(rest)
     return details
 
 
 def stuck(channels: Channels) -> dict[int, str]:
     """Find channels that rest at a value other than 0."""
-    rests = {row: _rest(values, channels.sampling_rate) for row, values in enumerate(channels.samples)}
+    rests = {row: _rest(channels, row) for row in range(len(channels.samples))}
     return {
-        row: _rest_in_words(*rest)
+        row: _rest_in_words(rest)
         for row, rest in rests.items()
-        if rest is not None and not _is_zero(rest[0], channels.samples[row])
+        if rest is not None and not _is_zero(rest, channels.samples[row])
     }
 
 
-def _rest(values: Real, sampling_rate: float) -> tuple[float, float] | None:
-    """Return the value of the longest run of a second or more, and the share of all such runs; None if it is small."""
-    finite = values[np.isfinite(values)]
-    if finite.size == 0:
-        return None
-    starts, lengths = stuck_runs(finite, sampling_rate)
-    share = float(lengths.sum() / finite.size)
-    if share < _STUCK:
-        return None
-    return float(finite[starts[np.argmax(lengths)]]), share
+def _rest(channels: Channels, row: int) -> Rest | None:
+    """Return the runs of one value of a second or more on the move; None if they are no fault."""
+    recording = channels.recording
+    breaks = [gap.index for gap in recording.gaps]
+    rest = rest_of(recording.samples[row], channels.sampling_rate, breaks=breaks, is_moving=channels.is_moving)
+    return rest if rest.is_fault(channels.sampling_rate) else None
 
 
-def _is_zero(value: float, values: Real) -> bool:
-    """Return whether a value is 0 to rounding."""
-    spread = float(np.std(values[np.isfinite(values)]))
-    return value == 0 or abs(value) <= _ZERO * max(spread, 1e-12)
+def _is_zero(rest: Rest, values: Real) -> bool:
+    """Return whether a channel rests at 0 to rounding."""
+    return rest.is_at_zero(float(np.std(values[np.isfinite(values)])))
 
 
-def _rest_in_words(value: float, share: float) -> str:
-    return f"stays at {value:.4g} for {100 * share:.0f} % of the time"
-
-
-#: Share of clipped samples above which a fit suffers; `sprung info` remarks on a third of it.
-_CLIPPED = 3e-4
+def _rest_in_words(rest: Rest) -> str:
+    return f"stays at {rest.value:.4g} for {100 * rest.share:.0f} % of the time"
 
 
 def clipped(channels: Channels) -> dict[int, str]:
@@ -72,45 +68,33 @@ def clipped(channels: Channels) -> dict[int, str]:
     breaks = [gap.index for gap in channels.recording.gaps]
     shares = [clipped_share(values, breaks=breaks) for values in channels.recording.samples]
     return {
-        row: f"{100 * share:.2g} % of its samples at the limit" for row, share in enumerate(shares) if share > _CLIPPED
+        row: f"{100 * share:.2g} % of its samples at the limit"
+        for row, share in enumerate(shares)
+        if share > CLIPPED_SHARE
     }
 
 
-#: Robust standard deviations by which a spike stands out, and smallest number of spikes that is a fault.
-_SPIKE, _FEWEST_SPIKES = 12.0, 3
-#: Samples within which a spike rings after resampling to regular time stamps.
-_ONE_SPIKE = 5
-#: Jump and return within a sample, in standard deviations of the samples: one that matters, and one that no body can
-#: perform. On a smooth road the edge of a pothole reaches 1.2.
-_MATTERS, _NO_BODY = 2.0, 6.0
+#: Jump and return within a sample that matters where other channels do not jump, in standard deviations of the samples.
+_MATTERS = 2.0
 
 
 def spiking(channels: Channels) -> dict[int, str]:
     """Find single samples that jump and return while no other channel does."""
     samples = channels.complete
-    bend = samples[:, 1:-1] - (samples[:, 2:] + samples[:, :-2]) / 2
-    sizes = bend / (1.4826 * np.median(np.abs(bend), axis=1, keepdims=True) + 1e-300)
+    every_bend, every_size = bends(samples)
     details = {}
-    for row, size in enumerate(sizes):
+    for row, (bend, size) in enumerate(zip(every_bend, every_size, strict=True)):
         peers = channels.peers(row)
         # A pothole moves all sensors; without another of its quantity, only a jump that no body performs is a spike.
-        jump = np.abs(bend[row, 1:-1]) / samples[row].std()
+        jump = np.abs(bend[1:-1]) / samples[row].std()
         if peers:
-            is_alone = (np.abs(sizes[peers, 1:-1]).max(axis=0) < 0.5 * np.abs(size[1:-1])) & (jump > _MATTERS)
+            is_alone = (np.abs(every_size[peers, 1:-1]).max(axis=0) < 0.5 * np.abs(size[1:-1])) & (jump > _MATTERS)
         else:
-            is_alone = jump > _NO_BODY
-        places = np.flatnonzero((np.abs(size[1:-1]) > _SPIKE) & _returns(size) & is_alone)
-        count = int(places.size and 1 + np.count_nonzero(np.diff(places) > _ONE_SPIKE))
-        if count >= _FEWEST_SPIKES:
+            is_alone = jump > NO_BODY
+        count = count_apart(np.flatnonzero((np.abs(size[1:-1]) > SPIKE) & returns(size) & is_alone))
+        if count >= FEWEST_SPIKES:
             details[row] = f"{count} spikes"
     return details
-
-
-def _returns(size: Real) -> Booleans:
-    """Return whether both neighbours of each inner sample bend the other way."""
-    middle = size[1:-1]
-    limit = -0.25 * middle**2
-    return np.asarray((size[:-2] * middle < limit) & (size[2:] * middle < limit))
 
 
 #: Power of a mains line over the median of its neighbourhood.

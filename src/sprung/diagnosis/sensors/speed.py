@@ -9,7 +9,7 @@ from sprung.likelihood import CornerSettings
 from sprung.likelihood.fitting import fit_windows
 from sprung.recording import Recording
 from sprung.signals.conditioning import band_pass
-from sprung.signals.inspection import equal_runs
+from sprung.signals.data_faults import equal_runs
 from sprung.vehicles.window import Window
 
 #: Duration of a constant speed after which it is doubted [s]: no driver keeps a speed exactly for as long.
