@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from sprung.errors import FormatError
-from sprung.formats import csv, mat, mdf, npz, parquet, tdms
+from sprung.formats import csv, dewesoft, ide, mat, mdf, npz, parquet, tdms
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -31,7 +31,7 @@ class Writer(Protocol):
 
 
 #: Formats that are read, the most specific first: any text may be a table.
-FORMATS = cast(tuple[Format, ...], (parquet, mat, npz, mdf, tdms, csv))
+FORMATS = cast(tuple[Format, ...], (parquet, mat, npz, mdf, tdms, ide, dewesoft, csv))
 
 #: Module that writes each ending.
 WRITERS = cast(dict[str, Writer], {".csv": csv, ".parquet": parquet, ".npz": npz, ".mat": mat})
