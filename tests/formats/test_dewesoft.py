@@ -25,6 +25,10 @@ def table_of(path, name, channels=None):
     return group.open(channels)
 
 
+def joined(table, *rows) -> Any:
+    return join(list(table.blocks(*rows)))
+
+
 def test_synchronous_channels_are_one_group_and_asynchronous_ones_stand_alone(path):
     synchronous, *others = groups(path)
     assert (synchronous.name, synchronous.headings) == ("100 Hz", ("GPSvel", "Math 0", "CNT 0"))
@@ -45,7 +49,7 @@ def test_values_are_those_of_the_library_in_si_units(path):
         stamps, speed = file["GPSvel"].scaled()
         moment = file.info.start_store_time
     np.testing.assert_allclose(recording.samples[0], speed / 3.6, rtol=1e-12)
-    np.testing.assert_allclose(join(list(table_of(path, "100 Hz").blocks())).stamps, stamps)
+    np.testing.assert_allclose(joined(table_of(path, "100 Hz")).stamps, stamps)
     assert recording.channels[0].quantity == "speed"
     assert (recording.channels[0].comment, recording.channels[0].calibration) == ("v", "0.00610351562 * raw")
     assert recording.channels[2].quantity == "displacement"
@@ -65,9 +69,9 @@ def test_channels_that_the_library_refuses_are_named(path):
 def test_any_rows_are_those_of_all_rows(path, monkeypatch):
     monkeypatch.setattr(dewesoft, "_PIECE_ROWS", 1000)
     table = table_of(path, "100 Hz", ["CNT 0", "GPSvel"])
-    whole = join(list(table.blocks()))
+    whole = joined(table)
     for first, last in ((0, 1), (990, 1010), (9579, None), (9000, 20_000)):
-        part = join(list(table.blocks(first, last)))
+        part = joined(table, first, last)
         np.testing.assert_array_equal(part.values, whole.values[:, first:last])
         np.testing.assert_array_equal(part.stamps, whole.stamps[first:last])
         assert part.first_row == first + 1

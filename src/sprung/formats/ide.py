@@ -186,9 +186,10 @@ def _table(sensor: _Sensor, channels: Sequence[str] | None) -> Table:
 def _rows(sensor: _Sensor, places: Sequence[int], first: int) -> Iterator[Block]:
     """Yield the samples of a channel block by block; blocks before the row `first` without their values."""
     with _opened(sensor.path) as document:
-        events = document.channels[sensor.channel].getSession()
-        if places:
-            _load(sensor, document, events)
+        with reported(sensor.path, "IDE file"):
+            events = document.channels[sensor.channel].getSession()
+            if places:
+                _load(sensor, document, events)
         row = 0
         for block in _blocks_of(sensor.path, document, sensor.channel):
             with reported(sensor.path, f"IDE file at sample {row + 1}"), silenced(*_LOGGERS):
@@ -210,7 +211,7 @@ def _load(sensor: _Sensor, document: Any, events: Any) -> None:
     for source in sources:
         target = document.channels[source].getSession()
         for block in _blocks_of(sensor.path, document, source):
-            with reported(sensor.path, "IDE file"), silenced(*_LOGGERS):
+            with silenced(*_LOGGERS):
                 target.append(block)
 
 
