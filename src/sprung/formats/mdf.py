@@ -39,10 +39,13 @@ _MOST_COMPRESSED = 1032
 _NUMBERS = {3: frozenset({0, 1, 2, 3, *range(9, 17)}), 4: frozenset(range(6))}
 #: Kinds of channels with one value in each record: values, masters and virtual ones.
 _KINDS = {3: frozenset({0, 1}), 4: frozenset({0, 2, 3, 6})}
+#: Kinds of channels without bytes: virtual ones.
+_WITHOUT_BYTES = {3: frozenset[int](), 4: frozenset({3, 6})}
 #: Kind of synchronisation of a master that counts time; flag of a start in local time.
 _TIME, _LOCAL_TIME = 1, 1
 #: Event of a bus that is decoded; flag of groups of events on any bus.
 _FRAMES = "CAN_DataFrame"
+_VARIABLE_LENGTH, _LONGEST_FRAME = 1, 64
 _FRAME_FIELDS = tuple(f"{_FRAMES}.{field}" for field in ("ID", "IDE", "BusChannel", "DataBytes", "DataLength"))
 _IDENTIFIER, _LARGEST_STANDARD = np.uint32(0x1FFFFFFF), 0x7FF
 _BUS_EVENT_FLAG = 2
@@ -152,6 +155,8 @@ def _records(path: Path, mdf: Any, index: int) -> _Records:
     clocks = {master} if owner == index and (has_time or rate) else set()
     is_bus = bool(getattr(group.channel_group, "flags", 0) & _BUS_EVENT_FLAG) and _generation(mdf) == 4
     numbers = [] if is_bus else [k for k in range(len(group.channels)) if k not in clocks and _is_number(mdf, group, k)]
+    for number in [*numbers, *([] if master is None or owner != index else [master])]:
+        _check_place(path, mdf, group, number)
     channels = [group.channels[k] for k in numbers]
     columns = [_column(mdf, channel, name) for channel, name in zip(channels, _names(channels), strict=True)]
     frames = [(channel.name, k) for k, channel in enumerate(group.channels) if channel.name in _FRAME_FIELDS]
@@ -175,6 +180,25 @@ def _check_size(path: Path, record_bytes: int, n_rows: int) -> None:
         raise FormatError(
             f"{path} cannot be read as MDF file (a header declares {n_rows} records of {record_bytes} bytes): check "
             "that the file is complete"
+        )
+
+
+def _check_place(path: Path, mdf: Any, group: Any, number: int) -> None:
+    """Raise if a channel lies outside the records of its group: the compiled code of asammdf does not check that."""
+    channel, generation = group.channels[number], _generation(mdf)
+    if channel.channel_type in _WITHOUT_BYTES[generation] or channel.bit_count == 0:
+        return
+    if generation == 4:
+        end = 8 * channel.byte_offset + channel.bit_offset + channel.bit_count
+    else:
+        end = channel.start_offset + 8 * getattr(channel, "additional_byte_offset", 0) + channel.bit_count
+    place = mdf._mdf._prepare_record(group)[number]
+    if place is not None:
+        end = max(end, 8 * (place[1] + place[2]))
+    if end > 8 * group.channel_group.samples_byte_nr:
+        raise FormatError(
+            f"{path} cannot be read as MDF file (channel {plain(channel.name)!r} lies outside its records): check that "
+            "the file is complete"
         )
 
 
@@ -373,9 +397,7 @@ def _frames(records: _Records, first: int = 0) -> Iterator[Frames]:
 def _frames_of(mdf: Any, records: _Records, fragment: Any, stamps: Real) -> Frames:
     """Return the CAN frames in a piece."""
     values = {
-        name.removeprefix(f"{_FRAMES}."): mdf.get(
-            group=records.index, index=number, data=fragment, raw=True, samples_only=True
-        )[0]
+        name.removeprefix(f"{_FRAMES}."): _raw(mdf, records.index, number, fragment, stamps.size)
         for name, number in records.frames
     }
     ids = values["ID"].astype(np.uint32)
@@ -384,3 +406,25 @@ def _frames_of(mdf: Any, records: _Records, fragment: Any, stamps: Real) -> Fram
     n_bytes = values.get("DataLength", np.full(stamps.size, payload.shape[1]))
     buses = values.get("BusChannel", np.zeros(stamps.size)).astype(np.uint8)
     return Frames(stamps, buses, (ids & _IDENTIFIER) | extended.astype(np.uint32) << 31, payload, n_bytes)
+
+
+def _raw(mdf: Any, group: int, number: int, fragment: Any, n_records: int) -> NDArray[Any]:
+    """Return the raw values of a channel of frames in a piece; bytes have shape (records, bytes)."""
+    if mdf.groups[group].channels[number].channel_type != _VARIABLE_LENGTH:
+        return mdf.get(group=group, index=number, data=fragment, raw=True, samples_only=True)[0]
+    # The compiled code of asammdf trusts the places of values of variable length; these check them.
+    first = mdf.groups[group].channels[number].byte_offset
+    records = np.frombuffer(fragment.data, np.uint8).reshape(n_records, -1)
+    places = records[:, first : first + 8].copy().view("<u8")[:, 0].astype(np.int64)
+    loaded = mdf._mdf._load_signal_data(
+        group=mdf.groups[group], index=number, offsets=(int(places[0]), int(places[-1]))
+    )
+    content = np.frombuffer(loaded, np.uint8)
+    places -= places[0]
+    if places.min() < 0 or places.max() + 4 > content.size:
+        raise ValueError("a place of bytes is outside the file")
+    lengths = content[places[:, None] + np.arange(4)].view("<u4")[:, 0].astype(np.int64)
+    if (places + 4 + lengths).max() > content.size:
+        raise ValueError("bytes end outside the file")
+    within = np.arange(min(int(lengths.max()), _LONGEST_FRAME))
+    return content[np.minimum(places[:, None] + 4 + within, content.size - 1)]

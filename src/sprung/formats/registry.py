@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from sprung.errors import FormatError
-from sprung.formats import csv, hdf5, lvm, mat, mdf, npz, parquet, tdms, universal
+from sprung.formats import csv, dewesoft, hdf5, ide, lvm, mat, mdf, npz, parquet, tdms, universal
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -32,10 +32,10 @@ class Writer(Protocol):
 
 
 #: Formats that are read, the most specific first: any text may be a table.
-FORMATS = cast(tuple[Format, ...], (parquet, mat, hdf5, npz, mdf, tdms, universal, lvm, csv))
+FORMATS = cast(tuple[Format, ...], (parquet, mat, hdf5, npz, mdf, tdms, ide, dewesoft, universal, lvm, csv))
 
 #: Those whose readers a file may crash: they run in a process of their own.
-FOREIGN = cast(tuple[Format, ...], (mat, hdf5, mdf, tdms, universal))
+FOREIGN = cast(tuple[Format, ...], (mat, hdf5, mdf, tdms, ide, dewesoft, universal))
 
 #: Module that writes each ending.
 WRITERS = cast(

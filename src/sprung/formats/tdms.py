@@ -38,6 +38,8 @@ _STAMPS, _DAQMX, _NO_SCALER = "TimeStamp", "DaqMxRawData", -1
 #: Seconds from 1904, from which the format counts, to 1970.
 _EPOCH = 2_082_844_800
 _LARGEST_TIME = 1 << 63
+#: Sample intervals [s] that are plausible.
+_SHORTEST, _LONGEST = 1e-12, 1e9
 _UNITS = ("unit_string", "NI_UnitDescription", "unit")
 _COMMENTS = ("description", "Description", "comment", "Comment")
 _ABOUT = ("title", "author", "project")
@@ -200,11 +202,11 @@ def _check_size(path: Path, channel: Any) -> None:
 def _waveform(properties: Mapping[str, Any]) -> tuple[float | None, int | None]:
     """Return sampling rate [Hz] and time of the first sample [UTC ns] of a waveform; None where they are not stated."""
     increment = properties.get("wf_increment")
-    if not isinstance(increment, float | int) or not 0 < increment < np.inf:
+    if not isinstance(increment, float | int) or not _SHORTEST < increment < _LONGEST:
         return None, None
     start = _nanoseconds(properties.get("wf_start_time"))
     offset = properties.get("wf_start_offset", 0.0)
-    if start is not None and isinstance(offset, float | int) and np.isfinite(offset):
+    if start is not None and isinstance(offset, float | int) and abs(offset) < _LONGEST:
         start += round(1e9 * offset)
     return 1 / increment, start
 
