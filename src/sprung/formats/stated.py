@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sprung.errors import FormatError, ParameterError
+from sprung.formats.raw import one_line
 from sprung.formats.table import Column, refuse_repeated, split_heading
 
 
@@ -53,5 +54,5 @@ def distinct(names: Sequence[str]) -> list[str]:
 
 def described(*texts: str) -> str:
     """Return texts as one comment, without empty and repeated ones."""
-    plain = (" ".join(text.split()) for text in texts)
+    plain = map(one_line, texts)
     return "; ".join(dict.fromkeys(text for text in plain if text))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
-from sprung.formats.raw import decoded, mapped
+from sprung.formats.raw import decoded, mapped, one_line
 from sprung.formats.settings import ReadSettings
 from sprung.formats.stated import chosen_indices, described
 from sprung.formats.table import Block, Column, Group, Table, reported
@@ -186,8 +186,7 @@ def _broadcast(content: bytes, order: str) -> tuple[str, tuple[str, str, int]]:
 
 def _plain(raw: bytes) -> str:
     """Return a text up to its first zero byte, in one line."""
-    text = decoded(raw.partition(b"\0")[0])
-    return " ".join("".join(character if character.isprintable() else " " for character in text).split())
+    return one_line(decoded(raw.partition(b"\0")[0]))
 
 
 def _start(date: str, time: str, samples: int, rate: float) -> int | None:
