@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from sprung.errors import FormatError
-from sprung.formats import csv, lvm, mat, npz, parquet, seismic, universal, wav
+from sprung.formats import csv, lvm, mat, npz, parquet, phone, seismic, universal, wav
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -31,7 +31,7 @@ class Writer(Protocol):
 
 
 #: Formats that are read, the most specific first: any text may be a table.
-FORMATS = cast(tuple[Format, ...], (parquet, mat, npz, universal, lvm, wav, seismic, csv))
+FORMATS = cast(tuple[Format, ...], (parquet, mat, npz, universal, lvm, wav, seismic, phone, csv))
 
 #: Module that writes each ending.
 WRITERS = cast(
