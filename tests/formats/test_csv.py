@@ -83,8 +83,7 @@ def test_packed_files(text_file, tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "two.csv.zip", "w") as archive:
         archive.writestr("a.csv", text)
         archive.writestr("b.csv", text)
-    with pytest.raises(FormatError, match="holds 2 files"):
-        read(tmp_path / "two.csv.zip")
+    assert read(tmp_path / "two.csv.zip").names == ("a_a", "b_a")
     (tmp_path / "short.csv.gz").write_bytes(gzip.compress(text * 1000)[:-20])
     with pytest.raises(FormatError, match=r"short.csv.gz"):
         read(tmp_path / "short.csv.gz")

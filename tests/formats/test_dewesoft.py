@@ -104,4 +104,4 @@ def test_other_bytes_give_a_sentence(tmp_path, content):
 def test_without_the_package_the_message_says_what_to_install(path, monkeypatch):
     monkeypatch.setitem(sys.modules, "dwdatareader", None)
     with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[dewesoft\]'"):
-        read(path)
+        dewesoft.groups(path, ReadSettings())

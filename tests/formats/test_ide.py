@@ -169,7 +169,7 @@ def test_without_the_package_the_message_says_what_to_install(path, monkeypatch)
     monkeypatch.setitem(sys.modules, "idelib.importer", None)
     monkeypatch.setitem(sys.modules, "idelib", None)
     with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[ide\]'"):
-        read(path)
+        ide.groups(path, ReadSettings())
 
 
 def test_the_logging_of_the_program_stays_as_it_is(monkeypatch):

@@ -5,6 +5,7 @@ advances. The second pass turns blocks of rows into recordings. Both need memory
 """
 
 import itertools
+import math
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -428,7 +429,8 @@ class _Assembler:
         scale, stated = self._facts.scale, self._table.start
         if scale is None or scale.start is not None or stated is None:
             return stated if scale is None else scale.start
-        return stated + round(1e9 * scale.origin * scale.factor)
+        offset = scale.origin * scale.factor
+        return stated + round(1e9 * offset) if math.isfinite(offset) else stated
 
     def _forget(self, gaps: Indices, end: int) -> None:
         """Drop the rows before `end`, except those that splines beyond it need."""

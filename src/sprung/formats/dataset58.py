@@ -16,7 +16,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
-from sprung.formats.raw import decoded, half_digit, mapped
+from sprung.formats.raw import decoded, half_digit, mapped, one_line
 
 #: Function type of a time history, and type of an abscissa of time.
 TIME_RESPONSE, TIME = 1, 17
@@ -212,9 +212,9 @@ def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[
             raise _error(path, number, f"declares {n_values} values, but holds {end - start} bytes")
     function = Function(
         number=number,
-        ids=tuple("" if line.strip() in _NONE else line.strip() for line in lines[1:6]),
+        ids=tuple("" if line.strip() in _NONE else one_line(line) for line in lines[1:6]),
         kind=kind,
-        entity="" if place[4] in _NONE else place[4],
+        entity="" if place[4] in _NONE else one_line(place[4]),
         node=_integer(place[5]),
         direction=_integer(place[6]),
         data_type=data_type,
@@ -226,7 +226,7 @@ def _function(path: Path, content: mmap.mmap, begin: int, number: int) -> tuple[
         abscissa_type=_integer(abscissa[0]),
         abscissa_unit="" if abscissa[5] in _NONE else abscissa[5],
         ordinate_type=_integer(ordinate[0]),
-        ordinate_unit="" if ordinate[5] in _NONE else ordinate[5],
+        ordinate_unit="" if ordinate[5] in _NONE else one_line(ordinate[5]),
         begin=start,
         end=end,
         binary=binary,

@@ -11,7 +11,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import FormatError
-from sprung.formats.raw import decoded, half_digit, mapped
+from sprung.formats.raw import decoded, half_digit, mapped, one_line
 from sprung.formats.settings import ReadSettings
 from sprung.formats.stated import chosen_indices, described, distinct
 from sprung.formats.table import Block, Group, Table, is_number, reported, stated_column, within
@@ -198,8 +198,8 @@ def _heading(
     if not all(is_number(text) for text in (first or "0", step or "1")):
         raise FormatError(f"{path}: channel {column[0]!r} has X0 {first!r} and Delta_X {step!r}: both must be numbers")
     return _Heading(
-        name=column[0] or f"channel_{column[2]}",
-        unit=entry("Y_Unit_Label"),
+        name=one_line(column[0]) or f"channel_{column[2]}",
+        unit=one_line(entry("Y_Unit_Label")),
         n_samples=entry("Samples"),
         step=step,
         first=float(first or 0),

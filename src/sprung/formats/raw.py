@@ -1,4 +1,4 @@
-"""Bytes of files: mapped, as text, and what the printed digits of a number show."""
+"""Bytes of files: mapped, as text in one line, and what the printed digits of a number show."""
 
 import mmap
 from collections.abc import Iterator
@@ -19,6 +19,11 @@ def decoded(raw: bytes) -> str:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         return raw.decode("latin-1")
+
+
+def one_line(text: str) -> str:
+    """Return a text as one line of printable characters."""
+    return " ".join("".join(character if character.isprintable() else " " for character in text).split())
 
 
 def half_digit(number: str) -> float:

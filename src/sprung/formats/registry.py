@@ -5,7 +5,22 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from sprung.errors import FormatError
-from sprung.formats import csv, dewesoft, hdf5, ide, lvm, mat, mdf, npz, parquet, tdms, universal
+from sprung.formats import (
+    csv,
+    dewesoft,
+    hdf5,
+    ide,
+    lvm,
+    mat,
+    mdf,
+    npz,
+    parquet,
+    phone,
+    seismic,
+    tdms,
+    universal,
+    wav,
+)
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Group, reported
 from sprung.recording import Recording
@@ -32,10 +47,13 @@ class Writer(Protocol):
 
 
 #: Formats that are read, the most specific first: any text may be a table.
-FORMATS = cast(tuple[Format, ...], (parquet, mat, hdf5, npz, mdf, tdms, ide, dewesoft, universal, lvm, csv))
+FORMATS = cast(
+    tuple[Format, ...],
+    (parquet, mat, hdf5, npz, mdf, tdms, ide, dewesoft, universal, lvm, wav, seismic, phone, csv),
+)
 
 #: Those whose readers a file may crash: they run in a process of their own.
-FOREIGN = cast(tuple[Format, ...], (mat, hdf5, mdf, tdms, ide, dewesoft, universal))
+FOREIGN = cast(tuple[Format, ...], (mat, hdf5, mdf, tdms, ide, dewesoft, universal, seismic))
 
 #: Module that writes each ending.
 WRITERS = cast(

@@ -8,6 +8,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 from sprung.errors import FormatError, ParameterError
+from sprung.formats.raw import one_line
 from sprung.formats.table import Column, split_heading
 
 #: Longest name or text that is taken from a file; damaged files may state longer ones.
@@ -85,7 +86,7 @@ def _names(column: Column) -> tuple[str, ...]:
 
 def described(*texts: str) -> str:
     """Return texts as one comment, without empty and repeated ones."""
-    lines = (" ".join(text.split()) for text in texts)
+    lines = map(one_line, texts)
     return "; ".join(dict.fromkeys(line for line in lines if line))
 
 

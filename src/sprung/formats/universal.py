@@ -25,7 +25,7 @@ from sprung.formats.dataset58 import (
     values_of,
 )
 from sprung.formats.nodes import Nodes, nodes_of
-from sprung.formats.raw import mapped
+from sprung.formats.raw import mapped, one_line
 from sprung.formats.settings import TIME_UNITS, ReadSettings
 from sprung.formats.stated import chosen_indices, described, distinct
 from sprung.formats.table import (
@@ -430,7 +430,7 @@ def _date_line(start: int | None) -> str:
 
 def _text_line(text: str) -> str:
     """Return a text as one line of at most 80 characters."""
-    plain = " ".join("".join(character if character.isprintable() else " " for character in text).split())
+    plain = one_line(text)
     return plain if len(plain) <= _WIDTH else plain[: _WIDTH - 4] + " ..."
 
 

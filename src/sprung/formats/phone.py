@@ -1,0 +1,378 @@
+"""Recordings of phones: JSON of Sensor Logger, and archives with a CSV for each sensor (Sensor Logger, phyphox)."""
+
+import csv as text_fields
+import io
+import json
+import re
+import zipfile
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePosixPath
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._arrays import Real
+from sprung.errors import FormatError
+from sprung.formats import csv
+from sprung.formats.raw import decoded, one_line
+from sprung.formats.settings import TIME_UNITS, ReadSettings
+from sprung.formats.stated import chosen_indices, described, distinct
+from sprung.formats.table import (
+    MISSING,
+    Block,
+    Column,
+    Group,
+    Table,
+    column,
+    is_time,
+    reported,
+    split_heading,
+    stated_column,
+    within,
+)
+
+NAME, EXTRA = "phone recording", None
+ENDINGS = (".json", ".zip")
+
+_RECORDS = re.compile(rb"(\xef\xbb\xbf)?\s*\[\s*\{[^{}]*\"(sensor|seconds_elapsed)\"")
+_ZIP = b"PK\x03\x04"
+_BETWEEN = re.compile(r"[\s,]*")
+_PIECE = 1 << 20
+_LONGEST_RECORD = 1 << 16
+_LARGEST_ARCHIVE = 1 << 30
+_MOST_MEMBERS = 1000
+_MOST_SENSORS = 500
+_MOST_COLUMNS = 500
+_NANOSECONDS, _SECONDS = "time", "seconds_elapsed"
+_NOT_CHANNELS = {"sensor", _NANOSECONDS, _SECONDS}
+#: Units of Sensor Logger by sensor and value; those that depend on the phone's settings are left open.
+_UNITS = {
+    **{(sensor, axis): "m/s^2" for sensor in ("accelerometer", "gravity", "totalacceleration") for axis in "xyz"},
+    **{(sensor, axis): "rad/s" for sensor in ("gyroscope", "gyroscopeuncalibrated") for axis in "xyz"},
+    **{(sensor, axis): "uT" for sensor in ("magnetometer", "magnetometeruncalibrated") for axis in "xyz"},
+    **{("orientation", angle): "rad" for angle in ("pitch", "roll", "yaw")},
+    ("location", "speed"): "m/s",
+    ("barometer", "pressure"): "mbar",
+    ("batterytemp", "temperature"): "degC",
+}
+
+
+@dataclass(slots=True)
+class _Sensor:
+    """Samples of one sensor: columns of the same length, and times (numbers of the unit, or UTC)."""
+
+    name: str
+    columns: list[Column] = field(default_factory=list)
+    values: list[Real] = field(default_factory=list)
+    time: str = "time"
+    stamps: NDArray[Any] = field(default_factory=lambda: np.empty(0))
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file begins with records of sensors, or as an archive of other members than arrays."""
+    if head.startswith(_ZIP):
+        return not head[30 : 30 + int.from_bytes(head[26:28], "little")].endswith(b".npy")
+    return _RECORDS.match(head) is not None
+
+
+def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
+    """Return the sensors of a phone, those with the same times in one group when they are read together.
+
+    JSON is read record by record, an archive member by member; the numbers are held in memory, eight bytes each.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged, a record is longer than 64 KiB, or an archive holds more than 1 GiB of text.
+    """
+    with path.open("rb") as file:
+        is_archive = file.read(4) == _ZIP
+    with reported(path, NAME):
+        if is_archive:
+            with zipfile.ZipFile(path) as archive:
+                if len(archive.infolist()) == 1:
+                    return csv.groups(path, settings)
+                sensors, comment = _archive_sensors(path, archive, _tables(path, archive))
+        else:
+            sensors, comment = _json_sensors(path)
+    sensors = [sensor for sensor in sensors if sensor.columns and sensor.stamps.size]
+    if not sensors:
+        raise FormatError(f"{path} holds no samples: no sensor has times and numbers")
+    return tuple(_group(path, name, sensor, comment) for name, sensor in _named(sensors))
+
+
+def _named(sensors: Sequence[_Sensor]) -> Iterator[tuple[str, _Sensor]]:
+    """Yield sensors with distinct names; where there are several, their channels are named after them."""
+    for name, sensor in zip(distinct([sensor.name for sensor in sensors]), sensors, strict=True):
+        if len(sensors) > 1:
+            columns = [
+                replace(each, heading=f"{name}_{each.name}", name=f"{name}_{each.name}") for each in sensor.columns
+            ]
+            yield name, replace(sensor, columns=columns)
+        else:
+            yield name, sensor
+
+
+def _group(path: Path, name: str, sensor: _Sensor, comment: str) -> Group:
+    """Return the channels of a sensor."""
+
+    def open_table(channels: Sequence[str] | None) -> Table:
+        chosen = chosen_indices(sensor.columns, channels, path=path)
+
+        def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+            yield from within([Block(1, sensor.stamps, np.stack([sensor.values[k] for k in chosen]))], first, last)
+
+        return Table(
+            path, tuple(sensor.columns[k] for k in chosen), sensor.time, blocks, row_word="sample", comment=comment
+        )
+
+    headings = tuple(each.heading for each in sensor.columns)
+    clock = sensor.time, sensor.stamps.dtype.str, sensor.stamps.tobytes()
+    return Group(name, headings, hash(clock), open_table, n_rows=sensor.stamps.size)
+
+
+def _json_sensors(path: Path) -> tuple[list[_Sensor], str]:
+    """Return the sensors of a list of records, and the comment."""
+    series: dict[str, _Series] = {}
+    metadata: Mapping[str, Any] = {}
+    for record in _records(path):
+        name = one_line(str(record.get("sensor", path.stem)))
+        if name.lower() == "metadata":
+            metadata = record
+            continue
+        if name not in series and len(series) == _MOST_SENSORS:
+            raise FormatError(f"{path} names more than {_MOST_SENSORS} sensors: this is no recording of a phone")
+        series.setdefault(name, _Series()).add(record)
+    is_android = str(metadata.get("platform", "")).lower() == "android"
+    sensors = [each.sensor(name, is_android=is_android) for name, each in series.items()]
+    return sensors, described(*(str(metadata.get(key, "")) for key in ("device name", "platform", "recording time")))
+
+
+def _records(path: Path) -> Iterator[Mapping[str, Any]]:
+    """Yield the records of a JSON list without reading it as a whole."""
+    decoder = json.JSONDecoder()
+    with path.open(encoding="utf-8-sig") as file:
+        text, n_before = file.read(_PIECE), 0
+        position = text.index("[") + 1
+        while True:
+            between = _BETWEEN.match(text, position)
+            position = between.end() if between else position
+            if len(text) - position < _LONGEST_RECORD and (piece := file.read(_PIECE)):
+                n_before += position
+                text, position = text[position:] + piece, 0
+                continue
+            if text[position : position + 1] == "]":
+                return
+            try:
+                record, end = decoder.raw_decode(text, position)
+            except (json.JSONDecodeError, RecursionError) as error:
+                problem = error.msg if isinstance(error, json.JSONDecodeError) else "brackets within brackets"
+                raise FormatError(
+                    f"{path}, character {n_before + position}: this is no record of a sensor ({problem}): the file is "
+                    "damaged or incomplete"
+                ) from None
+            if not isinstance(record, dict) or end - position > _LONGEST_RECORD:
+                raise FormatError(
+                    f"{path}, character {n_before + position}: this is no record of a sensor: records have up to "
+                    f"{_LONGEST_RECORD} characters"
+                )
+            yield record
+            position = end
+
+
+class _Series:
+    """Collects the records of one sensor as columns of numbers."""
+
+    def __init__(self) -> None:
+        self._n_records = 0
+        self._times = array("q")
+        self._columns: dict[str, array[float]] = {}
+
+    def add(self, record: Mapping[str, Any]) -> None:
+        """Add one record; what is not a number is missing."""
+        self._times.append(_integer(record.get(_NANOSECONDS)))
+        for name, value in record.items():
+            if name in self._columns or len(self._columns) < _MOST_COLUMNS:
+                values = self._columns.setdefault(name, array("d"))
+                values.extend([np.nan] * (self._n_records - len(values)))
+                values.append(_number(value))
+        self._n_records += 1
+
+    def sensor(self, name: str, *, is_android: bool) -> _Sensor:
+        """Return the columns in which there are numbers."""
+        columns = {}
+        for heading, values in self._columns.items():
+            values.extend([np.nan] * (self._n_records - len(values)))
+            columns[heading] = np.array(values)
+        times = np.array(self._times, dtype=np.int64)
+        return _logged(name, columns, times if (times > 0).all() else None, is_android=is_android)
+
+
+def _integer(value: Any) -> int:
+    """Return a number of nanoseconds since 1970; 0 where there is none."""
+    with suppress(TypeError, ValueError, OverflowError):
+        number = int(value)
+        return number if 0 < number < 2**62 else 0
+    return 0
+
+
+def _number(value: Any) -> float:
+    """Return a number, NaN for anything else."""
+    with suppress(TypeError, ValueError, OverflowError):
+        return float(value) if not isinstance(value, bool) else np.nan
+    return np.nan
+
+
+def _logged(name: str, columns: Mapping[str, Real], times: NDArray[Any] | None, *, is_android: bool) -> _Sensor:
+    """Return a sensor of Sensor Logger: times in nanoseconds since 1970, or seconds since the start."""
+    sensor = _Sensor(name)
+    if times is not None:
+        sensor.stamps = times.astype("M8[ns]")
+    elif _SECONDS in columns:
+        sensor.time, sensor.stamps = f"{_SECONDS} [s]", columns[_SECONDS]
+    for heading, values in columns.items():
+        if heading not in _NOT_CHANNELS and np.isfinite(values).any():
+            label = one_line(heading) or "unnamed"
+            sensor.columns.append(stated_column(label, label, _unit(name, heading, is_android=is_android)))
+            sensor.values.append(values)
+    return sensor
+
+
+def _unit(sensor: str, value: str, *, is_android: bool) -> str:
+    """Return the unit of a value of Sensor Logger; empty where it is unknown or depends on a setting."""
+    plain = re.sub(r"[^a-z]", "", sensor.lower())
+    if is_android and plain == "accelerometeruncalibrated":
+        plain = "accelerometer"
+    return _UNITS.get((plain, value), "")
+
+
+def _tables(path: Path, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    """Return the members that may be tables of samples.
+
+    Raises
+    ------
+    FormatError
+        If the archive has too many members, or holds too much.
+    """
+    members = archive.infolist()
+    tables = [each for each in members if each.filename.lower().endswith((".csv", ".txt", ".tsv"))]
+    if len(members) > _MOST_MEMBERS or sum(each.file_size for each in tables) > _LARGEST_ARCHIVE:
+        raise FormatError(
+            f"{path} holds {len(members)} files of {sum(each.file_size for each in members)} bytes: unpack it, and "
+            "read its tables one by one"
+        )
+    return [each for each in tables if _is_samples(each.filename)]
+
+
+def _is_samples(name: str) -> bool:
+    """Return whether a member is not a description of the phone or the recording."""
+    place = PurePosixPath(name.lower())
+    return (
+        "meta" not in place.parts[:-1] and place.stem not in {"metadata", "annotation"} and place.parts[0] != "__macosx"
+    )
+
+
+def _archive_sensors(
+    path: Path, archive: zipfile.ZipFile, members: Sequence[zipfile.ZipInfo]
+) -> tuple[list[_Sensor], str]:
+    """Return the sensors in an archive, and the comment."""
+    properties = _properties(archive)
+    starts = _starts(archive)
+    sensors = []
+    for member in members:
+        with archive.open(member) as file:
+            columns = _numbers(path, member.filename, file)
+        name = one_line(PurePosixPath(member.filename).stem) or "unnamed"
+        if _SECONDS in columns:
+            times = columns.get(_NANOSECONDS)
+            is_android = properties.get("platform", "").lower() == "android"
+            whole = times if times is not None and times.dtype.kind == "i" else None
+            sensors.append(_logged(name, columns, whole, is_android=is_android))
+        elif any(map(is_time, columns)):
+            sensors.append(_timed(path, name, columns, starts))
+    keys = ("deviceBrand", "deviceModel", "device name", "platform", "recording time")
+    return sensors, described(*(properties.get(key, "") for key in keys))
+
+
+def _numbers(path: Path, member: str, file: IO[bytes]) -> dict[str, NDArray[Any]]:
+    """Return the columns of numbers in a table of text; nothing where it has no header."""
+    import pyarrow as pa
+    from pyarrow import csv as arrow
+
+    content = file.read()
+    first, _, rest = content.partition(b"\n")
+    delimiter = next((character for character in ";\t" if character.encode() in first), ",")
+    headings = [
+        heading.strip() for heading in next(text_fields.reader([decoded(first).strip()], delimiter=delimiter), [])
+    ]
+    if not rest.strip() or len(set(headings)) < len(headings) or not all(headings):
+        return {}
+    decimal = "," if delimiter != "," and b"," in rest[:1000] else "."
+    try:
+        table = arrow.read_csv(
+            pa.BufferReader(rest),
+            read_options=arrow.ReadOptions(column_names=headings),
+            parse_options=arrow.ParseOptions(delimiter=delimiter),
+            convert_options=arrow.ConvertOptions(null_values=list(MISSING), decimal_point=decimal),
+        )
+    except pa.ArrowInvalid as error:
+        raise FormatError(f"{path}, {member}: {' '.join(str(error).split())[:120]}: the table is damaged") from None
+    columns: dict[str, NDArray[Any]] = {}
+    for heading, values in zip(headings, table.columns, strict=True):
+        if pa.types.is_integer(values.type) and not values.null_count:
+            columns[heading] = values.to_numpy()
+        elif pa.types.is_integer(values.type) or pa.types.is_floating(values.type):
+            columns[heading] = values.cast(pa.float64()).to_numpy()
+    return columns
+
+
+def _timed(path: Path, name: str, columns: Mapping[str, NDArray[Any]], starts: Real) -> _Sensor:
+    """Return a sensor of phyphox: times since the start, which counts on where the recording was paused."""
+    time = next(heading for heading in columns if is_time(heading))
+    sensor = _Sensor(name, time=time, stamps=columns[time].astype(np.float64))
+    seconds = sensor.stamps * TIME_UNITS.get(split_heading(time)[1] or "s", 1.0)
+    if starts.size and np.isfinite(seconds).all():
+        own = starts[np.maximum(0, np.searchsorted(starts[:, 0], seconds, side="right") - 1)]
+        whole = np.floor(own[:, 1])
+        fractions = own[:, 1] - whole + seconds - own[:, 0]
+        nanoseconds = whole.astype(np.int64) * 10**9 + np.round(1e9 * fractions).astype(np.int64)
+        sensor.stamps = nanoseconds.astype("M8[ns]")
+    for heading, values in columns.items():
+        if heading != time:
+            sensor.columns.append(column(one_line(heading), path=path))
+            sensor.values.append(values.astype(np.float64))
+    return sensor
+
+
+def _rows(archive: zipfile.ZipFile, ending: str) -> list[list[str]]:
+    """Return the rows of a description in the archive, without its header; none without such a member."""
+    for member in archive.infolist():
+        if member.filename.lower().endswith(ending) and member.file_size <= _LONGEST_RECORD:
+            text = decoded(archive.read(member))
+            delimiter = next((character for character in ";\t" if character in text.partition("\n")[0]), ",")
+            return list(text_fields.reader(io.StringIO(text), delimiter=delimiter))
+    return []
+
+
+def _properties(archive: zipfile.ZipFile) -> dict[str, str]:
+    """Return properties of phone and recording."""
+    properties = {row[0]: row[1] for row in _rows(archive, "meta/device.csv")[1:] if len(row) > 1}
+    table = _rows(archive, "metadata.csv")
+    return properties | (dict(zip(table[0], table[1], strict=False)) if len(table) > 1 else {})
+
+
+def _starts(archive: zipfile.ZipFile) -> Real:
+    """Return experiment time and time since 1970 of each start [s], shape (starts, 2)."""
+    starts = []
+    for row in _rows(archive, "meta/time.csv")[1:]:
+        with suppress(ValueError):
+            if len(row) > 2 and row[0] == "START":
+                times = [float(entry.replace(",", ".")) for entry in row[1:3]]
+                if 0 <= times[0] < 1e9 and 0 < times[1] < 9e9:
+                    starts.append(times)
+    ordered: Real = np.array(sorted(starts), dtype=np.float64).reshape(-1, 2)
+    return ordered

@@ -1,0 +1,231 @@
+"""Sound files (WAV): RIFF, RIFX, RF64 and BW64 with samples in PCM or floating point."""
+
+import mmap
+import re
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sprung._arrays import Real
+from sprung.errors import FormatError
+from sprung.formats.raw import decoded, mapped, one_line
+from sprung.formats.settings import ReadSettings
+from sprung.formats.stated import chosen_indices, described
+from sprung.formats.table import Block, Column, Group, Table, reported
+
+NAME, EXTRA = "WAV", None
+ENDINGS = (".wav", ".wave", ".rf64", ".bwf")
+
+_FORMS = {b"RIFF": "<", b"RIFX": ">", b"RF64": "<", b"BW64": "<"}
+_PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
+#: Size of a chunk that is stated elsewhere, or was unknown when the file was written.
+_UNKNOWN_SIZE = 0xFFFFFFFF
+_BLOCK_SAMPLES = 1 << 18
+_MOST_CHUNKS = 10_000
+_LONGEST_TEXT = 1 << 16
+_UNIT = "full scale"
+_DATE = re.compile(r"(\d{4})\D(\d\d)\D(\d\d)")
+_TIME = re.compile(r"(\d\d)\D(\d\d)\D(\d\d)")
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """Layout of the samples, start [ns since 1970, UTC], comment."""
+
+    order: str
+    is_float: bool
+    width: int  #: Bytes of a value.
+    n_channels: int
+    sampling_rate: float
+    begin: int
+    n_samples: int
+    start: int | None
+    comment: str
+
+
+def recognises(head: bytes) -> bool:
+    """Return whether a file begins as WAV files do."""
+    return head[:4] in _FORMS and head[8:12] == b"WAVE"
+
+
+def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
+    """Return the only group of a WAV file, with the channels `channel_1` ...
+
+    Full scale is 1, whatever the width of the samples: the factor to a unit belongs into the vehicle file. The start is
+    that in a chunk `bext` (Broadcast Wave), which has no time zone and counts as UTC; comments are those of `bext` and
+    `INFO`.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged, or its samples are compressed.
+    """
+    with reported(path, NAME), mapped(path) as content:
+        header = _header(path, content)
+    columns = tuple(
+        Column(name, name, unit=_UNIT) for name in (f"channel_{k}" for k in range(1, header.n_channels + 1))
+    )
+
+    def open_table(channels: Sequence[str] | None) -> Table:
+        chosen = chosen_indices(columns, channels, path=path)
+
+        def blocks(first: int = 0, last: int | None = None) -> Iterator[Block]:
+            return _blocks(path, header, chosen, (first, last))
+
+        return Table(
+            path,
+            tuple(columns[k] for k in chosen),
+            None,
+            blocks,
+            row_word="sample",
+            sampling_rate=header.sampling_rate,
+            start=header.start,
+            comment=header.comment,
+        )
+
+    names = tuple(column.name for column in columns)
+    return (Group(path.name, names, path.name, open_table, header.sampling_rate, header.n_samples),)
+
+
+def _chunks(content: mmap.mmap, order: str) -> Iterator[tuple[bytes, int, int]]:
+    """Yield name, offset and declared size [bytes] of the chunks of a file."""
+    sizes: dict[bytes, int] = {}
+    position = 12
+    for _ in range(_MOST_CHUNKS):
+        if position + 8 > len(content):
+            return
+        name, size = struct.unpack(f"{order}4sI", content[position : position + 8])
+        begin = position + 8
+        if name == b"ds64":
+            _, sizes[b"data"], _ = struct.unpack("<3Q", content[begin : begin + 24])
+        if size == _UNKNOWN_SIZE:
+            size = sizes.get(name, len(content) - begin)
+        yield name, begin, size
+        position = begin + size + size % 2
+
+
+def _header(path: Path, content: mmap.mmap) -> _Header:
+    """Return what the chunks of a file state.
+
+    Raises
+    ------
+    FormatError
+        If the file is no WAV file or incomplete, or its samples are compressed.
+    """
+    if not recognises(content[:12]):
+        raise FormatError(f"{path} cannot be read as WAV: it does not begin as such a file")
+    order = _FORMS[content[:4]]
+    layout, data, texts, date = b"", None, list[str](), ("", "", 0)
+    for name, begin, size in _chunks(content, order):
+        if name == b"fmt ":
+            layout = content[begin : begin + min(size, 40)]
+        elif name == b"data" and data is None:
+            data = begin, size
+        elif name == b"LIST" and content[begin : begin + 4] == b"INFO":
+            texts += _notes(content[begin + 4 : begin + min(size, _LONGEST_TEXT)], order)
+        elif name == b"bext" and size >= 346:
+            description, found = _broadcast(content[begin : begin + 346], order)
+            texts.append(description)
+            date = found
+    if len(layout) < 16 or data is None:
+        raise FormatError(f"{path} cannot be read as WAV: it has no complete chunk {'data' if layout else 'fmt'!r}")
+    code, n_channels, rate, _, frame, bits = struct.unpack(f"{order}HHIIHH", layout[:16])
+    if code == _EXTENSIBLE and len(layout) == 40:
+        code = struct.unpack(f"{order}H", layout[24:26])[0]
+    width = frame // n_channels if n_channels else 0
+    if code not in {_PCM, _FLOAT} or width not in ({4, 8} if code == _FLOAT else {1, 2, 3, 4}):
+        raise FormatError(
+            f"{path} holds samples of {bits} bits in the format {code:#06x}: convert them to PCM of 8 to 32 bits or to "
+            "floating point"
+        )
+    if rate == 0 or frame != n_channels * width:
+        raise FormatError(
+            f"{path} cannot be read as WAV: it states {rate} Hz and {n_channels} channels in {frame} bytes"
+        )
+    begin, size = data
+    if begin + size > len(content):
+        raise FormatError(
+            f"{path} cannot be read as WAV: it declares {size // frame} samples, but holds "
+            f"{(len(content) - begin) // frame}: the file is incomplete"
+        )
+    start = _start(*date, float(rate))
+    return _Header(
+        order,
+        code == _FLOAT,
+        width,
+        n_channels,
+        float(rate),
+        begin,
+        size // frame,
+        start,
+        described(*texts, "start in local time" if start is not None else ""),
+    )
+
+
+def _notes(content: bytes, order: str) -> Iterator[str]:
+    """Yield the texts of a list INFO: name, subject, comment, ..."""
+    position = 0
+    while position + 8 <= len(content):
+        name, size = struct.unpack(f"{order}4sI", content[position : position + 8])
+        if name in {b"INAM", b"ISBJ", b"ICMT", b"ICRD", b"IART"}:
+            yield _plain(content[position + 8 : position + 8 + size])
+        position += 8 + size + size % 2
+
+
+def _broadcast(content: bytes, order: str) -> tuple[str, tuple[str, str, int]]:
+    """Return description and start (date, time, samples since midnight) of a chunk `bext`."""
+    samples = struct.unpack(f"{order}Q", content[338:346])[0]
+    return _plain(content[:256]), (_plain(content[320:330]), _plain(content[330:338]), samples)
+
+
+def _plain(raw: bytes) -> str:
+    """Return a text up to its first zero byte, in one line."""
+    return one_line(decoded(raw.partition(b"\0")[0]))
+
+
+def _start(date: str, time: str, samples: int, rate: float) -> int | None:
+    """Return a date and a time of day as UTC [ns]; by the samples since midnight where they say the same."""
+    day, clock = _DATE.fullmatch(date), _TIME.fullmatch(time)
+    if day is None or clock is None:
+        return None
+    with suppress(ValueError):
+        midnight = datetime(int(day[1]), int(day[2]), int(day[3]), tzinfo=UTC)
+        hour, minute, second = map(int, clock.groups())
+        seconds = 3600 * hour + 60 * minute + second
+        exact = samples / rate
+        return round(midnight.timestamp()) * 10**9 + round(1e9 * (exact if abs(exact - seconds) < 1 else seconds))
+    return None
+
+
+def _blocks(path: Path, header: _Header, chosen: Sequence[int], extent: tuple[int, int | None]) -> Iterator[Block]:
+    """Yield the samples of some channels, counted from 1."""
+    first, last = extent
+    end = header.n_samples if last is None else min(last, header.n_samples)
+    frame = header.width * header.n_channels
+    step = max(1, _BLOCK_SAMPLES // header.n_channels)
+    with reported(path, NAME), mapped(path) as content:
+        for begin in range(first, end, step):
+            until = min(begin + step, end)
+            raw = content[header.begin + begin * frame : header.begin + until * frame]
+            frames = np.frombuffer(raw, dtype=np.uint8).reshape(-1, header.n_channels, header.width)
+            yield Block(begin + 1, None, np.stack([_values(frames[:, k], header) for k in chosen]))
+
+
+def _values(raw: NDArray[np.uint8], header: _Header) -> Real:
+    """Return the values of one channel from their bytes, shape (samples, width); full scale of PCM is 1."""
+    if header.is_float:
+        values: Real = np.ascontiguousarray(raw).view(f"{header.order}f{header.width}")[:, 0].astype(np.float64)
+        return values
+    if header.width == 1:
+        return (raw[:, 0].astype(np.float64) - 128) / 128
+    words = np.zeros((len(raw), 4), dtype=np.uint8)
+    columns = slice(4 - header.width, None) if header.order == "<" else slice(0, header.width)
+    words[:, columns] = raw
+    scaled: Real = words.view(f"{header.order}i4")[:, 0] / 2.0**31
+    return scaled

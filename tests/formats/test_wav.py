@@ -1,0 +1,166 @@
+"""WAV files in every width and byte order, against SciPy; chunks of broadcasting and of notes."""
+
+import struct
+import warnings
+import wave
+from typing import Literal
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+
+from sprung.errors import FormatError, ParameterError, SprungError
+from sprung.formats import groups, read, read_blocks
+from sprung.formats.settings import ReadSettings
+
+SAMPLES = np.random.default_rng(21).uniform(-1, 1, (1000, 3))
+
+
+def chunk(name, content, order="<", size=None):
+    return (
+        struct.pack(f"{order}4sI", name, len(content) if size is None else size) + content + b"\0" * (len(content) % 2)
+    )
+
+
+def wav(data, *, code=1, bits=16, n_channels=3, rate=500, form=b"RIFF", extra=b"", size=None, block=None):
+    """Return a WAV file."""
+    order = ">" if form == b"RIFX" else "<"
+    frame = n_channels * bits // 8 if block is None else block
+    layout = struct.pack(f"{order}HHIIHH", code, n_channels, rate, rate * frame, frame, bits)
+    content = chunk(b"fmt ", layout, order) + extra + chunk(b"data", data, order, size)
+    return struct.pack(f"{order}4sI4s", form, 4 + len(content), b"WAVE") + content
+
+
+def broadcast(text=b"front axle", date=b"2024-05-31", time=b"10:00:00", samples=0):
+    content = text.ljust(256, b"\0") + bytes(64) + date.ljust(10) + time.ljust(8) + struct.pack("<Q", samples)
+    return chunk(b"bext", content.ljust(602, b"\0"))
+
+
+@pytest.mark.parametrize("kind", ["u1", "i2", "i4", "f4", "f8"])
+def test_every_type_of_scipy(tmp_path, kind) -> None:
+    values = SAMPLES * {"u1": 127, "i2": 2**15 - 1, "i4": 2**31 - 1}.get(kind, 1) + (128 if kind == "u1" else 0)
+    wavfile.write(tmp_path / "run.wav", 500, values.astype(kind))
+    run = read(tmp_path / "run.wav")
+    assert run.names == ("channel_1", "channel_2", "channel_3")
+    assert run.sampling_rate == 500
+    _, raw = wavfile.read(tmp_path / "run.wav")
+    expected = {"u1": (raw - 128.0) / 128, "i2": raw / 2.0**15, "i4": raw / 2.0**31}.get(kind, raw)
+    assert np.array_equal(run.samples, expected.T)
+    assert "channel_1: unit 'full scale' is unknown, values as in the file" in run.history
+
+
+@pytest.mark.parametrize("form", [b"RIFF", b"RIFX"])
+@pytest.mark.parametrize("width", [2, 3, 4])
+def test_widths_and_byte_orders(tmp_path, form, width) -> None:
+    numbers = np.round(SAMPLES * 2 ** (8 * width - 1)).astype(np.int64)
+    order: Literal["big", "little"] = "big" if form == b"RIFX" else "little"
+    data = b"".join(int(number).to_bytes(width, order, signed=True) for number in numbers.ravel())
+    (tmp_path / "run.wav").write_bytes(wav(data, bits=8 * width, form=form))
+    assert np.array_equal(read(tmp_path / "run.wav").samples, numbers.T / 2.0 ** (8 * width - 1))
+
+
+def test_standard_library_agrees_on_24_bits(tmp_path) -> None:
+    data = np.random.default_rng(1).integers(0, 256, 3000, dtype=np.uint8).tobytes()
+    with wave.open(str(tmp_path / "run.wav"), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(3)
+        file.setframerate(48_000)
+        file.writeframes(data)
+    expected = [int.from_bytes(data[k : k + 3], "little", signed=True) / 2**23 for k in range(0, 3000, 3)]
+    run = read(tmp_path / "run.wav")
+    assert run.sampling_rate == 48_000
+    assert np.array_equal(run.samples.T.ravel(), expected)
+
+
+@pytest.mark.parametrize("form", [b"RF64", b"BW64"])
+def test_sizes_of_64_bits_and_extensible_layouts(tmp_path, form) -> None:
+    data = SAMPLES.astype("<f4").tobytes()
+    layout = struct.pack("<HHIIHHHHIH", 0xFFFE, 3, 500, 6000, 12, 32, 22, 32, 7, 3) + bytes(14)
+    sizes = chunk(b"ds64", struct.pack("<QQQI", 0, len(data), 1000, 0))
+    content = sizes + chunk(b"fmt ", layout) + chunk(b"data", data, size=0xFFFFFFFF)
+    (tmp_path / "run.bin").write_bytes(form + b"\xff\xff\xff\xffWAVE" + content)
+    assert np.array_equal(read(tmp_path / "run.bin").samples, SAMPLES.astype("<f4").T)
+
+
+def test_a_stream_of_unknown_length_is_read_to_its_end(tmp_path) -> None:
+    data = (SAMPLES * 2**15).astype("<i2")
+    (tmp_path / "run.wav").write_bytes(wav(data.tobytes(), size=0xFFFFFFFF))
+    assert np.array_equal(read(tmp_path / "run.wav").samples, data.T / 2.0**15)
+
+
+@pytest.mark.parametrize(
+    ("samples", "start"),
+    [
+        (0, "2024-05-31T10:00:00"),
+        (500 * 36_000 + 125, "2024-05-31T10:00:00.25"),
+        (500 * 50_000, "2024-05-31T10:00:00"),
+    ],
+)
+def test_start_and_comments(tmp_path, samples, start) -> None:
+    notes = b"INFO" + chunk(b"ICMT", b"wet road\0") + chunk(b"ISFT", b"recorder 1") + chunk(b"INAM", "Bäche".encode())
+    content = wav((SAMPLES * 2**15).astype("<i2").tobytes(), extra=broadcast(samples=samples) + chunk(b"LIST", notes))
+    (tmp_path / "run.wav").write_bytes(content)
+    run = read(tmp_path / "run.wav")
+    assert run.start == np.datetime64(start, "ns").astype(int)
+    assert run.comment == "front axle; wet road; Bäche; start in local time"
+
+
+@pytest.mark.parametrize("date", [b"2024-13-31", b"          ", b"31.05.2024"])
+def test_dates_that_are_none(tmp_path, date) -> None:
+    (tmp_path / "run.wav").write_bytes(wav(bytes(600), extra=broadcast(date=date)))
+    run = read(tmp_path / "run.wav")
+    assert (run.start, run.comment) == (None, "front axle")
+
+
+def test_pieces_parts_and_channels(tmp_path) -> None:
+    values = np.random.default_rng(4).integers(-(2**15), 2**15, (600_000, 2)).astype("<i2")
+    (tmp_path / "run.wav").write_bytes(wav(values.tobytes(), n_channels=2))
+    pieces = list(read_blocks(tmp_path / "run.wav", block_samples=50_000))
+    assert np.array_equal(np.concatenate([piece.samples for piece in pieces], axis=1), values.T / 2.0**15)
+    settings = ReadSettings(start=400.0, end=1100.5)
+    part = read(tmp_path / "run.wav", channels=["channel_2"], settings=settings)
+    assert np.array_equal(part.samples, values[200_000:550_250, 1:].T / 2.0**15)
+    assert groups(tmp_path / "run.wav")[0].n_rows == 600_000
+    with pytest.raises(ParameterError, match=r"run.wav has no channel 'left': choose from channel_1, channel_2"):
+        read(tmp_path / "run.wav", channels=["left"])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (wav(bytes(600))[:-10], "declares 100 samples, but holds 98: the file is incomplete"),
+        (wav(bytes(600), size=0x7FFFFFFF), "declares 357913941 samples, but holds 100"),
+        (wav(bytes(600), code=17, bits=4), "samples of 4 bits in the format 0x0011: convert them to PCM"),
+        (wav(bytes(600), code=85), "in the format 0x0055"),
+        (wav(bytes(600), rate=0), "states 0 Hz"),
+        (wav(bytes(600), n_channels=0), "convert them to PCM"),
+        (wav(bytes(600), block=7), "states 500 Hz and 3 channels in 7 bytes"),
+        (wav(bytes(600))[:40], "no complete chunk 'data'"),
+        (wav(bytes(600))[:20], "no complete chunk 'fmt'"),
+    ],
+)
+def test_damaged_and_compressed_files(tmp_path, content, words) -> None:
+    (tmp_path / "run.wav").write_bytes(content)
+    with pytest.raises(FormatError, match=f"run.wav .*{words}"):
+        read(tmp_path / "run.wav")
+
+
+def test_mutations_give_a_sentence(tmp_path) -> None:
+    generator = np.random.default_rng(17)
+    notes = chunk(b"LIST", b"INFO" + chunk(b"ICMT", b"wet road\0"))
+    whole = wav(bytes(60), extra=chunk(b"ds64", bytes(28)) + broadcast() + notes)
+    for _ in range(400):
+        content = bytearray(whole)
+        for position in generator.integers(0, len(whole), generator.integers(1, 8)):
+            content[position] = generator.integers(0, 256)
+        path = tmp_path / "run.wav"
+        path.write_bytes(content[: generator.integers(1, 2 * len(whole))])
+        message = path.name
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                read(path, sampling_rate=10)
+        except SprungError as error:
+            message = str(error)
+        assert path.name in message
+        assert "\n" not in message
