@@ -398,6 +398,8 @@ def _low_pass(pass_edge: Fraction, stop_edge: Fraction, ratio: Fraction) -> Real
 
 def _resample(samples: Real, ratio: Fraction, taps: Real) -> Real:
     """Filter and resample one stretch, so that the first new sample is at the first old one."""
+    from scipy.signal import upfirdn
+
     up, down = ratio.numerator, ratio.denominator
     half = taps.size // 2
     padding = half // up + 1
@@ -406,14 +408,7 @@ def _resample(samples: Real, ratio: Fraction, taps: Real) -> Real:
     shifted = np.concatenate([np.zeros(-delay % down), taps])
     first = (delay + (-delay % down)) // down
     n_new = -(-samples.shape[1] * up // down)
-    n_filtered = -(-((extended.shape[1] - 1) * up + shifted.size) // down)
-    filtered = np.zeros((len(samples), n_filtered))
-    for phase in range(up):  # polyphase: every `up`-th new sample uses the same `up`-th taps
-        skipped, tap = divmod(phase * down, up)
-        for row, values in zip(filtered, extended, strict=True):
-            part = np.convolve(values, shifted[tap::up])[skipped::down]
-            row[phase::up][: part.size] = part[: row[phase::up].size]
-    return filtered[:, first : first + n_new]
+    return np.asarray(upfirdn(shifted, extended, up, down)[:, first : first + n_new], dtype=np.float64)
 
 
 def _without_trend(samples: Real, degree: int) -> Real:
