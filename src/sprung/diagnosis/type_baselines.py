@@ -7,7 +7,7 @@ import numpy as np
 from scipy import stats
 from scipy.linalg import block_diag
 
-from sprung._arrays import Real
+from sprung._arrays import Indices, Real
 from sprung._checks import check_number, frozen_array
 from sprung.diagnosis.baseline import (
     CONDITIONS,
@@ -350,6 +350,7 @@ class TypeDetector:
         self._type, self._false_alarms, self._per_day = type_baseline, false_alarms, windows_per_day
         self._observations: list[Observation] = []
         self._evidence: list[float] = []
+        self._detection: Detection | None = None
 
     @property
     def type_baseline(self) -> TypeBaseline:
@@ -384,16 +385,24 @@ class TypeDetector:
     @property
     def is_alert(self) -> bool:
         """Whether the alert stands after the last window."""
-        return self.detection is not None and self.detection.is_alert
+        detection = self.detection
+        return detection is not None and detection.is_alert
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """All hypotheses, the best first; none before the first window that can be compared."""
-        return () if self.detection is None else self.detection.candidates
+        detection = self.detection
+        return () if detection is None else detection.candidates
 
     @property
     def detection(self) -> Detection | None:
         """Evidence after the last window, of a deviation from the type or of a change since; None before any."""
+        if self._detection is None:
+            self._detection = self._detect()
+        return self._detection
+
+    def _detect(self) -> Detection | None:
+        """Return the evidence after the last window, None before any that can be compared."""
         compared = self._compared()
         if not compared:
             return None
@@ -405,8 +414,8 @@ class TypeDetector:
         deviation = Detection(times, self.evidence, evidence, self.threshold, candidates, first, least)
         if deviation.is_alert:
             return deviation
-        since = self._changes().detection
-        return since if since is not None and since.is_alert else deviation
+        since = self._changes()
+        return since.detection if since.is_alert else deviation
 
     def update(self, observation: Observation) -> None:
         """Add the next window; one that cannot be compared adds no evidence.
@@ -417,6 +426,7 @@ class TypeDetector:
             Window that follows the earlier ones in time.
         """
         before = len(self._compared())
+        self._detection = None
         self._observations.append(observation)
         compared = self._compared()
         if len(compared) > before:
@@ -527,6 +537,10 @@ class _Comparison:
     inverse: Real
     shares: Real
     degrees: float
+    #: Standard deviation of the size of each hypothesis.
+    stds: Real
+    #: Signed hypotheses, losses first, none of which is nearly the same test as one before it.
+    distinct: Indices
 
     @classmethod
     def of(cls, of_type: TypeBaseline, covariance: Real) -> "_Comparison":
@@ -534,21 +548,40 @@ class _Comparison:
         parts = tuple(hypothesis for hypothesis in hypotheses_of(of_type.components) if len(hypothesis.changes) == 1)
         degrees = of_type.n_vehicles + _OF_MAKERS if of_type.n_vehicles else np.inf
         rows = np.array([hypothesis.direction(of_type.components) for hypothesis in parts])
-        return cls(parts, rows, _inverse(of_type.of_a_vehicle + covariance), log_prior(parts), degrees)
+        inverse = _inverse(of_type.of_a_vehicle + covariance)
+        likeness = rows @ inverse @ rows.T
+        stds = 1 / np.sqrt(np.diag(likeness))
+        return cls(parts, rows, inverse, log_prior(parts), degrees, stds, _distinct(likeness * np.outer(stds, stds)))
 
-    @property
-    def stds(self) -> Real:
-        """Standard deviation of the size of each hypothesis."""
-        return 1 / np.sqrt(np.einsum("hi,ij,hj->h", self.rows, self.inverse, self.rows))
+    def sizes(self, residuals: Real) -> Real:
+        """Return the size of each hypothesis in residuals of shape (..., components), ln values."""
+        return np.asarray(self.stds**2 * (residuals @ self.inverse @ self.rows.T), dtype=np.float64)
 
-    def sizes(self, residual: Real) -> Real:
-        """Return the size of each hypothesis, ln values."""
-        return np.asarray(self.stds**2 * (self.rows @ self.inverse @ residual), dtype=np.float64)
+    def evidence(self, residuals: Real) -> Real:
+        """Return -ln p of each hypothesis in residuals of shape (..., components)."""
+        return np.asarray(-np.log(self._tails(self.sizes(residuals) / self.stds)), dtype=np.float64)
 
-    def evidence(self, residual: Real) -> Real:
-        """Return -ln p of each hypothesis."""
-        likeness = self.rows @ self.inverse @ self.rows.T
-        return np.asarray(-np.log(_tails(likeness, self.sizes(residual), self.shares, self.degrees)), dtype=np.float64)
+    def _tails(self, z: Real) -> Real:
+        """Return the probability of evidence as strong as that of each hypothesis, from any of them."""
+        deltas = np.tile(_SIZE / self.stds, 2)
+        of_signs = np.concatenate([self.shares + np.log(_LOSSES), self.shares + np.log(1 - _LOSSES)])
+        both = np.concatenate([-z, z], axis=-1) * deltas - deltas**2 / 2 + of_signs
+        strength = both.reshape(*z.shape[:-1], 2, -1).max(axis=-2)
+        deltas, of_signs = deltas[self.distinct], of_signs[self.distinct]
+        limits = deltas / 2 + (strength[..., None] - of_signs) / deltas
+        tails = stats.norm.sf(limits) if np.isinf(self.degrees) else stats.t.sf(limits, self.degrees)
+        return np.asarray(np.clip(tails.sum(axis=-1) / (1 - _UNMODELLED), 1e-300, 1.0), dtype=np.float64)
+
+
+def _distinct(cosines: Real) -> Indices:
+    """Return the signed hypotheses, losses first, that are no test nearly the same as an earlier one."""
+    signs = np.repeat([-1.0, 1.0], len(cosines))
+    alike = np.outer(signs, signs) * np.tile(cosines, (2, 2))
+    distinct: list[int] = []
+    for number in range(len(signs)):
+        if not np.any(alike[number, distinct] > _SAME):
+            distinct.append(number)
+    return np.array(distinct)
 
 
 def _against_type(of_type: TypeBaseline, windows: Sequence[Observation]) -> tuple[float, tuple[Candidate, ...]]:
@@ -591,35 +624,15 @@ def _detectable(of_type: TypeBaseline, windows: Sequence[Observation], threshold
     The size is found by bisection: that at which the evidence reaches the threshold, and 1.645 standard deviations.
     """
     comparison = _Comparison.of(of_type, _mean_residual(of_type, windows)[1])
-    doubt = stats.norm.ppf(POWER) * comparison.stds
-    changes = []
-    for number in range(len(of_type.components)):
-        low, high = 0.0, _LARGEST
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            is_found = comparison.evidence(-middle * comparison.rows[number]).max() >= threshold
-            low, high = (low, middle) if is_found else (middle, high)
-        changes.append(high + doubt[number])
-    return dict(zip(of_type.components, losses(np.array(changes)), strict=True))
-
-
-def _tails(likeness: Real, sizes: Real, shares: Real, degrees: float) -> Real:
-    """Return the probability of evidence as strong as that of each hypothesis, from any of them."""
-    stds = 1 / np.sqrt(np.diag(likeness))
-    deltas = _SIZE / stds
-    signs = np.repeat([-1.0, 1.0], len(sizes))
-    of_signs = np.concatenate([shares + np.log(_LOSSES), shares + np.log(1 - _LOSSES)])
-    alike = np.outer(signs, signs) * np.tile(likeness * np.outer(stds, stds), (2, 2))
-    distinct: list[int] = []
-    for number in range(len(signs)):
-        if not np.any(alike[number, distinct] > _SAME):
-            distinct.append(number)
-    both = np.tile(deltas, 2)
-    z = np.tile(sizes / stds, 2) * signs
-    strength = (z * both - both**2 / 2 + of_signs).reshape(2, -1).max(axis=0)
-    limits = both[distinct] / 2 + (strength[:, None] - of_signs[distinct]) / both[distinct]
-    tails = stats.norm.sf(limits) if np.isinf(degrees) else stats.t.sf(limits, degrees)
-    return np.asarray(np.clip(tails.sum(axis=1) / (1 - _UNMODELLED), 1e-300, 1.0), dtype=np.float64)
+    count = len(of_type.components)
+    low, high = np.zeros(count), np.full(count, _LARGEST)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        evidence = comparison.evidence(-middle[:, None] * comparison.rows[:count])
+        is_found = evidence.max(axis=1) >= threshold
+        low, high = np.where(is_found, low, middle), np.where(is_found, middle, high)
+    changes = high + stats.norm.ppf(POWER) * comparison.stds[:count]
+    return dict(zip(of_type.components, losses(changes), strict=True))
 
 
 def _mean_residual(of_type: TypeBaseline, windows: Sequence[Observation]) -> tuple[Real, Real]:
