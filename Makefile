@@ -4,6 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OPENBLAS_NUM_THREADS ?= 1
+# Processes of the tests share what one of them compiled.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup demo test fast check bench chaos clean
 
@@ -20,10 +22,10 @@ demo: $(READY)
 	$(BIN)/sprung demo
 
 test: check
-	$(BIN)/python -m pytest -n auto --durations=25 --durations-min=5
+	$(BIN)/python -m pytest -n auto --dist worksteal --durations=25 --durations-min=5
 
 fast: check
-	$(BIN)/python -m pytest -n auto -m "not slow" --durations=25 --durations-min=5
+	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow" --durations=25 --durations-min=5
 
 check: $(READY)
 	$(BIN)/ruff check .

@@ -1,6 +1,9 @@
 """Fixtures of all tests."""
 
+import hashlib
+import io
 import os
+import pickle
 import pwd
 import random
 import shutil
@@ -11,6 +14,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import wraps
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -38,6 +42,33 @@ def real_file() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+def once(function: Callable[..., Value]) -> Callable[..., Value]:
+    """Return the function, computed once for arguments of equal content; for results that nobody can change."""
+    results: dict[bytes, Value] = {}
+
+    @wraps(function)
+    def look_up(*arguments: object, **options: object) -> Value:
+        content = io.BytesIO()
+        pickler = pickle.Pickler(content)
+        pickler.fast = True  # equal values give equal bytes, whether or not they are one object
+        pickler.dump((arguments, options))
+        key = hashlib.sha256(content.getbuffer()).digest()
+        if key not in results:
+            results[key] = function(*arguments, **options)
+        return results[key]
+
+    return look_up
+
+
+@pytest.fixture(scope="session")
+def fits_once() -> Mapping[str, Callable[..., Any]]:
+    """Fits of windows and identifications that are computed once, for tests of what is done with them."""
+    from sprung.diagnosis import observe_window
+    from sprung.identification import METHODS
+
+    return {"observe_window": once(observe_window)} | {name: once(METHODS[name]) for name in METHODS}
 
 
 class MemoryBelow(Protocol):

@@ -3,6 +3,7 @@ import re
 
 import pytest
 
+from sprung import diagnosis
 from sprung.diagnosis import LEAST_WINDOWS
 from sprung.formats import write
 from sprung.simulation import RoadDrive, dead, simulate_drive
@@ -21,6 +22,12 @@ def drives(tmp_path_factory):
     write(broken, folder / "broken.parquet")
     write(dead(broken, channel="acc_fl"), folder / "dead.parquet")
     return folder
+
+
+@pytest.fixture(autouse=True)
+def _windows_once(fits_once, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fit windows of equal samples once: most commands read the same drives."""
+    monkeypatch.setattr(diagnosis, "observe_window", fits_once["observe_window"])
 
 
 @pytest.fixture

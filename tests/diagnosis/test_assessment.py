@@ -1,11 +1,12 @@
 """Diagnoses of windows drawn from their own model, and of simulated drives."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
-from sprung.diagnosis import ResidualTest, SensorFault, assessment, diagnose, learn, observe_window
+from sprung.diagnosis import Observation, ResidualTest, SensorFault, assessment, diagnose, learn, observe_window
 from sprung.errors import ParameterError
 from sprung.simulation import (
     FEW_POTHOLES,
@@ -238,26 +239,35 @@ def test_without_a_baseline_what_no_part_explains_is_the_vehicle_file(faulty) ->
     assert any("does not describe this vehicle" in doubt for doubt in found.doubts)
 
 
+@cache
+def window_of_a_car(seed: int, fault: str = "") -> Observation:
+    """Ten minutes over a road B to D with payload and warm dampers, nonlinear."""
+    car, generator = read_vehicle("zafira"), np.random.default_rng(seed)
+    settings = RoadDrive(
+        road=RoadConditions(str(generator.choice(["B", "C", "D"])), potholes=FEW_POTHOLES),
+        payload=Payload(float(generator.uniform(0, 300))),
+        suspension=replace(REALISTIC_SUSPENSION, temperature=float(generator.uniform(0, 40))),
+        snr=50.0,
+        faults=(parse_fault(fault),) if fault else (),
+    )
+    return observe_window(simulate_drive(car, settings, seed=seed).recording, car, time=600.0 * seed)
+
+
+@cache
+def window_of_a_bogie(seed: int, fault: str = "") -> Observation:
+    """Two minutes on the rig."""
+    bogie, faults = read_vehicle("scale-bogie"), (parse_fault(fault),) if fault else ()
+    settings = RigRun(duration=120.0, speed=(5.6, 5.8), snr=50.0, faults=faults)
+    return observe_window(simulate_drive(bogie, settings, seed=seed).recording, bogie, time=600.0 * seed)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["front_right.tyre=-0.3", "rear_left.damper=-0.1"])
 def test_simulated_drives(fault) -> None:
-    """Nonlinear drives over roads B to D with payload and warm dampers: the right corner within two windows."""
-    car = read_vehicle("zafira")
-
-    def seen(seed, faults=()):
-        generator = np.random.default_rng(seed)
-        settings = RoadDrive(
-            road=RoadConditions(str(generator.choice(["B", "C", "D"])), potholes=FEW_POTHOLES),
-            payload=Payload(float(generator.uniform(0, 300))),
-            suspension=replace(REALISTIC_SUSPENSION, temperature=float(generator.uniform(0, 40))),
-            snr=50.0,
-            faults=faults,
-        )
-        return observe_window(simulate_drive(car, settings, seed=seed).recording, car, time=600.0 * seed)
-
-    normal = learn([seen(seed) for seed in range(6)])
-    assert diagnose([seen(seed) for seed in range(6, 9)], normal).is_healthy
-    (finding,) = diagnose([seen(seed, (parse_fault(fault),)) for seed in (20, 21)], normal).findings
+    """The right corner within two windows."""
+    normal = learn([window_of_a_car(seed) for seed in range(6)])
+    assert diagnose([window_of_a_car(seed) for seed in range(6, 9)], normal).is_healthy
+    (finding,) = diagnose([window_of_a_car(seed, fault) for seed in (20, 21)], normal).findings
     assert f"{finding.corner}.{finding.component}" == fault.partition("=")[0]
     assert finding.change == pytest.approx(parse_fault(fault).change, abs=0.04)
 
@@ -266,16 +276,10 @@ def test_simulated_drives(fault) -> None:
 @pytest.mark.parametrize(("corner", "change"), [("front_left", 0.5), ("rear_left", -0.75)])
 def test_mounts_of_the_bogie_on_its_rig(corner, change) -> None:
     """Chapter 7 of the thesis: the right corner, component and sign."""
-    bogie = read_vehicle("scale-bogie")
-
-    def seen(seed, faults=()):
-        settings = RigRun(duration=120.0, speed=(5.6, 5.8), snr=50.0, faults=faults)
-        return observe_window(simulate_drive(bogie, settings, seed=seed).recording, bogie, time=600.0 * seed)
-
-    normal = learn([seen(seed) for seed in range(6)])
-    assert diagnose([seen(seed) for seed in range(6, 9)], normal).is_healthy
-    faults = (parse_fault(f"{corner}.spring={change}"),)
-    (finding,) = diagnose([seen(seed, faults) for seed in (20, 21)], normal).findings
+    normal = learn([window_of_a_bogie(seed) for seed in range(6)])
+    assert diagnose([window_of_a_bogie(seed) for seed in range(6, 9)], normal).is_healthy
+    fault = f"{corner}.spring={change}"
+    (finding,) = diagnose([window_of_a_bogie(seed, fault) for seed in (20, 21)], normal).findings
     assert (finding.corner, finding.component) == (corner, "spring")
     assert finding.change == pytest.approx(change, abs=0.08)
 

@@ -8,7 +8,7 @@ import pytest
 
 from sprung.box import blocks_of
 from sprung.link import Frame, encode, quantised
-from sprung.monitor import Site, Station, VehicleMonitor
+from sprung.monitor import Site, Station, VehicleMonitor, engine
 from sprung.monitor.workers import Opening, Outcome, Workers, analyse, open_monitor
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.storage import open_store
@@ -17,6 +17,15 @@ from sprung.vehicles.sensor_layout import quantities_of
 
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _fits_of_a_window_once(fits_once):
+    """Let monitors in this process fit windows of equal samples once; tests fit what they compare with anew."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "observe_window", fits_once["observe_window"])
+        patch.setattr(engine, "METHODS", fits_once)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -122,8 +122,8 @@ def test_it_goes_on_from_its_state(car, drive, alike) -> None:
     """A restart after every window, and in the middle of one, changes nothing."""
     faulty = [drive(5, "rear_right.damper=-0.3"), drive(6, "rear_right.damper=-0.3")]
     drives = [*(drive(number) for number in range(5)), *faulty]
-    through = VehicleMonitor(car, settings=SETTINGS)
-    stopped = VehicleMonitor(car, settings=SETTINGS)
+    settings = replace(SETTINGS, identify_every=600.0)
+    through, stopped = (VehicleMonitor(car, settings=settings) for _ in range(2))
     for run in drives:
         (expected,) = windows(through.update(run))
         assert windows(stopped.update(run.part(0, 70_001))) == []

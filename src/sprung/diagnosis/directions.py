@@ -1,8 +1,11 @@
 """Directions in which components change together: left against right, front against rear, all of a kind."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from sprung._arrays import Real
+from sprung._checks import frozen_array
 from sprung.vehicles import Component
 
 #: Usual common change of all components of a kind from window to window (payload, temperature, road), where the
@@ -39,6 +42,7 @@ def usual_nuisance(
     return np.asarray((between.T * of_ends**2) @ between + (alike.T * of_all**2) @ alike, dtype=np.float64)
 
 
+@lru_cache(maxsize=64)
 def directions(components: tuple[Component, ...]) -> tuple[Real, Real, Real]:
     """Return directions as rows, each of shape (rows, components).
 
@@ -62,7 +66,9 @@ def directions(components: tuple[Component, ...]) -> tuple[Real, Real, Real]:
         ends += [of_axle[k] / 2 - of_axle[k + 1] / 2 for k in range(len(axles) - 1)]
         together.append(np.sum(of_axle, axis=0))
     size = len(components)
-    first, second, third = (np.array(rows).reshape(-1, size) for rows in (pairs, ends, together))
+    first, second, third = (
+        frozen_array("rows", np.array(rows).reshape(-1, size), ndim=2) for rows in (pairs, ends, together)
+    )
     return first, second, third
 
 
