@@ -30,6 +30,8 @@ _RULES = {
     "model_type": "a table of fields: write [name] above them",
     "literal_error": "{}: correct it",
 }
+# Largest number of unknown keys that are compared with missing ones.
+_MOST_MISSPELT = 100
 # Fields whose values, and the values of tables that may contain them, never appear in a message.
 _SECRETS = {"url", "headers", "password"}
 
@@ -79,14 +81,18 @@ def _without_consequences(problems: Sequence[Any], schema: Mapping[str, Any]) ->
             place != start and place[: len(start)] == start for place in places
         )
 
+    unknown = [problem["loc"] for problem in problems if problem["type"] == "extra_forbidden"]
     meant = {
-        (*problem["loc"][:-1], _nearest_key(problem["loc"], schema, _absent(problems, problem["loc"]))): problem
-        for problem in problems
-        if problem["type"] == "extra_forbidden"
+        (*location[:-1], _nearest_key(location, schema, _absent(problems, location))): location
+        for location in unknown[:_MOST_MISSPELT]
     }
-    causes = [meant.get(problem["loc"], problem) if problem["type"] == "missing" else problem for problem in problems]
-    left = [problem for problem in causes if not is_consequence(problem)]
-    return [problem for number, problem in enumerate(left) if problem not in left[:number]]
+    by_place = {problem["loc"]: problem for problem in problems}
+    causes: dict[Any, Mapping[str, Any]] = {}
+    for problem in problems:
+        if not is_consequence(problem):
+            place = meant.get(problem["loc"], problem["loc"]) if problem["type"] == "missing" else problem["loc"]
+            causes.setdefault(place, by_place[place])
+    return list(causes.values())
 
 
 def _absent(problems: Sequence[Any], location: Sequence[str | int]) -> list[str]:

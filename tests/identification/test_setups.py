@@ -17,6 +17,8 @@ from sprung.identification.setups import correlations_of
 from sprung.modal import mac
 from sprung.recording import Channel, Recording
 from sprung.signals.spectrum import spectral_matrix
+from sprung.simulation import simulate, usual_excitation
+from sprung.vehicles import read_description, structure
 
 N_FLOORS, N_MODES, N_SETUPS, DAMPING = 4, 11, 15, 0.012
 CORNERS = ((6.0, 3.5), (6.0, -3.5), (-6.0, -3.5), (-6.0, 3.5))
@@ -270,3 +272,18 @@ def test_three_storey_building_of_three_set_ups(real_file) -> None:
     assert identification.modes.natural_frequency == pytest.approx(exact, rel=0.01)
     assert len(identification.channels) == 3 + 3 * 7
     assert min(part.mac.min() for part in setups_of(identification).parts) > 0.99
+
+
+def test_a_sensor_that_no_setup_has_is_missing() -> None:
+    """Each set-up lacks sensors of the vehicle file: that is roving, unless all lack the same one."""
+    chain = read_description("chain3")
+    excitation = usual_excitation(structure(chain))
+    run = simulate(structure(chain), excitation, duration=120.0, sampling_rate=200.0, seed=1)
+    setups = [run.select(["acc_1", "acc_2"]), run.select(["acc_1", "acc_3"])]
+    assert {channel.name for channel in cov_ssi(setups, vehicle=chain).channels} == {"acc_1", "acc_2", "acc_3"}
+    named = chain.model_copy(
+        update={"sensor": tuple(s.model_copy(update={"channel": s.channel.replace("_3", "C")}) for s in chain.sensor)}
+    )
+    lazily = ([record] for record in [run.select(["acc_1", "acc_2"]), run.select(["acc_1"])])
+    with pytest.raises(ParameterError, match="lacks 1 of the vehicle file's 3 sensors: accC: make"):
+        identify_setups(cov_ssi, lazily, references=["acc_1"], vehicle=named)

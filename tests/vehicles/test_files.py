@@ -361,3 +361,10 @@ def test_a_description_without_axles_is_not_a_vehicle(name) -> None:
     message = rf"^vehicle '{name}' is of kind {kind}, but must be a body on axles \(kind road, rail or rig\): "
     with pytest.raises(ParameterError, match=message):
         read_vehicle(name)
+
+
+def test_many_unknown_keys_are_counted_at_once() -> None:
+    """A hostile file: comparing each key with all others would take hours."""
+    fields = tomllib.loads(EXAMPLE) | {f"wing_{number}": 1 for number in range(20_000)}
+    with pytest.raises(ParameterError, match=r"wing_0 is not known here: .* \(and 19999 more\)$"):
+        parse_vehicle(fields)

@@ -1,7 +1,5 @@
 """Remarks on the motion of a vehicle file: what is possible, but unusual, and may be a wrong number."""
 
-from functools import lru_cache
-
 import numpy as np
 
 from sprung.vehicles.description import Description, Vehicle
@@ -17,7 +15,6 @@ _SUSPENSION = ("spring_stiffness", "damping")
 _DAMPING = (0.02, 1.0)
 
 
-@lru_cache(maxsize=64)
 def plausibility_notes(vehicle: Description) -> tuple[str, ...]:
     """Return notes on modes of the body with unusual frequency or damping, one sentence each.
 
