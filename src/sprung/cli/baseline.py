@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.checks import check_file, names
 from sprung.cli.options import INPUT, Channels, Files, Json, Minutes, SamplingRate, TypeFile, VehicleFile, option
-from sprung.cli.output import show, write_result
+from sprung.cli.output import show, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.errors import DataError, ParameterError
 
@@ -86,7 +86,7 @@ def baseline(
     if write_result(baseline_document(learnt), json):
         sentences = tables.baseline_in_words(learnt, n_windows=len(observations))
         completed = [] if calibration is None else tables.calibration_in_words(calibration)
-        show(tables.baseline_table(learnt), [*sentences, *completed, f"wrote {out}"])
+        show(tables.baseline_table(learnt), [*sentences, *completed, *written([out], json)])
 
 
 def _calibration(

@@ -2,7 +2,7 @@
 
 from sprung.cli.checks import check_file, names
 from sprung.cli.options import Channels, Files, Json, SamplingRate
-from sprung.cli.output import show, write_result
+from sprung.cli.output import show, write_result, written
 from sprung.cli.progress import progress_bar
 
 
@@ -24,4 +24,5 @@ def info(files: Files, *, sampling_rate: SamplingRate = None, channels: Channels
         if json != "-":
             heading = f"{path}: {tables.inspection_in_words(inspection)}"
             show(tables.inspection_table(inspection), inspection.history, heading=heading)
-    write_result(inspection_document(inspections), json)
+    if write_result(inspection_document(inspections), json):
+        show(written([], json))

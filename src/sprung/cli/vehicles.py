@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sprung.cli.options import Json, option
-from sprung.cli.output import show, write_result
+from sprung.cli.output import show, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.cli.stores import DEFAULT_STORE, StoreUrl, Who, check_options_follow, existing_store
 
@@ -50,7 +50,8 @@ def rank(
     with existing_store(store) as opened:
         document = ranking_document(opened, rate=rate)
     if write_result(document, json):
-        show(*tables.fleet_tables(document), document["notes"] or ([] if document["types"] else ["no vehicles yet"]))
+        notes = document["notes"] or ([] if document["types"] else ["no vehicles yet"])
+        show(*tables.fleet_tables(document), notes, written([], json))
 
 
 @application.command()
@@ -100,4 +101,7 @@ def _print_vehicles(store: "Store", json: str | None, sentences: list[str]) -> N
 
     document = vehicles_document(store)
     if write_result(document, json):
-        show(tables.vehicles_table(document) if document["vehicles"] else ["no vehicles yet"], sentences)
+        show(
+            tables.vehicles_table(document) if document["vehicles"] else ["no vehicles yet"],
+            [*sentences, *written([], json)],
+        )
