@@ -16,6 +16,6 @@ for component, value, nominal, deviation in zip(
     change = f"{100 * (value / nominal - 1):+5.1f} ± {100 * deviation:.1f} %"
     print(f"{component!s:20} {value:10.0f}  {change}")
 
-sprung.write_corners(fit, "corners.json")
+fit.save("corners.json")
 spring = sprung.read_corners("corners.json").corners["front_left"]["spring"]
 print(f"front-left spring: {100 * (spring.relative_to_nominal - 1):+.0f} % from nominal, truth -20 %")

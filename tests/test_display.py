@@ -33,7 +33,7 @@ def window(generator, time, *, change=0.0):
 def values() -> dict[str, Any]:
     """Return a value of every type that people see."""
     car = sprung.read_vehicle("zafira")
-    drive = sprung.simulate_drive(car, sprung.RoadDrive(duration=120.0), seed=1).recording
+    drive = sprung.simulate_drive(car, sprung.RoadDrive(duration=120.0), seed=1)
     chain = sprung.structure(sprung.read_description("chain3"))
     run = sprung.simulate(chain, sprung.usual_excitation(chain), duration=60.0, sampling_rate=200.0, seed=1)
     identification = sprung.cov_ssi(run)
@@ -50,15 +50,18 @@ def values() -> dict[str, Any]:
         "modes": identification.modes,
         "identification": identification,
         "diagram": identification.subsets[0].diagrams[0],
-        "fit": sprung.fit_corners(drive, car),
+        "fit": sprung.fit_corners(drive.recording, car),
         "baseline": baseline,
         "diagnosis": diagnosis,
         "finding": diagnosis.findings[0],
         "findings": diagnosis.findings,
         "observation": windows[0],
         "observations": diagnosis.observations,
-        "inspection": sprung.inspect(drive),
+        "inspection": sprung.inspect(drive.recording),
         "tracked": sprung.track_modes([identification.modes] * 4),
+        "spectra": identification.spectra,
+        "track": sprung.track_modes([identification.modes] * 4).tracks[0],
+        "drive": drive,
         "calibration": sprung.Calibration(
             car, (number,), ("bounce",), grid, *misfits, *errors, 40.0, (50, 60), ("note",)
         ),
@@ -71,7 +74,7 @@ KINDS = (
 )
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, "spectra", "track", "drive"])
 def test_repr_has_three_lines_at_most_and_no_arrays(values, kind) -> None:
     lines = repr(values[kind]).splitlines()
     assert 1 <= len(lines) <= 3

@@ -338,3 +338,19 @@ def test_shapes_as_a_universal_file(sprung, chain, tmp_path):
     assert sprung("identify", chain, "--shapes", tmp_path / "shapes.unv").code == 0
     sets = package.UFF(str(tmp_path / "shapes.unv")).read_sets()
     assert [each["type"] for each in sets] == [164, 15, 82, 55, 55, 55]
+
+
+@pytest.mark.parametrize(("ending", "head"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_figures_have_the_format_that_is_asked_for(sprung, chain, tmp_path, ending, head):
+    outcome = sprung("identify", chain, "--figures", tmp_path, "--format", ending)
+    assert outcome.code == 0, outcome.err
+    names = {"stabilisation", "spectra", "mode_shapes", "complexity", "mac"}
+    assert {path.name for path in tmp_path.iterdir()} == {f"{name}.{ending}" for name in names}
+    assert all(path.read_bytes().startswith(head) for path in tmp_path.iterdir())
+
+
+def test_another_format_of_figures_is_refused(sprung, chain, tmp_path):
+    outcome = sprung("identify", chain, "--figures", tmp_path / "new", "--format", "gif")
+    assert outcome.code == 2
+    assert "'gif' is not one of 'png', 'svg', 'pdf'" in outcome.err
+    assert not (tmp_path / "new").exists()

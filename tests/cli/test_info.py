@@ -87,3 +87,9 @@ def test_values_missing_everywhere_are_null(sprung, tmp_path):
     dead = outcome.document()["files"][0]["channels"][1]
     assert (dead["is_dead"], dead["rms"], dead["n_values"]) == (True, None, 0)
     assert "dead, missing 100 %" in sprung("info", tmp_path / "run.csv").out
+
+
+def test_the_json_file_is_among_what_was_written(sprung, chain, tmp_path):
+    path = tmp_path / "i.json"
+    outcome = sprung("info", chain, "--json", path)
+    assert f"wrote{path}" in "".join(outcome.out.split())

@@ -27,6 +27,7 @@ def test_report_of_an_identification(sprung, chain, tmp_path) -> None:
     outcome = sprung("identify", chain, "--report", path, "--json", tmp_path / "m.json")
     assert outcome.code == 0
     assert f"wrote{path}" in "".join(outcome.out.split())
+    assert f"wrote{tmp_path / 'm.json'}" in "".join(outcome.out.split())
     page = path.read_text(encoding="utf-8")
     assert outcome.check_document(document_of(page)) == json.loads((tmp_path / "m.json").read_text())
     assert "Modes of run.csv" in page
@@ -125,3 +126,11 @@ def test_report_must_be_a_file_of_its_own(sprung, chain, tmp_path) -> None:
         outcome = sprung("identify", chain, "--report", path)
         assert outcome.code == 2
         assert message in outcome.err
+
+
+@pytest.mark.parametrize("name", ["r.pdf", "r", "r.docx"])
+def test_a_report_that_is_no_html_file_is_refused(sprung, chain, tmp_path, name) -> None:
+    outcome = sprung("identify", chain, "--report", tmp_path / name)
+    assert outcome.code == 2
+    assert outcome.err == f"sprung: --report {tmp_path / name} must be an HTML file: name it r.html\n"
+    assert not (tmp_path / name).exists()

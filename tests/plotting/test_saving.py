@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from sprung.errors import ParameterError
 from sprung.plotting import figures, save_figures
 
 ALWAYS = {"stabilisation.png", "spectra.png"}
@@ -64,3 +65,9 @@ def test_no_global_state_of_matplotlib_is_touched(chain) -> None:
     assert matplotlib.rcParams.copy() == before
     code = "import sys, sprung.plotting; sys.exit('matplotlib.pyplot' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_another_format_is_refused(single, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match=r"^file_format 'gif' is not one of pdf, png, svg$"):
+        save_figures(single, tmp_path / "new", file_format="gif")
+    assert not (tmp_path / "new").exists()

@@ -67,7 +67,6 @@ def _tolerant(stream: TextIO | None) -> TextIO:
 def _application() -> typer.Typer:
     """Return the application with all its commands."""
     application = typer.Typer(
-        add_completion=False,
         context_settings=_HELP,
         pretty_exceptions_enable=False,
     )

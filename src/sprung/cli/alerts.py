@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sprung.cli.options import Json, option
-from sprung.cli.output import show, write_result
+from sprung.cli.output import show, write_result, written
 from sprung.cli.stores import DEFAULT_STORE, StoreUrl, Who, check_options_follow, existing_store
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def history(number: Number, *, store: StoreUrl = DEFAULT_STORE, json: Json = Non
     with existing_store(store) as opened:
         document = history_document(opened, number)
     if write_result(document, json):
-        show(tables.alert_history_table(document))
+        show(tables.alert_history_table(document), written([], json))
 
 
 def _act(act: Callable[..., None], number: int, *, store: str, who: str | None, comment: str, json: str | None) -> None:
@@ -135,4 +135,4 @@ def _print_alerts(store: "Store", json: str | None, *, vehicle: str | None = Non
 
     document = alerts_document(store, vehicle=vehicle, is_complete=is_complete)
     if write_result(document, json):
-        show(tables.alerts_table(document) if document["alerts"] else ["no alerts"])
+        show(tables.alerts_table(document) if document["alerts"] else ["no alerts"], written([], json))

@@ -7,17 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.checks import check_file, may_lack_sensors
-from sprung.cli.options import (
-    INPUT,
-    AllowMissing,
-    Files,
-    Json,
-    Minutes,
-    TypeFile,
-    VehicleFile,
-    option,
-)
-from sprung.cli.output import show, write_result
+from sprung.cli.options import INPUT, AllowMissing, Files, Json, Minutes, TypeFile, VehicleFile, option
+from sprung.cli.output import show, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
 from sprung.errors import DataError, ParameterError
@@ -100,7 +91,7 @@ def baseline(
         layout = list(dict.fromkeys(note for observation in observations for note in observation.notes))
         sentences = [*tables.baseline_in_words(learnt, n_windows=len(observations)), *layout]
         completed = [] if calibration is None else tables.calibration_in_words(calibration)
-        show(tables.baseline_table(learnt), [*sentences, *completed, f"wrote {out}"])
+        show(tables.baseline_table(learnt), [*sentences, *completed, *written([out], json)])
 
 
 def _calibration(

@@ -4,17 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.checks import check_file, check_folder, may_lack_sensors
-from sprung.cli.options import (
-    INPUT,
-    AllowMissing,
-    Figures,
-    Files,
-    Json,
-    Minutes,
-    VehicleFile,
-    option,
-)
-from sprung.cli.output import show, write_result
+from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Files, Json, Minutes, VehicleFile, option
+from sprung.cli.output import show, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
 
@@ -37,6 +28,7 @@ def calibrate(
         bool, option(None, "Add torsion and bending where the drives show them.", "--modes/--no-modes", panel=INPUT)
     ] = True,
     figures: Figures = None,
+    file_format: FileFormat = "png",
     json: Json = None,
 ) -> None:
     """Complete a vehicle file with what healthy drives teach: sensors, wheels, masses on mounts, modes of the body."""
@@ -59,14 +51,14 @@ def calibrate(
         parts = [part for _, part in windows(recordings, length=60 * window)]
         report(f"calibrating on {len(parts)} windows", 0.5)
         result = calibrated(parts, description, settings=settings, allow_missing=may_lack)
-        paths = _draw(result, figures, ", ".join(path.name for path in files))
+        paths = _draw(result, figures, ", ".join(path.name for path in files), file_format)
     write_vehicle(result.vehicle, out)
     if write_result(calibration_document(result), json):
         sentences = tables.calibration_in_words(result)
-        show(tables.calibration_table(result), [*sentences, f"wrote {out}", *(f"wrote {path}" for path in paths)])
+        show(tables.calibration_table(result), [*sentences, *written([out, *paths], json)])
 
 
-def _draw(calibration: "Calibration", folder: Path | None, source: str) -> list[Path]:
+def _draw(calibration: "Calibration", folder: Path | None, source: str, file_format: str) -> list[Path]:
     """Write the figures and return their paths."""
     if folder is None:
         return []
@@ -77,4 +69,4 @@ def _draw(calibration: "Calibration", folder: Path | None, source: str) -> list[
         "misfit": misfit_figure(calibration, source=source),
         "learnt": learnt_figure(calibration, source=source),
     }
-    return save(figures, folder)
+    return save(figures, folder, file_format=file_format)

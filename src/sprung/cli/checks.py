@@ -57,6 +57,13 @@ def check_file(option: str, path: str | Path | None, *, inputs: Sequence[str | P
         raise ParameterError(f"{option} {path}: there is no folder {Path(path).parent}: create it")
 
 
+def check_page(page: Path | None, *, inputs: Sequence[str | Path] = ()) -> None:
+    """Refuse a report that is no HTML file, or that cannot be written."""
+    check_file("--report", page, inputs=inputs)
+    if page is not None and page.suffix.lower() not in {".html", ".htm"}:
+        raise ParameterError(f"--report {page} must be an HTML file: name it {page.with_suffix('.html').name}")
+
+
 def check_folder(option: str, path: Path | None) -> None:
     """Refuse a folder for output that is a file."""
     if path is not None and path.exists() and not path.is_dir():

@@ -4,18 +4,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, may_lack_sensors, names
-from sprung.cli.options import (
-    INPUT,
-    AllowMissing,
-    Figures,
-    Files,
-    Json,
-    Page,
-    VehicleFile,
-    option,
-)
-from sprung.cli.output import show, write_result
+from sprung.cli.checks import check_file, check_folder, check_page, may_lack_sensors, names
+from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Files, Json, Page, VehicleFile, option
+from sprung.cli.output import show, write_result, written
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
@@ -66,6 +57,7 @@ def corners(
         typer.Option("--sensors", help="Also fit positions and lags of the sensors.", rich_help_panel=INPUT),
     ] = False,
     figures: Figures = None,
+    file_format: FileFormat = "png",
     page: Page = None,
     json: Json = None,
 ) -> None:
@@ -78,7 +70,7 @@ def corners(
     from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle])
-    check_file("--report", page, inputs=[*files, vehicle])
+    check_page(page, inputs=[*files, vehicle])
     check_folder("--figures", figures)
     description = read_vehicle(vehicle)
     may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=reading.channels)
@@ -95,7 +87,7 @@ def corners(
         recordings = read_records(files, settings=reading, on_progress=report)
         report("fitting", 0.5)
         fit = fit_drive(recordings, description, settings=settings, allow_missing=may_lack)
-        paths = _draw(fit, figures, ", ".join(path.name for path in files))
+        paths = _draw(fit, figures, ", ".join(path.name for path in files), file_format)
         document = corners_document(fit)
         paths += write_page(
             page,
@@ -105,14 +97,14 @@ def corners(
             others={"vehicle": vehicle},
         )
     if write_result(document, json):
-        words = [*tables.payload_in_words(fit), *fit.notes, *(f"wrote {path}" for path in paths)]
+        words = [*tables.payload_in_words(fit), *fit.notes, *written(paths, json)]
         show(tables.components_table(fit), tables.fitted_modes_table(fit), words)
 
 
-def _draw(fit: "CornerFit", folder: "Path | None", source: str) -> "list[Path]":
+def _draw(fit: "CornerFit", folder: "Path | None", source: str, file_format: str) -> "list[Path]":
     """Write the figures and return their paths."""
     if folder is None:
         return []
     from sprung.plotting.saving import corner_figures, save
 
-    return save(corner_figures(fit, source=source), folder)
+    return save(corner_figures(fit, source=source), folder, file_format=file_format)

@@ -4,11 +4,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from sprung.cli.baseline import baseline_of, completed_vehicle, observed, type_of, windows_of
-from sprung.cli.checks import check_file, check_folder, may_lack_sensors
+from sprung.cli.checks import check_file, check_folder, check_page, may_lack_sensors
 from sprung.cli.options import (
     INPUT,
     AllowMissing,
     Figures,
+    FileFormat,
     Files,
     Json,
     Minutes,
@@ -17,7 +18,7 @@ from sprung.cli.options import (
     VehicleFile,
     option,
 )
-from sprung.cli.output import show, write_result
+from sprung.cli.output import show, write_result, written
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
@@ -49,6 +50,7 @@ def diagnose(
     false_alarms: Annotated[float, option("RATE", "False alarms per vehicle and day of driving.", panel=INPUT)] = 1e-3,
     hours_per_day: Annotated[float, option("H", "Hours of driving per day.", panel=INPUT)] = 8.0,
     figures: Figures = None,
+    file_format: FileFormat = "png",
     page: Page = None,
     json: Json = None,
 ) -> None:
@@ -59,7 +61,7 @@ def diagnose(
     from sprung.vehicles import read_vehicle
 
     check_file("--json", json, inputs=[*files, vehicle, *filter(None, (baseline, of_type))])
-    check_file("--report", page, inputs=[*files, vehicle, *filter(None, (baseline, of_type))])
+    check_page(page, inputs=[*files, vehicle, *filter(None, (baseline, of_type))])
     check_folder("--figures", figures)
     check_number("--hours-per-day", hours_per_day, above=0, at_most=24)
     if baseline is not None and of_type is not None:
@@ -84,7 +86,7 @@ def diagnose(
             for finding in result.findings
             for change in diagnosis.mode_changes(description, finding, normal, observations=observations)
         ]
-        paths = _draw(result, normal, changes, figures)
+        paths = _draw(result, normal, changes, figures, file_format)
         document = diagnosis_document(result, modes=changes)
         paths += write_page(
             page,
@@ -96,18 +98,22 @@ def diagnose(
             others={"vehicle": vehicle, "baseline": baseline, "type": of_type},
         )
     if write_result(document, json):
-        words = [*result.notes, *(f"wrote {path}" for path in paths)]
+        words = [*result.notes, *written(paths, json)]
         show(tables.diagnosis_in_words(result), *tables.diagnosis_tables(result, changes), words)
     if result.detection is None and not result.sensor_faults:
         raise DataError(f"no window was usable: {tables.why_unusable(result, normal)}")
 
 
 def _draw(
-    diagnosis: "Diagnosis", baseline: "Baseline | None", changes: "Sequence[ModeChange]", folder: Path | None
+    diagnosis: "Diagnosis",
+    baseline: "Baseline | None",
+    changes: "Sequence[ModeChange]",
+    folder: Path | None,
+    file_format: str,
 ) -> list[Path]:
     """Write the figures and return their paths."""
     if folder is None or diagnosis.detection is None:
         return []
     from sprung.plotting.saving import diagnosis_figures, save
 
-    return save(diagnosis_figures(diagnosis, baseline, changes), folder)
+    return save(diagnosis_figures(diagnosis, baseline, changes), folder, file_format=file_format)

@@ -9,7 +9,7 @@ import typer
 
 from sprung.cli.checks import check_file
 from sprung.cli.options import OUTPUT, Json, option
-from sprung.cli.output import show, write_result
+from sprung.cli.output import show, write_result, written
 from sprung.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
@@ -65,8 +65,8 @@ def rank(
         write_type_baseline(of_type, out)
     document = fleet_document(rankings, rate=rate, notes=notes)
     if write_result(document, json):
-        written = [] if out is None else [f"wrote {out}"]
-        show(*tables.fleet_tables(document.as_json()), [tables.type_in_words(of_type), *notes, *written])
+        outputs = written([] if out is None else [out], json)
+        show(*tables.fleet_tables(document.as_json()), [tables.type_in_words(of_type), *notes, *outputs])
 
 
 def _windows_by_vehicle(files: list[Path]) -> "Mapping[str, list[Observation]]":

@@ -7,18 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, may_lack_sensors, names
-from sprung.cli.options import (
-    INPUT,
-    OUTPUT,
-    AllowMissing,
-    Figures,
-    Files,
-    Json,
-    Page,
-    option,
-)
-from sprung.cli.output import show, write_result
+from sprung.cli.checks import check_file, check_folder, check_page, may_lack_sensors, names
+from sprung.cli.completion import vehicles
+from sprung.cli.options import INPUT, OUTPUT, AllowMissing, Figures, FileFormat, Files, Json, Page, option
+from sprung.cli.output import show, write_result, written
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
@@ -41,6 +33,7 @@ def identify(
         option(
             "V.toml|NAME",
             "Vehicle file or name of a shipped vehicle: gives sensor layout, band and labels.",
+            autocompletion=vehicles,
             panel=INPUT,
         ),
     ] = None,
@@ -123,6 +116,7 @@ def identify(
         ),
     ] = None,
     figures: Figures = None,
+    file_format: FileFormat = "png",
     page: Page = None,
     shapes: Annotated[
         Path | None,
@@ -143,7 +137,7 @@ def identify(
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
-    check_file("--report", page, inputs=[*files, *([vehicle] if vehicle else [])])
+    check_page(page, inputs=[*files, *([vehicle] if vehicle else [])])
     check_folder("--figures", figures)
     check_file("--shapes", shapes, inputs=files)
     if shapes is not None:
@@ -189,7 +183,7 @@ def identify(
         if figures is not None:
             report("drawing figures", 1.0)
         paths = [
-            *_draw(identification, figures, Path(source).name),
+            *_draw(identification, figures, Path(source).name, file_format),
             *_write_shapes(identification, shapes, Path(source).name),
         ]
         document = identification_document(identification, vehicle=description)
@@ -201,7 +195,7 @@ def identify(
             others={"vehicle": vehicle},
         )
     if write_result(document, json):
-        words = [*identification.notes, *(f"wrote {path}" for path in paths)]
+        words = [*identification.notes, *written(paths, json)]
         heading = f"{source}: {tables.identification_in_words(identification)}"
         show(*tables.identification_tables(identification), words, heading=heading)
     if not len(identification.modes):
@@ -254,13 +248,13 @@ def _check_ladder(max_order: int | None, rows: tuple[int, int]) -> None:
         raise ParameterError(f"--block-rows {rows[1]} must be above {rows[0]} with --thesis, whose ladder starts there")
 
 
-def _draw(identification: "Identification", folder: Path | None, source: str) -> list[Path]:
+def _draw(identification: "Identification", folder: Path | None, source: str, file_format: str) -> list[Path]:
     """Write the figures and return their paths."""
     if folder is None:
         return []
     from sprung.plotting import save_figures
 
-    return save_figures(identification, folder, source=source)
+    return save_figures(identification, folder, source=source, file_format=file_format)
 
 
 def _write_shapes(identification: "Identification", path: Path | None, source: str) -> list[Path]:

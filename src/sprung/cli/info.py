@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sprung.cli.checks import check_file
 from sprung.cli.options import Files, Json
-from sprung.cli.output import show, write_result
+from sprung.cli.output import show, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
 
@@ -32,7 +32,8 @@ def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
             if json != "-":
                 heading = f"{name}: {tables.inspection_in_words(inspection)}"
                 show(tables.inspection_table(inspection), inspection.history, heading=heading)
-    write_result(inspection_document(inspections), json)
+    if write_result(inspection_document(inspections), json):
+        show(written([], json))
 
 
 def _parts(path: Path, reading: "ReadSettings") -> "dict[str, ReadSettings]":

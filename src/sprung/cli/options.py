@@ -1,9 +1,11 @@
 """Options of several commands."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
+
+from sprung.cli.completion import documents, recordings, vehicles
 
 INPUT, OUTPUT = "Input", "Output"
 
@@ -14,13 +16,15 @@ def option(metavar: str | None, text: str, *names: str, panel: str | None = None
 
 
 Files = Annotated[
-    list[Path], typer.Argument(metavar="FILE", help="Recordings: CSV, Parquet, NPZ or MAT.", show_default=False)
+    list[Path],
+    typer.Argument(
+        metavar="FILE",
+        help="Recordings in any of the formats of docs/formats.md.",
+        show_default=False,
+        autocompletion=recordings,
+    ),
 ]
 SamplingRate = Annotated[float | None, option("HZ", "Sampling rate of files without a time column.", panel=INPUT)]
-Channels = Annotated[
-    str | None,
-    option("A,B,..", "Channels to read, including the speed channel if it is needed. Default: all.", panel=INPUT),
-]
 AllowMissing = Annotated[
     bool,
     typer.Option(
@@ -31,11 +35,22 @@ AllowMissing = Annotated[
 ]
 VehicleFile = Annotated[
     Path,
-    option("V.toml|NAME", "Vehicle file or name of a shipped vehicle: geometry, masses, sensors, nominal components."),
+    option(
+        "V.toml|NAME",
+        "Vehicle file or name of a shipped vehicle: geometry, masses, sensors, nominal components.",
+        autocompletion=vehicles,
+    ),
 ]
-TypeFile = Annotated[Path | None, option("T.json", "Baseline of the vehicle's type, from sprung fleet rank.", "--type")]
+TypeFile = Annotated[
+    Path | None,
+    option("T.json", "Baseline of the vehicle's type, from sprung fleet rank.", "--type", autocompletion=documents),
+]
 Minutes = Annotated[float, option("MINUTES", "Length of a window.", "--window", panel=INPUT)]
 Figures = Annotated[Path | None, option("DIR", "Write figures to this folder.", panel=OUTPUT)]
+FileFormat = Annotated[
+    Literal["png", "svg", "pdf"],
+    typer.Option("--format", help="Format of the figures.", rich_help_panel=OUTPUT),
+]
 Page = Annotated[
     Path | None,
     option(

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
     from rich.table import Table as Grid
 
@@ -32,6 +34,11 @@ def write_result(document: "Document | Mapping[str, Any]", json: str | None) -> 
     if json is not None:
         write_json(document, json)
     return json != "-"
+
+
+def written(paths: "Iterable[Path | str]", json: str | None = None) -> list[str]:
+    """Return a sentence for each file that was written, that of `--json` last."""
+    return [f"wrote {path}" for path in (*paths, *([] if json is None else [json]))]
 
 
 def show(*parts: "Table | Sequence[str]", heading: str = "") -> None:

@@ -7,7 +7,7 @@ import typer
 
 from sprung.cli.checks import check_file, check_folder
 from sprung.cli.options import OUTPUT, Json, option
-from sprung.cli.output import show, write_result
+from sprung.cli.output import show, write_result, written
 from sprung.cli.progress import progress_bar
 
 
@@ -37,4 +37,4 @@ def reproduce(
         paths = reproduce(chapters or (), directory=out, n_seeds=seeds, n_processes=processes, on_progress=report)
     document = {"schema": "sprung.reproduction/1", "seeds": seeds, "files": [str(path) for path in paths]}
     if write_result(document, json):
-        show([f"wrote {path}" for path in paths])
+        show(written(paths, json))

@@ -13,7 +13,7 @@ from sprung.cli import simulate_conditions as values
 from sprung.cli import simulate_options as options
 from sprung.cli.checks import check_file
 from sprung.cli.options import Json, option
-from sprung.cli.output import show, write_json, write_result
+from sprung.cli.output import show, write_json, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.errors import ParameterError
 
@@ -375,4 +375,4 @@ def _write(
     write_json(document, str(truth_path))
     write_vehicle(vehicle, vehicle_path)
     if write_result(document, output.json):
-        show(tables.true_modes_table(document), [f"wrote {path}" for path in (*paths, truth_path, vehicle_path)])
+        show(tables.true_modes_table(document), written([*paths, truth_path, vehicle_path], output.json))

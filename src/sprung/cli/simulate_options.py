@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from sprung.cli.completion import vehicles
 from sprung.cli.options import OUTPUT, option
 
 DRIVE, CONDITION = "Drive", "Condition"
@@ -15,7 +16,9 @@ Records = Annotated[
     int,
     option("N", "Number of records; several are numbered -01, -02 ..", panel=OUTPUT, min=1, max=1000),
 ]
-VehicleName = Annotated[str, option("V.toml|NAME", "Vehicle file or name of a shipped vehicle.")]
+VehicleName = Annotated[
+    str, option("V.toml|NAME", "Vehicle file or name of a shipped vehicle.", autocompletion=vehicles)
+]
 Minutes = Annotated[float, option("M", "Length of each record in minutes.")]
 SamplingRate = Annotated[float, option("HZ", "Sampling rate in Hz.")]
 Snr = Annotated[float | None, option("S", "RMS of the signal over RMS of the sensor noise. Default: no noise.")]

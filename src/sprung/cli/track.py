@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.checks import check_file, check_folder, may_lack_sensors
-from sprung.cli.options import INPUT, AllowMissing, Figures, Json, Page, option
-from sprung.cli.output import show, write_result
+from sprung.cli.checks import check_file, check_folder, check_page, may_lack_sensors
+from sprung.cli.completion import recordings_or_documents, vehicles
+from sprung.cli.options import INPUT, AllowMissing, Figures, FileFormat, Json, Page, option
+from sprung.cli.output import show, write_result, written
 from sprung.cli.pages import write_page
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
@@ -35,6 +36,7 @@ def track(
             metavar="FILE",
             help="Recordings in the order of time, or JSON files of sprung identify.",
             show_default=False,
+            autocompletion=recordings_or_documents,
         ),
     ],
     *,
@@ -44,7 +46,12 @@ def track(
     ] = None,
     vehicle: Annotated[
         str | None,
-        option("V.toml|NAME", "Vehicle file or name of a shipped vehicle: sensors, band and labels.", panel=INPUT),
+        option(
+            "V.toml|NAME",
+            "Vehicle file or name of a shipped vehicle: sensors, band and labels.",
+            panel=INPUT,
+            autocompletion=vehicles,
+        ),
     ] = None,
     reading: "ReadSettings",
     allow_missing: AllowMissing = False,
@@ -69,6 +76,7 @@ def track(
         option("D", "Largest sudden relative change of a natural frequency that is followed.", panel=_TRACKING),
     ] = 0.1,
     figures: Figures = None,
+    file_format: FileFormat = "png",
     page: Page = None,
     json: Json = None,
 ) -> None:
@@ -80,7 +88,7 @@ def track(
     from sprung.vehicles import read_description
 
     check_file("--json", json, inputs=[*files, *([vehicle] if vehicle else [])])
-    check_file("--report", page, inputs=[*files, *([vehicle] if vehicle else [])])
+    check_page(page, inputs=[*files, *([vehicle] if vehicle else [])])
     check_folder("--figures", figures)
     settings = TrackingSettings(gap=gap, reach=reach)
     source = str(files[0]) if len(files) == 1 else f"{len(files)} files"
@@ -100,7 +108,9 @@ def track(
             [part.modes for part in windows], times=[part.time for part in windows], settings=settings
         )
         has_times = window is not None or not _are_documents(files)
-        paths = _draw(tracked, figures, start=start, has_times=has_times, source=Path(source).name)
+        paths = _draw(
+            tracked, figures, start=start, has_times=has_times, source=Path(source).name, file_format=file_format
+        )
         notes = tables.tracks_notes(tracked, windows)
         document = tracking_document(tracked, windows, start=start, has_times=has_times, notes=notes)
         paths += write_page(
@@ -114,7 +124,7 @@ def track(
             others={"vehicle": vehicle},
         )
     if write_result(document, json):
-        words = [*notes, *(f"wrote {path}" for path in paths)]
+        words = [*notes, *written(paths, json)]
         table = tables.tracks_table(tracked, start=start, has_times=has_times)
         show(*([table] if tracked.tracks else []), words, heading=f"{source}: {tables.tracks_in_words(tracked)}")
     if not tracked.tracks:
@@ -204,7 +214,13 @@ def _identified(
 
 
 def _draw(
-    tracked: "TrackedModes", folder: Path | None, *, start: int | None, has_times: bool, source: str
+    tracked: "TrackedModes",
+    folder: Path | None,
+    *,
+    start: int | None,
+    has_times: bool,
+    source: str,
+    file_format: str,
 ) -> list[Path]:
     """Write the figure and return its path."""
     if folder is None:
@@ -212,4 +228,5 @@ def _draw(
     from sprung.plotting.saving import save
     from sprung.plotting.tracking import tracks_figure
 
-    return save({"tracks": tracks_figure(tracked, start=start, has_times=has_times, source=source)}, folder)
+    figure = tracks_figure(tracked, start=start, has_times=has_times, source=source)
+    return save({"tracks": figure}, folder, file_format=file_format)

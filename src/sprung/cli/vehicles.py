@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sprung.cli.options import Json, option
-from sprung.cli.output import show, write_result
+from sprung.cli.output import show, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.cli.stores import DEFAULT_STORE, StoreUrl, Who, check_options_follow, existing_store
 
@@ -50,7 +50,8 @@ def rank(
     with existing_store(store) as opened:
         document = ranking_document(opened, rate=rate)
     if write_result(document, json):
-        show(*tables.fleet_tables(document), document["notes"] or ([] if document["types"] else [NO_VEHICLES]))
+        notes = document["notes"] or ([] if document["types"] else [NO_VEHICLES])
+        show(*tables.fleet_tables(document), notes, written([], json))
 
 
 @application.command()
@@ -101,4 +102,4 @@ def _print_vehicles(store: "Store", json: str | None, sentences: list[str]) -> N
     document = vehicles_document(store)
     if write_result(document, json):
         table = tables.vehicles_table(document, now=time.time_ns())
-        show(table if document["vehicles"] else [NO_VEHICLES], sentences)
+        show(table if document["vehicles"] else [NO_VEHICLES], [*sentences, *written([], json)])

@@ -132,6 +132,12 @@ class Track:
     def __len__(self) -> int:
         return len(self.windows)
 
+    def __repr__(self) -> str:
+        """Return mean and range of the frequency, and the number of windows."""
+        value, label = self.natural_frequency, f" {self.label}" if self.label else ""
+        mean = f"{value.mean:.4g} Hz{label}, 95 % of windows {value.low:.4g} to {value.high:.4g} Hz"
+        return in_short(f"Track: {mean}; {counted(len(self), 'window')}, {counted(len(self.jumps), 'jump')}")
+
     @property
     def label(self) -> str | None:
         """Most frequent label of the modes."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from sprung._checks import check_one_of
 from sprung.diagnosis import Baseline, Diagnosis, ModeChange
 from sprung.identification import Identification
 from sprung.likelihood import CornerFit
@@ -17,12 +18,16 @@ from sprung.plotting.spectra import spectra_figure
 from sprung.plotting.stabilisation import stabilisation_figure
 from sprung.plotting.subsets import subsets_figure
 
+#: Formats of saved figures.
+FILE_FORMATS = ("png", "svg", "pdf")
 #: Resolution of saved figures [dots per inch].
 RESOLUTION = 150
 
 
-def save_figures(identification: Identification, directory: str | PathLike[str], *, source: str = "") -> list[Path]:
-    """Write all figures that apply to an identification as PNG files.
+def save_figures(
+    identification: Identification, directory: str | PathLike[str], *, source: str = "", file_format: str = "png"
+) -> list[Path]:
+    """Write all figures that apply to an identification as files.
 
     Parameters
     ----------
@@ -32,22 +37,47 @@ def save_figures(identification: Identification, directory: str | PathLike[str],
         Folder for the files, created if missing. Files of the same names are overwritten.
     source
         Name of the recording, for the headings.
+    file_format
+        "png", "svg" or "pdf".
 
     Returns
     -------
     list of pathlib.Path
-        Paths of the files: always stabilisation.png and spectra.png (for each set-up of roving sensors, where there are
-        several); with modes of several channels mode_shapes.png, complexity.png and mac.png; with segments sorted by
-        level subsets.png.
+        Paths of the files, here as PNG: always stabilisation.png and spectra.png (for each set-up of roving sensors,
+        where there are several); with modes of several channels mode_shapes.png, complexity.png and mac.png; with
+        segments sorted by level subsets.png.
+
+    Raises
+    ------
+    ParameterError
+        If the format is another one.
     """
-    return save(figures(identification, source=source), directory)
+    return save(figures(identification, source=source), directory, file_format=file_format)
 
 
-def save(figures_by_name: Mapping[str, Figure], directory: str | PathLike[str]) -> list[Path]:
-    """Write figures as PNG files into a folder, created where it does not exist, and return their paths."""
+def save(
+    figures_by_name: Mapping[str, Figure], directory: str | PathLike[str], *, file_format: str = "png"
+) -> list[Path]:
+    """Write figures as files into a folder, created where it does not exist, and return their paths.
+
+    Parameters
+    ----------
+    figures_by_name
+        Figures by the name of their file, without ending.
+    directory
+        Folder for the files.
+    file_format
+        "png", "svg" or "pdf".
+
+    Raises
+    ------
+    ParameterError
+        If the format is another one.
+    """
+    check_one_of("file_format", file_format, FILE_FORMATS)
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"{name}.png" for name in figures_by_name]
+    paths = [folder / f"{name}.{file_format}" for name in figures_by_name]
     for path, figure in zip(paths, figures_by_name.values(), strict=True):
         figure.savefig(path, dpi=RESOLUTION)
     return paths

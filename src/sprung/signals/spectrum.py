@@ -7,6 +7,7 @@ import numpy as np
 
 from sprung._arrays import Complex, Real
 from sprung._checks import check_complete, check_number, freeze
+from sprung._display import in_short, listed
 from sprung.errors import DataError, ParameterError
 from sprung.recording import Recording
 
@@ -51,6 +52,12 @@ class SpectralMatrix:
         if self.matrix.shape != shape:
             raise ParameterError(f"matrix has shape {self.matrix.shape}, but must have {shape}")
         check_number("n_segments", self.n_segments, at_least=1)
+
+    def __repr__(self) -> str:
+        """Return the channels, the frequencies and the segments."""
+        segments = f"{self.n_segments} segments of {self.segment_length:.4g} s"
+        grid = f"{self.frequencies.size} frequencies to {self.frequencies[-1]:.5g} Hz"
+        return in_short(f"SpectralMatrix of {listed(self.names)}", f"{grid}, {segments}")
 
     @property
     def densities(self) -> Real:

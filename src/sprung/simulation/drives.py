@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from sprung._checks import check_number, check_one_of, check_type
+from sprung._display import in_short
 from sprung.excitation import (
     BodyAccelerations,
     CrossSlope,
@@ -229,6 +230,11 @@ class SimulatedDrive:
     recording: Recording
     truth: dict[str, Any]
     speed: SpeedProfile
+
+    def __repr__(self) -> str:
+        """Return the recording and the faults in words."""
+        faults = ", ".join(f"{part} {100 * change:+.3g} %" for part, change in self.truth["faults"].items())
+        return in_short("SimulatedDrive: " + repr(self.recording), f"faults: {faults or 'none'}")
 
 
 def simulate_drive(vehicle: Vehicle, settings: DriveSettings, *, seed: int | list[int] = 0) -> SimulatedDrive:
