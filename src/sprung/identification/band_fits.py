@@ -21,7 +21,8 @@ _USUAL_EXPONENT = 2.0
 #: Bands around the modes in half-power half-widths, widest first: the widest in which the model fits is used.
 _REACHES = (np.inf, 30.0, 12.0)
 #: Lowest frequency of a band over that of its lowest mode. Far below it accelerations fall with the square of the
-#: frequency, until a delay between channels or of the forces, drift and tilt matter, which the model does not hold.
+#: frequency, because restoring forces cancel the forces. A delay between the two falls with the frequency alone: forces
+#: held over samples act half a sample later on the motion than in the accelerations, which the model does not hold.
 _LOWEST_OF_MODE = 0.6
 #: Most modes that are fitted together.
 _MOST_TOGETHER = 5
