@@ -109,6 +109,14 @@ def test_a_vehicle_states_what_is_learnt_and_why_not(store, status, state) -> No
     assert (vehicle["learnt"], vehicle["needed"], vehicle["data_until"]) == expected
 
 
+def test_what_an_alert_states_is_not_repeated(store) -> None:
+    store.inbox.add_frames([StoredFrame("car-1", 1, 0, NOW, b"x")], now=NOW)
+    status = LEARNING._replace(note="car-1 has sent nothing")
+    store.results.commit(Progress("car-1", 1, done_seq=0, status=status._asdict()))
+    (vehicle,) = desk.vehicles_document(store)["vehicles"]
+    assert vehicle["state"] == "car-1 has sent nothing; learning: 4 of 12 windows"
+
+
 @pytest.mark.parametrize(
     ("act", "words"),
     [

@@ -226,3 +226,19 @@ def test_a_recording_that_is_replayed_teaches_once(car, drive) -> None:
     assert len(windows(VehicleMonitor.from_state(corrected, state).update(run))) == 1
     monitor.learn_again("new springs")
     assert len(windows(monitor.update(run))) == 1
+
+
+@pytest.mark.parametrize(
+    ("channel", "level", "note"),
+    [
+        ("speed", 1e-3, "the vehicle stood for 100 % of the time"),
+        ("acc_fl", 1.0, "sensor acc_fl is dead: stays at 0 for 100 % of the time"),
+    ],
+)
+def test_a_window_that_teaches_nothing_leaves_its_reason(car, drive, channel, level, note) -> None:
+    run = drive(0)
+    samples = level * run.samples
+    samples[run.index(channel)] = 0.0
+    monitor = VehicleMonitor(car, settings=replace(SETTINGS, identify_every=0))
+    monitor.update(replace(run, samples=samples))
+    assert (monitor.note, monitor.learning) == (note, (0, 4))

@@ -225,6 +225,8 @@ def vehicle_summary(store: Store, vehicle: str, last_seen: int) -> dict[str, Any
     active = [alert_of(row) for row in store.alerts.find(vehicle=vehicle, is_active=True)]
     stored = results.status(vehicle)
     status = None if stored is None else VehicleStatus(**stored)
+    if status is not None and status.note in {alert.text for alert in active}:
+        status = status._replace(note="")
     doing = _doing(status, n_reports=len(reports), is_new=not (baselines or active))
     return {
         "vehicle": vehicle,

@@ -43,6 +43,8 @@ from sprung.vehicles import Vehicle, vehicle_from_text, vehicle_text
 STATE = "sprung.vehicle-monitor/1"
 #: Shortest stretch of a window that modes are identified from [s].
 _SHORTEST = 120.0
+#: Share of standing in a window above which that is why it is inconclusive.
+_MOST_STANDING = 0.5
 #: Reason of the first baseline, and note while a vehicle that deviates from its type is not learnt from.
 _FIRST = "first learning"
 _DEVIATES = (
@@ -482,7 +484,7 @@ class VehicleMonitor:
         observation = self._restored_observation(
             observation_from_document(observation_document(observed)), observed.residuals
         )
-        self._note = observation.reason or "; ".join(map(fault_in_words, observation.sensor_faults))
+        self._note = _reservations(observation)
         learnt: Baseline | None = None
         if self._detector is None:
             if not self._complete_file(recording, observation):
@@ -581,6 +583,14 @@ def _are_alike(block: Block, last: Block) -> bool:
 def fault_in_words(fault: SensorFault) -> str:
     """Return the fault of a sensor, such as "sensor acc_fl is dead: it is constant"."""
     return f"sensor {fault.channel} is {fault.kind.replace('_', ' ')}: {fault.detail}"
+
+
+def _reservations(observation: Observation) -> str:
+    """Return why a window is inconclusive or not learnt from; empty if it is sound."""
+    standing = observation.conditions.get("standing", 0.0)
+    if observation.reason and standing > _MOST_STANDING:
+        return f"the vehicle stood for {100 * standing:.0f} % of the time"
+    return observation.reason or "; ".join(map(fault_in_words, observation.sensor_faults))
 
 
 def _as_recording(block: Block) -> Recording:

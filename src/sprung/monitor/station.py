@@ -84,7 +84,7 @@ class Station:
             store,
             senders_of(site.send, self._link.publish),
             link=site.alert_url,
-            picture=partial(alert_picture, store),
+            picture=partial(alert_picture, store) if site.send.mail else _no_picture,
         )
         self._posting = Posting(self._postman, clock)
         self._serving = Serving(
@@ -187,3 +187,8 @@ class Station:
         for vehicle in taken.described:
             self._dispatch.describe(vehicle)
         return len(batch)
+
+
+def _no_picture(_vehicle: str, _cause: str) -> bytes:
+    """Return no picture: only mail shows one, and drawing takes seconds."""
+    return b""
