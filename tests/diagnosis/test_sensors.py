@@ -9,6 +9,8 @@ import pytest
 from sprung.diagnosis import KINDS, observe_window, sensor_faults
 from sprung.diagnosis.sensors import check_sensors, speed_fault
 from sprung.errors import DataError
+from sprung.identification.channel_faults import without_dead_parts
+from sprung.signals.inspection import inspect
 from sprung.simulation import (
     FEW_POTHOLES,
     REALISTIC_SUSPENSION,
@@ -216,3 +218,31 @@ def test_the_rest_goes_on_without_a_bad_channel(car, run) -> None:
     assert [fault.kind for fault in found.sensor_faults] == ["dead"]
     assert found.is_conclusive
     assert len(found.components) == 12
+
+
+#: Faults that a recording shows by itself, with the words of `inspect` for each kind of the sensor checks.
+OWN_FAULTS = {"dead": {"dead", "half-dead"}, "stuck": {"stuck"}, "clipped": {"clipped"}, "spiking": {"spiking"}}
+BROKEN = {
+    "healthy": lambda rms, name: [],
+    "dead from a minute on": lambda rms, name: [partial(dead, channel=name, onset=60.0)],
+    "dead throughout": lambda rms, name: [partial(dead, channel=name, onset=0.0)],
+    "dead at the end": lambda rms, name: [partial(dead, channel=name, onset=290.0)],
+    "stuck from a minute on": lambda rms, name: [partial(stuck, channel=name, onset=60.0)],
+    "stuck at the end": lambda rms, name: [partial(stuck, channel=name, onset=285.0)],
+    "clipped": lambda rms, name: [partial(clipped, channel=name, limit=2 * rms)],
+    "spiking": lambda rms, name: [partial(spiking, channel=name, rate=0.05, height=30 * rms)],
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_inspection_and_identification_agree_with_the_sensor_checks(car, run, what) -> None:
+    rms = float(run.samples[run.index("acc_rl")].std())
+    broken = with_imperfections(run, BROKEN[what](rms, "acc_rl"), seed=1)
+    checked = {fault.channel: fault.kind for fault in sensor_faults(broken, car) if fault.kind in OWN_FAULTS}
+    for facts in inspect(broken).channels:
+        kinds = {kind for kind, words in OWN_FAULTS.items() if words & set(facts.faults)}
+        assert kinds == ({checked[facts.name]} if facts.name in checked else set()), facts.name
+    assert bool(checked) == (what != "healthy")
+    _, noted = without_dead_parts(broken, [name for name in broken.names if name != "speed"])
+    expected = {name for name, kind in checked.items() if kind in {"stuck", "clipped"} or "throughout" not in what}
+    assert {fault.channel for fault in noted} == {name for name in expected if checked[name] != "spiking"}

@@ -1,11 +1,11 @@
 """Real recordings: one measurement in five formats, and the clocks of real loggers."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from sprung.formats import read, read_blocks
+from sprung.errors import ParameterError
+from sprung.formats import ReadSettings, read, read_blocks
+from sprung.signals.inspection import inspect
 
 CAR = "formats/converted/car_imu_30s"
 
@@ -39,16 +39,30 @@ def test_jittering_logger_in_blocks(real_file) -> None:
     np.testing.assert_allclose(np.concatenate(parts, axis=1), read(path).samples, rtol=0, atol=1e-7)
 
 
-def test_bursts_of_a_bus_logger(real_file, tmp_path: Path) -> None:
-    """Up to 8 rows share a stamp, and once the logger stalled for 4.7 s without losing a sample."""
-    source = real_file("landcruiser_axle_4acc/20211027T145815_sensors.csv").read_text()
-    path = tmp_path / "run.csv"
-    path.write_text(",".join(["time", *(f"c{number}" for number in range(24))]) + "\n" + source)
+def test_bursts_of_a_bus_logger(real_file) -> None:
+    """No names; up to 8 rows share a stamp, and once the logger stalled for 4.7 s without losing a sample."""
+    path = real_file("landcruiser_axle_4acc/20211027T145815_sensors.csv")
     recording = read(path)
     assert recording.sampling_rate == pytest.approx(117, abs=0.3)
-    assert recording.n_samples == source.count("\n")
+    assert recording.samples.shape == (24, path.read_text().count("\n"))
+    assert recording.names[0] == "column_2"
     assert recording.gaps == ()
     assert "bursts" in recording.history[1]
+
+
+def test_positions_of_a_satellite_receiver(real_file) -> None:
+    recording = read(real_file("landcruiser_axle_4acc/20211027T145614_gps.csv"))
+    assert recording.names == ("column_2", "column_3", "column_4")
+    assert recording.sampling_rate == pytest.approx(1, abs=1e-3)
+
+
+def test_whole_seconds_without_a_name_may_be_a_counter(real_file) -> None:
+    path = real_file("landcruiser_axle_4acc/20211027T145815_gps.csv")
+    with pytest.raises(
+        ParameterError, match="'column_1' rises evenly: if it is the time, name it with --time column_1"
+    ):
+        read(path)
+    assert read(path, settings=ReadSettings(time="column_1")).sampling_rate == pytest.approx(1)
 
 
 def test_zipped_table_of_a_bridge(real_file) -> None:
@@ -63,10 +77,31 @@ def test_zipped_table_of_a_bridge(real_file) -> None:
 
 
 def test_preamble_of_an_exported_table(real_file) -> None:
+    """A counter of microseconds is the time, and one of packets is no channel."""
     path = real_file("mini_shake_table/original_Flexible_3rd_floor_Northridge_XsensDOT.csv")
-    recording = read(path, sampling_rate=120, channels=["Acc_X", "Acc_Z"])
-    assert recording.samples.shape == (2, 12117)
-    assert recording.samples[:, 1].tolist() == [-0.10001820325851, 9.86060142517090]
+    recording = read(path)
+    assert recording.names == tuple(f"{kind}_{axis}" for kind in ("Euler", "Acc", "Gyr") for axis in "XYZ")
+    assert recording.samples.shape == (9, 12117)
+    assert recording.sampling_rate == pytest.approx(120, abs=0.01)
+    assert any("'PacketCounter' (a counter)" in line for line in recording.history)
+    assert "Xsens DOT" in recording.comment
+    chosen = read(path, sampling_rate=120, channels=["Acc_X", "Acc_Z"])
+    assert chosen.samples[:, 1].tolist() == [-0.10001820325851, 9.86060142517090]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "landcruiser_axle_4acc/20211027T145614_sensors.csv",
+        "mini_shake_table/original_Flexible_3rd_floor_Northridge_XsensDOT.csv",
+        "munich_test_bridge/UniBw_2022-04-11_ref_support_load_01AllM100Hz.csv.zip",
+        "munich_test_bridge/ReferenceStateINCAt100Hz.csv.zip",
+        "canedge_car_body_imu/00000165_00000001-60FEB68B_decoded.parquet",
+        f"{CAR}.csv",
+    ],
+)
+def test_real_recordings_have_no_faults(real_file, name) -> None:
+    assert [facts.name for facts in inspect(read(real_file(name))).channels if facts.faults] == []
 
 
 def test_arrays_of_a_simulated_bridge(real_file) -> None:

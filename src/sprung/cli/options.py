@@ -19,7 +19,7 @@ Files = Annotated[
     list[Path],
     typer.Argument(
         metavar="FILE",
-        help="Recordings in any of the formats of docs/formats.md.",
+        help="Recordings: CSV, Parquet, MAT, MDF, TDMS, UFF and others.",
         show_default=False,
         autocompletion=recordings,
     ),

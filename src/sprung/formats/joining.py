@@ -7,7 +7,7 @@ import numpy as np
 
 from sprung._arrays import Real
 from sprung.errors import DataError, ParameterError
-from sprung.formats.assembly import time_unit
+from sprung.formats.survey import time_unit
 from sprung.formats.table import Block, Table, rebatch
 from sprung.formats.timing import TimeScale, interpolate, time_scale
 

@@ -69,6 +69,8 @@ def timed(table: Table, settings: ReadSettings) -> Table:
         table = _with_time(table, settings.time, "as stated", settings)
     elif table.time_heading is None:
         table = _with_found_time(table, settings)
+    elif not table.notes:
+        table = replace(table, notes=(f"time: column {table.time_heading!r}, by its name",))
     if settings.channels is None:
         table = _of_motion(table)
     return _with_unit(table, settings)

@@ -38,6 +38,8 @@ _ZERO = 1e-6
 #: Robust standard deviations of the bend at a spike, and its jump in standard deviations of the samples that no body
 #: can perform: on a smooth road the edge of a pothole reaches 1.2.
 SPIKE, NO_BODY = 12.0, 6.0
+#: Samples around an isolated spike, and largest bend among them over that of the spike.
+_AROUND, _ISOLATED = 16, 0.15
 #: Samples within which a spike rings after resampling to regular time stamps.
 _ONE_SPIKE = 5
 #: Fewest samples with a filler, and its distance from all other values over their range.
@@ -254,7 +256,7 @@ def count_apart(places: Indices) -> int:
 
 
 def count_spikes(values: Real) -> int:
-    """Return the number of single samples that jump and return farther than any body can.
+    """Return the number of single samples that jump and return farther than any body can, with calm around them.
 
     Parameters
     ----------
@@ -265,8 +267,16 @@ def count_spikes(values: Real) -> int:
     if finite.size < 5:
         return 0
     bend, sizes = bends(finite)
-    is_spike = (np.abs(sizes[1:-1]) > SPIKE) & returns(sizes) & (np.abs(bend[1:-1]) > NO_BODY * finite.std())
-    return count_apart(np.flatnonzero(is_spike))
+    size = np.abs(bend)
+    is_spike = (np.abs(sizes[1:-1]) > SPIKE) & returns(sizes) & (size[1:-1] > NO_BODY * finite.std())
+    places = np.flatnonzero(is_spike) + 1
+    return count_apart(places[[_is_isolated(size, int(place)) for place in places]]) if places.size else 0
+
+
+def _is_isolated(sizes: Real, place: int) -> bool:
+    """Return whether the bend at a place is far above all around it: what rings after an impact is not a spike."""
+    around = np.concatenate([sizes[max(0, place - _AROUND) : place - 1], sizes[place + 2 : place + _AROUND + 1]])
+    return bool(around.max(initial=0.0) < _ISOLATED * sizes[place])
 
 
 def filler(values: Real) -> tuple[float, int] | None:
