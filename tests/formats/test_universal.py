@@ -1,123 +1,375 @@
-"""Universal files: what is written is read back, to the digits of the format."""
+"""Time histories in universal files: every layout of dataset 58, against pyuff and the same numbers as CSV."""
 
-import sys
+import os
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sprung.errors import MissingPackageError, ParameterError
-from sprung.formats.nodes import neighbours, nodes_of
-from sprung.formats.universal import write_universal
-from sprung.modal import Modes
-from sprung.recording import Channel
+from sprung.errors import FormatError, ParameterError, SprungError
+from sprung.formats import groups, read, read_blocks, write
+from sprung.formats.settings import ReadSettings
+from sprung.recording import Channel, Gap, Recording
 
-pyuff = pytest.importorskip("pyuff")
+DATA = Path(os.environ.get("SPRUNG_DATA", "data")) / "formats"
+with_data = pytest.mark.skipif(not DATA.is_dir(), reason="needs the sample files of engineers' formats")
+MARK = "    -1\n"
+VALUES = np.array([1.5, -2.25, 3e-12, -4.0, 5.125e10, 6.0, -7.0])
 
-X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+def dataset(
+    values=VALUES,
+    *,
+    binary="",
+    data_type=4,
+    kind=1,
+    spacing=1,
+    first=0.0,
+    step=0.01,
+    ids=("acc", "NONE", "NONE", "NONE", "NONE"),
+    entity="NONE",
+    node=1,
+    direction=3,
+    abscissa=17,
+    ordinate=(12, "m/s^2"),
+    n_values=None,
+    body=None,
+):
+    """Return a dataset 58 as bytes; `body` replaces the values."""
+    n_values = len(values) if n_values is None else n_values
+    lines = [
+        f"{58:6d}{binary}",
+        *(f"{line:<80}" for line in ids),
+        f"{kind:5d}{0:10d}{0:5d}{0:10d} {entity:<10}{node:10d}{direction:4d} {'NONE':<10}{0:10d}{0:4d}",
+        f"{data_type:10d}{n_values:10d}{spacing:10d}{first:13.5e}{step:13.5e}{0:13.5e}",
+        f"{abscissa:10d}{0:5d}{0:5d}{0:5d} {'Time':<20} {'s':<20}",
+        f"{ordinate[0]:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {ordinate[1]:<20}",
+        *[f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}"] * 2,
+    ]
+    if body is None:
+        body = "".join(f"{value:20.11e}" + "\n" * (k % 4 == 3) for k, value in enumerate(values)).encode() + b"\n"
+    return (MARK + "\n".join(lines) + "\n").encode() + body + MARK.encode()
 
 
-def modes_of(channels, n_modes=3, seed=1):
-    """Return random complex modes of channels."""
-    generator = np.random.default_rng(seed)
-    shapes = generator.standard_normal((n_modes, len(channels), 2)) @ [1, 0.1j]
-    omega = 2 * np.pi * np.sort(generator.uniform(1, 20, n_modes))
-    return Modes(
-        poles=np.asarray(omega * (1j - 0.02), dtype=np.complex128),
-        mode_shapes=shapes / np.abs(shapes).max(axis=1, keepdims=True),
-        channels=tuple(channel.name for channel in channels),
-        natural_frequency_std=np.full(n_modes, 0.01),
-        damping_ratio_std=np.full(n_modes, 0.001),
-        stable_rate=np.ones(n_modes),
-        labels=("bounce", *(None,) * (n_modes - 1)),
+def binary_header(order=1, representation=2):
+    return f"b{order:6d}{representation:6d}{11:12d}{0:12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+
+
+def units(length=1000.0, force=1000.0):
+    return (
+        f"{MARK}{164:6d}\n{5:10d}{'mm':<20}{2:10d}\n"
+        + "".join(f"{value:25.17E}".replace("E", "D") for value in (length, force, 1.0))
+        + f"\n{273.15:25.17E}\n{MARK}"
+    ).encode()
+
+
+@pytest.fixture
+def file(tmp_path):
+    def make(*parts, name="run.uff"):
+        (tmp_path / name).write_bytes(b"".join(parts))
+        return tmp_path / name
+
+    return make
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n"])
+def test_text_of_fixed_columns(file, end) -> None:
+    joined = ["".join(f"{value:13.5e}".replace("e", "D") for value in VALUES[k : k + 6]) for k in (0, 6)]
+    negative = ["".join(f"{value:13.6e}" for value in -abs(VALUES[k : k + 6])) for k in (0, 6)]
+    assert " " not in negative[0]
+    path = file(
+        dataset(data_type=2, body="\n".join([*joined, ""]).encode()).replace(b"\n", end),
+        dataset(data_type=2, ids=("b", *["NONE"] * 4), body="\n".join([*negative, ""]).encode()).replace(b"\n", end),
     )
+    run = read(path)
+    assert run.samples == pytest.approx(np.stack([VALUES, -abs(VALUES)]), rel=1e-15)
+    assert run.sampling_rate == 100
 
 
-def corner_channels():
-    """Return vertical sensors at the corners of a rectangle, and a lateral one at the first corner."""
-    corners = ((1.25, 0.8, 0.1), (1.25, -0.8, 0.1), (-1.3, -0.8, 0.1), (-1.3, 0.8, 0.1))
-    vertical = [Channel(f"z{k}", "acceleration", corner, Z) for k, corner in enumerate(corners)]
-    return (*vertical, Channel("y0", "acceleration", corners[0], Y))
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("width", [4, 8])
+@pytest.mark.parametrize("gap", [b"", b"\n", b"\r\n"])
+def test_binary_in_both_byte_orders(file, order, width, gap) -> None:
+    number, data_type = 1 + (order == ">"), {4: 2, 8: 4}[width]
+    body = VALUES.astype(f"{order}f{width}").tobytes() + gap
+    path = file(
+        dataset(binary=binary_header(number), data_type=data_type, body=body), dataset(ids=("b", *["NONE"] * 4))
+    )
+    run = read(path)
+    assert run.samples[0] == pytest.approx(VALUES.astype(f"f{width}"), rel=0)
+    assert run.samples[1] == pytest.approx(VALUES, rel=1e-11)
 
 
-def rounded(values):
-    """Return numbers as the format writes them: six significant digits."""
-    return np.array([float(f"{value:.5e}") for value in np.ravel(values)]).reshape(np.shape(values))
+@pytest.mark.parametrize("abscissa", ["<f4", "<f8", "text"])
+def test_every_value_with_its_own_time(file, abscissa) -> None:
+    times = np.array([0.0, 0.01, 0.02, 0.03, 5.0, 5.01, 5.02])
+    if abscissa == "text":
+        lines = [f"{t:13.5e}{v:20.11e}" for t, v in zip(times, VALUES, strict=True)]
+        body = "\n".join("".join(lines[k : k + 2]) for k in range(0, 7, 2)).encode() + b"\n"
+        path = file(dataset(spacing=0, step=0.0, body=body))
+    else:
+        pairs = np.array(list(zip(times, VALUES, strict=True)), dtype=[("t", abscissa), ("v", "<f8")])
+        path = file(dataset(spacing=0, step=0.0, binary=binary_header(), body=pairs.tobytes()))
+    run = read(path)
+    assert run.samples[0] == pytest.approx(VALUES, rel=1e-11)
+    assert run.sampling_rate == pytest.approx(100, rel=1e-6)
+    assert [(gap.index, gap.duration) for gap in run.gaps] == [(4, pytest.approx(4.96, abs=1e-6))]
 
 
-@pytest.mark.parametrize("ending", ["unv", "uff"])
-def test_geometry_and_modes_are_read_back(tmp_path, ending) -> None:
-    channels = corner_channels()
-    modes = modes_of(channels)
-    write_universal(modes, channels, tmp_path / f"modes.{ending}")
-    sets = pyuff.UFF(str(tmp_path / f"modes.{ending}")).read_sets()
-    assert [each["type"] for each in sets] == [164, 15, 82, 55, 55, 55]
-    units, nodes, lines, *shapes = sets
-    assert units["units_description"].strip() == "SI"
-    assert units["length"] == 1.0
-    assert list(nodes["node_nums"]) == [1, 2, 3, 4]
-    read = np.column_stack([nodes["x"], nodes["y"], nodes["z"]])
-    assert read == pytest.approx(np.array([channel.position for channel in channels[:4]]), abs=1e-9)
-    assert lines["nodes"].astype(int).tolist() == [1, 2, 0, 1, 4, 0, 2, 3, 0, 3, 4]
-    for k, each in enumerate(shapes):
-        assert (each["analysis_type"], each["data_ch"], each["mode_n"]) == (3, 2, k + 1)
-        pole, shape = modes.poles[k], modes.mode_shapes[k]
-        assert [each["eig"].real, each["eig"].imag] == pytest.approx(rounded([pole.real, pole.imag]), abs=1e-9)
-        for part in ("real", "imag"):
-            assert getattr(each["r3"], part) == pytest.approx(rounded(getattr(shape[:4], part)), abs=1e-9)
-            lateral = [getattr(shape[4], part), 0, 0, 0]
-            assert getattr(each["r2"], part) == pytest.approx(rounded(lateral), abs=1e-9)
-        assert np.abs(each["r1"]).max() == 0
-    assert shapes[0]["id1"].strip() == "mode 1 bounce"
-    assert shapes[0]["id4"].strip() == "channels of the nodes: z0+y0 z1 z2 z3"
+def test_different_times_in_one_group_are_refused(file) -> None:
+    pairs = [np.column_stack([np.arange(7) * 0.01 * k, VALUES]).tobytes() for k in (1, 2)]
+    path = file(
+        *(
+            dataset(ids=(f"c{k}", *["NONE"] * 4), spacing=0, step=0.0, binary=binary_header(), body=body)
+            for k, body in enumerate(pairs)
+        )
+    )
+    with pytest.raises(FormatError, match="datasets 1 and 2 have different times"):
+        read(path)
+    assert read(path, channels=["c1"]).sampling_rate == 50
 
 
-def test_channels_without_positions_stand_side_by_side(tmp_path) -> None:
-    channels = tuple(Channel(f"ä channel with a long name {k}") for k in range(5))
-    modes = modes_of(channels)
-    write_universal(modes, channels, tmp_path / "modes.unv")
-    _, nodes, _, first, *_ = pyuff.UFF(str(tmp_path / "modes.unv")).read_sets()
-    assert list(nodes["x"]) == [0, 1, 2, 3, 4]
-    assert first["r3"].real == pytest.approx(rounded(modes.mode_shapes[0].real), abs=1e-9)
-    assert first["id3"].strip() == "positions unknown: channels side by side"
-    assert first["id4"].strip().endswith("...")
+@pytest.mark.parametrize("name", ["Sample_UFF58_ascii", "Sample_UFF58b_bin", "MPSTD_Set001_2024_10_08_10_27_07"])
+@with_data
+def test_same_values_as_pyuff(name) -> None:
+    pyuff = pytest.importorskip("pyuff")
+    path = DATA / "uff" / f"{name}.uff"
+    run = read(path)
+    sets = pyuff.UFF(str(path)).read_sets()
+    sets = sets if isinstance(sets, list) else [sets]
+    assert np.array_equal(run.samples, np.stack([each["data"] for each in sets]))
+    assert run.sampling_rate == pytest.approx(1 / sets[0]["abscissa_inc"], rel=2e-6)
 
 
-def test_many_lines_are_cut_into_traces(tmp_path) -> None:
-    channels = [Channel(f"c{k}", "acceleration", (float(k), 0.0, 0.0), Z) for k in range(201)]
-    write_universal(modes_of(channels), channels, tmp_path / "modes.unv")
-    traces = [each for each in pyuff.UFF(str(tmp_path / "modes.unv")).read_sets() if each["type"] == 82]
-    pairs = {(int(a), int(b)) for trace in traces for a, b, *_ in np.append(trace["nodes"], 0).reshape(-1, 3)}
-    assert pairs == {(k, k + 1) for k in range(1, 201)}
+@with_data
+def test_what_real_files_state() -> None:
+    run = read(DATA / "uff" / "MPSTD_Set001_2024_10_08_10_27_07.uff")
+    assert run.names == tuple(f"MPS set1 Dof{k}" for k in (1, 2, 3, 4))
+    assert [channel.comment for channel in run.channels] == [f"response {k}+Z" for k in (1, 2, 3, 1)]
+    assert {channel.quantity for channel in run.channels} == {"acceleration"}
+    assert (run.sampling_rate, run.n_samples) == (3200, 222_400)
+    assert np.datetime64(run.start, "ns") == np.datetime64("2024-10-08T10:27:07")
+    assert run.comment == "start in local time"
+    sound = read(DATA / "uff" / "Sample_UFF58b_bin.uff")
+    assert (sound.names, sound.channels[0].quantity, sound.sampling_rate) == (("Mic 01",), "pressure", 65536)
 
 
-def test_other_endings_and_a_missing_package(tmp_path, monkeypatch) -> None:
-    channels = corner_channels()
-    with pytest.raises(ParameterError, match=r"universal files end in \.unv or \.uff"):
-        write_universal(modes_of(channels), channels, tmp_path / "modes.txt")
-    monkeypatch.setitem(sys.modules, "pyuff", None)
-    with pytest.raises(MissingPackageError, match=r"pip install 'sprung\[uff\]'"):
-        write_universal(modes_of(channels), channels, tmp_path / "modes.unv")
+@pytest.mark.parametrize("kind", ["ascii", "bin"])
+@with_data
+def test_same_numbers_as_the_csv_twin(kind) -> None:
+    table = read(DATA / "converted" / "car_imu_30s.csv")
+    run = read(DATA / "converted" / f"car_imu_30s_{kind}.uff")
+    assert run.names == table.names
+    assert run.samples == pytest.approx(table.samples, abs=5.1e-7)
+    assert [channel.quantity for channel in run.channels] == ["acceleration"] * 3 + ["angular_velocity"] * 3
+    assert run.comment == "comma2k19"
 
 
-def test_motions_are_accelerations_along_the_directions() -> None:
-    slanted = (0.6, 0.0, 0.8)
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("sample_dataset58_psd", r"power spectral densities \(1\)"),
+        ("non_ascii_header", r"frequency response functions \(1\)"),
+        ("heat_engine_housing", r"headers \(2\), nodes and elements \(2\), results at nodes \(1\)"),
+        ("mesh_Oros-modal_uff15_uff2412", r"nodes and elements \(3\)"),
+    ],
+)
+@with_data
+def test_files_without_time_histories_say_what_they_hold(name, words) -> None:
+    with pytest.raises(FormatError, match=f"{name}.uff holds {words}, but no time histories: export"):
+        read(DATA / "uff" / f"{name}.uff")
+
+
+def test_names_are_those_that_distinguish_the_channels(file) -> None:
+    none = ("NONE",) * 5
+    same = ("Time history", *none[1:])
+    named = {"1:+Z": (1, 3), "1:-X": (1, -1), "7:+RY": (7, 5), "8": (8, 0)}
+    places = [{"node": node, "direction": direction} for node, direction in named.values()]
+    assert read(file(*(dataset(ids=same, **place) for place in places))).names == tuple(named)
+    entities = read(file(*(dataset(ids=same, entity=f"point {k}", **places[k]) for k in range(2))))
+    assert entities.names == ("point 0", "point 1")
+    assert entities.channels[0].comment == "Time history"
+    first_lines = [dataset(ids=(f"line {k}", *none[1:]), entity="body", **places[0]) for k in range(2)]
+    assert read(file(*first_lines)).names == ("line 0", "line 1")
+    assert read(file(*first_lines)).channels[1].comment == "response body"
+
+
+def test_groups_by_abscissae_dates_and_repeated_names(file) -> None:
+    dates = ("01-Jan-24 10:00:00", "01-Jan-24 10:00:01", "01-Jan-24 10:05:00")
+    parts = [
+        dataset(step=1.0, ids=(name, "NONE", date, "NONE", "NONE"))
+        for name, date in zip(("a", "b", "c"), dates, strict=True)
+    ]
+    faster = dataset(step=0.5, ids=("d", "NONE", dates[0], "NONE", "NONE"))
+    path = file(*parts, faster, parts[0])
+    found = {group.name: group.headings for group in groups(path)}
+    assert found == {
+        f"1 Hz, 7 samples, {dates[0]}": ("a", "b"),
+        f"1 Hz, 7 samples, {dates[2]}": ("c",),
+        f"2 Hz, 7 samples, {dates[0]}": ("d",),
+        f"1 Hz, 7 samples, {dates[0]} 2": ("a",),
+    }
+    with pytest.raises(ParameterError, match="4 groups of channels with different clocks"):
+        read(path)
+    assert read(path, channels=["c"]).start == np.datetime64("2024-01-01T10:05", "ns").astype(int)
+    assert read(path, settings=ReadSettings(groups=[f"1 Hz, 7 samples, {dates[0]}"])).names == ("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("text", "date"),
+    [
+        ("08-Oct-24 10:27:07", "2024-10-08T10:27:07"),
+        ("8-OCT-1971 1:27:07", "1971-10-08T01:27:07"),
+        ("08-Oct-70 10:27:07.25", "1970-10-08T10:27:07.25"),
+        ("08-Oct-69 10:27:07 UTC", "2069-10-08T10:27:07"),
+        ("31-Feb-24 10:27:07", None),
+        ("08-Okt-24 10:27:07", None),
+        ("99-Oct-24 99:99:99", None),
+    ],
+)
+def test_dates(file, text, date) -> None:
+    run = read(file(dataset(first=2.5, ids=("a", "NONE", text, "NONE", "NONE"))))
+    expected = None if date is None else np.datetime64(date, "ns").astype(int) + 2_500_000_000
+    assert run.start == expected
+    assert run.comment == ("" if date is None or "UTC" in text else "start in local time")
+
+
+@pytest.mark.parametrize(
+    ("ordinate", "direction", "quantity", "factor"),
+    [
+        ((12, "NONE"), 3, "acceleration", 1e-3),
+        ((8, ""), 1, "displacement", 1e-3),
+        ((9, "NONE"), 3, "force", 1e-3),
+        ((15, "NONE"), 0, "pressure", 1e3),
+        ((11, "NONE"), -5, "angular_velocity", 1.0),
+        ((11, "m/s"), 3, "velocity", 1.0),
+        ((0, "m/s"), 3, "speed", 1.0),
+        ((12, "g"), 3, "acceleration", 9.80665),
+        ((12, "Volts"), 3, "unknown", 1.0),
+        ((0, "NONE"), 3, "unknown", 1.0),
+    ],
+)
+def test_units_by_label_then_by_the_units_of_the_file(file, ordinate, direction, quantity, factor) -> None:
+    run = read(file(units(), dataset(ordinate=ordinate, direction=direction)))
+    assert run.channels[0].quantity == quantity
+    assert run.samples[0] == pytest.approx(factor * VALUES, rel=1e-11)
+    if ordinate[1] == "Volts":
+        assert "acc: unit 'Volts' is unknown, values as in the file" in run.history
+
+
+def test_without_units_values_stay_as_they_are(file) -> None:
+    run = read(file(dataset(ordinate=(12, "NONE"))))
+    assert run.channels[0].quantity == "unknown"
+    assert run.samples[0] == pytest.approx(VALUES, rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        (dataset(n_values=8), "dataset 1 declares 8 values, but holds 7"),
+        (dataset(n_values=999_999_999), "dataset 1 declares 999999999 values, but holds 141 bytes"),
+        (dataset(n_values=-3), "declares -3 values in steps of 0.01: both must be above 0"),
+        (dataset(step=0.0), "declares 7 values in steps of 0: both must be above 0"),
+        (dataset()[:-20], "dataset 1 has no end: the file is incomplete"),
+        (dataset()[:300], "dataset 1 has an incomplete header"),
+        (dataset(body=b"1.0 2.0 x\n", n_values=3), "dataset 1 is not of numbers after byte"),
+        (dataset(binary=binary_header(), body=VALUES.tobytes()[:-1]), "declares 7 values, but does not end after them"),
+        (dataset(binary=binary_header(), n_values=10**9, body=VALUES.tobytes()), "declares 1000000000 values"),
+        (dataset(binary=binary_header(1, 3), body=VALUES.tobytes()), "not in the representation of IEEE 754"),
+        (dataset() + dataset().replace(b"    58", b"    5x"), "dataset 2 begins with '5x' in place of its type"),
+        (dataset()[:-7] + dataset(), "dataset 2 begins with '' in place of its type"),
+    ],
+)
+def test_damaged_files_name_the_dataset(file, part, words) -> None:
+    with pytest.raises(FormatError, match=f"run.uff cannot be read as a universal file: .*{words}"):
+        read(file(part))
+
+
+def test_only_a_file_that_begins_with_a_dataset_is_one(file) -> None:
+    with pytest.raises(FormatError, match="does not begin with a dataset"):
+        read(file(b"\0\n" + dataset()))
+    assert read(file(b"\n" + dataset(), name="run.dat")).names == ("acc",)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_pieces_and_parts(file, binary) -> None:
+    values = np.random.default_rng(3).standard_normal((2, 150_000)).round(6)
+    options = {"binary": binary_header()} if binary else {}
+    parts = []
+    for name, row in zip("ab", values, strict=True):
+        options["body"] = row.tobytes() if binary else None
+        parts.append(dataset(row, step=0.001, ids=(name, *["NONE"] * 4), **options))
+    path = file(*parts)
+    pieces = list(read_blocks(path, block_samples=10_000))
+    assert np.array_equal(np.concatenate([piece.samples for piece in pieces], axis=1), values)
+    part = read(path, channels=["b"], settings=ReadSettings(start=70.0, end=130.5))
+    assert np.array_equal(part.samples, values[1:, 70_000:130_500])
+
+
+@pytest.mark.parametrize("gaps", [(), (Gap(40, 1.5),)])
+def test_everything_that_is_written_is_read(tmp_path, gaps) -> None:
     channels = (
-        Channel("a", "acceleration", (0.0, 0.0, 0.0), slanted),
-        Channel("v", "velocity", (1.0, 0.0, 0.0), Z),
-        Channel("rate", "angular_velocity", None, Y),
-        Channel("d", "displacement", (1.0, 0.0, 0.0), X),
+        Channel(
+            "Größe vorn", "acceleration", direction=(0.0, 0.0, -1.0), comment="on the axle", calibration="2024, 1%"
+        ),
+        Channel("v", "velocity"),
+        Channel("speed", "speed"),
+        Channel("omega", "angular_velocity", direction=(0.0, 1.0, 0.0)),
+        Channel("eps", "strain", direction=(0.6, 0.8, 0.0)),
+        Channel("raw"),
     )
-    modes = modes_of(channels, 1)
-    nodes = nodes_of(modes, channels)
-    pole, shape = modes.poles[0], modes.mode_shapes[0]
-    assert nodes.motions[0, 0] == pytest.approx(shape[0] * np.array(slanted), abs=1e-12)
-    assert nodes.motions[0, 1] == pytest.approx(np.array([shape[3] * pole**2, 0, shape[1] * pole]), rel=1e-12)
-    assert nodes.left_out == ("rate",)
-    assert nodes.channels == (("a",), ("v", "d"))
+    samples = np.random.default_rng(5).standard_normal((6, 100))
+    run = Recording(samples, 104.36, channels, start=1_700_000_000_123_456_789, gaps=gaps, comment="a drive on Sunday")
+    write(run, tmp_path / "run.unv")
+    again = read(tmp_path / "run.unv")
+    assert np.array_equal(again.samples, samples)
+    assert again.channels == tuple(replace(channel, direction=None) for channel in channels)
+    assert again.sampling_rate == pytest.approx(104.36, rel=1e-9)
+    assert (again.start, again.comment) == (run.start, run.comment)
+    assert (again.channels[0].comment, again.channels[0].calibration) == ("on the axle", "2024, 1%")
+    assert [gap.index for gap in again.gaps] == [gap.index for gap in gaps]
 
 
-def test_neighbours_are_the_edges_of_a_frame() -> None:
-    positions = np.array([(x, y, z) for z in (0, 3, 6) for y in (0, 4) for x in (0, 5)], dtype=float)
-    edges = {(i, j) for i, j in neighbours(positions) if np.count_nonzero(positions[i] != positions[j]) == 1}
-    assert len(neighbours(positions)) == len(edges) == 3 * 4 + 2 * 4
-    assert neighbours(np.zeros((1, 3))).shape == (0, 2)
+@pytest.mark.parametrize("gaps", [(), (Gap(40, 1.5),)])
+def test_other_programs_read_what_is_written(tmp_path, gaps) -> None:
+    pyuff = pytest.importorskip("pyuff")
+    samples = np.random.default_rng(5).standard_normal((2, 100))
+    channels = (Channel("a", "acceleration", direction=(0.0, 0.0, -1.0)), Channel("b", "velocity"))
+    write(Recording(samples, 104.36, channels, start=0, gaps=gaps, comment="x" * 100), tmp_path / "run.uff")
+    header, unit, *sets = pyuff.UFF(str(tmp_path / "run.uff")).read_sets()
+    assert header["description"] == "x" * 76 + " ..."
+    assert (unit["units_code"], unit["length"], unit["temp_offset"]) == (1, 1.0, 273.15)
+    seconds = np.arange(100) / 104.36 + np.where(np.arange(100) >= 40, sum(gap.duration for gap in gaps), 0)
+    for number, (each, values) in enumerate(zip(sets, samples, strict=True), 1):
+        assert np.array_equal(each["data"], values)
+        assert each["x"] == pytest.approx(seconds, abs=1e-8)
+        assert (each["func_type"], each["rsp_node"], each["rsp_dir"]) == (1, number, [-3, 0][number - 1])
+        assert (each["id1"], each["id3"]) == ("ab"[number - 1], "01-Jan-70 00:00:00.000000000 UTC")
+        assert each["ordinate_axis_units_lab"] == ["m/s^2", "m/s"][number - 1]
+        assert each["ordinate_spec_data_type"] == [12, 11][number - 1]
+
+
+@pytest.mark.parametrize("name", ["a" * 81, "NONE", "two  blanks"])
+def test_names_that_the_format_cannot_hold_are_refused(tmp_path, name) -> None:
+    with pytest.raises(ParameterError, match="would not be read back from a universal file"):
+        write(Recording(np.zeros((1, 20)), 10.0, (Channel(name),)), tmp_path / "run.uff")
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_mutations_give_a_sentence(file, binary) -> None:
+    generator = np.random.default_rng(11)
+    parts = [dataset(binary=binary_header(), body=VALUES.tobytes())] * 2 if binary else [dataset(), units(), dataset()]
+    whole = b"".join(parts)
+    for _ in range(300):
+        content = bytearray(whole)
+        for position in generator.integers(0, len(whole), generator.integers(1, 6)):
+            content[position] = generator.integers(0, 256)
+        path = file(bytes(content[: generator.integers(1, 2 * len(whole))]))
+        message = path.name
+        try:
+            read(path, sampling_rate=10)
+        except SprungError as error:
+            message = str(error)
+        assert path.name in message
+        assert "\n" not in message
