@@ -13,7 +13,7 @@ from sprung.formats import read, write
 from sprung.recording import Channel, Recording
 
 
-@pytest.mark.parametrize("ending", [".h5", ".mat", ".npz", ".parquet"])
+@pytest.mark.parametrize("ending", [".h5", ".mat", ".npz", ".parquet", ".csv"])
 @pytest.mark.parametrize("start", [None, 1_700_000_000_123_456_789])
 def test_comments_and_calibration_are_carried(tmp_path: Path, ending, start) -> None:
     channels = (

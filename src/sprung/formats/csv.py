@@ -8,7 +8,7 @@ import re
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -16,11 +16,21 @@ import numpy as np
 
 from sprung.errors import FormatError
 from sprung.formats.dates import DAY_FIRST, MONTH_FIRST, YEAR_FIRST, kind_of, moments, possible_orders
-from sprung.formats.dialects import BLANK, COMMENT_MARKS, Layout, fields, is_comment, layout_of, single_blanks
+from sprung.formats.dialects import (
+    BLANK,
+    COMMENT_MARKS,
+    Layout,
+    fields,
+    is_comment,
+    layout_of,
+    single_blanks,
+    stated_line,
+)
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import (
     MISSING,
     Block,
+    Column,
     Group,
     Table,
     chosen_columns,
@@ -97,13 +107,19 @@ def _table(path: Path, layout: Layout, channels: Sequence[str] | None, settings:
 
     return Table(
         path,
-        columns,
+        tuple(_described(column, layout) for column in columns),
         None if time is None else layout.headings[time.indices[-1]],
         blocks,
         row_word="line",
         comment=layout.comment,
         notes=tuple(notes),
     )
+
+
+def _described(column: Column, layout: Layout) -> Column:
+    """Return a column with the comment and the calibration that the lines above the header state."""
+    stated = {kind: text for name, kind, text in layout.stated if name == column.name}
+    return replace(column, comment=stated.get("comment", ""), calibration=stated.get("calibration", ""))
 
 
 def _columns(layout: Layout) -> list[tuple[str, str]]:
@@ -407,6 +423,12 @@ def write(recording: Recording, path: Path) -> None:
     table = pa.Table.from_arrays(arrays, names=[str(index) for index in range(len(arrays))])
     with path.open("wb") as file:
         text = io.StringIO()
+        if recording.comment:
+            text.write(stated_line("comment", recording.comment))
+        for channel in recording.channels:
+            for kind in ("comment", "calibration"):
+                if stated := getattr(channel, kind):
+                    text.write(stated_line(kind, stated, channel.name))
         csv.writer(text, lineterminator="\n").writerow([name, *headings])
         file.write(text.getvalue().encode())
         arrow.write_csv(table, file, arrow.WriteOptions(include_header=False))

@@ -21,6 +21,7 @@ _DELIMITERS = (";", "\t", ",", "|", BLANK)
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _UNFINISHED = re.compile(r"[+-]?\d*[.,]?\d*([eE][+-]?)?")
 _STATED = re.compile(rb"sep=(.)\s*", re.IGNORECASE)
+_OF_COLUMN = re.compile(r"# (?:(?P<name>.+), )?(?P<kind>comment|calibration): (?P<text>.*)")
 _BLANKS, _EDGES = re.compile(rb"[ \t]+"), re.compile(rb"(?m)^ | (?=\r?$)")
 #: Rows by which the columns are judged, and longest comment.
 _SAMPLE_ROWS, _COMMENT_LENGTH = 50, 500
@@ -46,6 +47,9 @@ class Layout:
         Text above the header.
     is_named
         Whether the columns have names in the file.
+    stated
+        What lines such as "# acc_fl, calibration: 101.9 mV/g" above the header state of columns: name, "comment" or
+        "calibration", text.
     """
 
     delimiter: str
@@ -57,6 +61,7 @@ class Layout:
     first_row: tuple[str, ...]
     comment: str = ""
     is_named: bool = True
+    stated: tuple[tuple[str, str, str], ...] = ()
 
     def is_unfinished(self, line: bytes) -> bool:
         """Return whether the last line of a file was cut off: it has fewer fields, or an unfinished number."""
@@ -84,7 +89,9 @@ def layout_of(path: Path, lines: Sequence[bytes]) -> Layout:
         If no line holds numbers.
     """
     delimiter, decimal = _signs(lines)
-    data = next((i for i, line in enumerate(lines) if _is_data(fields(line, delimiter), decimal)), None)
+    data = next(
+        (i for i, line in enumerate(lines) if not is_comment(line) and _is_data(fields(line, delimiter), decimal)), None
+    )
     if data is None:
         raise FormatError(f"{path} holds no samples: its first {len(lines)} lines have no line of numbers")
     sample = list(_sample(lines[data:], delimiter))
@@ -106,7 +113,14 @@ def layout_of(path: Path, lines: Sequence[bytes]) -> Layout:
         first_row=tuple(sample[0]),
         comment=_comment(lines[:preamble]),
         is_named=named is not None,
+        stated=tuple(_of_columns(lines[:preamble])),
     )
+
+
+def stated_line(kind: str, text: str, name: str = "") -> str:
+    """Return the line that states a comment or a calibration, of the recording or of a column."""
+    start = f"# {name}, {kind}" if name else f"# {kind}"
+    return f"{start}: {' '.join(text.split())}\n"
 
 
 def is_comment(line: bytes) -> bool:
@@ -252,8 +266,22 @@ def _kind(values: list[str], decimal: str) -> str:
     return "text" if is_text else "number"
 
 
+def _of_columns(lines: Sequence[bytes]) -> Iterator[tuple[str, str, str]]:
+    """Yield what lines of comment state of columns."""
+    for line in lines:
+        match = _OF_COLUMN.fullmatch(decode(line).strip())
+        if match and match["name"]:
+            yield match["name"], match["kind"], match["text"]
+
+
 def _comment(lines: Sequence[bytes]) -> str:
-    """Return the text of a preamble in a line."""
-    texts = (decode(line).strip().strip(";,\t ").lstrip("#%/ ") for line in lines if not _STATED.fullmatch(line))
+    """Return the text of a preamble in a line, without what is stated of columns."""
+    texts = []
+    for line in lines:
+        match = _OF_COLUMN.fullmatch(decode(line).strip())
+        if match and not match["name"] and match["kind"] == "comment":
+            texts.append(match["text"])
+        elif not match and not _STATED.fullmatch(line):
+            texts.append(decode(line).strip().strip(";,\t ").lstrip("#%/ "))
     text = "; ".join(text for text in texts if text)
     return text if len(text) <= _COMMENT_LENGTH else text[: _COMMENT_LENGTH - 4] + " ..."

@@ -16,8 +16,11 @@ ENDINGS = (".npz", ".npy")
 
 
 def recognises(head: bytes) -> bool:
-    """Return whether a file begins as NPY, or as the archives that NPZ files are."""
-    return head.startswith((b"\x93NUMPY", b"PK\x03\x04"))
+    """Return whether a file begins as NPY, or as an archive of such files."""
+    is_archive = head.startswith(b"PK\x03\x04")
+    return head.startswith(b"\x93NUMPY") or (
+        is_archive and head[30 : 30 + int.from_bytes(head[26:28], "little")].endswith(b".npy")
+    )
 
 
 def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:

@@ -27,6 +27,7 @@ from sprung.recording import Recording
 
 #: First bytes of a file by which a format is recognised.
 _HEAD_BYTES = 4096
+_PACKED = (b"PK\x03\x04", b"\x1f\x8b")
 
 
 class Format(Protocol):
@@ -92,6 +93,8 @@ def format_of(path: Path) -> Format:
     named = [module for module in FORMATS if path.name.lower().endswith(module.ENDINGS)]
     recognised = [module for module in FORMATS if module.recognises(head)]
     both = [module for module in recognised if module in named]
+    if {module.NAME for module in both} == {csv.NAME} and not head.startswith(_PACKED):
+        both = [module for module in recognised if module.NAME != csv.NAME]  # any text may be a table
     candidates = both or recognised or named
     if not candidates:
         raise FormatError(

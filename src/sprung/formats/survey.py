@@ -199,6 +199,8 @@ def _check_agreement(table: Table, clock: Clock, stated: float) -> None:
 def _history(table: Table, of_clock: Iterable[str], counts: Indices, n_rows: int) -> Iterator[str]:
     """Yield the history of reading, line by line."""
     yield f"read {table.path.name}: {len(table.columns)} channels, {n_rows} rows"
+    if table.comment:
+        yield f"comment: {table.comment}"
     for column in table.columns:
         if column.unit:
             yield f"{column.name}: unit {column.unit!r} is unknown, values as in the file"
