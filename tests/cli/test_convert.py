@@ -70,7 +70,10 @@ def test_info_lists_groups_and_reads_one(sprung, tmp_path) -> None:
         for name, rate in (("body", 100), ("drive", 10)):
             file.create_group(name)["t_s"] = np.arange(5 * rate) / rate
             file[name]["x"] = np.random.default_rng(1).normal(size=5 * rate)
+        file.create_group("clock")["time_s"] = np.arange(50) / 10
+        file["clock"]["epoch_ms"] = np.arange(50) * 100
     files = sprung("info", path, "--json", "-").document()["files"]
+    assert "holds no channel of motion: 'epoch_ms' (a clock)" in " ".join(sprung("info", path).out.split())
     assert [(facts["group"], facts["n_samples"]) for facts in files] == [("body", 500), ("drive", 50)]
     (facts,) = sprung("info", path, "--group", "drive", "--json", "-").document()["files"]
     assert facts["n_samples"] == 50

@@ -113,3 +113,13 @@ def test_a_script_without_a_main_guard_reads_once(tmp_path: Path, capfd) -> None
     recording = read(tmp_path / "run.mat")
     assert recording.n_samples == 50
     assert capfd.readouterr().out == ""
+
+
+def test_modules_in_the_present_folder_are_not_imported(tmp_path: Path, monkeypatch) -> None:
+    write(Recording(np.ones((1, 50)), 10.0, (Channel("a"),)), tmp_path / "run.h5")
+    (tmp_path / "h5py.py").write_text("raise SystemExit(7)")
+    monkeypatch.chdir(tmp_path)
+    reader = isolation._Reader()
+    monkeypatch.setattr(isolation, "_READER", reader)
+    assert read("run.h5").n_samples == 50
+    reader.close()

@@ -9,9 +9,11 @@ from sprung.cli.options import Files, Json
 from sprung.cli.output import show, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.cli.reading import reads_files
+from sprung.errors import DataError
 
 if TYPE_CHECKING:
     from sprung.formats import ReadSettings
+    from sprung.signals.inspection import Inspection
 
 
 @reads_files
@@ -23,15 +25,24 @@ def info(files: Files, *, reading: "ReadSettings", json: Json = None) -> None:
     from sprung.signals.inspection import inspect_blocks
 
     check_file("--json", json, inputs=files)
-    inspections = {}
+    inspections: dict[str, Inspection] = {}
     for path in files:
-        for name, settings in _parts(path, reading).items():
-            with progress_bar() as report:
-                inspection = inspect_blocks(read_records([path], settings=settings, on_progress=report))
+        parts, refused = _parts(path, reading), []
+        for name, settings in parts.items():
+            try:
+                with progress_bar() as report:
+                    inspection = inspect_blocks(read_records([path], settings=settings, on_progress=report))
+            except DataError as error:
+                refused.append(error)
+                if len(refused) == len(parts):
+                    raise
+                continue
             inspections[name] = replace(inspection, group=settings.groups[0] if name != str(path) else None)
             if json != "-":
                 heading = f"{name}: {tables.inspection_in_words(inspection)}"
                 show(tables.inspection_table(inspection), inspection.history, heading=heading)
+        if refused and json != "-":
+            show([str(error) for error in refused], heading="Groups without samples of motion")
     if write_result(inspection_document(inspections), json):
         show(written([], json))
 

@@ -162,7 +162,7 @@ class _Reader:
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
             self._owner = os.getpid()
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "sprung.formats.isolation"],
+                [sys.executable, "-P", "-m", "sprung.formats.isolation"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

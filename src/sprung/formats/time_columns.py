@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from sprung._arrays import Booleans, Real
-from sprung.errors import FormatError, ParameterError, SprungError
+from sprung.errors import DataError, FormatError, ParameterError, SprungError
 from sprung.formats.settings import TIME_UNITS, ReadSettings
 from sprung.formats.table import Block, Column, Table, join, split_heading
 from sprung.formats.timing import time_scale
@@ -258,7 +258,7 @@ def _of_motion(table: Table) -> Table:
     kept = [k for k, column in enumerate(table.columns) if column.name not in reasons]
     words = ", ".join(f"{name!r} ({reason})" for name, reason in reasons.items())
     if not kept:
-        raise FormatError(f"{table.path} holds no channel of motion: {words}")
+        raise DataError(f"{table.path} holds no channel of motion: {words}")
 
     def rows(source: Iterable[Block]) -> Iterator[Block]:
         return (replace(block, values=block.values[kept]) for block in source)
