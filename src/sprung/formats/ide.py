@@ -193,6 +193,7 @@ def _rows(sensor: _Sensor, places: Sequence[int], first: int) -> Iterator[Block]
             events = document.channels[sensor.channel].getSession()
             if places:
                 _load(sensor, document, events)
+            document.loading = False  # or idelib leaves values that it cannot calibrate as they are in memory
         row = 0
         for block in _blocks_of(sensor.path, document, sensor.channel):
             with reported(sensor.path, f"IDE file at sample {row + 1}"):
