@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ ENDINGS = (".ide",)
 _SIGNATURE, _TYPE = b"\x1a\x45\xdf\xa3", b"mide"
 _HEADER_BYTES = 64
 _BLOCK = "ChannelDataBlock"
+#: Blocks whose heads are read at once.
+_BATCH = 64
 _LOGGERS = ("idelib", "idelib.importer", "idelib.dataset", "idelib.parsers", "idelib.transforms", "ebmlite.core")
 
 
@@ -190,9 +193,10 @@ def _rows(sensor: _Sensor, places: Sequence[int], first: int) -> Iterator[Block]
             events = document.channels[sensor.channel].getSession()
             if places:
                 _load(sensor, document, events)
+            document.loading = False  # or idelib leaves values that it cannot calibrate as they are in memory
         row = 0
         for block in _blocks_of(sensor.path, document, sensor.channel):
-            with reported(sensor.path, f"IDE file at sample {row + 1}"), silenced(*_LOGGERS):
+            with reported(sensor.path, f"IDE file at sample {row + 1}"):
                 stamps = np.linspace(block.startTime * 1e-6, block.endTime * 1e-6, block.numSamples)
                 values = np.full((len(places), block.numSamples), np.nan)
                 if places and row + block.numSamples > first:
@@ -223,7 +227,8 @@ def _values(events: Any, block: Any) -> Real:
         raise ValueError(f"a block of {block.numSamples} samples ends after {raw.size}")
     plain_values = structured_to_unstructured(raw[: block.numSamples]).T
     values = np.empty(plain_values.shape)
-    events._fullXform.inplace(plain_values, out=values)
+    with np.errstate(all="ignore"):
+        events._fullXform.inplace(plain_values, out=values)
     return values
 
 
@@ -232,16 +237,22 @@ def _blocks_of(path: Path, document: Any, channel: int | None = None) -> Iterato
     parser = document._parsers[_BLOCK]
     for stamps in (parser.timestampOffset, parser.lastStamp):
         stamps.clear()
-    elements = iter(document.ebmldoc)
+    blocks = _found(parser, document, channel)
     while True:
         with reported(path, "IDE file"), silenced(*_LOGGERS):
-            element = next(elements, None)
-            if element is None:
-                return
-            block = _block(parser, element) if element.name == _BLOCK else None
-            if block is None or channel not in {None, block.channel} or block.channel not in document.channels:
-                continue
-            block.numSamples = int(block.payloadSize // document.channels[block.channel].parser.size)
+            batch = list(islice(blocks, _BATCH))
+        if not batch:
+            return
+        yield from batch
+
+
+def _found(parser: Any, document: Any, channel: int | None) -> Iterator[Any]:
+    """Yield the blocks with samples of a channel of the document, or of all of them."""
+    for element in document.ebmldoc:
+        block = _block(parser, element) if element.name == _BLOCK else None
+        if block is None or channel not in {None, block.channel} or block.channel not in document.channels:
+            continue
+        block.numSamples = int(block.payloadSize // document.channels[block.channel].parser.size)
         if block.numSamples:
             yield block
 

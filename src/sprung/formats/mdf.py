@@ -135,6 +135,9 @@ def _close_unread(error: Exception) -> None:
                 if not hasattr(reader, name):
                     setattr(reader, name, None)
             reader.close()
+        stream = frame.f_locals.get("file_stream")
+        if stream is not None:
+            stream.close()
 
 
 def _generation(mdf: Any) -> int:
@@ -405,7 +408,8 @@ def _frames_of(mdf: Any, records: _Records, fragment: Any, stamps: Real) -> Fram
     payload = np.atleast_2d(values["DataBytes"]).view(np.uint8).reshape(stamps.size, -1)
     n_bytes = values.get("DataLength", np.full(stamps.size, payload.shape[1]))
     buses = values.get("BusChannel", np.zeros(stamps.size)).astype(np.uint8)
-    return Frames(stamps, buses, (ids & _IDENTIFIER) | extended.astype(np.uint32) << np.uint32(31), payload, n_bytes)
+    identifiers = (ids & _IDENTIFIER) | (extended.astype(np.uint32) << np.uint32(31))
+    return Frames(stamps, buses, identifiers, payload, n_bytes)
 
 
 def _raw(mdf: Any, group: int, number: int, fragment: Any, n_records: int) -> NDArray[Any]:
