@@ -36,7 +36,7 @@ from sprung.formats.table import (
     written_stamps,
     written_values,
 )
-from sprung.formats.time_columns import stated_unit
+from sprung.formats.time_columns import names_time, stated_unit
 from sprung.recording import Recording
 
 NAME, EXTRA = "text", None
@@ -162,7 +162,7 @@ def _time_heading(path: Path, layout: Layout, settings: ReadSettings) -> str | N
     by_name = time_column(named, path=path, stated=settings.time)
     if by_name is not None or settings.time is not None:
         return by_name
-    if any(kind == "number" and stated_unit(heading) for heading, kind in columns):
+    if any(kind == "number" and names_time(heading) and stated_unit(heading) for heading, kind in columns):
         return None
     texts = {kind: heading for heading, kind in reversed(columns)}
     return texts.get("moment") or texts.get("time of day") or texts.get("date")
