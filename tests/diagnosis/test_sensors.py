@@ -230,7 +230,7 @@ BROKEN = {
     "stuck from a minute on": lambda rms, name: [partial(stuck, channel=name, onset=60.0)],
     "stuck at the end": lambda rms, name: [partial(stuck, channel=name, onset=285.0)],
     "clipped": lambda rms, name: [partial(clipped, channel=name, limit=2 * rms)],
-    "spiking": lambda rms, name: [partial(spiking, channel=name, rate=0.05, height=30 * rms)],
+    "spiking": lambda rms, name: [partial(spiking, channel=name, rate=0.05, height=20 * rms)],
 }
 
 

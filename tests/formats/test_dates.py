@@ -123,3 +123,9 @@ def test_text_among_dates_names_its_line(text_file) -> None:
 )
 def test_kinds_of_texts(text, kind) -> None:
     assert kind_of(text) == kind
+
+
+def test_text_of_dates_is_the_time_beside_channels_that_end_like_units(text_file) -> None:
+    recording = read(file_of(text_file, lambda t: f"{t:%d.%m.%Y %H:%M:%S.%f};1", header="Stempel;acc_min;a"))
+    assert recording.names == ("acc_min", "a")
+    assert recording.start == NOON

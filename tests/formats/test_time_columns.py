@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sprung.errors import FormatError, ParameterError
 from sprung.formats import ReadSettings, read
-from sprung.formats.time_columns import stated_unit
+from sprung.formats.time_columns import names_time, stated_unit
 
 N = 300
 ACC = np.random.default_rng(1).standard_normal((2, N))
@@ -167,6 +167,22 @@ def test_units_of_time_in_headings(heading, unit) -> None:
     assert stated_unit(heading) == unit
 
 
+def test_names_of_clocks() -> None:
+    clocks = ("SampleTimeFine", "t", "t_us", "elapsed [ms]", "logTime", "Uhrzeit", "timestamp_us", "x [s]", "TIME")
+    assert all(names_time(name) for name in clocks)
+    assert not any(names_time(name) for name in ("acc_min", "temp_s", "t_front", "tyre", "min", "s", "acc [g]", "rate"))
+
+
+def test_export_of_a_telephone(text_file) -> None:
+    """Nanoseconds since 1970, and seconds since the start."""
+    start = 1_717_156_800_123_000_000
+    path = text_file(lines("time,seconds_elapsed,z,y", start + 10_000_000 * np.arange(N), 0.01 * np.arange(N), *ACC))
+    recording = read(path)
+    assert recording.names == ("z", "y")
+    assert recording.start == pytest.approx(start, abs=1000)
+    assert recording.sampling_rate == pytest.approx(100)
+
+
 RELAXED = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 signals = st.sampled_from(["walk", "integrated", "drift", "ramp", "steps"])
 
@@ -186,7 +202,11 @@ def signal(kind, seed):
 
 
 @RELAXED
-@given(kind=signals, seed=st.integers(0, 10_000), name=st.sampled_from(["acc_z", "strain", "temp", "x", "disp_fl"]))
+@given(
+    kind=signals,
+    seed=st.integers(0, 10_000),
+    name=st.sampled_from(["acc_z", "strain", "temp_s", "x", "disp_min", "t_front"]),
+)
 def test_motion_is_no_clock(tmp_path_factory, kind, seed, name) -> None:
     path = tmp_path_factory.mktemp("motion") / "run.csv"
     values = signal(kind, seed)

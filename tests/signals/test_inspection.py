@@ -102,3 +102,42 @@ def test_blocks_equal_the_whole() -> None:
 def test_nothing_to_inspect() -> None:
     with pytest.raises(DataError, match="no blocks"):
         inspect_blocks([])
+
+
+def test_faults_are_named_with_their_shares() -> None:
+    from sprung.tables import inspection_table
+
+    noise = np.random.default_rng(6).standard_normal((6, 6000))
+    half, stuck, filled, repeating, spiking, healthy = noise
+    half[3000:] = 0
+    stuck[3000:3600] = 0.5
+    filled[[10, 20, 30]] = 1e6
+    repeating[4000:4100] = repeating[100:200]
+    spiking[[500, 1500, 2500]] += [40, -40, 40]
+    healthy[:3] = np.nan
+    whole = recording(*noise)
+    assert [facts.faults for facts in inspect(whole).channels] == [
+        ("half-dead",),
+        ("stuck",),
+        ("filled",),
+        ("repeating",),
+        ("spiking",),
+        (),
+    ]
+    assert [row[-1] for row in inspection_table(inspect(whole)).rows] == [
+        "half-dead 50 %",
+        "stuck 10 %",
+        "1e+06, a filler, in 0.05 %",
+        "copies of earlier stretches 1.67 %",
+        "3 spikes",
+        "missing 0.05 %",
+    ]
+
+
+def test_rest_of_a_standing_vehicle_is_no_fault() -> None:
+    values = np.random.default_rng(7).standard_normal(6000)
+    values[:2000] = 0.1
+    speed = np.where(np.arange(6000) < 2000, 0.0, 12.0)
+    channels = (Channel("acc", "acceleration"), Channel("speed", "speed"))
+    assert inspect(Recording(np.stack([values, speed]), 100.0, channels)).channels[0].faults == ()
+    assert inspect(Recording(values[None], 100.0, channels[:1])).channels[0].faults == ("stuck",)

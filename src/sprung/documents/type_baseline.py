@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from sprung._arrays import Real
+from sprung._checks import check_type
 from sprung.diagnosis import TypeBaseline
 from sprung.documents.baseline import BY_CONDITION, ConditionDocument, conditions_document, conditions_from_document
 from sprung.documents.document import Document, checked, read_fields, write_document
@@ -41,6 +42,7 @@ def type_baseline_document(type_baseline: TypeBaseline) -> TypeBaselineDocument:
     type_baseline
         Learnt from several vehicles of the type.
     """
+    check_type("type_baseline", type_baseline, TypeBaseline)
     return TypeBaselineDocument.model_validate(
         {
             "schema": "sprung.type_baseline/1",

@@ -8,14 +8,15 @@ import re
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import IO, Any, cast
 
 import numpy as np
 
 from sprung.errors import FormatError
-from sprung.formats.dates import DAY_FIRST, MONTH_FIRST, YEAR_FIRST, kind_of, moments, possible_orders
+from sprung.formats.dates import kind_of, moments
 from sprung.formats.dialects import (
     BLANK,
     COMMENT_MARKS,
@@ -39,14 +40,12 @@ from sprung.formats.table import (
     refuse_repeated,
     reported,
     single_group,
-    split_heading,
-    time_column,
     within,
     written_headings,
     written_stamps,
     written_values,
 )
-from sprung.formats.time_columns import stated_unit
+from sprung.formats.text_times import ISO, TextTime, named_columns, text_time
 from sprung.recording import Recording
 
 NAME, EXTRA = "text", None
@@ -58,16 +57,7 @@ _HEAD_LINES = 5000
 _FIRST_BYTES, _PIECE_BYTES = 1 << 20, 1 << 23
 _TAIL_BYTES = 1 << 16
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_ISO = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d(\.\d*)?)?)?\s*(?P<zone>Z|[+-]\d\d(:?\d\d)?)?")
 _COMMENTED = re.compile(rb"(?m)^[ \t]*(#|%|//)")
-
-
-@dataclass(frozen=True, slots=True)
-class TextTime:
-    """Time column of texts: indices of its one or two columns, and the order of day, month and year."""
-
-    indices: tuple[int, ...]
-    order: str
 
 
 def recognises(head: bytes) -> bool:
@@ -90,10 +80,10 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
 
 def _table(path: Path, layout: Layout, channels: Sequence[str] | None, settings: ReadSettings) -> Table:
     """Return the table of the columns of some channels."""
-    time, notes = _time(path, layout, settings)
-    texts = [heading for heading, kind in _columns(layout) if kind != "number" and not is_time(heading)]
+    time, notes = text_time(path, layout, settings, partial(_column_of_texts, path, layout))
+    texts = [heading for heading, kind in named_columns(layout) if kind != "number" and not is_time(heading)]
     others = [heading for heading in texts if layout.headings.index(heading) not in (time.indices if time else ())]
-    wanted = [heading for heading, kind in _columns(layout) if kind == "number" or channels is not None]
+    wanted = [heading for heading, kind in named_columns(layout) if kind == "number" or channels is not None]
     columns = chosen_columns(wanted, channels, path=path)
     indices = [layout.headings.index(column.heading) for column in columns]
     if others and channels is None:
@@ -120,78 +110,6 @@ def _described(column: Column, layout: Layout) -> Column:
     """Return a column with the comment and the calibration that the lines above the header state."""
     stated = {kind: text for name, kind, text in layout.stated if name == column.name}
     return replace(column, comment=stated.get("comment", ""), calibration=stated.get("calibration", ""))
-
-
-def _columns(layout: Layout) -> list[tuple[str, str]]:
-    """Return heading and kind of the columns that have a name."""
-    return [item for item in zip(layout.headings, layout.kinds, strict=True) if item[0]]
-
-
-def _time(path: Path, layout: Layout, settings: ReadSettings) -> tuple[TextTime | None, list[str]]:
-    """Return the time column that names, or texts of dates, show, with notes; None without one."""
-    heading = _time_heading(path, layout, settings)
-    if heading is None:
-        return None, []
-    index = layout.headings.index(heading)
-    kind = layout.kinds[index]
-    if kind == "number":
-        return TextTime((index,), ""), []
-    if kind == "text":
-        raise FormatError(
-            f"{path}: time column {heading!r} holds {layout.first_row[index][:40]!r}: write seconds, or date-times as "
-            "2024-05-31 12:00:00.250"
-        )
-    indices: tuple[int, ...] = (index,)
-    if kind == "time of day" and "date" in layout.kinds:
-        indices = (layout.kinds.index("date"), index)
-    elif kind == "date" and "time of day" in layout.kinds:
-        indices = (index, layout.kinds.index("time of day"))
-    names = " and ".join(repr(layout.headings[k]) for k in indices)
-    notes = (
-        []
-        if is_time(heading) and len(indices) == 1
-        else [f"time: {names}, by {'its' if len(indices) == 1 else 'their'} dates and times"]
-    )
-    if len(indices) == 1 and _ISO.fullmatch(layout.first_row[index]):
-        return TextTime(indices, ""), notes
-    order = _order(path, layout, indices[0]) if kind != "time of day" or len(indices) == 2 else YEAR_FIRST
-    if order is None and settings.sampling_rate is None:
-        raise FormatError(
-            f"{path}: column {layout.headings[indices[0]]!r} holds dates such as {layout.first_row[indices[0]]!r}, of "
-            "which day and month cannot be told apart: write them as 2024-12-31, or state the sampling rate with "
-            "--sampling-rate"
-        )
-    if order is None:
-        return None, [f"dates in {names} left out: day and month cannot be told apart"]
-    if order != YEAR_FIRST:
-        notes.append(f"dates in {layout.headings[indices[0]]!r} read as {order}")
-    return TextTime(indices, order), notes
-
-
-def _time_heading(path: Path, layout: Layout, settings: ReadSettings) -> str | None:
-    """Return the heading of the time column: stated, by its name, or because it holds dates and times."""
-    columns = _columns(layout)
-    named = [heading for heading, _ in columns]
-    stated = [name for name in named if settings.time in (name, split_heading(name)[0])]
-    if stated:
-        return stated[0] if is_time(stated[0]) or layout.kinds[layout.headings.index(stated[0])] != "number" else None
-    by_name = time_column(named, path=path, stated=settings.time)
-    if by_name is not None or settings.time is not None:
-        return by_name
-    if any(kind == "number" and stated_unit(heading) for heading, kind in columns):
-        return None
-    texts = {kind: heading for heading, kind in reversed(columns)}
-    return texts.get("moment") or texts.get("time of day") or texts.get("date")
-
-
-def _order(path: Path, layout: Layout, index: int) -> str | None:
-    """Return the order of day, month and year in a column; None if it does not show."""
-    orders = {YEAR_FIRST, DAY_FIRST, MONTH_FIRST}
-    for texts in _column_of_texts(path, layout, index):
-        orders &= possible_orders(texts)
-        if len(orders) <= 1:
-            break
-    return next(iter(orders)) if len(orders) == 1 else None
 
 
 def _column_of_texts(path: Path, layout: Layout, index: int) -> Iterator[Any]:
@@ -371,7 +289,7 @@ def _time_type(path: Path, layout: Layout, index: int) -> Any:
     import pyarrow as pa
 
     text = layout.first_row[index] if index < len(layout.first_row) else ""
-    match = _ISO.fullmatch(text)
+    match = ISO.fullmatch(text)
     return pa.timestamp("ns", "UTC" if match["zone"] else None) if match else pa.float64()
 
 
@@ -392,7 +310,7 @@ def _located_error(path: Path, layout: Layout, types: dict[int, Any], first: int
             field = row[index]
             is_right = is_number(field.replace(layout.decimal, ".")) or field in MISSING
             if pa.types.is_timestamp(kind):
-                is_right = _ISO.fullmatch(field) is not None
+                is_right = ISO.fullmatch(field) is not None
             elif pa.types.is_string(kind):
                 is_right = kind_of(field) is not None or field in MISSING
             if not is_right:

@@ -98,14 +98,24 @@ def _words(name: str) -> list[str]:
     return [word.lower() for word in _WORD.findall(name)]
 
 
-def _names_time(column: Column) -> bool:
-    """Return whether name and unit of a column are those of a clock."""
-    if column.quantity != "unknown":
-        return False
-    words = _words(split_heading(column.heading)[0])
-    if not _TIME_WORDS.isdisjoint(words) or any(word.endswith("time") for word in words):
+def names_time(heading: str) -> bool:
+    """Return whether a heading is that of a clock, such as "SampleTimeFine", "t_us" or "elapsed [ms]".
+
+    Parameters
+    ----------
+    heading
+        Heading as in the file.
+    """
+    name, unit, _ = split_heading(heading)
+    words = _words(name)
+    if unit in TIME_UNITS or not _TIME_WORDS.isdisjoint(words) or any(word.endswith("time") for word in words):
         return True
-    return stated_unit(column.heading) is not None or words == ["t"]
+    return words[:1] == ["t"] and all(word in _UNIT_WORDS for word in words[1:])
+
+
+def _is_clock(column: Column, values: Real) -> bool:
+    """Return whether a column rises and has the name of a clock."""
+    return column.quantity == "unknown" and names_time(column.heading) and _rises(values)
 
 
 def _steps(values: Real) -> Real:
@@ -177,7 +187,7 @@ def _with_found_time(table: Table, settings: ReadSettings) -> Table:
     whole = _whole(table)
     head = _head(whole)
     columns = list(zip(whole.columns, head, strict=True))
-    clocks = [column for column, values in columns if _names_time(column) and _rises(values)]
+    clocks = [column for column, values in columns if _is_clock(column, values)]
     clocks.sort(key=lambda column: stated_unit(column.heading) is None)
     if clocks:
         return _with_time(table, clocks[0].heading, "by its name, and as it rises steadily", settings)
@@ -245,7 +255,7 @@ def _of_motion(table: Table) -> Table:
     head = _head(table)
     reasons = {}
     for column, values in zip(table.columns, head, strict=True):
-        if _names_time(column) and _rises(values):
+        if _is_clock(column, values):
             reasons[column.name] = "a clock"
         elif _is_counter(column, values):
             reasons[column.name] = "a counter"
