@@ -66,7 +66,10 @@ def test_twenty_records_with_white_noise_give_exactly_the_three_modes(seeds, snr
     np.testing.assert_allclose(found.modes.damping_ratio, TRUTH.damping_ratio, rtol=0.25 if method == "fdd" else 0.15)
     assert np.diag(mac(found.modes.mode_shapes, TRUTH.mode_shapes)).min() > 0.99
     assert found.harmonics == ()
-    assert len(found.subsets) in ((2, 3) if method == "coss" else (1,))
+    # Classes of level are 5 % wide. At SNR 0.5 few occur, and of seeds=2 the highest range would have 19.7 % of the
+    # products: 7.9 of 40 segments, of which a subset needs 8.
+    n_ranges = 2 if (seeds, snr) == (2, 0.5) else 3
+    assert len(found.subsets) == (n_ranges if method == "coss" else 1)
 
 
 @pytest.mark.parametrize("has_disjoint_references", [False, True])

@@ -25,14 +25,14 @@ def test_modes_of_a_summary_are_those_of_the_recording(run, method) -> None:
     assert modes.labels == whole.labels
 
 
-@pytest.mark.parametrize("method", [*SUBSPACE_METHODS, "plscf"])
-def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method) -> None:
+@pytest.mark.parametrize(("method", "n_subsets"), [("cov", 1), ("acs", 1), ("coss", 2), ("coss", 3), ("plscf", 1)])
+def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method, n_subsets) -> None:
     """To 1e-6 Hz: a hundredth of a standard deviation is 1e-4 Hz here.
 
-    Blocks of the subsets of CoSS-SSI are averaged to fit, so that another order may represent a mode of a subset.
+    With three subsets 41 blocks of 48 fit: standard deviations change by 3 %, and with them the weights of the orders.
     """
-    tolerance, damping_tolerance = (1e-3, 0.1) if method == "coss" else (1e-6, 1e-5)
-    summary = summarise(method, run)
+    tolerance, damping_tolerance = (1e-3, 5e-3) if n_subsets == 3 else (1e-6, 1e-5)
+    summary = summarise(method, run, settings=IdentificationSettings(n_subsets=n_subsets))
     wire = cbor2.dumps(summary_document(summary))
     again = modes_of_summary(summary_from_document(cbor2.loads(wire)))
     modes = modes_of_summary(summary)
