@@ -208,7 +208,7 @@ def test_groups_by_abscissae_dates_and_repeated_names(file) -> None:
         f"1 Hz, 7 samples, {dates[0]}": ("a", "b"),
         f"1 Hz, 7 samples, {dates[2]}": ("c",),
         f"2 Hz, 7 samples, {dates[0]}": ("d",),
-        f"1 Hz, 7 samples, {dates[0]} 2": ("a",),
+        f"1 Hz, 7 samples, {dates[0]} (2)": ("a",),
     }
     with pytest.raises(ParameterError, match="4 groups of channels with different clocks"):
         read(path)
