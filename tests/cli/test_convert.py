@@ -7,6 +7,30 @@ import pytest
 from sprung.formats import WRITERS, read, write
 from sprung.recording import Channel, Recording
 
+LVM = """LabVIEW Measurement\t
+Writer_Version\t2
+Reader_Version\t2
+Separator\tTab
+Decimal_Separator\t.
+Multi_Headings\tNo
+X_Columns\tNo
+Time_Pref\tAbsolute
+***End_of_Header***\t
+\t
+Channels\t1
+Samples\t4
+Y_Unit_Label\t°C
+X_Dimension\tTime
+X0\t0.0
+Delta_X\t0.5
+***End_of_Header***\t
+X_Value\tOil (°C)\tComment
+\t20.5
+\t21.5
+\t22.25
+\t23.5
+"""
+
 
 @pytest.fixture
 def run(tmp_path):
@@ -77,3 +101,12 @@ def test_info_lists_groups_and_reads_one(sprung, tmp_path) -> None:
     assert [(facts["group"], facts["n_samples"]) for facts in files] == [("body", 500), ("drive", 50)]
     (facts,) = sprung("info", path, "--group", "drive", "--json", "-").document()["files"]
     assert facts["n_samples"] == 50
+
+
+def test_names_that_end_with_their_unit_are_written_without_it(sprung, tmp_path) -> None:
+    (tmp_path / "run.lvm").write_text(LVM)
+    outcome = sprung("convert", tmp_path / "run.lvm", tmp_path / "run.csv")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "'Oil (°C)' 'Oil'" in " ".join(outcome.out.split())
+    (channel,) = read(tmp_path / "run.csv").channels
+    assert (channel.name, channel.quantity) == ("Oil", "temperature")

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sprung.errors import ParameterError
-from sprung.formats import read
+from sprung.errors import FormatError, ParameterError
+from sprung.formats import ReadSettings, read
 
 SIGNAL = np.arange(50.0)
 
@@ -33,3 +33,10 @@ def test_npy_of_one_and_two_dimensions(tmp_path: Path) -> None:
     assert recording.samples[1].tolist() == (2 * SIGNAL).tolist()
     np.save(tmp_path / "one.npy", SIGNAL)
     assert read(tmp_path / "one.npy", sampling_rate=12, channels=["channel_1"]).n_samples == 50
+
+
+def test_the_stated_time_decides_between_two(tmp_path: Path) -> None:
+    path = npz(tmp_path, t=np.arange(50) / 20, time=np.arange(50) / 10, left=SIGNAL)
+    with pytest.raises(FormatError, match="keep one of them, or name it with --time"):
+        read(path)
+    assert read(path, settings=ReadSettings(time="t")).sampling_rate == 20

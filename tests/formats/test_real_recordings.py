@@ -1,25 +1,38 @@
-"""Real recordings: one measurement in five formats, and the clocks of real loggers."""
+"""Real recordings: one measurement in ten files of seven formats, and the clocks of real loggers."""
 
 import numpy as np
 import pytest
 
-from sprung.errors import ParameterError
-from sprung.formats import ReadSettings, read, read_blocks
+from sprung.errors import FormatError, ParameterError
+from sprung.formats import ReadSettings, read, read_blocks, write
 from sprung.signals.inspection import inspect
 
 CAR = "formats/converted/car_imu_30s"
 
 
-@pytest.mark.parametrize("ending", ["_semicolon_decimalcomma.csv", ".parquet", "_v5.mat", "_v73.mat"])
-def test_one_measurement_in_every_format(real_file, ending) -> None:
+@pytest.mark.parametrize(
+    ("ending", "rate"),
+    [
+        ("_semicolon_decimalcomma.csv", 1e-6),
+        (".parquet", 1e-6),
+        ("_v5.mat", 1e-6),
+        ("_v73.mat", 1e-6),
+        (".mf4", 1e-6),
+        (".h5", 1e-5),  # the rate as stated in the file, not that of the time stamps
+        (".tdms", 1e-5),
+        ("_ascii.uff", 1e-3),
+        ("_bin.uff", 1e-3),
+    ],
+)
+def test_one_measurement_in_every_format(real_file, ending, rate) -> None:
     reference = read(real_file(f"{CAR}.csv"))
     recording = read(real_file(f"{CAR}{ending}"))
     assert reference.samples.shape == (6, 3130)
     assert recording.samples == pytest.approx(reference.samples, abs=6e-7)
-    assert recording.sampling_rate == pytest.approx(reference.sampling_rate, rel=1e-6)
+    assert recording.sampling_rate == pytest.approx(reference.sampling_rate, rel=rate)
     assert recording.gaps == ()
     if ending != "_v73.mat":  # that file holds no names
-        assert recording.names[0] in {"acc_x", "channel_1"}
+        assert recording.names == reference.names
 
 
 def test_jittering_logger_is_resampled(real_file) -> None:
@@ -114,3 +127,45 @@ def test_arrays_of_a_simulated_bridge(real_file) -> None:
 def test_array_of_a_building(real_file) -> None:
     recording = read(real_file("palisaden_clt_building/palisaden_0_30min_100Hz.npy"), sampling_rate=100)
     assert recording.samples.shape == (6, 180_000)
+
+
+@pytest.mark.parametrize(
+    ("name", "groups"),
+    [
+        ("formats/dewesoft/Example_Drive01.d7d", ["100 Hz"]),
+        ("endaq_car_ide/DAQ12006_000005.IDE", ["100g PE Acceleration"]),
+        ("endaq_car_ide/GPS-Chick-Fil-A_003.IDE", ["100g PE Acceleration"]),
+        ("endaq_car_ide/GPS-Chick-Fil-A_003.h5", ["ch80_40g_DC_Acceleration"]),
+        ("mini_shake_table/Flexible_3_story_Northridge.npz", []),
+        ("mini_shake_table/Stiff_3_story_Northridge.npz", ["Ground", "1st", "2nd", "3rd"]),
+        ("formats/uff/MPSTD_Set001_2024_10_08_10_27_07.uff", []),
+        ("formats/lvm/long_single_header_multi_ch.lvm", []),
+        ("formats/lvm/multi_time_column.lvm", []),
+        ("formats/lvm/no_decimal_separator.lvm", []),
+        ("formats/lvm/short.lvm", []),
+        ("formats/lvm/short_new_line_end.lvm", []),
+        ("formats/lvm/with_empty_fields.lvm", []),
+    ],
+)
+def test_originals_are_read_and_converted(real_file, tmp_path, name, groups) -> None:
+    recording = read(real_file(name), settings=ReadSettings(groups=groups))
+    assert np.isfinite(recording.samples).all()
+    write(recording, tmp_path / "run.parquet")
+    again = read(tmp_path / "run.parquet")
+    assert again.names == recording.names
+    assert again.samples == pytest.approx(recording.samples, rel=1e-12)
+    assert again.sampling_rate == pytest.approx(recording.sampling_rate, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "holds"),
+    [
+        ("heat_engine_housing", "nodes and elements"),
+        ("mesh_Oros-modal_uff15_uff2412", "nodes and elements"),
+        ("non_ascii_header", "frequency response functions"),
+        ("sample_dataset58_psd", "power spectral densities"),
+    ],
+)
+def test_files_without_time_histories_say_what_they_hold(real_file, name, holds) -> None:
+    with pytest.raises(FormatError, match=rf"holds .*{holds}.* but no time histories"):
+        read(real_file(f"formats/uff/{name}.uff"))

@@ -1,5 +1,6 @@
 """The command `sprung convert`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +15,7 @@ from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
     from sprung.formats import ReadSettings
+    from sprung.recording import Recording
 
 
 @reads_files
@@ -41,12 +43,24 @@ def convert(
         check_file("OUT", target, inputs=files)
         with progress_bar() as report:
             report(f"reading {path.name}", 0.0)
-            recording = read(path, settings=reading)
+            recording = _with_plain_names(read(path, settings=reading))
             report(f"writing {target.name}", 0.5)
             write(recording, target)
         minutes = recording.duration / 60
         heading = f"{path}: {len(recording.channels)} channels, {minutes:.4g} min at {recording.sampling_rate:.6g} Hz"
         show([*recording.history, f"wrote {target}"], heading=heading)
+
+
+def _with_plain_names(recording: "Recording") -> "Recording":
+    """Return a recording whose names do not end with their unit, which is written apart."""
+    from sprung.formats.table import without_unit
+
+    names = {channel.name: without_unit(channel.name) for channel in recording.channels}
+    if len(set(names.values())) < len(names) or all(name == plain for name, plain in names.items()):
+        return recording
+    renamed = ", ".join(f"{name!r} {plain!r}" for name, plain in names.items() if name != plain)
+    channels = tuple(replace(channel, name=names[channel.name]) for channel in recording.channels)
+    return recording.changed(f"renamed as their unit is stated apart: {renamed}", channels=channels)
 
 
 def _targets(files: list[Path], out: Path, ending: str) -> list[Path]:

@@ -97,7 +97,7 @@ def plain_arrays(values: Mapping[str, Any]) -> Arrays:
     return Arrays(values, {}, {}, {}, _stated_start(values), _stated_text(values, "comment"))
 
 
-def array_groups(path: Path, containers: Mapping[str, Arrays]) -> tuple[Group, ...]:
+def array_groups(path: Path, containers: Mapping[str, Arrays], *, time: str | None = None) -> tuple[Group, ...]:
     """Return the groups of named arrays.
 
     Parameters
@@ -107,6 +107,8 @@ def array_groups(path: Path, containers: Mapping[str, Arrays]) -> tuple[Group, .
     containers
         Arrays by the name of their folder or structure. What is in the first one (time, rate, names, units) holds for
         those that state nothing else.
+    time
+        Name of the array of time stamps, where there are several; None: found by its name.
 
     Returns
     -------
@@ -129,7 +131,7 @@ def array_groups(path: Path, containers: Mapping[str, Arrays]) -> tuple[Group, .
     for name, arrays in _inheriting(containers).items():
         for prefix, part in _by_time(arrays).items():
             group_name = " ".join(filter(None, (name, prefix.strip("_")))) or path.name
-            groups += _group(path, group_name, part)
+            groups += _group(path, group_name, part, time)
     if not groups:
         raise FormatError(f"{path} holds no arrays of numbers with a channel's samples")
     return tuple(groups)
@@ -188,11 +190,11 @@ def _by_time(arrays: Arrays) -> dict[str, Arrays]:
     return {prefix: replace(arrays, values=own) for prefix, own in parts.items()}
 
 
-def _group(path: Path, name: str, arrays: Arrays) -> list[Group]:
+def _group(path: Path, name: str, arrays: Arrays, time: str | None) -> list[Group]:
     """Return the group of some arrays; none if they hold no samples."""
     numeric = {key: _squeezed(value) for key, value in arrays.values.items() if _is_numeric(value)}
     times = [key for key, value in numeric.items() if len(value.shape) == 1 and _is_time_array(key)]
-    stamped = times[0] if len(times) == 1 else time_column(times, path=path)
+    stamped = times[0] if len(times) == 1 else time_column(times, path=path, stated=time)
     signals = {
         key: value
         for key, value in numeric.items()

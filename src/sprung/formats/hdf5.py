@@ -45,7 +45,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         containers: dict[str, Arrays] = {"": _arrays(path, file)}
         for name, item in _folders(path, file):
             containers[name] = _arrays(path, item)
-    return array_groups(path, containers)
+    return array_groups(path, containers, time=settings.time)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -41,7 +41,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
             variables = _version_5(path)
         else:
             raise FormatError(f"{path} is not a MAT file of version 5 or later: save it with save(..., '-v7')")
-    return array_groups(path, _containers(variables))
+    return array_groups(path, _containers(variables), time=settings.time)
 
 
 def _version_5(path: Path) -> dict[str, Any]:

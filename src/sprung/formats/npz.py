@@ -31,7 +31,7 @@ def groups(path: Path, settings: ReadSettings) -> tuple[Group, ...]:
         else:
             with path.open("rb") as file, np.lib.npyio.NpzFile(file) as content:
                 arrays = {name: _array(path, name, content) for name in content.files}
-    return array_groups(path, {"": plain_arrays(arrays)})
+    return array_groups(path, {"": plain_arrays(arrays)}, time=settings.time)
 
 
 def _array(path: Path, name: str, content: "np.lib.npyio.NpzFile") -> np.ndarray:

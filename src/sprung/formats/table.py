@@ -368,6 +368,12 @@ def written_unit(quantity: str) -> tuple[str, float]:
     return "", 1.0
 
 
+def without_unit(name: str) -> str:
+    """Return a name without a known unit in brackets at its end, with which it would not be read back."""
+    plain, unit, _ = split_heading(name)
+    return plain if plain and _is_known(unit) else name
+
+
 def written_headings(recording: Recording, *, has_units: bool = True) -> list[str]:
     """Return a heading for each channel that is read as its name and quantity.
 

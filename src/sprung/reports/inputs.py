@@ -81,7 +81,7 @@ def data_section(inputs: Inputs) -> Section:
             blocks.append(Sentences(inspection.history))
     healthy = [not _faults(inspection) for inspection in inputs.inspections.values()]
     if healthy and all(healthy):
-        blocks.insert(0, Paragraph("No channel is dead, clipped or stuck, and no value is missing."))
+        blocks.insert(0, Paragraph("No channel shows a fault, and no value is missing."))
     elif healthy:
         blocks.insert(0, Sentences(tuple(dict.fromkeys(_all_faults(inputs)))))
     return Section("Data", tuple(blocks))
