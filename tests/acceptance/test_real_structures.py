@@ -57,11 +57,12 @@ def test_koma_shear_frame(real_file, method) -> None:
     # 2.5 and 3 % above what the samples hold, mode 3 (0.834 Hz) 1.7 %. Modes 1 and 2 and all shapes are true.
     samples = np.load(real_file("koma_shear_frame/data_shearframe.npy")).T
     shapes = np.load(real_file("koma_shear_frame/phi_ref.npy"))
-    modes = METHODS[method](recorded(samples, 12.0)).modes
+    # The band chosen, up to 1 Hz, gives a rate of 3 Hz, at which spectra end at 1.2 Hz. There the first singular value
+    # is only 0.6 (in ln) below mode 5, less than the 2.0 by which FDD tells peaks from chance.
+    settings = IdentificationSettings(band=(0.04, 1.5)) if method == "fdd" else None
+    modes = METHODS[method](recorded(samples, 12.0), settings=settings).modes
     assert modes.natural_frequency[:2] == pytest.approx([0.1812, 0.5289], rel=0.01)
-    # FDD has no significant peak at the weakest mode.
-    n_modes = 4 if method == "fdd" else 5
-    assert modes.natural_frequency == pytest.approx([0.1812, 0.525, 0.820, 1.044, 1.184][:n_modes], rel=0.01)
+    assert modes.natural_frequency == pytest.approx([0.1812, 0.525, 0.820, 1.044, 1.184], rel=0.01)
     assert np.all(np.diag(mac(modes.mode_shapes, shapes.T.astype(complex))) > 0.98)
 
 
