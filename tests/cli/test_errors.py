@@ -25,7 +25,7 @@ def hostile(tmp_path, monkeypatch):
         "double.csv": "time,a,a\n" + rows,
         "short.csv": "time,a,b\n" + "".join(rows.splitlines(keepends=True)[:100]),
         "good.csv": "time,a,b\n" + rows,
-        "notes.doc": "time,a,b\n" + rows,
+        "notes.doc": "\0\1" + rows,
         "vehicle.toml": 'schema = "sprung.vehicle/1"\nkind = "road"\n',
     }
     for name, text in texts.items():
@@ -38,7 +38,7 @@ def hostile(tmp_path, monkeypatch):
     [
         ("missing.csv", 2, "no such file"),
         ("empty.csv", 2, "empty"),
-        ("notes.doc", 2, "unknown ending"),
+        ("notes.doc", 2, "unknown format"),
         ("words.csv", 2, "line 3"),
         ("unit.csv", 2, "furlong"),
         ("double.csv", 2, "'a'"),
