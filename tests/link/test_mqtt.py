@@ -481,7 +481,8 @@ def test_a_vehicle_with_the_certificate_of_another_is_named_on_both_sides(
     car = read_vehicle("zafira")
     box = box_of("tram-7", car, Spool(tmp_path / "spool", is_synced=False), Address.parse(where))
     monitor = client("monitor", topics=upward())
-    block = Recording(np.random.default_rng(1).standard_normal((1, 100)), 100.0, (Channel("acc_fl", "acceleration"),))
+    channels = tuple(Channel(sensor.channel, sensor.quantity) for sensor in car.sensor)
+    block = Recording(np.random.default_rng(1).standard_normal((len(channels), 100)), 100.0, channels)
     box.open(timeout=10.0)
     try:
         box.take(replace(block, start=10**18))
