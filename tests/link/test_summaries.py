@@ -29,7 +29,8 @@ def test_modes_of_a_summary_are_those_of_the_recording(run, method) -> None:
 def test_32_bits_and_a_wire_change_frequencies_by_nothing(run, method, n_subsets) -> None:
     """To 1e-6 Hz: a hundredth of a standard deviation is 1e-4 Hz here.
 
-    With three subsets 41 blocks of 48 fit: standard deviations change by 3 %, and with them the weights of the orders.
+    With three subsets 41 blocks of 48 fit, so that neighbours are averaged: standard deviations change by up to 3 %,
+    frequencies by 5e-4 Hz and damping ratios by 0.2 %. With all 48 sent, frequencies change by 1e-8 Hz.
     """
     tolerance, damping_tolerance = (1e-3, 5e-3) if n_subsets == 3 else (1e-6, 1e-5)
     summary = summarise(method, run, settings=IdentificationSettings(n_subsets=n_subsets))
