@@ -14,21 +14,14 @@ pandas: Any = pytest.importorskip("pandas")
 UNTYPED: Any = sprung
 CAR = sprung.read_vehicle("zafira")
 READERS = ("sprung.read('run.csv')", "sprung.read('b.csv')", "sprung.Recording(samples, sampling_rate, channels)")
-#: Functions of one text, path, or name, and those of modules that state their own refusals.
-OF_TEXT = {"json_schema", "parse_fault", "read_description", "read_vehicle"}
-OWN = {"sprung.formats", "sprung.vehicles"}
+#: Functions of one text, which state what it must be.
+OF_TEXT = {"json_schema", "parse_fault"}
 
 
 def functions() -> list[str]:
     """Return the names of all public functions that take a value."""
     named = {name: getattr(sprung, name) for name in sprung.__all__}
-    return [
-        name
-        for name, function in named.items()
-        if isfunction(function)
-        and name not in OF_TEXT
-        and not any(function.__module__.startswith(module) for module in OWN)
-    ]
+    return [name for name, function in named.items() if isfunction(function) and name not in OF_TEXT]
 
 
 @pytest.mark.parametrize("name", functions())
@@ -95,3 +88,9 @@ def test_the_vehicle_and_the_baseline_are_checked_too() -> None:
         UNTYPED.learn(run)
     with pytest.raises(sprung.ParameterError, match=r"^windows is one Modes, but must be several: pass \[windows\]$"):
         UNTYPED.track_modes(UNTYPED.Modes(np.zeros(0), np.zeros((0, 1)), ("a",), *3 * (np.zeros(0),), ()))
+
+
+@pytest.mark.parametrize("wrong", [1, None, ["front_left.spring=-0.2"]])
+def test_a_fault_that_is_no_text(wrong) -> None:
+    with pytest.raises(sprung.ParameterError, match="fault"):
+        UNTYPED.parse_fault(wrong)

@@ -154,7 +154,7 @@ def check_type(name: str, value: object, *types: type, advice: str = "") -> None
         If the value is of another type.
     """
     if not isinstance(value, types):
-        raise _wrong_type(name, value, types[0].__name__, advice)
+        raise wrong_type(name, value, types[0].__name__, advice)
 
 
 def check_each(name: str, values: Iterable[_Value], *types: type) -> Iterable[_Value]:
@@ -168,7 +168,7 @@ def check_each(name: str, values: Iterable[_Value], *types: type) -> Iterable[_V
     if isinstance(values, types):
         raise ParameterError(f"{name} is one {types[0].__name__}, but must be several: pass [{name}]")
     if isinstance(values, str | PathLike | Mapping) or hasattr(values, "shape") or not isinstance(values, Iterable):
-        raise _wrong_type(name, values, types[0].__name__)
+        raise wrong_type(name, values, types[0].__name__)
     each = _checked(name, values, types)
     return list(each) if isinstance(values, Sequence) else each
 
@@ -192,7 +192,7 @@ def _checked(name: str, values: Iterable[_Value], types: tuple[type, ...]) -> It
         yield value
 
 
-def _wrong_type(name: str, value: object, kind: str, advice: str = "") -> ParameterError:
+def wrong_type(name: str, value: object, kind: str, advice: str = "") -> ParameterError:
     """Return the error of a value of another type than wanted, which says what to pass."""
     advice = advice or _MAKERS.get(kind, f"a sprung.{kind}")
     if isinstance(value, str | PathLike) and kind in _READERS:

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import NoReturn
 
-from sprung._checks import check_number
+from sprung._checks import check_number, check_path, check_type
 from sprung.errors import DataError, ParameterError
 from sprung.formats.assembly import assemble, limited, survey
 from sprung.formats.isolation import isolated_groups
@@ -57,6 +57,7 @@ def read(
     ParameterError
         If the sampling rate is missing or contradicts the file, or a channel is not in the file.
     """
+    check_path("path", path)
     settings = combined(settings, sampling_rate, channels)
     table = _open_table(Path(path), settings)
     blocks = [join(list(table.blocks()) or _no_samples(table))]
@@ -95,9 +96,14 @@ def read_blocks(
     -----
     The file is read twice: first for the living channels and the advance of time, then for the samples.
     """
+    check_path("path", path)
     check_number("block_samples", block_samples, at_least=1000)
-    settings = combined(settings, sampling_rate, channels)
-    table = _open_table(Path(path), settings)
+    return _read_blocks(Path(path), combined(settings, sampling_rate, channels), block_samples)
+
+
+def _read_blocks(path: Path, settings: ReadSettings, block_samples: int) -> Iterator[Recording]:
+    """Yield the recording in a file piece by piece."""
+    table = _open_table(path, settings)
     facts = survey(table, table.blocks(), sampling_rate=settings.sampling_rate)
     yield from assemble(table, rebatch(table.blocks(), block_samples), facts)
 
@@ -119,6 +125,7 @@ def groups(path: str | PathLike[str], settings: ReadSettings | None = None) -> t
     MissingPackageError
         If the reader of the format is not installed.
     """
+    check_path("path", path)
     path = Path(path)
     module, settings = format_of(path), settings or ReadSettings()
     if module in FOREIGN:
@@ -145,6 +152,8 @@ def write(recording: Recording, path: str | PathLike[str]) -> None:
     ParameterError
         If the ending is not in `WRITERS`, or the name of a channel would not be read back.
     """
+    check_type("recording", recording, Recording)
+    check_path("path", path)
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in WRITERS:

@@ -81,7 +81,7 @@ def parse_fault(text: str) -> Fault:
     >>> parse_fault("rear_right.damper=-0.3@120+60").factor([0, 150, 180]).tolist()
     [1.0, 0.85, 0.7]
     """
-    match = _FORM.fullmatch(text.strip())
+    match = _FORM.fullmatch(text.strip()) if isinstance(text, str) else None
     numbers = [match[name] for name in ("change", "onset", "growth")] if match else []
     try:
         if match is None:

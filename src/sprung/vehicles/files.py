@@ -6,6 +6,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from sprung._checks import check_path, check_type
 from sprung.errors import FormatError, ParameterError
 from sprung.toml import checked, toml_fields
 from sprung.vehicles.description import KINDS, Chain, Quarter, Vehicle
@@ -71,6 +72,7 @@ def read_description(path_or_name: str | Path) -> Vehicle | Quarter | Chain:
     >>> read_description("chain3").kind
     'chain'
     """
+    check_path("path_or_name", path_or_name)
     if str(path_or_name) in VEHICLES:
         return _read(str(path_or_name), _shipped(str(path_or_name)))
     path = Path(path_or_name)
@@ -106,6 +108,8 @@ def parse_vehicle(fields: Mapping[str, Any]) -> Vehicle | Quarter | Chain:
 
 def write_vehicle(vehicle: Vehicle | Quarter | Chain, path: str | Path) -> None:
     """Write a vehicle file; reading it gives an equal vehicle."""
+    check_type("vehicle", vehicle, Vehicle, Quarter, Chain)
+    check_path("path", path)
     Path(path).write_text(vehicle_text(vehicle), encoding="utf-8")
 
 

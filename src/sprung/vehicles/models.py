@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
-from sprung._checks import check_number
+from sprung._checks import check_number, wrong_type
 from sprung.errors import ParameterError
 from sprung.vehicles.description import Chain, Description, Quarter, Vehicle, corner_names
 from sprung.vehicles.files import parse_vehicle
@@ -68,7 +68,7 @@ def structure(description: Description) -> Structure:
             return _quarter(description)
         case Vehicle():
             return _vehicle(description)
-    raise ParameterError(f"a {type(description).__name__} is not a vehicle: use a Chain, a Quarter or a Vehicle")
+    raise wrong_type("description", description, "Vehicle")
 
 
 def chain(
