@@ -279,3 +279,10 @@ def test_the_obvious_picture_is_drawn_and_shown_in_notebooks(values, kind) -> No
 def test_what_has_no_picture_is_refused() -> None:
     with pytest.raises(sprung.ParameterError, match=r"^a float has no picture of its own"):
         sprung.plotting.picture_of(1.0)
+
+
+def test_a_vehicle_shows_kind_sensors_and_coordinates() -> None:
+    lines = repr(sprung.read_vehicle("zafira")).splitlines()
+    assert lines[0] == "Vehicle 'zafira' of kind road"
+    assert lines[1] == "sensors: acc_fl, acc_fr, acc_rl, acc_rr"
+    assert lines[2].startswith("coordinates: bounce, pitch, roll, ")

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from sprung._checks import check_number
+from sprung._display import in_short, listed
 from sprung.vehicles.magnitudes import check_magnitudes, check_quarter
 from sprung.vehicles.sections import (
     LONGEST_DELAY,
@@ -61,6 +62,12 @@ class Description(Section):
     speed_delay: Annotated[float, Field(ge=-LONGEST_DELAY, le=LONGEST_DELAY, allow_inf_nan=False)] = 0.0
     speed_scale: Positive = 1.0
     sensor: Annotated[tuple[Sensor, ...], Field(strict=False, max_length=1000)] = ()
+
+    def __repr__(self) -> str:
+        """Return name and kind, sensors, and coordinates."""
+        sensors = listed(sensor.channel for sensor in self.sensor) or "no sensors"
+        head = f"{type(self).__name__} {self.name!r} of kind {getattr(self, 'kind', 'none')}"
+        return in_short(head, f"sensors: {sensors}", f"coordinates: {listed(self.coordinates)}")
 
     @property
     def coordinates(self) -> tuple[str, ...]:
