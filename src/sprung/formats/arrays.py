@@ -192,7 +192,7 @@ def _by_time(arrays: Arrays) -> dict[str, Arrays]:
 
 def _group(path: Path, name: str, arrays: Arrays, time: str | None) -> list[Group]:
     """Return the group of some arrays; none if they hold no samples."""
-    numeric = {key: _squeezed(value) for key, value in arrays.values.items() if _is_numeric(value)}
+    numeric = {key: _squeezed(key, value) for key, value in arrays.values.items() if _is_numeric(value)}
     times = [key for key, value in numeric.items() if len(value.shape) == 1 and _is_time_array(key)]
     stamped = times[0] if len(times) == 1 else time_column(times, path=path, stated=time)
     signals = {
@@ -307,10 +307,11 @@ def _is_numeric(value: Any) -> bool:
     return hasattr(value, "dtype") and hasattr(value, "shape") and value.dtype.kind in "biuf"
 
 
-def _squeezed(value: Any) -> Array:
-    """Return an array in memory without axes of one value; one that is read in part as it is, if it has more."""
-    if isinstance(value, np.ndarray | np.number | int | float) or np.prod(value.shape) == max(value.shape, default=1):
-        array: Array = np.squeeze(np.asarray(value[...] if hasattr(value, "shape") else value))
+def _squeezed(name: str, value: Any) -> Array:
+    """Return an array without axes of one value; samples that are read in part stay as they are."""
+    is_in_memory = isinstance(value, np.ndarray | np.number | int | float)
+    if is_in_memory or np.prod(value.shape) <= 1 or (_is_time_array(name) and len(value.shape) > 1):
+        array: Array = np.squeeze(np.asarray(value if is_in_memory else value[...]))
         return array
     stored: Array = value
     return stored
