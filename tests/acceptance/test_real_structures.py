@@ -58,7 +58,7 @@ def test_koma_shear_frame(real_file, method) -> None:
     samples = np.load(real_file("koma_shear_frame/data_shearframe.npy")).T
     shapes = np.load(real_file("koma_shear_frame/phi_ref.npy"))
     # The band chosen, up to 1 Hz, gives a rate of 3 Hz, at which spectra end at 1.2 Hz. There the first singular value
-    # is only 0.6 (in ln) below mode 5, less than the 2.0 by which FDD tells peaks from chance.
+    # is only 0.6 (in ln) below mode 5, less than the 2.0 by which FDD distinguishes peaks from chance.
     settings = IdentificationSettings(band=(0.04, 1.5)) if method == "fdd" else None
     modes = METHODS[method](recorded(samples, 12.0), settings=settings).modes
     assert modes.natural_frequency[:2] == pytest.approx([0.1812, 0.5289], rel=0.01)

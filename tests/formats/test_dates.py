@@ -86,10 +86,10 @@ def test_day_and_month_that_cannot_be_told_apart(text_file) -> None:
     fifth = START.replace(month=6, day=5)
     path = file_of(text_file, lambda t: f"{t:%d/%m/%Y %H:%M:%S.%f}", start=fifth)
     with pytest.raises(
-        FormatError, match=r"'Zeit' holds dates such as '05/06/2024 .* cannot be told apart: write them as"
+        FormatError, match=r"'Zeit' holds dates such as '05/06/2024 .* cannot be distinguished: write them as"
     ):
         read(path)
-    assert said(read(path, sampling_rate=100), "day and month cannot be told apart")
+    assert said(read(path, sampling_rate=100), "day and month cannot be distinguished")
     same = file_of(text_file, lambda t: f"{t:%d/%m/%Y %H:%M:%S.%f}", start=START.replace(month=5, day=5))
     assert np.datetime64(read(same).start, "ns") == np.datetime64("2024-05-05T13:05:01.250")
 

@@ -1,8 +1,5 @@
 """LabVIEW measurement files: samples of LabVIEW, and small files with every option of the format."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,8 +8,6 @@ from sprung.formats import groups, read, read_blocks
 from sprung.formats.settings import ReadSettings
 from sprung.units import STANDARD_GRAVITY
 
-DATA = Path(os.environ.get("SPRUNG_DATA", "data")) / "formats" / "lvm"
-with_data = pytest.mark.skipif(not DATA.is_dir(), reason="needs the sample files of engineers' formats")
 END = "***End_of_Header***"
 
 
@@ -180,9 +175,8 @@ def test_damage_names_the_line(text_file) -> None:
         ("with_empty_fields", 1000, 7, [-0.011923, 7.254639]),
     ],
 )
-@with_data
-def test_files_of_labview(name, rate, n_samples, first) -> None:
-    path = DATA / f"{name}.lvm"
+def test_files_of_labview(real_file, name, rate, n_samples, first) -> None:
+    path = real_file(f"formats/lvm/{name}.lvm")
     run = read(path)
     assert (run.sampling_rate, run.n_samples) == (pytest.approx(rate, rel=1e-9), n_samples)
     assert run.samples[:2, 0] == pytest.approx(first, rel=1e-12)
@@ -190,18 +184,16 @@ def test_files_of_labview(name, rate, n_samples, first) -> None:
     assert np.array_equal(joined, run.samples)
 
 
-@with_data
-def test_every_number_of_the_long_file() -> None:
-    lines = (DATA / "long_single_header_multi_ch.lvm").read_text().splitlines()[22:]
+def test_every_number_of_the_long_file(real_file) -> None:
+    lines = real_file("formats/lvm/long_single_header_multi_ch.lvm").read_text().splitlines()[22:]
     expected = np.array([[float(field) for field in line.split("\t")[1:4]] for line in lines]).T
-    run = read(DATA / "long_single_header_multi_ch.lvm")
+    run = read(real_file("formats/lvm/long_single_header_multi_ch.lvm"))
     assert run.samples == pytest.approx(expected * [[STANDARD_GRAVITY], [1], [1]], rel=1e-15)
     assert run.start == np.datetime64("2013-08-30T09:18:17.725441", "ns").astype(int)
 
 
-@with_data
-def test_comments_and_latin_letters() -> None:
-    run = read(DATA / "with_comments.lvm")
+def test_comments_and_latin_letters(real_file) -> None:
+    run = read(real_file("formats/lvm/with_comments.lvm"))
     assert run.names == ("Pressão ABS. (MPa)", "Temperatura (°C)", "Volume (ml)")
     assert run.channels[1].quantity == "temperature"
     assert "LOST COMMUNICATION" in run.comment

@@ -99,11 +99,14 @@ def test_long_lists_are_read_in_pieces(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('[{"sensor": "a", "x": 1}, {"sensor"', "character 26: this is no record of a sensor .*damaged or incomplete"),
+        (
+            '[{"sensor": "a", "x": 1}, {"sensor"',
+            "character 26: this is not a record .*damaged or incomplete",
+        ),
         ('[{"sensor": "a", "x": 1} 5]', "records have up to 65536 characters"),
         ('[{"sensor": "a", "x": ' + "[" * 60_000, "brackets within brackets"),
         ('[{"sensor": "a", "x": 1}, ' + "[" * 2_000_000, "brackets within brackets"),
-        ('[{"sensor": "a", "x": "' + "y" * 3_000_000 + '"}]', "this is no record of a sensor"),
+        ('[{"sensor": "a", "x": "' + "y" * 3_000_000 + '"}]', "this is not a record of a sensor"),
         ('[{"sensor": "a", "x": 1}]', "holds no samples: no sensor has times and numbers"),
         ('[{"sensor": "a", "x": 1' + "0" * 5000 + "}]", "cannot be read as phone recording"),
         (json.dumps([{"sensor": str(k)} for k in range(501)]), "names more than 500 sensors"),

@@ -1,8 +1,6 @@
 """Time histories in universal files: every layout of dataset 58, against pyuff and the same numbers as CSV."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +10,6 @@ from sprung.formats import groups, read, read_blocks, write
 from sprung.formats.settings import ReadSettings
 from sprung.recording import Channel, Gap, Recording
 
-DATA = Path(os.environ.get("SPRUNG_DATA", "data")) / "formats"
-with_data = pytest.mark.skipif(not DATA.is_dir(), reason="needs the sample files of engineers' formats")
 MARK = "    -1\n"
 VALUES = np.array([1.5, -2.25, 3e-12, -4.0, 5.125e10, 6.0, -7.0])
 
@@ -131,10 +127,9 @@ def test_different_times_in_one_group_are_refused(file) -> None:
 
 
 @pytest.mark.parametrize("name", ["Sample_UFF58_ascii", "Sample_UFF58b_bin", "MPSTD_Set001_2024_10_08_10_27_07"])
-@with_data
-def test_same_values_as_pyuff(name) -> None:
+def test_same_values_as_pyuff(real_file, name) -> None:
     pyuff = pytest.importorskip("pyuff")
-    path = DATA / "uff" / f"{name}.uff"
+    path = real_file(f"formats/uff/{name}.uff")
     run = read(path)
     sets = pyuff.UFF(str(path)).read_sets()
     sets = sets if isinstance(sets, list) else [sets]
@@ -142,24 +137,22 @@ def test_same_values_as_pyuff(name) -> None:
     assert run.sampling_rate == pytest.approx(1 / sets[0]["abscissa_inc"], rel=2e-6)
 
 
-@with_data
-def test_what_real_files_state() -> None:
-    run = read(DATA / "uff" / "MPSTD_Set001_2024_10_08_10_27_07.uff")
+def test_what_real_files_state(real_file) -> None:
+    run = read(real_file("formats/uff/MPSTD_Set001_2024_10_08_10_27_07.uff"))
     assert run.names == tuple(f"MPS set1 Dof{k}" for k in (1, 2, 3, 4))
     assert [channel.comment for channel in run.channels] == [f"response {k}+Z" for k in (1, 2, 3, 1)]
     assert {channel.quantity for channel in run.channels} == {"acceleration"}
     assert (run.sampling_rate, run.n_samples) == (3200, 222_400)
     assert np.datetime64(run.start, "ns") == np.datetime64("2024-10-08T10:27:07")
     assert run.comment == "start in local time"
-    sound = read(DATA / "uff" / "Sample_UFF58b_bin.uff")
+    sound = read(real_file("formats/uff/Sample_UFF58b_bin.uff"))
     assert (sound.names, sound.channels[0].quantity, sound.sampling_rate) == (("Mic 01",), "pressure", 65536)
 
 
 @pytest.mark.parametrize("kind", ["ascii", "bin"])
-@with_data
-def test_same_numbers_as_the_csv_twin(kind) -> None:
-    table = read(DATA / "converted" / "car_imu_30s.csv")
-    run = read(DATA / "converted" / f"car_imu_30s_{kind}.uff")
+def test_same_numbers_as_the_csv_twin(real_file, kind) -> None:
+    table = read(real_file("formats/converted/car_imu_30s.csv"))
+    run = read(real_file(f"formats/converted/car_imu_30s_{kind}.uff"))
     assert run.names == table.names
     assert run.samples == pytest.approx(table.samples, abs=5.1e-7)
     assert [channel.quantity for channel in run.channels] == ["acceleration"] * 3 + ["angular_velocity"] * 3
@@ -175,10 +168,9 @@ def test_same_numbers_as_the_csv_twin(kind) -> None:
         ("mesh_Oros-modal_uff15_uff2412", r"nodes and elements \(3\)"),
     ],
 )
-@with_data
-def test_files_without_time_histories_say_what_they_hold(name, words) -> None:
+def test_files_without_time_histories_say_what_they_hold(real_file, name, words) -> None:
     with pytest.raises(FormatError, match=f"{name}.uff holds {words}, but no time histories: export"):
-        read(DATA / "uff" / f"{name}.uff")
+        read(real_file(f"formats/uff/{name}.uff"))
 
 
 def test_names_are_those_that_distinguish_the_channels(file) -> None:

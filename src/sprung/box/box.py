@@ -374,7 +374,7 @@ class Box:
         self._publish("health", document)
 
     def _warn(self) -> None:
-        """Tell the monitor, under the name that the broker knows, that the vehicle has another one."""
+        """Report to the monitor, under the name that the broker knows, that the vehicle has another one."""
         if self._user != self._settings.vehicle and VEHICLE.fullmatch(self._user):
             self._warning.start()
             document = {Key.VERSION: VERSION, "did": "misnamed", "vehicle": self._settings.vehicle}

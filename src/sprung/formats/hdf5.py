@@ -22,7 +22,7 @@ _COMMENTS = ("comment", "description", "Comment", "Description")
 _CALIBRATIONS = ("calibration", "Calibration", "sensitivity", "Sensitivity")
 _RATES = ("sampling_rate", "fs", "fs_Hz", "rate")
 _MOST_DATASETS, _DEEPEST = 10_000, 20
-# A compressed block is at most so many times as large as its bytes in the file (deflate); smaller ones do not matter.
+# Largest ratio of a block to its compressed bytes (deflate), and size below which it does not matter.
 _MOST_COMPRESSED, _SMALL_BYTES = 1100, 1 << 20
 
 

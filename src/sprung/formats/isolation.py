@@ -31,7 +31,7 @@ from sprung.errors import FormatError, SprungError
 from sprung.formats.settings import ReadSettings
 from sprung.formats.table import Block, Column, Group, Table, reported
 
-#: Memory [bytes] that a reader may take in addition to what Python needs: at least this, or so many times the file.
+#: Memory [bytes] that a reader may take in addition to what Python needs: at least this, or this multiple of the file.
 LEAST_MEMORY, MEMORY_PER_BYTE = 1 << 30, 20
 #: Time [s] that a reader may take for one answer: at least this, and longer for a large file [s/byte].
 LEAST_TIME, TIME_PER_BYTE = 60.0, 1e-6

@@ -105,7 +105,7 @@ def _line_end(path: Path, content: mmap.mmap, begin: int) -> int:
     """Return the offset after the line that begins at `begin`."""
     end = content.find(b"\n", begin, begin + _LONGEST_LINE) + 1
     if not end and len(content) - begin > _LONGEST_LINE:
-        raise FormatError(f"{path} has a line of more than {_LONGEST_LINE} bytes: this is no LabVIEW measurement")
+        raise FormatError(f"{path} has a line of more than {_LONGEST_LINE} bytes: this is not a LabVIEW measurement")
     return end or len(content)
 
 

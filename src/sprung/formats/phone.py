@@ -145,7 +145,7 @@ def _json_sensors(path: Path) -> tuple[list[_Sensor], str]:
             metadata = record
             continue
         if name not in series and len(series) == _MOST_SENSORS:
-            raise FormatError(f"{path} names more than {_MOST_SENSORS} sensors: this is no recording of a phone")
+            raise FormatError(f"{path} names more than {_MOST_SENSORS} sensors: this is not a recording of a phone")
         series.setdefault(name, _Series()).add(record)
     is_android = str(metadata.get("platform", "")).lower() == "android"
     sensors = [each.sensor(name, is_android=is_android) for name, each in series.items()]
@@ -172,12 +172,12 @@ def _records(path: Path) -> Iterator[Mapping[str, Any]]:
             except (json.JSONDecodeError, RecursionError) as error:
                 problem = error.msg if isinstance(error, json.JSONDecodeError) else "brackets within brackets"
                 raise FormatError(
-                    f"{path}, character {n_before + position}: this is no record of a sensor ({problem}): the file is "
-                    "damaged or incomplete"
+                    f"{path}, character {n_before + position}: this is not a record of a sensor ({problem}): the file "
+                    "is damaged or incomplete"
                 ) from None
             if not isinstance(record, dict) or end - position > _LONGEST_RECORD:
                 raise FormatError(
-                    f"{path}, character {n_before + position}: this is no record of a sensor: records have up to "
+                    f"{path}, character {n_before + position}: this is not a record of a sensor: records have up to "
                     f"{_LONGEST_RECORD} characters"
                 )
             yield record

@@ -63,7 +63,7 @@ def text_time(
     Raises
     ------
     FormatError
-        If the column holds neither numbers nor dates, or day and month cannot be told apart and no rate is stated.
+        If the column holds neither numbers nor dates, or day and month cannot be distinguished and no rate is stated.
     """
     heading = _time_heading(path, layout, settings)
     if heading is None:
@@ -94,11 +94,11 @@ def text_time(
     if order is None and settings.sampling_rate is None:
         raise FormatError(
             f"{path}: column {layout.headings[indices[0]]!r} holds dates such as {layout.first_row[indices[0]]!r}, of "
-            "which day and month cannot be told apart: write them as 2024-12-31, or state the sampling rate with "
+            "which day and month cannot be distinguished: write them as 2024-12-31, or state the sampling rate with "
             "--sampling-rate"
         )
     if order is None:
-        return None, [f"dates in {names} left out: day and month cannot be told apart"]
+        return None, [f"dates in {names} left out: day and month cannot be distinguished"]
     if order != YEAR_FIRST:
         notes.append(f"dates in {layout.headings[indices[0]]!r} read as {order}")
     return TextTime(indices, order), notes

@@ -116,7 +116,7 @@ def _header(path: Path, content: mmap.mmap) -> _Header:
     Raises
     ------
     FormatError
-        If the file is no WAV file or incomplete, or its samples are compressed.
+        If the file is not a WAV file or incomplete, or its samples are compressed.
     """
     if not recognises(content[:12]):
         raise FormatError(f"{path} cannot be read as WAV: it does not begin as such a file")

@@ -10,7 +10,7 @@ from sprung.link import Block, FrameBlock
 
 #: Largest number of runs that are remembered, the last ones.
 _MOST_RUNS = 2000
-#: Fewest changes from sample to sample in a block that measured noise tells from any other.
+#: Fewest changes from sample to sample in a block that distinguishes measured noise from anything else.
 _FEWEST_CHANGES = 32
 #: Longest time between blocks of one run, in samples, and tolerance of a place in a run [s].
 _TOLERANCE, _EPSILON = 2.5, 1e-3
