@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sprung.errors import FormatError
+from sprung.errors import FormatError, ParameterError
 from sprung.link import (
     CLIPPED,
     MISSING,
@@ -17,6 +17,7 @@ from sprung.link import (
     TIME_KEPT,
     Frame,
     Header,
+    check_frame,
     checked_map,
     decode,
     encode,
@@ -24,7 +25,7 @@ from sprung.link import (
     quantised,
 )
 from sprung.link.frame import MOST_SAMPLES
-from sprung.link.messages import LARGEST
+from sprung.link.messages import LARGEST, LATEST
 
 
 def frame(samples=None, *, width=2, **fields):
@@ -162,7 +163,7 @@ def test_a_bomb_that_claims_its_size_is_not_unpacked(memory_below) -> None:
 def test_the_largest_frame_is_read_in_bounded_memory(memory_below, n_channels, width) -> None:
     counts = np.random.default_rng(4).integers(-3, 4, size=(n_channels, MOST_SAMPLES // n_channels))
     names = tuple(f"c{k}" for k in range(n_channels))
-    payload = encode(Frame("v", 1, 1, 1, 10**5, names, np.ones(n_channels), counts, width))
+    payload = encode(Frame("v", 1, 1, 1, 3 * 10**6, names, np.ones(n_channels), counts, width))
     with memory_below(20 * LARGEST):
         assert np.array_equal(decode(payload).counts, counts)
 
@@ -173,9 +174,86 @@ def test_a_rate_whose_windows_would_never_be_complete_is_refused() -> None:
         decode(payload)
 
 
-def test_a_message_of_many_small_things_is_no_more_than_these(memory_below) -> None:
+def test_more_samples_in_a_second_than_a_monitor_takes_are_refused() -> None:
+    """256 channels at 20 kHz would be windows of gigabytes."""
+    names, counts = tuple(f"c{k}" for k in range(256)), np.zeros((256, 10), dtype=np.int16)
+    words = (
+        "256 channels at 20000 Hz are 5120000 samples/s, a vehicle may send 100000: leave out channels or send a lower"
+    )
+    with pytest.raises(ParameterError, match=words):
+        Frame("v", 1, 1, 1, 50_000, names, np.ones(256), counts)
+    payload = encode(Frame("v", 1, 1, 1, 2_560_000, names, np.ones(256), counts))
+    for read in (decode, lambda payload: check_frame(payload, "v")):
+        with pytest.raises(FormatError, match=words):
+            read(message(checked_map(payload) | {5: 50_000}))
+
+
+@pytest.mark.parametrize("start", [LATEST + 1, 2**63 - 1, -LATEST - 1])
+def test_times_that_sums_would_carry_beyond_64_bits_are_refused(start) -> None:
+    payload = message(checked_map(encode(frame())) | {4: start})
+    with pytest.raises(FormatError, match="start="):
+        check_frame(payload, "bus-17")
+    if start > 0:
+        with pytest.raises(FormatError, match=f"start={start} is after the year 2199: set the clock of the box"):
+            Header.of(checked_map(payload))
+
+
+def test_a_checked_frame_is_of_its_vehicle() -> None:
+    payload = encode(frame(previous=(2, 90)))
+    assert check_frame(payload, "bus-17") == Header.of(checked_map(payload))
+    with pytest.raises(FormatError, match=r"a frame of 'bus-17' on the topic of 'bus-18'"):
+        check_frame(payload, "bus-18")
+
+
+def test_a_frame_that_is_checked_can_be_decoded_and_no_other() -> None:
+    """Any change of any field, and of any bytes, is refused by both or by none."""
+    generator = np.random.default_rng(7)
+    originals = [encode(frame(np.ones((2, 8)), width=2 + k % 3), codec=k % 2) for k in range(6)]
+    values: list[object] = [
+        None,
+        -1,
+        0,
+        1,
+        2**63,
+        2**64 - 1,
+        -(2**63),
+        "x",
+        b"y",
+        [],
+        {},
+        1.5,
+        True,
+        float("nan"),
+        [1, 2],
+        ["a"],
+    ]
+    n_read = 0
+    for number in range(3000):
+        if number % 2:
+            payload = mutated(originals[number % 6], generator, is_sealed=True)
+        else:
+            key, value = int(generator.integers(0, 17)), values[generator.integers(0, len(values))]
+            payload = message(checked_map(originals[number % 6]) | {key: value})
+        outcomes = []
+        for read in (decode, lambda payload: check_frame(payload, "bus-17")):
+            try:
+                found = read(payload)
+                outcomes.append(
+                    (found.boot, found.seq, found.start) if getattr(found, "vehicle", "bus-17") == "bus-17" else None
+                )
+            except FormatError:
+                outcomes.append(None)
+        assert outcomes[0] == outcomes[1]
+        n_read += outcomes[0] is not None
+    assert n_read > 100
+
+
+def test_a_message_of_many_small_things_is_refused_before_it_is_read(memory_below) -> None:
     """A byte can be an empty map, of 80 bytes with its place in a list."""
-    with memory_below(100 * LARGEST), pytest.raises(FormatError, match="a frame of version"):
+    with (
+        memory_below(4 * LARGEST),
+        pytest.raises(FormatError, match="a message of more than 8192 values: send samples"),
+    ):
         decode(sealed(b"\xa1\x00\x9a" + (10**6).to_bytes(4, "big") + b"\xa0" * 10**6))
 
 

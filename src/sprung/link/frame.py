@@ -2,6 +2,7 @@
 
 import sys
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,9 @@ from sprung._arrays import Indices, Real
 from sprung._checks import check_number, frozen_array
 from sprung.errors import FormatError, ParameterError
 from sprung.link.messages import (
+    LATEST,
     VERSION,
+    Header,
     Key,
     VersionError,
     check_vehicle,
@@ -29,6 +32,8 @@ MOST_SAMPLES = 1 << 19
 #: Longest frame [ns]: a longer one could hold any number of windows, each of which takes time. Shortest time between
 #: samples [ns]: a window of a higher rate would never be complete.
 LONGEST, LEAST_INTERVAL = 3600 * 10**9, 50_000
+#: Largest number of samples of all channels in a second: a monitor keeps windows of minutes of every vehicle.
+HIGHEST_RATE = 100_000
 #: Bits of a channel's flag.
 CLIPPED, STUCK, MISSING = 1, 2, 4
 #: Status of the time of a frame: unknown, set once, kept by a time server.
@@ -36,6 +41,15 @@ TIME_UNKNOWN, TIME_SET, TIME_KEPT = 0, 1, 2
 #: Codecs of the data.
 RAW, PACKED = 0, 1
 _WIDTHS = (2, 3, 4)
+#: Ranges of the numbers of a frame.
+_COUNT = (0, 2**63 - 1)
+_RANGES = {
+    "boot": _COUNT,
+    "seq": _COUNT,
+    "monotonic": _COUNT,
+    "start": (-LATEST, LATEST),
+    "interval": (LEAST_INTERVAL, 10**12),
+}
 #: Keys without which a frame is incomplete; a missing list of flags means no flags.
 _REQUIRED = tuple(key for key in Key if key <= Key.DATA and key != Key.FLAGS)
 
@@ -53,7 +67,7 @@ class Frame:
     start
         Time of the first sample, UTC ns since 1970.
     interval
-        Time between samples [ns], at least 50 us.
+        Time between samples [ns], at least 50 us; all channels together have at most 100,000 samples in a second.
     time_status
         `TIME_UNKNOWN`, `TIME_SET` or `TIME_KEPT`.
     channels
@@ -96,9 +110,7 @@ class Frame:
 
     def __post_init__(self) -> None:
         check_vehicle(self.vehicle)
-        for name in ("boot", "seq", "monotonic"):
-            check_number(name, getattr(self, name), at_least=0, at_most=2**63 - 1)
-        check_number("interval", self.interval, at_least=LEAST_INTERVAL, at_most=10**12)
+        _check_ranges({name: getattr(self, name) for name in _RANGES}, len(self.channels))
         if self.width not in _WIDTHS:
             raise ParameterError(f"width={self.width} must be 2, 3 or 4 bytes")
         # A monitor keeps minutes of frames of many vehicles.
@@ -211,6 +223,55 @@ def decode(payload: bytes) -> Frame:
     -----
     Unknown keys are ignored. The checksum is compared before anything else is read.
     """
+    document = _document(payload)
+    try:
+        fields = _fields(document)
+        shape = len(fields["channels"]), document[Key.N_SAMPLES]
+        data = _unpacked(document, fields)
+        width = _width(data, shape[0] * shape[1])
+        is_packed = document.get(Key.CODEC, RAW) == PACKED
+        return Frame(**fields, counts=_counts(data, width, shape, is_packed=is_packed), width=width)
+    except (ParameterError, TypeError, ValueError, OverflowError) as error:
+        raise FormatError(f"an inconsistent frame: {error}") from None
+
+
+def check_frame(payload: bytes, vehicle: str) -> Header:
+    """Return the header of a frame of a vehicle that `decode` can read, without making samples of its data.
+
+    Raises
+    ------
+    FormatError
+        As `decode`, and if the frame is of another vehicle.
+
+    Notes
+    -----
+    Packed data are unpacked to their size, which costs a tenth of decoding them.
+    """
+    document = _document(payload)
+    try:
+        fields = _fields(document)
+        _width(_unpacked(document, fields), len(fields["channels"]) * document[Key.N_SAMPLES])
+        if len(fields["scale"]) != len(fields["channels"]):
+            raise ParameterError(
+                f"{len(fields['channels'])} channels with {len(fields['scale'])} scales: give one for each"
+            )
+        _check_ranges(fields, len(fields["channels"]))
+        if check_vehicle(fields["vehicle"]) != vehicle:
+            raise FormatError(f"a frame of {fields['vehicle']!r} on the topic of {vehicle!r}")
+    except (ParameterError, TypeError, ValueError, OverflowError) as error:
+        raise FormatError(f"an inconsistent frame: {error}") from None
+    return Header(
+        boot=fields["boot"],
+        seq=fields["seq"],
+        start=fields["start"],
+        interval=fields["interval"],
+        n_samples=document[Key.N_SAMPLES],
+        previous=fields["previous"],
+    )
+
+
+def _document(payload: bytes) -> dict[Any, Any]:
+    """Return the map of a complete frame of this version."""
     document = checked_map(payload)
     version = document.get(Key.VERSION)
     if version != VERSION:
@@ -218,43 +279,51 @@ def decode(payload: bytes) -> Frame:
     missing = next((key for key in _REQUIRED if key not in document), None)
     if missing is not None:
         raise FormatError(f"a frame without {missing.name.lower()} (key {missing}): send all of the keys 0 to 11")
-    try:
-        # One copy of each name for all frames that a monitor keeps.
-        channels = tuple(sys.intern(text(name)) for name in items(document[Key.CHANNELS]))
-        n_samples = integer(document[Key.N_SAMPLES])
-        if not 0 < n_samples * len(channels) <= MOST_SAMPLES:
-            raise FormatError(
-                f"a frame with {len(channels)} channels of {n_samples} samples: 1 to {MOST_SAMPLES} in all fit"
-            )
-        interval = integer(document[Key.INTERVAL])
-        if n_samples * interval > LONGEST:
-            raise FormatError(
-                f"a frame with {n_samples} samples of {interval:g} ns: more than an hour, send shorter ones"
-            )
-        codec = integer(document.get(Key.CODEC, RAW))
-        counts, width = _counts(document[Key.DATA], codec, len(channels), n_samples)
-        scale = np.array([float(value) for value in items(document[Key.SCALE])])
-        if not np.all(np.isfinite(scale)):
-            raise FormatError("a frame whose scale is not finite: send SI units per count")
-        flags = items(document.get(Key.FLAGS, [0] * len(channels)))
-        return Frame(
-            vehicle=text(document[Key.VEHICLE]),
-            boot=integer(document[Key.BOOT]),
-            seq=integer(document[Key.SEQ]),
-            start=integer(document[Key.START]),
-            interval=interval,
-            channels=channels,
-            scale=scale,
-            counts=counts,
-            width=width,
-            flags=np.array([integer(flag) for flag in flags]),
-            time_status=integer(document[Key.TIME_STATUS]),
-            monotonic=integer(document.get(Key.MONOTONIC, 0)),
-            configuration=text(document.get(Key.CONFIGURATION, "")),
-            previous=previous_boot(document.get(Key.PREVIOUS)),
+    return document
+
+
+def _fields(document: dict[Any, Any]) -> dict[str, Any]:
+    """Return the fields of a frame but its counts and their width."""
+    # One copy of each name for all frames that a monitor keeps.
+    channels = tuple(sys.intern(text(name)) for name in items(document[Key.CHANNELS]))
+    n_samples = integer(document[Key.N_SAMPLES])
+    if not 0 < n_samples * len(channels) <= MOST_SAMPLES:
+        raise FormatError(
+            f"a frame with {len(channels)} channels of {n_samples} samples: 1 to {MOST_SAMPLES} in all fit"
         )
-    except (ParameterError, TypeError, ValueError, OverflowError) as error:
-        raise FormatError(f"an inconsistent frame: {error}") from None
+    interval = integer(document[Key.INTERVAL])
+    if n_samples * interval > LONGEST:
+        raise FormatError(f"a frame with {n_samples} samples of {interval:g} ns: more than an hour, send shorter ones")
+    scale = np.array([float(value) for value in items(document[Key.SCALE])])
+    if not np.all(np.isfinite(scale)):
+        raise FormatError("a frame whose scale is not finite: send SI units per count")
+    flags = items(document.get(Key.FLAGS, [0] * len(channels)))
+    return {
+        "vehicle": text(document[Key.VEHICLE]),
+        "boot": integer(document[Key.BOOT]),
+        "seq": integer(document[Key.SEQ]),
+        "start": integer(document[Key.START]),
+        "interval": interval,
+        "channels": channels,
+        "scale": scale,
+        "flags": np.array([integer(flag) for flag in flags], dtype=np.int64),
+        "time_status": integer(document[Key.TIME_STATUS]),
+        "monotonic": integer(document.get(Key.MONOTONIC, 0)),
+        "configuration": text(document.get(Key.CONFIGURATION, "")),
+        "previous": previous_boot(document.get(Key.PREVIOUS)),
+    }
+
+
+def _check_ranges(fields: Mapping[str, Any], n_channels: int) -> None:
+    """Refuse numbers out of range, and more samples in a second than a monitor takes."""
+    for name, (lowest, highest) in _RANGES.items():
+        check_number(name, fields[name], at_least=lowest, at_most=highest)
+    rate = n_channels * 1e9 / fields["interval"]
+    if rate > HIGHEST_RATE:
+        raise ParameterError(
+            f"{n_channels} channels at {1e9 / fields['interval']:g} Hz are {rate:.0f} samples/s, a vehicle may send "
+            f"{HIGHEST_RATE}: leave out channels or send a lower rate"
+        )
 
 
 def _lowest(width: int) -> int:
@@ -279,32 +348,39 @@ def _octets(counts: NDArray[np.signedinteger], width: int) -> NDArray[np.uint8]:
     return np.ascontiguousarray(eight[..., :width])
 
 
-def _counts(data: Any, codec: int, n_channels: int, n_samples: int) -> tuple[NDArray[np.int64], int]:
-    """Return counts and their width in bytes."""
+def _unpacked(document: Mapping[Any, Any], fields: Mapping[str, Any]) -> bytes:
+    """Return the data of a frame as they were before packing, and at most one byte more than may be."""
+    data, codec = document[Key.DATA], integer(document.get(Key.CODEC, RAW))
     if not isinstance(data, bytes):
         raise FormatError("a frame whose data is not a byte string")
-    size = n_channels * n_samples
-    if codec == PACKED:
-        unpacking = zlib.decompressobj()
-        try:
-            data = unpacking.decompress(data, 4 * size + 1)
-        except zlib.error as error:
-            raise FormatError(f"a frame whose data cannot be unpacked: {error}") from None
-    elif codec != RAW:
+    if codec == RAW:
+        return data
+    if codec != PACKED:
         raise FormatError(f"a frame with the codec {codec}: this program reads {RAW} and {PACKED}, update it")
+    try:
+        return zlib.decompressobj().decompress(data, 4 * len(fields["channels"]) * document[Key.N_SAMPLES] + 1)
+    except zlib.error as error:
+        raise FormatError(f"a frame whose data cannot be unpacked: {error}") from None
+
+
+def _width(data: bytes, size: int) -> int:
+    """Return the bytes of a count."""
     width, rest = divmod(len(data), size)
     if rest or width not in _WIDTHS:
         raise FormatError(f"a frame with {len(data)} bytes for {size} samples: each must have 2, 3 or 4")
+    return width
+
+
+def _counts(data: bytes, width: int, shape: tuple[int, int], *, is_packed: bool) -> NDArray[np.signedinteger]:
+    """Return counts of a shape from their bytes, or from those of their differences."""
     octets = np.frombuffer(data, dtype=np.uint8)
-    if codec == PACKED:
-        steps = _integers(np.moveaxis(octets.reshape(width, n_channels, n_samples), 0, -1), width)
-        # Sums wrap around as the differences did.
-        return _integers(_octets(np.cumsum(steps, axis=1), width), width), width
-    return _integers(octets.reshape(n_channels, n_samples, width), width), width
-
-
-def _integers(octets: NDArray[np.uint8], width: int) -> NDArray[np.int64]:
-    """Return the signed integers of little-endian bytes."""
-    eight = np.zeros((*octets.shape[:-1], 8), dtype=np.uint8)
-    eight[..., 8 - width :] = octets
-    return np.asarray(eight.view("<i8")[..., 0] >> (8 * (8 - width)), dtype=np.int64)
+    octets = np.moveaxis(octets.reshape(width, *shape), 0, -1) if is_packed else octets.reshape(*shape, width)
+    integers = np.dtype("<i2" if width == 2 else "<i4")
+    # Three bytes are the upper ones of four, so that their sums wrap around where those of the box did.
+    spare = integers.itemsize - width
+    wide = np.zeros((*shape, integers.itemsize), dtype=np.uint8)
+    wide[..., spare:] = octets
+    counts = wide.view(integers)[..., 0]
+    if is_packed:
+        counts = np.cumsum(counts, axis=1, dtype=integers)
+    return np.asarray(counts >> (8 * spare))

@@ -16,6 +16,13 @@ VERSION = 1
 VEHICLE = re.compile(r"(?!\.{1,2}$)[A-Za-z0-9_.-]{1,64}")
 #: Largest message [bytes], and largest number of entries of a list in it.
 LARGEST, MOST_CHANNELS = 1 << 20, 256
+#: Largest number of values of all maps and lists of a message, which bounds the time to read it; smaller messages than
+#: this many bytes cannot hold more.
+MOST_VALUES = 8192
+#: Largest number of boots in a state; later ones follow when those are acknowledged.
+MOST_BOOTS = 64
+#: Latest time of a sample, UTC ns: the beginning of 2200. Times that are computed from it have 64 bits.
+LATEST = 7_258_118_400 * 10**9
 
 
 class Key(IntEnum):
@@ -88,10 +95,13 @@ class Header:
         FormatError
             If boot, sequence number or time is missing or out of range.
         """
+        start = count(document, Key.START)
+        if start > LATEST:
+            raise FormatError(f"start={start} is after the year 2199: set the clock of the box")
         return cls(
             boot=count(document, Key.BOOT),
             seq=count(document, Key.SEQ),
-            start=count(document, Key.START),
+            start=start,
             interval=count(document, Key.INTERVAL, 0),
             n_samples=count(document, Key.N_SAMPLES, 0),
             kind=text(document.get(Key.KIND, "raw")),
@@ -133,6 +143,8 @@ def checked_map(payload: bytes) -> dict[Any, Any]:
     body, check = payload[:-4], payload[-4:]
     if zlib.crc32(body).to_bytes(4, "little") != check:
         raise FormatError("the checksum does not match: the message was damaged in transit")
+    if len(body) > MOST_VALUES and _n_values(body) > MOST_VALUES:
+        raise FormatError(f"a message of more than {MOST_VALUES} values: send samples as bytes")
     stream = io.BytesIO(body)
     try:
         decoder = cbor.CBORDecoder(
@@ -144,6 +156,30 @@ def checked_map(payload: bytes) -> dict[Any, Any]:
     if not isinstance(document, dict) or stream.tell() != len(body):
         raise FormatError("the message is not a single CBOR map")
     return document
+
+
+def _n_values(body: bytes) -> int:
+    """Return the number of values in CBOR, counted up to the limit or to what is not well-formed (RFC 8949, 3)."""
+    place, n_open, n_values = 0, 1, 0
+    try:
+        while n_open and n_values <= MOST_VALUES:
+            kind, length = body[place] >> 5, body[place] & 31
+            place += 1
+            n_open -= 1
+            n_values += 1
+            if 24 <= length < 28:
+                size = 1 << (length - 24)
+                length = int.from_bytes(body[place : place + size])
+                place += size
+            if kind in {2, 3}:  # bytes, text
+                place += length
+            elif kind in {4, 5}:  # list, map
+                n_open += length * (kind - 3)
+            elif kind == 6:  # tag
+                n_open += 1
+    except IndexError:
+        return n_values
+    return n_values
 
 
 def message(document: Mapping[Any, Any]) -> bytes:
