@@ -12,6 +12,7 @@ from pathlib import Path
 
 import psycopg
 import pytest
+from sqlalchemy import event
 
 from sprung.storage import open_store
 
@@ -99,6 +100,26 @@ def store(url):
     """An empty store."""
     with open_store(url) as opened:
         yield opened
+
+
+@pytest.fixture
+def statements(store):
+    """A context that yields the statements that the store executes in it."""
+
+    @contextmanager
+    def watched():
+        executed = []
+
+        def note(connection, cursor, statement, *_):
+            executed.append(statement)
+
+        event.listen(store._database.engine, "before_cursor_execute", note)
+        try:
+            yield executed
+        finally:
+            event.remove(store._database.engine, "before_cursor_execute", note)
+
+    return watched
 
 
 @pytest.fixture

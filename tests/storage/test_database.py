@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Column, Integer, MetaData, Table, Text, func, select
 
-from sprung.storage import StoreError
+from sprung.storage import RefusedError, StoreError
 from sprung.storage.database import Database
 from sprung.storage.store import check_address
 
@@ -54,19 +54,27 @@ def test_a_row_that_is_there_may_stay(database) -> None:
 
 @pytest.mark.parametrize(
     ("values", "sentence"),
-    [({"number": "one"}, "^the store refuses this: "), ({"text": "\ud800"}, "^the store cannot hold this: ")],
-    ids=["text for a number", "half a character"],
+    [
+        ({"number": "one"}, "^the store refuses this: "),
+        ({"text": "\ud800"}, "^the store cannot hold this: "),
+        ({"number": 2**63}, "^the store (cannot hold|refuses) this: "),
+        ({"number": 0}, "^the store refuses this: "),
+    ],
+    ids=["text for a number", "half a character", "64 bits", "a number that is there"],
 )
 def test_what_a_column_cannot_hold_is_a_sentence(database, values, sentence) -> None:
-    with pytest.raises(StoreError, match=sentence), database.writing() as connection:
+    with database.writing() as connection:
+        connection.execute(NUMBERS.insert().values(number=0))
+    with pytest.raises(RefusedError, match=sentence), database.writing() as connection:
         connection.execute(NUMBERS.insert().values(**values))
-    assert count(database) == 0
+    assert count(database) == 1
 
 
 def test_without_a_server_the_store_does_not_answer(tmp_path: Path) -> None:
     database = Database(check_address(f"postgresql://sprung@/none?host={tmp_path}"))
-    with pytest.raises(StoreError, match=r"the store does not answer: .*: check that its database runs"):
+    with pytest.raises(StoreError, match=r"the store does not answer: .*: check that its database runs") as caught:
         count(database)
+    assert not isinstance(caught.value, RefusedError)
     database.close()
 
 

@@ -18,6 +18,11 @@ def waiting(store, vehicle="zafira", boot=7, *, after=-1, limit=1000):
     return [frame.seq for frame in store.inbox.pending(vehicle, boot, after=after, limit=limit)]
 
 
+def lose(store, below, *, boot=7, now=0):
+    """Progress of the one boot before and after frames below a number were declared lost, if it advanced."""
+    return store.inbox.declare_lost({("zafira", boot): below}, now=now).get(("zafira", boot))
+
+
 def test_frames_come_out_in_order_as_they_went_in(store) -> None:
     assert store.inbox.add_frames(frames(2, 0, 1), now=5) == {("zafira", 7): 2}
     assert store.inbox.pending("zafira", 7, after=0, limit=10) == frames(1, 2)
@@ -68,17 +73,17 @@ def test_nothing_asks_nothing_of_the_store(store) -> None:
 
 def test_lost_frames_are_counted_and_passed_over(store) -> None:
     store.inbox.add_frames(frames(0, 3, 5, 6), now=0)
-    assert store.inbox.declare_lost("zafira", 7, 5, now=3) == 6
+    assert lose(store, 5, now=3) == (Cursor(0, -1, 0), Cursor(6, -1, 3))
     assert store.inbox.cursor("zafira", 7) == Cursor(contiguous=6, done=-1, lost=3)
     assert waiting(store) == [0, 3, 5, 6]
     assert store.inbox.add_frames(frames(1, 2, 4), now=4) == {("zafira", 7): 6}
     assert waiting(store) == [0, 3, 5, 6], "what was declared lost stays so"
-    assert store.inbox.declare_lost("zafira", 7, 4, now=5) == 6
+    assert lose(store, 4, now=5) is None
     assert store.inbox.cursor("zafira", 7).lost == 3
 
 
 def test_lost_before_anything_arrived(store) -> None:
-    assert store.inbox.declare_lost("zafira", 7, 10, now=0) == 9
+    assert lose(store, 10) == (Cursor(), Cursor(9, -1, 10))
     assert store.inbox.cursor("zafira", 7) == Cursor(9, -1, 10)
     assert store.inbox.add_frames(frames(10), now=0) == {("zafira", 7): 10}
 
@@ -135,5 +140,33 @@ def test_vehicles(store) -> None:
 
 def test_largest_sequence_number(store) -> None:
     last = 2**63 - 1
-    store.inbox.declare_lost("zafira", 7, last, now=1)
+    lose(store, last)
     assert store.inbox.add_frames([StoredFrame("zafira", 7, last, 0, b"")], now=2) == {("zafira", 7): last}
+
+
+def test_many_boots_are_lost_in_one_transaction(store, statements) -> None:
+    """Boots without waiting frames cost no statement each."""
+    store.inbox.add_frames(frames(1, 2, boot=3) + frames(5, boot=4) + frames(0, boot=5), now=0)
+    below = {("zafira", boot): boot for boot in range(64)}
+    with statements() as executed:
+        advanced = store.inbox.declare_lost(below, now=1)
+    assert sum(text.startswith("BEGIN") for text in executed) <= 1
+    assert len(executed) <= 10
+    assert advanced[("zafira", 3)] == (Cursor(-1, -1, 0), Cursor(2, -1, 1))
+    assert advanced[("zafira", 4)] == (Cursor(-1, -1, 0), Cursor(3, -1, 4))
+    assert advanced[("zafira", 5)] == (Cursor(0, -1, 0), Cursor(4, -1, 4))
+    assert advanced[("zafira", 63)] == (Cursor(), Cursor(62, -1, 63))
+    assert ("zafira", 0) not in advanced
+    assert store.inbox.declare_lost(below, now=2) == {}
+    assert store.inbox.declare_lost({}, now=2) == {}
+
+
+def test_open_boots_are_those_that_wait_or_are_not_analysed(store) -> None:
+    for boot in (1, 2, 3, 4):
+        store.inbox.add_frames(frames(0 if boot < 4 else 1, boot=boot), now=0)
+    store.results.commit(Progress("zafira", 2, done_seq=0, delete_through_seq=0))
+    assert store.inbox.open_boots("zafira", limit=10) == [1, 3, 4]
+    assert store.inbox.open_boots("zafira", limit=2) == [1, 3]
+    assert store.inbox.open_boots("nobody", limit=2) == []
+    store.inbox.add_frames(frames(0, vehicle="other"), now=0)
+    assert store.inbox.cursors("other") == {("other", 7): Cursor(0, -1, 0)}

@@ -30,7 +30,7 @@ from sprung.link import (
     quantised,
     topic,
 )
-from sprung.link.messages import VEHICLE
+from sprung.link.messages import MOST_BOOTS, VEHICLE
 from sprung.recording import Recording
 
 if TYPE_CHECKING:
@@ -345,14 +345,14 @@ class Box:
             self._publish("meta", document, is_retained=True)
 
     def _report(self, *, is_leaving: bool = False) -> None:
-        """Publish the contents of the spool and the number of dropped frames."""
+        """Publish the contents of the spool, of many boots the oldest, and the number of dropped frames."""
         self._reporting.start()
         boots = self._boot_before_oldest() | self._spool.boots
         before = dict([self._spool.previous]) if self._spool.previous else {}
         ends = {**before, self._spool.boot: self._spool.next_seq}
         document = {
             Key.BOOT: self._spool.boot,
-            "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())],
+            "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())[:MOST_BOOTS]],
             "dropped": self._spool.dropped,
             "spooled": self._spool.n_bytes,
             "time": time.time_ns(),

@@ -1,23 +1,29 @@
 """Intake of messages from vehicles: validated, stored once, and only then acknowledged."""
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 from sprung.errors import FormatError, ParameterError
-from sprung.link import VERSION, Header, Key, VersionError, checked_map, decode, message, parse_topic, topic
-from sprung.link.messages import count, text
-from sprung.storage import Store, StoredFrame
+from sprung.link import VERSION, Header, Key, VersionError, check_frame, checked_map, message, parse_topic, topic
+from sprung.link.messages import MOST_BOOTS, count, integer, text
+from sprung.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
+from sprung.storage import RefusedError, Store, StoredFrame
 from sprung.vehicles import vehicle_from_text
+
+T = TypeVar("T")
 
 LOG = logging.getLogger("sprung.monitor")
 
 #: The monitor's own name among the vehicles.
 MONITOR = "monitor"
-#: Largest number of channels that a vehicle may announce, and of characters of its description, of a line, and a name.
-_MOST_CHANNELS, _MOST_TEXT, _LONGEST_LINE, _LONGEST_NAME = 256, 100_000, 1000, 256
+#: Largest number of channels that a vehicle may announce, and of characters of its description, and of a line.
+_MOST_CHANNELS, _MOST_TEXT, _LONGEST_LINE = 256, 40_000, 1000
+#: Largest number of boots of a vehicle with frames that are not analysed: each takes memory, and time at every step.
+_MOST_OPEN_BOOTS = 1000
 #: Kinds of messages that boxes with on-board identification send in the sequence of frames.
 REPORTS = ("corr", "modes")
 #: Fields of a box's answer to a request for samples.
@@ -44,6 +50,10 @@ class Taken:
     described: set[str] = field(default_factory=set)
 
 
+class _BootsError(FormatError):
+    """A message of a box that counts more starts than are kept."""
+
+
 class Intake:
     """Takes in messages of vehicles.
 
@@ -53,22 +63,30 @@ class Intake:
         Store of the frames.
     publish
         Function that sends a payload to a topic.
+    refusals
+        Counts of refused messages; None: its own.
 
     Notes
     -----
     A frame is acknowledged after the transaction that stored it, and again whenever it is repeated; the acknowledgement
-    has the highest sequence number up to which nothing is missing.
+    has the highest sequence number up to which nothing is missing. Every number is checked before the store sees it. If
+    the store refuses values all the same, messages are stored vehicle by vehicle, and those of the vehicle one by one.
     """
 
-    def __init__(self, store: Store, publish: Callable[[str, bytes], object]) -> None:
+    def __init__(
+        self, store: Store, publish: Callable[[str, bytes], object], *, refusals: Refusals | None = None
+    ) -> None:
         self._store, self._publish = store, publish
-        self._counts = {"messages": 0, "refused": 0, "frames": 0, "lost": 0}
+        self._tally = refusals or Refusals()
+        self._counts = {"messages": 0, "frames": 0, "lost": 0}
         self._refusals: dict[str, str] = {}
         self._parked: set[str] = set()
         self._free: dict[str, float] = {}
         self._answers: dict[tuple[str, int], Mapping[str, Any]] = {}
         self._seen: dict[str, int] = {}
         self._noted = 0
+        self._boots: dict[str, set[int]] = {}
+        self._full: set[str] = set()
 
     @property
     def figures(self) -> dict[str, float]:
@@ -76,7 +94,7 @@ class Intake:
         counts, free = self._counts, list(self._free.values())
         return {
             "sprung_messages_total": counts["messages"],
-            "sprung_messages_refused_total": counts["refused"],
+            "sprung_messages_refused_total": self._tally.total,
             "sprung_frames_total": counts["frames"],
             "sprung_frames_lost_total": counts["lost"],
             **({"sprung_boxes_free_bytes": min(free)} if free else {}),
@@ -106,7 +124,10 @@ class Intake:
             If the store cannot write: nothing is acknowledged, and boxes will send the messages again.
         """
         frames: list[StoredFrame] = []
+        below: dict[tuple[str, int], int] = {}
         taken = Taken()
+        while self._full:
+            self._boots.pop(self._full.pop(), None)  # counted again
         for name, payload in messages:
             self._counts["messages"] += 1
             try:
@@ -114,16 +135,20 @@ class Intake:
                 if vehicle == MONITOR:
                     continue  # messages of monitors about themselves
                 if what == "raw" or what in REPORTS:
-                    frames.append(_frame(vehicle, payload) if what == "raw" else _report(vehicle, what, payload))
+                    frame = _frame(vehicle, payload) if what == "raw" else _report(vehicle, what, payload)
+                    self._check_boot(vehicle, frame.boot)
+                    frames.append(frame)
+                elif what == "state":
+                    below |= self._lost_below(vehicle, checked_map(payload))
                 else:
                     self._handle(vehicle, what, checked_map(payload), taken, now)
                 # The broker retains descriptions, and sends them even if the vehicle is long gone.
                 self._seen |= {} if what == "meta" else {vehicle: now}
-            except (FormatError, ParameterError) as error:
+            except (FormatError, ParameterError, RefusedError) as error:
                 self._refuse(name, error)
-        if frames:
-            taken.arrived.update(self._store.inbox.add_frames(frames, now=now))
-            self._counts["frames"] += len(frames)
+        # Frames first: what arrived is not lost.
+        taken.arrived.update(self._add_frames(frames, now))
+        taken.arrived.update(self._declare_lost(below, now))
         if self._seen and abs(now - self._noted) >= _NOTED_EVERY:
             self._store.inbox.seen(self._seen)
             self._seen, self._noted = {}, now
@@ -133,8 +158,53 @@ class Intake:
                 self._publish(topic(vehicle, "ack"), message(document))
         return taken
 
+    def _add_frames(self, frames: Sequence[StoredFrame], now: int) -> dict[tuple[str, int], int]:
+        """Store frames, without those that the store refuses, and return up to where nothing is missing."""
+        try:
+            arrived = self._store.inbox.add_frames(frames, now=now)
+        except RefusedError as error:
+            if len(frames) == 1:
+                self._refuse(topic(frames[0].vehicle, frames[0].kind), error)
+                return {}
+            arrived = {}
+            for part in _parts(frames, lambda frame: frame.vehicle):
+                arrived.update(self._add_frames(part, now))
+            return arrived
+        self._counts["frames"] += len(frames)
+        return arrived
+
+    def _declare_lost(self, below: Mapping[tuple[str, int], int], now: int) -> dict[tuple[str, int], int]:
+        """Declare frames lost that boxes no longer have, and return up to where nothing is missing."""
+        try:
+            advanced = self._store.inbox.declare_lost(below, now=now)
+        except RefusedError as error:
+            if len(below) == 1:
+                self._refuse(topic(next(iter(below))[0], "state"), error)
+                return {}
+            arrived: dict[tuple[str, int], int] = {}
+            for part in _parts(list(below.items()), lambda entry: entry[0][0]):
+                arrived.update(self._declare_lost(dict(part), now))
+            return arrived
+        self._counts["lost"] += sum(after.lost - before.lost for before, after in advanced.values())
+        return {key: after.contiguous for key, (_, after) in advanced.items()}
+
+    def _check_boot(self, vehicle: str, boot: int) -> None:
+        """Refuse a boot if too many of the vehicle wait to be analysed."""
+        if vehicle not in self._boots:
+            self._boots[vehicle] = set(self._store.inbox.open_boots(vehicle, limit=_MOST_OPEN_BOOTS))
+        known = self._boots[vehicle]
+        if boot in known:
+            return
+        if len(known) >= _MOST_OPEN_BOOTS:
+            self._full.add(vehicle)
+            raise _BootsError(
+                f"boot {boot} of {vehicle}, of which {_MOST_OPEN_BOOTS} boots wait to be analysed: a box must count "
+                "its starts one by one, and send the oldest first"
+            )
+        known.add(boot)
+
     def _handle(self, vehicle: str, what: str, document: dict[Any, Any], taken: Taken, now: int) -> None:
-        """Handle a message that is neither a frame nor a report; those of unknown kinds are ignored."""
+        """Handle a message that is neither a frame, a report nor a state; those of unknown kinds are ignored."""
         if what == "meta" and self._describe(vehicle, document, now):
             taken.described.add(vehicle)
         elif what == "health":
@@ -143,12 +213,10 @@ class Intake:
             self._keep_answer(vehicle, document)
         elif what == "event" and document.get("did") == "misnamed":
             raise FormatError(_misnamed(vehicle, document))
-        elif what == "state":
-            taken.arrived.update(self._update_state(vehicle, document, now))
 
-    def _refuse(self, name: str, reason: FormatError | ParameterError) -> None:
+    def _refuse(self, name: str, reason: FormatError | ParameterError | RefusedError) -> None:
         """Count a refused message, log the first reason of each topic, and announce the supported version."""
-        self._counts["refused"] += 1
+        self._tally.add(_vehicle_of(name), _reason(reason))
         if name[:120] not in self._refusals:
             LOG.warning(f"messages on {name[:120]} are refused: {reason}")
         if isinstance(reason, VersionError) and name[:120] not in self._refusals:
@@ -161,22 +229,20 @@ class Intake:
     def _describe(self, vehicle: str, document: dict[Any, Any], now: int) -> bool:
         """Store a vehicle's description, and return whether it is new."""
         description, quantities = document.get("description"), document.get("quantities")
-        configuration = document.get(Key.CONFIGURATION)
-        if not isinstance(description, str) or not isinstance(configuration, str) or not isinstance(quantities, dict):
-            raise FormatError("a description without text, configuration and quantities of the channels")
+        configuration = text(document.get(Key.CONFIGURATION))
+        if not isinstance(description, str) or not isinstance(quantities, dict):
+            raise FormatError("a description without text and quantities of the channels")
         if len(quantities) > _MOST_CHANNELS:
             raise FormatError(f"a description of {len(quantities)} channels: at most {_MOST_CHANNELS}")
+        channels = [[text(name), text(quantity)] for name, quantity in quantities.items()]
         # The time to parse a key of many dotted names grows with the square of its length.
         if len(description) > _MOST_TEXT or max(map(len, description.splitlines()), default=0) > _LONGEST_LINE:
             raise FormatError(f"a description of more than {_MOST_TEXT} characters, or {_LONGEST_LINE} in a line")
-        if any(len(name) > _LONGEST_NAME or "\0" in name for name in map(str, (configuration, *quantities))):
-            raise FormatError(f"names of more than {_LONGEST_NAME} characters in a description, or with a null in them")
-        vehicle_from_text(description, source=f"the vehicle file of {vehicle}")
-        channels = [[str(name), str(quantity)] for name, quantity in quantities.items()]
         inbox = self._store.inbox
         known = inbox.vehicle(vehicle)
         if known is not None and (known.description, known.channels) == (description, channels):
             return False
+        vehicle_from_text(description, source=f"the vehicle file of {vehicle}")
         inbox.put_vehicle(vehicle, configuration=configuration, description=description, channels=channels, now=now)
         return True
 
@@ -187,32 +253,55 @@ class Intake:
         if len(self._answers) > _MOST_ANSWERS:
             self._answers.pop(next(iter(self._answers)))
 
-    def _update_state(self, vehicle: str, document: dict[Any, Any], now: int) -> dict[tuple[str, int], int]:
-        """Declare lost the frames that a box no longer has, and note whether it was switched off."""
-        (self._parked.add if document.get("is_leaving") else self._parked.discard)(vehicle)
-        arrived = {}
+    def _lost_below(self, vehicle: str, document: dict[Any, Any]) -> dict[tuple[str, int], int]:
+        """Note whether a box was switched off, and return the first frames that it has of its oldest boots."""
         boots = document.get("boots")
-        if not isinstance(boots, list) or len(boots) > 10_000:
+        if not isinstance(boots, list):
             raise FormatError("a state without boots")
-        for entry in boots:
-            if not (isinstance(entry, list) and len(entry) == 3 and all(isinstance(number, int) for number in entry)):
-                raise FormatError(f"{str(entry)[:40]!r} found where boot, first and end are expected")
-            boot, first, _ = entry
-            if first > 0:
-                inbox = self._store.inbox
-                known = inbox.cursor(vehicle, boot)
-                if known.contiguous < first - 1:
-                    arrived[vehicle, boot] = inbox.declare_lost(vehicle, boot, first, now=now)
-                    self._counts["lost"] += inbox.cursor(vehicle, boot).lost - known.lost
-        return arrived
+        first = dict(map(_first_frame, boots))
+        behind = sorted(boot for boot, seq in first.items() if seq > 0)[:MOST_BOOTS]
+        for boot in behind:
+            self._check_boot(vehicle, boot)
+        (self._parked.add if document.get("is_leaving") else self._parked.discard)(vehicle)
+        return {(vehicle, boot): first[boot] for boot in behind}
+
+
+def _parts(things: Sequence[T], name: Callable[[T], str]) -> list[list[T]]:
+    """Return things of several names name by name, and those of one name one by one."""
+    names = dict.fromkeys(map(name, things))
+    if len(names) == 1:
+        return [[thing] for thing in things]
+    return [[thing for thing in things if name(thing) == each] for each in names]
+
+
+def _vehicle_of(name: str) -> str:
+    """Return the vehicle of a topic; empty if it is none of this version."""
+    try:
+        return parse_topic(name)[0]
+    except FormatError:
+        return ""
+
+
+def _reason(error: Exception) -> str:
+    """Return the reason of a refusal for the figures."""
+    kinds = ((VersionError, VERSION_UNKNOWN), (_BootsError, BOOTS), (RefusedError, UNSTORABLE))
+    return next((reason for kind, reason in kinds if isinstance(error, kind)), INVALID)
+
+
+def _first_frame(entry: Any) -> tuple[int, int]:
+    """Return a boot and the first frame of it that a box still has, from an entry of its state."""
+    if not isinstance(entry, list) or len(entry) != 3:
+        raise FormatError(f"{str(entry)[:40]!r} found where boot, first and end are expected")
+    boot, first, _ = map(integer, entry)
+    if boot < 0:
+        raise FormatError(f"boot={boot} must be at least 0")
+    return boot, first
 
 
 def _frame(vehicle: str, payload: bytes) -> StoredFrame:
     """Return a frame in the form of the store, if it belongs to the vehicle."""
-    frame = decode(payload)
-    if frame.vehicle != vehicle:
-        raise FormatError(f"a frame of {frame.vehicle!r} on the topic of {vehicle!r}")
-    return StoredFrame(vehicle, frame.boot, frame.seq, frame.start, payload)
+    header = check_frame(payload, vehicle)
+    return StoredFrame(vehicle, header.boot, header.seq, header.start, payload)
 
 
 def _report(vehicle: str, what: str, payload: bytes) -> StoredFrame:
@@ -227,12 +316,11 @@ def _report(vehicle: str, what: str, payload: bytes) -> StoredFrame:
 
 def _answer(document: dict[Any, Any]) -> tuple[int, Mapping[str, Any]]:
     """Return the number of a request for samples, and the answer of a box."""
-    number, reason = document.get("number"), document.get("reason", "")
-    answer = {key: document.get(key) for key in _ANSWER}
-    for value in (number, *answer.values()):
-        if not isinstance(value, int) or not -1 <= value < 2**63:
-            raise FormatError(f"an answer without number, {', '.join(_ANSWER)}")
-    return int(number or 0), MappingProxyType({**answer, "reason": str(reason)[:200]})
+    number, *values = (integer(document.get(key)) for key in ("number", *_ANSWER))
+    reason = document.get("reason", "")
+    if min(number, *values) < -1 or not isinstance(reason, str):
+        raise FormatError(f"an answer without number, {', '.join(_ANSWER)} or with a reason that is no text")
+    return number, MappingProxyType({**dict(zip(_ANSWER, values, strict=True)), "reason": reason[:200]})
 
 
 def _misnamed(user: str, document: dict[Any, Any]) -> str:
@@ -247,6 +335,6 @@ def _misnamed(user: str, document: dict[Any, Any]) -> str:
 def _free_bytes(document: dict[Any, Any]) -> float:
     """Return the free space on the disk of a box [bytes]."""
     free = document.get("free")
-    if not isinstance(free, int | float) or not free >= 0:
+    if isinstance(free, bool) or not isinstance(free, int | float) or not 0 <= free < math.inf:
         raise FormatError("a health report without free disk space")
     return float(free)

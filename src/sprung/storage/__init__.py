@@ -18,7 +18,7 @@ try:
         StoredFrame,
         VehicleRow,
     )
-    from sprung.storage.schema import StoreError
+    from sprung.storage.schema import RefusedError, StoreError
     from sprung.storage.store import Store, check_address, open_store
 except ImportError as error:
     raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None
@@ -33,6 +33,7 @@ __all__ = [
     "HistoryRow",
     "NotificationRow",
     "Progress",
+    "RefusedError",
     "Retention",
     "Snapshot",
     "Store",

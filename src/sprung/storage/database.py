@@ -10,9 +10,9 @@ from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, Table, create_engine, event, func, select
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.exc import DBAPIError, StatementError
+from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, StatementError
 
-from sprung.storage.schema import SNAPSHOTS, StoreError
+from sprung.storage.schema import SNAPSHOTS, RefusedError, StoreError
 
 #: Longest time that a process waits for another one that writes [s].
 PATIENCE = 10.0
@@ -119,21 +119,25 @@ def _engine(url: URL) -> Engine:
 
 @contextmanager
 def _transaction(engine: Engine) -> Iterator[Connection]:
-    """Commit at the end, or roll back and raise any error as StoreError."""
+    """Commit at the end, or roll back and raise any error as StoreError, those of the values as RefusedError."""
     try:
         with engine.connect() as connection:
             try:
                 with connection.begin():
                     yield connection
+            except (DataError, IntegrityError):
+                raise
             except DBAPIError:
                 # SQLite keeps using files that were opened on a read-only disk: reopen them next time.
                 connection.invalidate()
                 engine.dispose()
                 raise
     except DBAPIError as error:
-        raise StoreError(_sentence(error.orig)) from error
+        # SQLSTATE classes 22 (data exception) and 23 (integrity constraint violation), and those of SQLite
+        kind = RefusedError if isinstance(error, DataError | IntegrityError) else StoreError
+        raise kind(_sentence(error.orig)) from error
     except (StatementError, UnicodeError, OverflowError) as error:
-        raise StoreError(f"the store cannot hold this: {getattr(error, 'orig', None) or error}") from error
+        raise RefusedError(f"the store cannot hold this: {getattr(error, 'orig', None) or error}") from error
 
 
 def _sentence(error: BaseException | None) -> str:

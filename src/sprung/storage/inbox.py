@@ -1,9 +1,9 @@
 """The durable inbox: frames that arrived, in any order and repeatedly, and their progress towards completeness."""
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, select, tuple_, update
+from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, or_, select, tuple_, update
 
 from sprung.storage.database import Database
 from sprung.storage.rows import Cursor, StoredFrame, VehicleRow, check_count
@@ -118,37 +118,67 @@ class Inbox:
                 connection.execute(_ADVANCE, moved)
         return reached
 
-    def declare_lost(self, vehicle: str, boot: int, below_seq: int, *, now: int) -> int:
-        """Declare lost the frames below `below_seq` that have not arrived.
+    def declare_lost(self, below: Mapping[Key, int], *, now: int) -> dict[Key, tuple[Cursor, Cursor]]:
+        """Declare lost the frames below a sequence number that have not arrived, in one transaction.
+
+        Parameters
+        ----------
+        below
+            Sequence number of the first frame that may still arrive, for each vehicle and boot.
+        now
+            Present time, UTC ns.
 
         Returns
         -------
-        int
-            Sequence number up to which every frame arrived or is lost, and can be acknowledged.
+        dict
+            Progress before and after of each vehicle and boot that advanced; `contiguous` can be acknowledged.
+
+        Raises
+        ------
+        ParameterError
+            If a number is negative, or 2^63 or more.
+        StoreError
+            If the store cannot write; nothing is stored then.
         """
-        key = (vehicle, check_count("boot", boot))
-        check_count("below_seq", below_seq)
+        ends = {
+            (vehicle, check_count("boot", boot)): check_count("below", first) - 1
+            for (vehicle, boot), first in sorted(below.items())
+        }
+        if not ends:
+            return {}
+        advanced: dict[Key, tuple[Cursor, Cursor]] = {}
         with self._database.writing() as connection:
-            before = self._locked(connection, [key], now)[key]
-            last = below_seq - 1
-            if last <= before.contiguous:
-                return before.contiguous
-            arrived = select(func.count()).where(_of(FRAMES, key), FRAMES.c.seq.between(before.contiguous + 1, last))
-            lost = before.lost + last - before.contiguous - (connection.scalar(arrived) or 0)
-            reached = _unbroken(connection, key, after=last)
-            moved = update(CURSORS).where(_of(CURSORS, key)).values(contiguous=reached, lost=lost, updated=now)
-            connection.execute(moved)
-        return reached
+            cursors = self._locked(connection, list(ends), now)
+            advancing = {key: last for key, last in ends.items() if last > cursors[key].contiguous}
+            for key, last, n_arrived, reached in _advances(connection, advancing):
+                before = cursors[key]
+                lost = before.lost + last - before.contiguous - n_arrived
+                advanced[key] = before, Cursor(reached, before.done, lost, now)
+            moved = [
+                {"of_vehicle": key[0], "of_boot": key[1], "reached": after.contiguous, "lost": after.lost, "now": now}
+                for key, (_, after) in advanced.items()
+            ]
+            if moved:
+                connection.execute(_ADVANCE.values(lost=bindparam("lost")), moved)
+        return advanced
 
     def cursor(self, vehicle: str, boot: int) -> Cursor:
         """Return how far the frames of one boot of a vehicle have come."""
         with self._database.reading() as connection:
             return _cursors(connection, _of(CURSORS, (vehicle, boot))).get((vehicle, boot), Cursor())
 
-    def cursors(self) -> dict[Key, Cursor]:
-        """Return how far the frames have come, by vehicle and boot."""
+    def cursors(self, vehicle: str | None = None) -> dict[Key, Cursor]:
+        """Return how far the frames of a vehicle, or of all, have come, by vehicle and boot."""
+        of_vehicle = () if vehicle is None else (CURSORS.c.vehicle == vehicle,)
         with self._database.reading() as connection:
-            return _cursors(connection)
+            return _cursors(connection, *of_vehicle)
+
+    def open_boots(self, vehicle: str, *, limit: int) -> list[int]:
+        """Return at most `limit` boots of a vehicle that are not analysed up to where they are complete, ascending."""
+        is_open = or_(CURSORS.c.done < CURSORS.c.contiguous, CURSORS.c.contiguous < 0)
+        query = select(CURSORS.c.boot).where(CURSORS.c.vehicle == vehicle, is_open).order_by(CURSORS.c.boot)
+        with self._database.reading() as connection:
+            return list(connection.scalars(query.limit(limit)))
 
     def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
         """Return at most `limit` frames that follow the number `after`, up to where the inbox is complete."""
@@ -199,6 +229,22 @@ def _followed(connection: Connection, reached: Mapping[Key, int]) -> list[Key]:
     columns = FRAMES.c.vehicle, FRAMES.c.boot, FRAMES.c.seq
     rows = connection.execute(select(*columns).where(tuple_(*columns).in_(following)))
     return [(row.vehicle, row.boot) for row in rows]
+
+
+def _advances(connection: Connection, ends: Mapping[Key, int]) -> Iterator[tuple[Key, int, int, int]]:
+    """Yield key, last frame that may be lost, number of frames up to it, and end of the unbroken run after it."""
+    later = select(FRAMES.c.seq).where(
+        FRAMES.c.vehicle == CURSORS.c.vehicle, FRAMES.c.boot == CURSORS.c.boot, FRAMES.c.seq > CURSORS.c.contiguous
+    )
+    columns = CURSORS.c.vehicle, CURSORS.c.boot
+    rows = connection.execute(select(*columns, CURSORS.c.contiguous).where(tuple_(*columns).in_(ends), later.exists()))
+    waiting = {(row.vehicle, row.boot): row.contiguous for row in rows}
+    for key, last in ends.items():
+        if key not in waiting:
+            yield key, last, 0, last
+            continue
+        arrived = select(func.count()).where(_of(FRAMES, key), FRAMES.c.seq.between(waiting[key] + 1, last))
+        yield key, last, connection.scalar(arrived) or 0, _unbroken(connection, key, after=last)
 
 
 def _unbroken(connection: Connection, key: Key, *, after: int) -> int:

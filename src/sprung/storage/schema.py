@@ -28,6 +28,10 @@ class StoreError(SprungError):
     """A store that cannot be opened, read or written."""
 
 
+class RefusedError(StoreError):
+    """Values that no row can hold: the store itself is sound, and stores others."""
+
+
 class Json(TypeDecorator[Any]):
     """JSON values as text, so that both databases refuse NaN and infinities, and keep the order of names."""
 
