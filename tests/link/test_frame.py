@@ -252,7 +252,7 @@ def test_a_message_of_many_small_things_is_refused_before_it_is_read(memory_belo
     """A byte can be an empty map, of 80 bytes with its place in a list."""
     with (
         memory_below(4 * LARGEST),
-        pytest.raises(FormatError, match="a message of more than 8192 values: send samples"),
+        pytest.raises(FormatError, match="a message of more than 8192 values: send fewer"),
     ):
         decode(sealed(b"\xa1\x00\x9a" + (10**6).to_bytes(4, "big") + b"\xa0" * 10**6))
 

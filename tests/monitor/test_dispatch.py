@@ -9,11 +9,12 @@ import pytest
 from sprung.alerting import AlertSettings
 from sprung.diagnosis import Observation
 from sprung.documents import observation_document
+from sprung.link import message
 from sprung.monitor import AlertBook, MonitorSettings, Observed, Opening, Outcome, Site, VehicleStatus, Workers
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.ledger import Ledger
 from sprung.recording import Channel, Recording
-from sprung.storage import Progress, StoredFrame, open_store
+from sprung.storage import Progress, RefusedError, StoredFrame, open_store
 from sprung.vehicles import Component, read_vehicle, vehicle_text
 
 NOW = 1_795_219_200_000_000_000
@@ -132,6 +133,47 @@ def test_a_job_that_fails_is_tried_again_and_then_excluded(dispatch, workers, st
     (row,) = store.alerts.find(vehicle="car-1")
     assert row.text == "3 frames were excluded: the analysis failed"
     assert store.inbox.cursor("car-1", 1).done == 2
+
+
+def test_results_that_the_store_refuses_are_a_failure_of_their_vehicle(
+    dispatch, workers, store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commit = store.results.commit
+
+    def refuse(progress):
+        if progress.snapshot is not None:
+            raise RefusedError("the store cannot hold this: a number of 65 bits")
+        commit(progress)
+
+    monkeypatch.setattr(store.results, "commit", refuse)
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    for _ in range(2):
+        dispatch.give()
+        dispatch.settle(done("car-1", 2, b"state"))
+        assert not workers.is_open("car-1")
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert row.text == "2 frames were excluded: the store cannot hold this: a number of 65 bits"
+
+
+def test_a_report_that_the_store_refuses_is_excluded(dispatch, store, monkeypatch: pytest.MonkeyPatch) -> None:
+    commit = store.results.commit
+
+    def refuse(progress):
+        if progress.modes:
+            raise RefusedError("the store cannot hold this: a number of 65 bits")
+        commit(progress)
+
+    monkeypatch.setattr(store.results, "commit", refuse)
+    describe(store, "car-1")
+    report = message({0: 1, 1: "car-1", 2: 1, 3: 0, 4: NOW, 16: "modes", "number": 0, "modes": []})
+    frames = [StoredFrame("car-1", 1, 0, NOW, report, "modes")]
+    dispatch.add("car-1", 1, store.inbox.add_frames(frames, now=NOW)["car-1", 1])
+    assert dispatch.give() == 1
+    assert dispatch.give() == 0
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert row.text == "1 frames were excluded: the store cannot hold this: a number of 65 bits"
+    assert store.inbox.cursor("car-1", 1).done == 0
 
 
 def test_a_state_that_the_store_has_opens_the_vehicle_again(dispatch, workers, store) -> None:

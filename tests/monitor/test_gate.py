@@ -3,7 +3,7 @@
 import pytest
 
 from sprung.monitor.gate import Gate
-from sprung.storage import StoreError
+from sprung.storage import RefusedError, StoreError
 
 
 @pytest.fixture
@@ -32,6 +32,15 @@ def test_closed_while_space_is_short(gate, seconds) -> None:
     assert (gate.is_open, gate.trouble) == (False, "only 5 MB are free")
     gate.set_shortage("")
     assert (gate.is_open, gate.trouble) == (True, "")
+
+
+def test_values_that_the_store_refuses_do_not_close_it(gate, caplog) -> None:
+    def refuse():
+        raise RefusedError("the store cannot hold this: a number of 65 bits")
+
+    assert gate.guard(refuse) is None
+    assert (gate.is_open, gate.trouble) == (True, "")
+    assert caplog.messages == ["the store cannot hold this: a number of 65 bits"]
 
 
 def test_guarded_acts_close_it(gate) -> None:

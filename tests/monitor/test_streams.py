@@ -48,6 +48,39 @@ def test_a_boot_waits_for_the_one_before(kind) -> None:
     assert stream.next_frames(pending, 10) == [first]
 
 
+def test_boots_that_wait_for_others_are_read_once() -> None:
+    """A box that starts a thousand times behind a boot that never comes costs one look at each."""
+    reads = []
+
+    def pending(boot, *, after, limit):
+        reads.append(boot)
+        document = {Key.BOOT: boot, Key.SEQ: 0, Key.START: 5, Key.PREVIOUS: [boot - 1, 2]}
+        return [StoredFrame("car-1", boot, 0, 5, message(document))]
+
+    stream = Stream()
+    for boot in range(2, 1002):
+        stream.arrived(boot, 0)
+    for _ in range(100):
+        assert stream.next_frames(pending, 10) == []
+    assert sorted(reads) == list(range(2, 1002))
+
+
+def test_many_lost_boots_are_passed_over_a_few_at_a_time() -> None:
+    reads = []
+    stream = Stream()
+    for boot in range(100):
+        stream.arrived(boot, 5)
+
+    def pending(boot, *, after, limit):
+        reads.append(boot)
+        return []
+
+    for n_read in (32, 64, 96, 100, 100):
+        assert stream.next_frames(pending, 10) == []
+        assert len(reads) == n_read
+        assert stream.has_waiting == (n_read < 100)
+
+
 def test_backlog_and_position() -> None:
     stream = Stream()
     assert (stream.position, stream.backlog, stream.has_waiting) == ((0, -1), 0, False)

@@ -20,7 +20,7 @@ LARGEST, MOST_CHANNELS = 1 << 20, 256
 #: this many bytes cannot hold more.
 MOST_VALUES = 8192
 #: Largest number of boots in a state; later ones follow when those are acknowledged.
-MOST_BOOTS = 64
+MOST_BOOTS = 32
 #: Latest time of a sample, UTC ns: the beginning of 2200. Times that are computed from it have 64 bits.
 LATEST = 7_258_118_400 * 10**9
 
@@ -144,7 +144,7 @@ def checked_map(payload: bytes) -> dict[Any, Any]:
     if zlib.crc32(body).to_bytes(4, "little") != check:
         raise FormatError("the checksum does not match: the message was damaged in transit")
     if len(body) > MOST_VALUES and _n_values(body) > MOST_VALUES:
-        raise FormatError(f"a message of more than {MOST_VALUES} values: send samples as bytes")
+        raise FormatError(f"a message of more than {MOST_VALUES} values: send fewer, and samples as bytes")
     stream = io.BytesIO(body)
     try:
         decoder = cbor.CBORDecoder(

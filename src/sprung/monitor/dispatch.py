@@ -9,7 +9,7 @@ from sprung.monitor.fleets import has_type, type_of_others
 from sprung.monitor.ledger import Ledger
 from sprung.monitor.streams import Stream
 from sprung.monitor.workers import Opening, Outcome, VehicleStatus, Workers
-from sprung.storage import CommandRow, Cursor, Store, StoredFrame, StoreError
+from sprung.storage import CommandRow, Cursor, RefusedError, Store, StoredFrame, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -126,6 +126,8 @@ class Dispatch:
         elif self._workers.is_open(vehicle):  # otherwise it got a new description meanwhile
             try:
                 self._commit(outcome, frames[: outcome.n_consumed])
+            except RefusedError as error:
+                self._fail(vehicle, frames, str(error))
             except StoreError:
                 # The worker is ahead of the store.
                 self._workers.close_vehicle(vehicle)
@@ -152,7 +154,10 @@ class Dispatch:
         if stream.dispatched.get(report.boot, -1) > stream.done.get(report.boot, -1):
             self._submit(report.vehicle, [])
         else:
-            self._ledger.store_report(report)
+            try:
+                self._ledger.store_report(report)
+            except RefusedError as error:
+                self._ledger.exclude(report.vehicle, report.boot, report.seq, n_frames=1, reason=str(error))
             stream.complete(report.boot, report.seq)
         return True
 
@@ -171,7 +176,8 @@ class Dispatch:
             return False
         snapshot = self._store.results.snapshot(vehicle)
         stream = self._streams[vehicle]
-        cursors: dict[int, Cursor] = {boot: self._store.inbox.cursor(vehicle, boot) for boot in stream.contiguous}
+        known = self._store.inbox.cursors(vehicle)
+        cursors = {boot: known.get((vehicle, boot), Cursor()) for boot in stream.contiguous}
         stream.rewind(cursors, -1 if snapshot is None else snapshot.boot)
         if snapshot is not None:
             self._finish_boots(vehicle, snapshot.boot)

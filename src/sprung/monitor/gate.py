@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from sprung.link import Every
-from sprung.storage import StoreError
+from sprung.storage import RefusedError, StoreError
 
 T = TypeVar("T")
 
@@ -57,6 +57,9 @@ class Gate:
         """Return the result of a function that needs the store; None, and close, if the store cannot write."""
         try:
             return act()
+        except RefusedError as error:  # the store itself is sound
+            LOG.error(str(error))
+            return None
         except StoreError as error:
             self.refuse(error)
             return None

@@ -2,11 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Protocol
 
 from sprung.errors import FormatError
 from sprung.link import Header, checked_map
 from sprung.storage import Cursor, StoredFrame
+
+#: Largest number of boots that are read together: a box may have lost the frames of many.
+_MOST_READS = 32
 
 
 class Pending(Protocol):
@@ -80,15 +84,21 @@ class Stream:
             Reads frames of the vehicle.
         limit
             Largest number of frames.
+
+        Returns
+        -------
+        list
+            Frames of one boot; none where all wait for earlier frames, or where many boots turned out to be lost: later
+            ones come at the next call.
         """
-        for boot in sorted(self.contiguous):
-            after = self.dispatched.get(boot, -1)
-            if after >= self.contiguous[boot]:
-                continue
-            frames = pending(boot, after=after, limit=limit)
+        waiting = (boot for boot, last in sorted(self.contiguous.items()) if self.dispatched.get(boot, -1) < last)
+        for boot in islice(filter(self._is_ready, waiting), _MOST_READS):
+            frames = pending(boot, after=self.dispatched.get(boot, -1), limit=limit)
             if not frames:
                 self.dispatched[boot] = self.contiguous[boot]  # all of them are lost
-            elif self._is_ready(frames[0]):
+                continue
+            self._note_previous(frames[0])
+            if self._is_ready(boot):
                 return frames
         return []
 
@@ -100,15 +110,15 @@ class Stream:
             if older < boot and self.dispatched.get(older, -1) >= last > self.done.get(older, -1)
         ]
 
-    def _is_ready(self, first: StoredFrame) -> bool:
-        """Return whether all frames of the boot before that of a frame were given to a worker."""
+    def _note_previous(self, first: StoredFrame) -> None:
+        """Keep which boot comes before that of its first frame."""
         if first.boot not in self._previous:
             try:
                 self._previous[first.boot] = Header.of(checked_map(first.payload)).previous
             except FormatError:
                 self._previous[first.boot] = None
-        previous = self._previous[first.boot]
-        if previous is None:
-            return True
-        boot, count = previous
-        return boot >= first.boot or self.dispatched.get(boot, -1) >= count - 1
+
+    def _is_ready(self, boot: int) -> bool:
+        """Return whether all frames of the boot before were given to a worker, as far as a frame said which it is."""
+        previous = self._previous.get(boot)
+        return previous is None or previous[0] >= boot or self.dispatched.get(previous[0], -1) >= previous[1] - 1

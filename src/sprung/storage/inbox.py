@@ -18,6 +18,14 @@ _ADVANCE = (
     .where(CURSORS.c.vehicle == bindparam("of_vehicle"), CURSORS.c.boot == bindparam("of_boot"))
     .values(contiguous=bindparam("reached"), updated=bindparam("now"))
 )
+# Statements that are made once take a third of the time.
+_AFTER = (
+    FRAMES.c.vehicle == bindparam("of_vehicle"),
+    FRAMES.c.boot == bindparam("of_boot"),
+    FRAMES.c.seq > bindparam("after"),
+)
+_FOLLOWING = select(FRAMES.c.seq).where(*_AFTER).order_by(FRAMES.c.seq).limit(_STRIDE)
+_N_ARRIVED = select(func.count()).where(*_AFTER, FRAMES.c.seq <= bindparam("last"))
 
 
 class Inbox:
@@ -239,21 +247,22 @@ def _advances(connection: Connection, ends: Mapping[Key, int]) -> Iterator[tuple
     columns = CURSORS.c.vehicle, CURSORS.c.boot
     rows = connection.execute(select(*columns, CURSORS.c.contiguous).where(tuple_(*columns).in_(ends), later.exists()))
     waiting = {(row.vehicle, row.boot): row.contiguous for row in rows}
+    followed = set(_followed(connection, {key: ends[key] for key in waiting}))
     for key, last in ends.items():
-        if key not in waiting:
-            yield key, last, 0, last
-            continue
-        arrived = select(func.count()).where(_of(FRAMES, key), FRAMES.c.seq.between(waiting[key] + 1, last))
-        yield key, last, connection.scalar(arrived) or 0, _unbroken(connection, key, after=last)
+        n_arrived, reached = 0, last
+        if key in waiting:
+            of_key = {"of_vehicle": key[0], "of_boot": key[1], "after": waiting[key], "last": last}
+            n_arrived = connection.scalar(_N_ARRIVED, of_key) or 0
+        if key in followed:
+            reached = _unbroken(connection, key, after=last)
+        yield key, last, n_arrived, reached
 
 
 def _unbroken(connection: Connection, key: Key, *, after: int) -> int:
     """Return the end of the unbroken run of frames that follows `after`."""
     while True:
-        following = (
-            select(FRAMES.c.seq).where(_of(FRAMES, key), FRAMES.c.seq > after).order_by(FRAMES.c.seq).limit(_STRIDE)
-        )
-        run = sum(seq == after + place for place, seq in enumerate(connection.scalars(following), start=1))
+        following = connection.scalars(_FOLLOWING, {"of_vehicle": key[0], "of_boot": key[1], "after": after})
+        run = sum(seq == after + place for place, seq in enumerate(following, start=1))
         after += run
         if run < _STRIDE:
             return after
