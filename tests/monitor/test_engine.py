@@ -143,7 +143,7 @@ def test_it_goes_on_from_its_state(car, drive, alike) -> None:
             assert alike(first, second)
     assert through.diagnosis is not None
     assert through.diagnosis.findings
-    with pytest.raises(ParameterError, match="start from scratch"):
+    with pytest.raises(ParameterError, match="start anew"):
         VehicleMonitor.from_state(car, {"schema": "other"})
     with pytest.raises(ParameterError, match="incomplete or invalid"):
         VehicleMonitor.from_state(car, {"schema": "sprung.vehicle-monitor/1"})

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from sprung._checks import check_number
 from sprung.diagnosis import (
     LEARNING_WINDOWS,
@@ -36,11 +34,21 @@ from sprung.identification import METHODS, IdentificationSettings
 from sprung.link import Block, joined
 from sprung.monitor.completion import Completion
 from sprung.monitor.repeats import Repeats
-from sprung.recording import Channel, Gap, Recording
+from sprung.monitor.states import (
+    NAME,
+    UNUSABLE,
+    VERSION,
+    invalid_state,
+    migrated,
+    restored_block,
+    restored_statistics,
+    stored_block,
+    stored_statistics,
+)
+from sprung.recording import Recording
 from sprung.signals.harmonics import Harmonic, harmonic_from_dict
 from sprung.vehicles import Vehicle, vehicle_from_text, vehicle_text
 
-STATE = "sprung.vehicle-monitor/1"
 #: Shortest stretch of a window that modes are identified from [s].
 _SHORTEST = 120.0
 #: Share of standing in a window above which that is why it is inconclusive.
@@ -342,7 +350,7 @@ class VehicleMonitor:
     def state(self) -> dict[str, Any]:
         """Return everything that is needed to continue, as plain values and bytes."""
         return {
-            "schema": STATE,
+            "schema": f"{NAME}/{VERSION}",
             "vehicle": self._vehicle.name,
             "settings": asdict(self._settings),
             "reason": self._reason,
@@ -352,14 +360,14 @@ class VehicleMonitor:
             "n_windows": self._n_windows,
             "n_identified": self._n_identified,
             "observations": [observation_document(observation) for observation in self.observations],
-            "residuals": [_stored_statistics(observation.residuals) for observation in self.observations],
+            "residuals": [stored_statistics(observation.residuals) for observation in self.observations],
             "evidence": [] if self._detector is None else self._detector.evidence.tolist(),
             "modes": list(self._modes),
             "note": self._note,
             "completed": vehicle_text(self._vehicle) if self._vehicle is not self._given else "",
             "completion": self._completion.state(),
             "harmonics": None if self._harmonics is None else [asdict(line) for line in self._harmonics],
-            "blocks": [_stored(block) for block in self._blocks],
+            "blocks": [stored_block(block) for block in self._blocks],
             "repeats": {"file": vehicle_text(self._given), **self._repeats.state()},
         }
 
@@ -374,53 +382,50 @@ class VehicleMonitor:
         vehicle
             Vehicle with its sensors.
         state
-            State from `state`.
+            State from `state`, also one of an earlier version.
         type_baseline
             Baseline of the vehicle's type from now on; None: that of the state.
 
         Raises
         ------
-        ParameterError
-            If the state is incomplete or invalid.
+        StateError
+            If the state is incomplete or invalid, or of a newer program.
         """
-        if state.get("schema") != STATE:
-            raise ParameterError(
-                f"the saved state has the schema {state.get('schema')!r}, not {STATE!r}: start from scratch"
-            )
+        present = migrated(state)
         try:
-            monitor = cls(vehicle, settings=MonitorSettings(**state["settings"]))
-            monitor._baseline = None if state["baseline"] is None else baseline_from_document(dict(state["baseline"]))
-            monitor._type = type_baseline or _restored_type(state.get("type"))
-            monitor._reason = state["reason"]
-            if state.get("completed"):
-                monitor._vehicle = vehicle_from_text(state["completed"], source="the saved state")
-            if "completion" in state:
-                monitor._completion = Completion.from_state(
-                    state["completion"], monitor._vehicle, is_wanted=monitor._settings.calibrate
-                )
-            monitor._n_windows, monitor._n_identified = state["n_windows"], state["n_identified"]
-            statistics = state.get("residuals", [None] * len(state["observations"]))
-            observations = [
-                monitor._restored_observation(observation_from_document(document), _restored_statistics(stored))
-                for document, stored in zip(state["observations"], statistics, strict=True)
-            ]
-            if state["is_learning"] or monitor._baseline is None:
-                monitor._learning = observations
-                monitor._diagnosis = monitor._against_type()
-            else:
-                monitor._resume(monitor._baseline, observations, list(state["evidence"]))
-            monitor._modes, monitor._note = tuple(state["modes"]), state["note"]
-            lines = state["harmonics"]
-            monitor._harmonics = None if lines is None else tuple(map(harmonic_from_dict, lines))
-            monitor._blocks = [_restored(block) for block in state["blocks"]]
-            if "repeats" in state:
-                monitor._repeats = Repeats.from_state(state["repeats"])
-                if state["repeats"]["file"] != vehicle_text(vehicle):
-                    monitor._repeats.forget()
-        except (KeyError, TypeError, ValueError) as error:
-            raise ParameterError(f"the saved state is incomplete or invalid ({error}): start from scratch") from None
-        monitor._n_samples = sum(block.n_samples for block in monitor._blocks)
+            monitor = cls(vehicle, settings=MonitorSettings(**present["settings"]))
+            monitor._restore(present, type_baseline)
+        except (*UNUSABLE, SprungError) as error:
+            raise invalid_state(error) from None
         return monitor
+
+    def _restore(self, state: Mapping[str, Any], type_baseline: TypeBaseline | None) -> None:
+        """Take over the parts of a state of the present version."""
+        self._baseline = None if state["baseline"] is None else baseline_from_document(dict(state["baseline"]))
+        self._type = type_baseline or _restored_type(state["type"])
+        self._reason = state["reason"]
+        if state["completed"]:
+            self._vehicle = vehicle_from_text(state["completed"], source="the saved state")
+        wanted = self._settings.calibrate
+        self._completion = Completion.from_state(state["completion"], self._vehicle, is_wanted=wanted)
+        self._n_windows, self._n_identified = state["n_windows"], state["n_identified"]
+        observations = [
+            self._restored_observation(observation_from_document(document), restored_statistics(stored))
+            for document, stored in zip(state["observations"], state["residuals"], strict=True)
+        ]
+        if state["is_learning"] or self._baseline is None:
+            self._learning = observations
+            self._diagnosis = self._against_type()
+        else:
+            self._resume(self._baseline, observations, list(state["evidence"]))
+        self._modes, self._note = tuple(state["modes"]), state["note"]
+        lines = state["harmonics"]
+        self._harmonics = None if lines is None else tuple(map(harmonic_from_dict, lines))
+        self._blocks = [restored_block(block) for block in state["blocks"]]
+        self._n_samples = sum(block.n_samples for block in self._blocks)
+        self._repeats = Repeats.from_state(state["repeats"])
+        if state["repeats"]["file"] != vehicle_text(self._given):
+            self._repeats.forget()
 
     def _resume(self, baseline: Baseline, observations: list[Observation], evidence: list[float]) -> None:
         """Continue with the windows since the baseline."""
@@ -604,57 +609,3 @@ def _halves(block: Block, place: int) -> tuple[Block, Block]:
     """Return a block up to a sample, and the rest."""
     whole = _as_recording(block)
     return whole.part(0, place), whole.part(place, whole.n_samples)
-
-
-def _stored(block: Block) -> dict[str, Any]:
-    """Return a block as plain values and bytes."""
-    return {
-        "samples": np.ascontiguousarray(block.samples, dtype="<f8").tobytes(),
-        "channels": [[c.name, c.quantity, c.position, c.direction] for c in block.channels],
-        "sampling_rate": block.sampling_rate,
-        "start": block.start,
-        "gaps": [[gap.index, gap.duration] for gap in block.gaps],
-    }
-
-
-def _restored(stored: Mapping[str, Any]) -> Recording:
-    """Return the block of plain values and bytes."""
-    channels = tuple(
-        Channel(name, quantity, tuple(position) if position else None, tuple(direction) if direction else None)
-        for name, quantity, position, direction in stored["channels"]
-    )
-    samples = np.frombuffer(stored["samples"], dtype="<f8").reshape(len(channels), -1)
-    gaps = tuple(Gap(index, duration) for index, duration in stored["gaps"])
-    return Recording(samples, stored["sampling_rate"], channels, stored["start"], gaps)
-
-
-def _stored_statistics(statistics: ResidualStatistics | None) -> dict[str, Any] | None:
-    """Return the statistics of the residual test as plain values and bytes."""
-    if statistics is None:
-        return None
-    segments = statistics.segments
-    return {
-        "channels": list(statistics.channels),
-        "sampling_rate": statistics.sampling_rate,
-        "segment": statistics.segment,
-        "n_segments": statistics.n_segments,
-        "mean": np.ascontiguousarray(statistics.mean, dtype="<f8").tobytes(),
-        "segments": None if segments is None else np.ascontiguousarray(segments, dtype="<f8").tobytes(),
-    }
-
-
-def _restored_statistics(stored: Mapping[str, Any] | None) -> ResidualStatistics | None:
-    """Return the statistics of plain values and bytes."""
-    if stored is None:
-        return None
-    channels = tuple(stored["channels"])
-    shape = (len(channels), len(channels), -1)
-    segments = stored["segments"]
-    return ResidualStatistics(
-        channels,
-        stored["sampling_rate"],
-        stored["segment"],
-        stored["n_segments"],
-        np.frombuffer(stored["mean"], dtype="<f8").reshape(shape),
-        None if segments is None else np.frombuffer(segments, dtype="<f8").reshape(stored["n_segments"], *shape),
-    )

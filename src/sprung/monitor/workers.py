@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple
 
-from sprung._checks import required
 from sprung.diagnosis import TypeBaseline
 from sprung.errors import SprungError
 from sprung.link import decode, frame_block
 from sprung.monitor.engine import Event, MonitorSettings, Observed, VehicleMonitor
+from sprung.monitor.states import read_state, write_state
 from sprung.vehicles import vehicle_from_text
 
 
@@ -293,8 +293,7 @@ def open_monitor(opening: Opening) -> tuple[VehicleMonitor, dict[str, str]]:
     if opening.state is None:
         fresh = VehicleMonitor(vehicle, settings=opening.settings, type_baseline=opening.type_baseline)
         return fresh, dict(opening.quantities)
-    state = _cbor().loads(opening.state)
-    monitor = VehicleMonitor.from_state(vehicle, state, type_baseline=opening.type_baseline)
+    monitor = VehicleMonitor.from_state(vehicle, read_state(opening.state), type_baseline=opening.type_baseline)
     return monitor, dict(opening.quantities)
 
 
@@ -348,9 +347,4 @@ def analyse(
         monitor.until,
         monitor.repeated,
     )
-    return Outcome(vehicle, consumed, tuple(events), _cbor().dumps(monitor.state()) if is_changed else None, status)
-
-
-def _cbor() -> Any:
-    """Return the package that encodes states."""
-    return required("cbor2", purpose="the state of a vehicle", extra="online")
+    return Outcome(vehicle, consumed, tuple(events), write_state(monitor.state()) if is_changed else None, status)

@@ -6,6 +6,7 @@ try:
     from sprung.storage.archive import Retention, write_archive
     from sprung.storage.rows import (
         AlertRow,
+        AsideRow,
         AuditRow,
         BaselineRow,
         CommandRow,
@@ -25,6 +26,7 @@ except ImportError as error:
 
 __all__ = [
     "AlertRow",
+    "AsideRow",
     "AuditRow",
     "BaselineRow",
     "CommandRow",

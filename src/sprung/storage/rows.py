@@ -116,6 +116,20 @@ class Snapshot:
 
 
 @dataclass(frozen=True, slots=True)
+class AsideRow:
+    """A frame whose analysis fails, or a state that cannot be read (kind "state"), and the reason."""
+
+    vehicle: str
+    boot: int
+    seq: int
+    kind: str
+    t0: int
+    payload: bytes
+    reason: str
+    stored: int
+
+
+@dataclass(frozen=True, slots=True)
 class Progress:
     """Results of the analysis of frames of one boot; stored as a whole or not at all.
 

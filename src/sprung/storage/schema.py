@@ -143,6 +143,20 @@ SNAPSHOTS = Table(
     Column("document", LargeBinary, nullable=False),
 )
 
+#: Frames whose analysis fails, and states that cannot be read (kind "state"), with the reason.
+SET_ASIDE = Table(
+    "set_aside",
+    METADATA,
+    _key("vehicle", Text),
+    _key("boot", _INTEGER),
+    _key("seq", _INTEGER),
+    _key("kind", Text),
+    Column("t0", _INTEGER, nullable=False),
+    Column("payload", LargeBinary, nullable=False),
+    Column("reason", Text, nullable=False),
+    Column("stored", _INTEGER, nullable=False),
+)
+
 #: Progress of the analysis of each vehicle, for people.
 STATUSES = Table("statuses", METADATA, _key("vehicle", Text), Column("document", Json, nullable=False))
 

@@ -11,11 +11,12 @@ from sqlalchemy.exc import ArgumentError
 
 from sprung.errors import ParameterError
 from sprung.storage.alerts import Alerts
+from sprung.storage.aside import Aside
 from sprung.storage.database import PATIENCE, Database
 from sprung.storage.inbox import Inbox
 from sprung.storage.requests import Requests
 from sprung.storage.results import Results
-from sprung.storage.schema import COMMANDS, MODES, NOTIFICATIONS, OBSERVATIONS, StoreError
+from sprung.storage.schema import COMMANDS, MODES, NOTIFICATIONS, OBSERVATIONS, SET_ASIDE, StoreError
 
 # How files of SQLite begin and are usually called: one of such a name that begins otherwise is damaged.
 _SQLITE, _ENDINGS = b"SQLite format 3\0", {".sqlite", ".sqlite3", ".db"}
@@ -43,6 +44,8 @@ class Store:
         Vehicles and their frames that wait for analysis.
     results
         Observations, modes, findings, baselines and snapshots.
+    aside
+        Frames and states that could not be used.
     alerts
         Alerts with their history, and notifications.
     requests
@@ -53,7 +56,7 @@ class Store:
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self.inbox, self.results = Inbox(database), Results(database)
+        self.inbox, self.results, self.aside = Inbox(database), Results(database), Aside(database)
         self.alerts, self.requests = Alerts(database), Requests(database)
         self.notices = database.notices
 
@@ -91,7 +94,7 @@ class Store:
         self._database.close()
 
     def delete_older(self, before: int) -> int:
-        """Delete what is older than a time: observations and modes, notifications sent, and commands done before it.
+        """Delete what is older than a time: results, notifications sent, commands done, and what was set aside.
 
         Parameters
         ----------
@@ -105,7 +108,10 @@ class Store:
             Number of rows deleted. A file of SQLite keeps its size and reuses the space.
         """
         rules = [delete(table).where(table.c.t0 < before, table.c.stored < before) for table in (OBSERVATIONS, MODES)]
-        rules += [delete(time.table).where(time < before) for time in (NOTIFICATIONS.c.sent, COMMANDS.c.done)]
+        rules += [
+            delete(time.table).where(time < before)
+            for time in (NOTIFICATIONS.c.sent, COMMANDS.c.done, SET_ASIDE.c.stored)
+        ]
         with self._database.writing() as connection:
             return sum(connection.execute(rule).rowcount for rule in rules)
 

@@ -1,0 +1,288 @@
+"""Saved states of vehicles: versions, their migrations, and the beginning anew where a state is lost."""
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from sprung._checks import required
+from sprung.diagnosis import ResidualStatistics
+from sprung.errors import ParameterError
+from sprung.link import Block
+from sprung.recording import Channel, Gap, Recording
+
+#: Name of the documents, and the version that this program writes.
+NAME, VERSION = "sprung.vehicle-monitor", 2
+_N_CHECKSUM = 4
+
+
+#: Errors of values of other types, or that do not fit together.
+UNUSABLE = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError)
+
+
+class StateError(ParameterError):
+    """A saved state that this program cannot continue from."""
+
+
+class _Samples(BaseModel):
+    """A block of samples: float64, little-endian, channel by channel."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    samples: bytes
+    channels: list[list[Any]]
+    sampling_rate: float = Field(gt=0)
+    start: int | None
+    gaps: list[list[Any]]
+
+
+class _State(BaseModel):
+    """A state of the present version."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    schema_name: str = Field(alias="schema")
+    vehicle: str
+    settings: dict[str, Any]
+    reason: str
+    is_learning: bool
+    baseline: dict[str, Any] | None
+    type: dict[str, Any] | None
+    n_windows: int = Field(ge=0, lt=2**63)
+    n_identified: int = Field(ge=0, lt=2**63)
+    observations: list[dict[str, Any]]
+    residuals: list[dict[str, Any] | None]
+    evidence: list[float]
+    modes: list[dict[str, Any]]
+    note: str
+    completed: str
+    completion: dict[str, Any]
+    harmonics: list[dict[str, Any]] | None
+    blocks: list[_Samples]
+    repeats: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class History:
+    """What a store holds of a vehicle without a usable state.
+
+    Parameters
+    ----------
+    baseline
+        Document of the present baseline; None if none was learnt.
+    observations
+        Documents of the windows since the baseline, oldest first.
+    n_windows, n_identified
+        Number of windows and of identifications so far: the next ones are numbered from there.
+    relearning
+        Reason to learn a new baseline where this was under way; empty: it was not.
+    """
+
+    baseline: Mapping[str, Any] | None = None
+    observations: tuple[Mapping[str, Any], ...] = ()
+    n_windows: int = 0
+    n_identified: int = 0
+    relearning: str = ""
+
+
+def write_state(state: Mapping[str, Any]) -> bytes:
+    """Return a state as bytes: CBOR, followed by 4 bytes CRC-32 of it, little-endian."""
+    body: bytes = _cbor().dumps(dict(state))
+    return body + _checksum(body)
+
+
+def read_state(document: bytes) -> dict[str, Any]:
+    """Return the state that bytes hold, in the present version.
+
+    Raises
+    ------
+    StateError
+        If they are not a state, damaged, or of a newer program. No other error is raised.
+
+    Notes
+    -----
+    States of version 1 have no checksum.
+    """
+    cbor = _cbor()
+    body = document[:-_N_CHECKSUM]
+    is_whole = document[-_N_CHECKSUM:] == _checksum(body)
+    try:
+        state = cbor.loads(body if is_whole else document)
+    except (cbor.CBORError, *UNUSABLE, RecursionError, MemoryError) as error:
+        raise StateError(f"the saved state is not CBOR ({type(error).__name__}): start anew") from None
+    if not is_whole and 1 < _version(state) <= VERSION:
+        raise StateError("the saved state is damaged, as its checksum does not match: start anew")
+    return migrated(state)
+
+
+def migrated(state: Any) -> dict[str, Any]:
+    """Return a state in the present version.
+
+    Parameters
+    ----------
+    state
+        State of any version.
+
+    Raises
+    ------
+    StateError
+        If it is not a state, incomplete, or of a newer program.
+    """
+    number = _version(state)
+    if number > VERSION:
+        raise StateError(
+            f"the saved state is of version {number}, and this program reads up to {VERSION}: install the newer sprung "
+            "that wrote it, or start anew"
+        )
+    try:
+        state = dict(state)
+        while number < VERSION:
+            state, number = MIGRATIONS[number](state), number + 1
+        _State.model_validate({**state, "schema": f"{NAME}/{VERSION}"})
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise invalid_state(f"{place}: {first['msg']}") from None
+    except UNUSABLE as error:
+        raise invalid_state(error) from None
+    return {**state, "schema": f"{NAME}/{VERSION}"}
+
+
+def _version(state: Any) -> int:
+    """Return the version of a state."""
+    schema = state.get("schema") if isinstance(state, dict) else None
+    name, _, version = str(schema)[:60].partition("/")
+    if name != NAME or not (version.isascii() and version.isdecimal()):
+        raise StateError(f"the saved state has the schema {str(schema)[:60]!r}, not {NAME}/{VERSION}: start anew")
+    return int(version)
+
+
+def _checksum(body: bytes) -> bytes:
+    return zlib.crc32(body).to_bytes(_N_CHECKSUM, "little")
+
+
+def invalid_state(reason: object) -> StateError:
+    """Return the error of a state that is incomplete or invalid."""
+    return StateError(f"the saved state is incomplete or invalid ({str(reason)[:200]}): start anew")
+
+
+def _with_later_parts(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a state of version 2: parts that early states of version 1 lack are empty."""
+    empty: dict[str, Any] = {
+        "type": None,
+        "residuals": [None] * len(state["observations"]),
+        "completed": "",
+        "completion": {"is_open": False, "model_errors": [], "windows": []},
+        "repeats": {"file": "", "reached": {}, "run": None, "place": 0.0, "end": None, "repeated": 0.0},
+    }
+    return {**empty, **state}
+
+
+#: Functions from a state of a version to one of the next.
+MIGRATIONS: dict[int, Callable[[Mapping[str, Any]], dict[str, Any]]] = {1: _with_later_parts}
+
+
+def state_of_history(vehicle: str, history: History, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the state of a vehicle that begins anew from what its store holds.
+
+    Parameters
+    ----------
+    vehicle
+        Name in the vehicle file.
+    history
+        What the store holds.
+    settings
+        Settings of the monitoring.
+
+    Notes
+    -----
+    The evidence is computed anew from the windows since the baseline. Statistics of the residual test, samples of an
+    incomplete window and the memory of repeated samples are not in the store: they begin with the next samples, and
+    so does a learning, whose windows may be in terms of a calibrated file that only the lost state had.
+    """
+    is_learning = history.baseline is None or bool(history.relearning)
+    observations = [] if is_learning else [dict(document) for document in history.observations]
+    baseline = history.baseline
+    return {
+        "schema": f"{NAME}/{VERSION}",
+        "vehicle": vehicle,
+        "settings": dict(settings),
+        "reason": history.relearning or "first learning",
+        "is_learning": is_learning,
+        "baseline": None if baseline is None else dict(baseline),
+        "type": None,
+        "n_windows": history.n_windows,
+        "n_identified": history.n_identified,
+        "observations": observations,
+        "residuals": [None] * len(observations),
+        "evidence": [],
+        "modes": [],
+        "note": "",
+        "completed": "" if baseline is None else str(baseline.get("vehicle_file") or ""),
+        "completion": {"is_open": settings["calibrate"] is not False, "model_errors": [], "windows": []},
+        "harmonics": None,
+        "blocks": [],
+        "repeats": {"file": "", "reached": {}, "run": None, "place": 0.0, "end": None, "repeated": 0.0},
+    }
+
+
+def stored_block(block: Block) -> dict[str, Any]:
+    """Return a block as plain values and bytes."""
+    return {
+        "samples": np.ascontiguousarray(block.samples, dtype="<f8").tobytes(),
+        "channels": [[c.name, c.quantity, c.position, c.direction] for c in block.channels],
+        "sampling_rate": block.sampling_rate,
+        "start": block.start,
+        "gaps": [[gap.index, gap.duration] for gap in block.gaps],
+    }
+
+
+def restored_block(stored: Mapping[str, Any]) -> Recording:
+    """Return the block of plain values and bytes."""
+    channels = tuple(
+        Channel(name, quantity, tuple(position) if position else None, tuple(direction) if direction else None)
+        for name, quantity, position, direction in stored["channels"]
+    )
+    samples = np.frombuffer(stored["samples"], dtype="<f8").reshape(len(channels), -1)
+    gaps = tuple(Gap(index, duration) for index, duration in stored["gaps"])
+    return Recording(samples, stored["sampling_rate"], channels, stored["start"], gaps)
+
+
+def stored_statistics(statistics: ResidualStatistics | None) -> dict[str, Any] | None:
+    """Return the statistics of the residual test as plain values and bytes."""
+    if statistics is None:
+        return None
+    segments = statistics.segments
+    return {
+        "channels": list(statistics.channels),
+        "sampling_rate": statistics.sampling_rate,
+        "segment": statistics.segment,
+        "n_segments": statistics.n_segments,
+        "mean": np.ascontiguousarray(statistics.mean, dtype="<f8").tobytes(),
+        "segments": None if segments is None else np.ascontiguousarray(segments, dtype="<f8").tobytes(),
+    }
+
+
+def restored_statistics(stored: Mapping[str, Any] | None) -> ResidualStatistics | None:
+    """Return the statistics of plain values and bytes."""
+    if stored is None:
+        return None
+    channels = tuple(stored["channels"])
+    shape = (len(channels), len(channels), -1)
+    segments = stored["segments"]
+    return ResidualStatistics(
+        channels,
+        stored["sampling_rate"],
+        stored["segment"],
+        stored["n_segments"],
+        np.frombuffer(stored["mean"], dtype="<f8").reshape(shape),
+        None if segments is None else np.frombuffer(segments, dtype="<f8").reshape(stored["n_segments"], *shape),
+    )
+
+
+def _cbor() -> Any:
+    """Return the package that encodes states."""
+    return required("cbor2", purpose="the state of a vehicle", extra="online")
