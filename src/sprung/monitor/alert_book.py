@@ -113,9 +113,9 @@ def row_of(alert: Alert) -> AlertRow:
 
 
 def _notification(transition: Transition) -> dict[str, Any]:
-    """Return the notification about an event as the store keeps it: its picture is drawn when it is sent."""
+    """Return the notification about an event as the store keeps it: picture and key come when it is sent."""
     fields = asdict(message_of(transition.alert, transition))
-    del fields["picture"]
+    del fields["picture"], fields["key"]
     return fields
 
 

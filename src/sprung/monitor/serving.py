@@ -19,6 +19,8 @@ FIGURES = {
     "sprung_identifications_total": ("counter", "Identifications of modes."),
     "sprung_failures_total": ("counter", "Jobs of workers that failed."),
     "sprung_alerts_active": ("gauge", "Active alerts."),
+    "sprung_notifications_sent_total": ("counter", "Notifications passed on, counted by each sender."),
+    "sprung_notifications_given_up_total": ("counter", "Notifications given up, counted by each sender."),
     "sprung_backlog_frames": ("gauge", "Frames stored and not yet analysed."),
     "sprung_boxes_free_bytes": ("gauge", "Free disk space of the box that has the least."),
     "sprung_link_connected": ("gauge", "1 while connected to the broker."),
