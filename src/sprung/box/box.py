@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sprung.errors import FormatError, ParameterError
 from sprung.link import (
+    MOST_LOSSES,
     TIME_SET,
     VERSION,
     Address,
@@ -20,6 +21,7 @@ from sprung.link import (
     Header,
     Key,
     Link,
+    Loss,
     Sending,
     Spool,
     check_vehicle,
@@ -174,6 +176,11 @@ class Box:
             f"{sentence}: {known_by} is that of {self._user!r}: use --vehicle-id {self._user}, or the credentials of "
             f"{vehicle}"
         )
+
+    @property
+    def losses(self) -> tuple[Loss, ...]:
+        """Frames that the spool dropped before the monitor had acknowledged them, as in `Spool.losses`."""
+        return self._spool.losses
 
     @property
     def n_waiting(self) -> int:
@@ -360,6 +367,7 @@ class Box:
             Key.BOOT: self._spool.boot,
             "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())],
             "dropped": self._spool.dropped,
+            "lost": [list(loss) for loss in self._spool.unreported_losses[:MOST_LOSSES]],
             "spooled": self._spool.n_bytes,
             "time": self._now(),
             "is_leaving": is_leaving,

@@ -11,6 +11,7 @@ from pathlib import Path
 from sprung._checks import check_number
 from sprung.errors import SprungError
 from sprung.link.disk import Disk
+from sprung.link.losses import Loss, loss_of
 
 _HEADER = struct.Struct("<2sQQI")
 _MARK = b"sp"
@@ -78,6 +79,7 @@ class Spool:
         self._is_synced = is_synced
         self._dropped = 0
         self._acknowledged: dict[int, int] = {}
+        self._losses: dict[int, Loss] = {}
         self._handle: int | None = None
         try:
             self._disk.make_folder(folder)
@@ -87,6 +89,7 @@ class Spool:
             last, self._previous = self._boots_before()
             self._boot = max(last + 1, int(boot_from))
             self._write_boot()
+            self._losses = self._losses_before()
         except OSError as error:
             raise SpoolError(f"the spool {folder} cannot be used: {error.strerror}: give another folder") from None
         self._seq = 0
@@ -110,6 +113,16 @@ class Spool:
     def dropped(self) -> int:
         """Number of frames dropped since this start, as there was no space or the disk failed."""
         return self._dropped
+
+    @property
+    def losses(self) -> tuple[Loss, ...]:
+        """Frames dropped since this start, and before where the monitor had not heard of it, by rising boot."""
+        return tuple(loss for _, loss in sorted(self._losses.items()))
+
+    @property
+    def unreported_losses(self) -> tuple[Loss, ...]:
+        """Those of `losses` beyond which the monitor has acknowledged nothing; they outlast a restart."""
+        return tuple(loss for loss in self.losses if self._acknowledged.get(loss.boot, -1) < loss.last)
 
     @property
     def n_bytes(self) -> int:
@@ -162,11 +175,15 @@ class Spool:
             else:
                 return True
         self._dropped += 1
+        self._lose(loss_of(self._boot, self._seq - 1, self._seq - 1, [payload]))
         return False
 
     def acknowledge(self, boot: int, seq: int) -> None:
         """Forget the frames of a boot up to a sequence number."""
+        was_unreported = boot in (loss.boot for loss in self.unreported_losses)
         self._acknowledged[boot] = max(seq, self._acknowledged.get(boot, -1))
+        if was_unreported:
+            self._write_losses()
         # The newest file stays: after a restart it shows where the boot before ended.
         for done in [file for file in self._files[:-1] if file.boot == boot and file.last <= seq]:
             self._remove(done)
@@ -215,8 +232,38 @@ class Spool:
         """Remove the oldest file and count what was not acknowledged in it."""
         oldest = self._files[0]
         first = max(oldest.first, self._acknowledged.get(oldest.boot, -1) + 1)
-        self._dropped += max(0, oldest.last - first + 1)
+        if first <= oldest.last:
+            self._dropped += oldest.last - first + 1
+            payloads = (payload for _, seq, payload in self._records(oldest.path) if seq >= first)
+            self._lose(loss_of(oldest.boot, first, oldest.last, payloads))
         self._remove(oldest)
+        if first <= oldest.last:
+            self._write_losses()  # again, as there may have been no space for it before
+
+    def _lose(self, loss: Loss) -> None:
+        """Remember dropped frames."""
+        known = self._losses.get(loss.boot)
+        self._losses[loss.boot] = loss if known is None else known.joined(loss)
+        self._write_losses()
+
+    def _write_losses(self) -> None:
+        """Write what the monitor has not heard of; on a disk that fails it is remembered until the end."""
+        lines = [" ".join(map(str, loss)) for loss in self.unreported_losses]
+        with suppress(OSError):
+            self._write_whole("losses", "\n".join(lines))
+
+    def _losses_before(self) -> dict[int, Loss]:
+        """Return the losses of earlier starts, without frames that a crash kept from being dropped."""
+        losses = {}
+        with suppress(OSError, ValueError, TypeError):
+            for line in self._disk.read(self._folder / "losses").splitlines():
+                loss = Loss(*map(int, line.split()))
+                held = min((file.first for file in self._files if file.boot == loss.boot), default=loss.last + 1)
+                last = min(loss.last, held - 1)
+                if loss.first <= last:
+                    n_kept = loss.last - last
+                    losses[loss.boot] = loss._replace(last=last, n_frames=max(1, loss.n_frames - n_kept))
+        return losses
 
     def _remove(self, file: _File) -> None:
         """Remove a file."""
@@ -243,15 +290,21 @@ class Spool:
 
     def _write_boot(self) -> None:
         """Write the number of this boot, and of the one before."""
-        part = self._folder / "boot.part"
+        self._write_whole("boot", " ".join(map(str, (self._boot, *(self._previous or ())))))
+
+    def _write_whole(self, name: str, text: str) -> None:
+        """Write a file of the folder as a whole, so that a crash leaves the old or the new one."""
+        part = self._folder / f"{name}.part"
         self._disk.remove(part)
         handle = self._disk.open(part)
         try:
-            self._disk.write(handle, " ".join(map(str, (self._boot, *(self._previous or ())))).encode())
+            content = text.encode()
+            while content:
+                content = content[self._disk.write(handle, content) :]
             self._disk.sync(handle)
         finally:
             self._disk.close(handle)
-        self._disk.rename(part, self._folder / "boot")
+        self._disk.rename(part, self._folder / name)
 
     def _locked(self) -> int:
         """Return a file that is locked by this process until it ends."""

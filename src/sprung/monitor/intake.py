@@ -1,13 +1,26 @@
 """Intake of messages from vehicles: validated, stored once, and only then acknowledged."""
 
 import logging
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 from sprung.errors import FormatError, ParameterError
-from sprung.link import VERSION, Header, Key, VersionError, checked_map, decode, message, parse_topic, topic
+from sprung.link import (
+    VERSION,
+    Header,
+    Key,
+    VersionError,
+    checked_map,
+    decode,
+    losses_in,
+    message,
+    parse_topic,
+    span_of,
+    topic,
+)
 from sprung.link.messages import count, text
 from sprung.storage import Store, StoredFrame
 from sprung.vehicles import vehicle_from_text
@@ -53,6 +66,9 @@ class Intake:
         Store of the frames.
     publish
         Function that sends a payload to a topic.
+    on_lost
+        Function of vehicle, number of lost frames by boot, time of the first sample and after the last one (UTC ns, 0
+        where unknown), and present time; called before the loss is acknowledged, and again if that was interrupted.
 
     Notes
     -----
@@ -60,8 +76,15 @@ class Intake:
     has the highest sequence number up to which nothing is missing.
     """
 
-    def __init__(self, store: Store, publish: Callable[[str, bytes], object]) -> None:
-        self._store, self._publish = store, publish
+    def __init__(
+        self,
+        store: Store,
+        publish: Callable[[str, bytes], object],
+        *,
+        on_lost: Callable[[str, Mapping[int, int], int, int, int], None] = lambda *_: None,
+    ) -> None:
+        self._store, self._publish, self._on_lost = store, publish, on_lost
+        self._lost: Counter[str] = Counter()
         self._counts = {"messages": 0, "refused": 0, "frames": 0, "lost": 0}
         self._refusals: dict[str, str] = {}
         self._parked: set[str] = set()
@@ -79,6 +102,10 @@ class Intake:
             "sprung_messages_refused_total": counts["refused"],
             "sprung_frames_total": counts["frames"],
             "sprung_frames_lost_total": counts["lost"],
+            **{
+                f'sprung_vehicle_frames_lost_total{{vehicle="{vehicle}"}}': lost
+                for vehicle, lost in dict(self._lost).items()
+            },
             **({"sprung_boxes_free_bytes": min(free)} if free else {}),
         }
 
@@ -190,20 +217,29 @@ class Intake:
     def _update_state(self, vehicle: str, document: dict[Any, Any], now: int) -> dict[tuple[str, int], int]:
         """Declare lost the frames that a box no longer has, and note whether it was switched off."""
         (self._parked.add if document.get("is_leaving") else self._parked.discard)(vehicle)
-        arrived = {}
-        boots = document.get("boots")
+        arrived, counts, inbox = {}, {}, self._store.inbox
+        boots, losses = document.get("boots"), losses_in(document)
         if not isinstance(boots, list) or len(boots) > 10_000:
             raise FormatError("a state without boots")
         for entry in boots:
             if not (isinstance(entry, list) and len(entry) == 3 and all(isinstance(number, int) for number in entry)):
                 raise FormatError(f"{str(entry)[:40]!r} found where boot, first and end are expected")
-            boot, first, _ = entry
-            if first > 0:
-                inbox = self._store.inbox
-                known = inbox.cursor(vehicle, boot)
-                if known.contiguous < first - 1:
-                    arrived[vehicle, boot] = inbox.declare_lost(vehicle, boot, first, now=now)
-                    self._counts["lost"] += inbox.cursor(vehicle, boot).lost - known.lost
+        stated = {loss.boot: loss.last + 1 for loss in losses}
+        held = {boot: first for boot, first, _ in boots}
+        for boot, first in {boot: max(stated.get(boot, 0), held.get(boot, 0)) for boot in stated | held}.items():
+            if first <= 0:
+                continue
+            known = inbox.cursor(vehicle, boot)
+            if known.contiguous < first - 1:
+                arrived[vehicle, boot] = inbox.declare_lost(vehicle, boot, first, now=now)
+                counts[boot] = inbox.cursor(vehicle, boot).lost
+                self._counts["lost"] += counts[boot] - known.lost
+                self._lost[vehicle] += counts[boot] - known.lost
+            elif boot in stated:  # until the box knows that the loss is known here, it states it again
+                arrived[vehicle, boot], counts[boot] = known.contiguous, known.lost
+        if any(counts.values()):
+            begin, end = span_of(losses)
+            self._on_lost(vehicle, counts, begin, end, now)
         return arrived
 
 

@@ -66,7 +66,13 @@ class Station:
         )
         alerts = AlertBook(store, site.alerts.settings)
         self._gate = Gate(timer)
-        self._intake = Intake(store, self._link.publish)
+        self._intake = Intake(
+            store,
+            self._link.publish,
+            on_lost=lambda vehicle, counts, begin, end, now: alerts.report_lost(
+                vehicle, counts, begin=begin, end=end, now=now
+            ),
+        )
         ledger = Ledger(site, store, alerts=alerts, clock=clock)
         self._dispatch = Dispatch(store, workers, ledger, site.watch.settings)
         self._post = PostOffice(

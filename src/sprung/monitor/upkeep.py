@@ -18,6 +18,8 @@ LOG = logging.getLogger("sprung.monitor")
 _LOOK, _SWEEP = 1.0, 60.0
 #: Shortest time before samples are requested again, and between warnings that the broker cannot be reached [s].
 _ASK, _REMIND = 10.0, 600.0
+#: Time without a change after which the alert about lost frames clears [ns].
+_CALM = 3600 * 10**9
 
 
 class Upkeep:
@@ -119,9 +121,13 @@ class Upkeep:
             self._alerts.clear(MONITOR, cause, now=now)
 
     def _update_silence(self, last_seen: dict[str, int], now: int) -> None:
-        """Raise an alert for each vehicle that has become silent, and clear those of vehicles that are back."""
+        """Raise an alert for each vehicle that has become silent; clear what has ended."""
         patience = round(60e9 * self._site.alerts.silent_after_minutes)
-        active = {row.vehicle for row in self._store.alerts.find(is_active=True) if row.cause == "silent"}
+        rows = self._store.alerts.find(is_active=True)
+        for row in rows:
+            if row.cause == "lost" and now - row.updated >= _CALM:
+                self._alerts.clear(row.vehicle, "lost", now=now)
+        active = {row.vehicle for row in rows if row.cause == "silent"}
         for vehicle, seen in last_seen.items():
             is_silent = now - max(seen, self._begun) > patience and not self._intake.is_parked(vehicle)
             if is_silent and vehicle not in active:
