@@ -19,6 +19,7 @@ class Recorder:
     """A sender that keeps what it is given, or fails."""
 
     name: str
+    shows_pictures: bool = False
     error: Exception | None = None
     sent: list[Message] = field(default_factory=list)
 
@@ -36,7 +37,11 @@ def a_message() -> Message:
 
 def test_one_failing_sender_does_not_keep_the_others() -> None:
     last, message = Recorder("last"), a_message()
-    senders = [Recorder("faulty", KeyError("bug")), Recorder("hook", SendError("webhook at 127.0.0.1: refused")), last]
+    senders = [
+        Recorder("faulty", error=KeyError("bug")),
+        Recorder("hook", error=SendError("webhook at 127.0.0.1: refused")),
+        last,
+    ]
     assert deliver(message, senders) == {
         "faulty": "faulty failed with KeyError: 'bug'",
         "hook": "webhook at 127.0.0.1: refused",

@@ -120,7 +120,7 @@ def smtp_server(refused=(), greeting="220 ready"):
 
 
 def webhook(url, **options):
-    return WebhookSender(url, opener=urllib.request.build_opener(DIRECT), **options)
+    return WebhookSender(url, handlers=[DIRECT], **options)
 
 
 def mail(port, **options):
@@ -205,11 +205,12 @@ def test_mail() -> None:
 
 def test_mail_carries_number_link_and_picture() -> None:
     link = "https://sprung.example.org/alerts/7"
-    message = addressed(a_message(), number=7, link=link, picture=b"\x89PNG picture")
+    message = addressed(a_message(), number=7, key="18-7", link=link, picture=b"\x89PNG picture")
     with smtp_server() as (port, mails, _):
         mail(port).send(message)
     ((_, one),) = mails
     assert one["Subject"] == "car: front_left.spring raised (high), alert 7"
+    assert one["Message-ID"] == "<18-7.sprung@example.org>"
     plain, html = one.get_body(("plain",)).get_content(), one.get_body(("html",)).get_content()
     for text in (plain, html):
         assert "front-left spring 20 % softer" in text
@@ -270,6 +271,8 @@ def test_publish_fails() -> None:
 
     with pytest.raises(SendError, match=r"alert of car was not published \(no broker\)"):
         PublishSender(publish).send(a_message())
+    with pytest.raises(SendError, match=r"alert of car was not published \(no connection\): check the broker"):
+        PublishSender(lambda topic, payload: False).send(a_message())
     for vehicle in ("#", "a/b", "+", ""):
         with pytest.raises(SendError, match="cannot be part of a topic"):
             PublishSender(print).send(replace(a_message(), vehicle=vehicle))

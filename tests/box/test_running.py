@@ -8,6 +8,7 @@ import pytest
 
 from sprung.box.running import replay, send_live
 from sprung.errors import DataError
+from sprung.link import Loss
 from sprung.recording import Channel, Recording
 
 
@@ -17,6 +18,7 @@ class PlayedBox:
     def __init__(self, waits: int | None = 0) -> None:
         self.taken: list[Recording] = []
         self.is_open, self.problem, self.n_waiting, self._waits = False, "", 0, waits
+        self.losses: tuple[Loss, ...] = ()
 
     def open(self) -> None:
         self.is_open = True
@@ -126,3 +128,38 @@ def test_a_replay_that_is_refused_names_the_reason():
     box.problem = "the broker refuses messages of vehicle 'bus-18'"
     with pytest.raises(DataError, match=r"2 frames not acknowledged: the broker refuses messages of vehicle 'bus-18'"):
         replay(box, blocks(2), pace=None, patience=0.5)
+
+
+BEGIN = 1_795_219_200_000_000_000
+LOSSES = (Loss(1, 0, 99, 100, BEGIN, BEGIN + 100 * 10**9), Loss(2, 0, 8, 9, BEGIN + 10**12, BEGIN + 10**12 + 10**9))
+SENTENCE = "109 frames, 2026-11-21 00:00 to 00:16 UTC, were dropped before the monitor had acknowledged"
+
+
+def test_a_loss_ends_a_replay_and_a_source_with_an_error():
+    box = PlayedBox()
+    box.losses = LOSSES
+    box.open()
+    with pytest.raises(DataError, match=f"^{SENTENCE} .*; all others are acknowledged$"):
+        replay(box, blocks(2), pace=None, patience=1.0)
+    with pytest.raises(DataError, match=f"^{SENTENCE} .*; all others are acknowledged$"):
+        send_live(box, blocks(2), stopping=threading.Event(), on_problem=lambda problem: None)
+    assert not box.is_open
+
+
+def test_a_loss_is_named_besides_frames_that_are_not_acknowledged():
+    box = PlayedBox(waits=1)
+    box.losses = LOSSES[:1]
+    box.open()
+    with pytest.raises(DataError, match=r"^2 frames not acknowledged .*; 100 frames, 2026-.* were dropped"):
+        replay(box, blocks(2), pace=None, patience=0.5)
+
+
+def test_a_box_that_is_stopped_names_its_losses():
+    problems: list[str] = []
+    box, stopping = PlayedBox(waits=None), threading.Event()
+    box.losses = (Loss(1, 0, 0, 1),)
+    stopping.set()
+    assert send_live(box, blocks(1), stopping=stopping, on_problem=problems.append) is None
+    assert [problem.partition(" as ")[0] for problem in problems] == [
+        "1 frames were dropped before the monitor had acknowledged them,"
+    ]

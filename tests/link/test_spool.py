@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sprung.link import Spool, SpoolError
+from sprung.link import Key, Loss, Spool, SpoolError, message
 
 
 def filled(folder, count, *, most_bytes=1 << 20, size=100):
@@ -105,3 +105,65 @@ def test_where_the_boot_before_ended_is_known(tmp_path: Path) -> None:
     third = filled(tmp_path, 2)
     third.close()
     assert Spool(tmp_path).previous == (3, 2)
+
+
+def frame(boot, seq):
+    """A message of one second, as far as a spool reads it."""
+    start = 10**18 + seq * 10**9
+    return message({Key.BOOT: boot, Key.SEQ: seq, Key.START: start, Key.INTERVAL: 10**7, Key.N_SAMPLES: 100})
+
+
+def lossy(folder, count):
+    """A spool of a few kB, in which frames of a second were put."""
+    spool = Spool(folder, most_bytes=8192)
+    for _ in range(count):
+        spool.append(frame)
+    return spool
+
+
+def test_what_was_dropped_and_when_it_was_is_known_across_restarts_until_it_is_acknowledged(tmp_path: Path) -> None:
+    spool = lossy(tmp_path, 600)
+    first = held(spool)[0][1]
+    loss = Loss(0, 0, first - 1, first, 10**18, 10**18 + first * 10**9)
+    assert first > 300
+    assert spool.losses == spool.unreported_losses == (loss,)
+    spool.close()
+    again = Spool(tmp_path, most_bytes=8192)
+    assert again.losses == again.unreported_losses == (loss,)
+    again.acknowledge(0, first - 2)
+    assert again.unreported_losses == (loss,), "the monitor has not heard of all"
+    again.acknowledge(0, first - 1)
+    assert again.unreported_losses == ()
+    assert again.losses == (loss,), "people read of it in the end"
+    again.close()
+    assert Spool(tmp_path, most_bytes=8192).losses == ()
+
+
+def test_losses_of_several_starts_are_kept_apart(tmp_path: Path) -> None:
+    lossy(tmp_path, 300).close()
+    again = lossy(tmp_path, 300)
+    kept = len(held(again))
+    first, second = again.losses
+    assert (first.boot, first.first, first.last, first.n_frames) == (0, 0, 299, 300)
+    assert (second.boot, second.n_frames) == (1, 300 - kept)
+
+
+def test_frames_that_a_crash_kept_from_being_dropped_are_not_lost(tmp_path: Path) -> None:
+    """The loss is written first: a crash before the file is removed leaves both."""
+    lossy(tmp_path, 20).close()
+    (tmp_path / "losses").write_text("0 0 4 5 1000 2000\n7 3 3 1 0 0\n", encoding="ascii")
+    assert Spool(tmp_path, most_bytes=8192).losses == (Loss(7, 3, 3, 1),)
+
+
+@pytest.mark.parametrize("content", ["", "0", "a b c d e f", "1 2 3 4 5 6 7", "\0"])
+def test_a_damaged_list_of_losses_keeps_no_box_from_starting(tmp_path: Path, content) -> None:
+    lossy(tmp_path, 3).close()
+    (tmp_path / "losses").write_text(content, encoding="ascii")
+    assert Spool(tmp_path).losses == ()
+
+
+def test_a_frame_that_the_disk_refuses_is_a_loss(tmp_path: Path) -> None:
+    spool = lossy(tmp_path, 0)
+    shutil.rmtree(tmp_path)
+    assert not spool.append(frame)
+    assert spool.losses == (Loss(0, 0, 0, 1, 10**18, 10**18 + 10**9),)

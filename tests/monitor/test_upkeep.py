@@ -5,8 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from sprung.alerting import AlertSettings
 from sprung.link import checked_map, message, topic
+from sprung.monitor import AlertBook
 from sprung.monitor.upkeep import Outage
+from sprung.storage import Delivery
 
 BEGUN = 1_795_219_200_000_000_000
 SECOND = 10**9
@@ -192,3 +195,32 @@ def test_a_broker_that_is_away_is_a_trouble_of_the_monitor(bench, log) -> None:
     look(one)
     assert log()[before + 1 :] == [("INFO", "connected to broker")]
     assert one.station.troubles() == []
+
+
+def test_notifications_that_were_given_up_are_an_alert_until_that_sender_delivers(bench, tmp_path: Path) -> None:
+    mail = {"host": "127.0.0.1", "port": 1, "sender": "a@example.org", "recipients": ["b@example.org"]}
+    first = bench(tmp_path)
+    AlertBook(first.store, AlertSettings()).report("car-1", "silent", "car-1 has sent nothing", now=BEGUN)
+    lost = Delivery(20, given_up=BEGUN, last_error="mail server away")
+    first.store.alerts.put_delivery(1, "mail 1", lost, senders=["mail 1"], now=BEGUN)
+    first.look()
+    assert own_alerts(first) == {}, "a sender that the site file no longer has misses nothing"
+    first.close()
+    again = bench(tmp_path, send={"mail": [mail]})
+    again.look()
+    sentence = own_alerts(again)["monitor:notifications"]
+    assert sentence.startswith(
+        "notifications were given up after 20 attempts by mail 1: mail server away: correct [send]"
+    )
+    late = Delivery(1, sent=BEGUN + SECOND)
+    again.store.alerts.put_delivery(1, "mail 1", late, senders=["mail 1"], now=BEGUN + SECOND)
+    again.close()
+    last = bench(tmp_path, send={"mail": [mail]})
+    last.look()
+    assert own_alerts(last) == {}
+
+
+def own_alerts(one):
+    """The texts of the monitor's own alerts about notifications."""
+    rows = one.store.alerts.find(vehicle="monitor", is_active=True)
+    return {row.cause: row.text for row in rows if row.cause == "monitor:notifications"}

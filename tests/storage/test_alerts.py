@@ -1,7 +1,8 @@
 from dataclasses import replace
 
-from sprung.storage import AlertRow, HistoryRow, NotificationRow
+from sprung.storage import AlertRow, Delivery, HistoryRow, NotificationRow
 
+DAY = 86400 * 10**9
 ALERT = AlertRow("zafira", "front_left.damper", severity=2, text="Damper is weak", raised=100, document={"p": 0.01})
 RAISED = ("raised", "monitor", "")
 
@@ -42,18 +43,49 @@ def test_alerts_are_chosen_by_vehicle_and_state(store) -> None:
     assert store.alerts.find(vehicle="other", is_active=True) == []
 
 
-def test_notifications_stay_until_sent(store) -> None:
-    alert = store.alerts.put(ALERT, history=RAISED, notify={"to": "workshop"}, now=1)
-    store.alerts.put(ALERT, history=("notified", "monitor", ""), now=2)
-    store.alerts.put(ALERT, history=("again", "monitor", ""), notify={"to": "driver"}, now=3)
-    first, second = store.alerts.due_notifications(10)
-    assert first == NotificationRow(first.id, alert.id, 1, {"to": "workshop"}, None, 0, None)
-    store.alerts.notification_failed(first.id, "no route to host")
-    assert store.alerts.due_notifications(1) == [second], "what fails lets others pass"
-    store.alerts.notification_sent(second.id, 5)
-    (left,) = store.alerts.due_notifications(10)
-    assert (left.id, left.attempts, left.last_error) == (first.id, 1, "no route to host")
-    store.alerts.notification_sent(first.id, 6)
-    assert store.alerts.due_notifications(10) == []
-    assert store.delete_older(6) == 1
+def test_each_sender_has_its_own_progress_with_a_notification(store) -> None:
+    alerts, senders = store.alerts, ("log", "mail")
+    alert = alerts.put(ALERT, history=RAISED, notify={"to": "workshop"}, now=1)
+    alerts.put(ALERT, history=("notified", "monitor", ""), now=2)
+    alerts.put(ALERT, history=("again", "monitor", ""), notify={"to": "driver"}, now=3)
+    first = alerts.next_notification("log", now=4)
+    assert first == NotificationRow(first.id, alert.id, 1, {"to": "workshop"}, Delivery())
+    alerts.put_delivery(first.id, "log", Delivery(1, sent=4), senders=senders, now=4)
+    failed = Delivery(1, next_attempt=20, last_error="no route to host")
+    alerts.put_delivery(first.id, "mail", failed, senders=senders, now=4)
+    second = alerts.next_notification("mail", now=5)
+    assert second.document == {"to": "driver"}, "what fails lets others pass"
+    assert alerts.next_notification("log", now=5) == second, "what was passed on is not sent again"
+    assert alerts.next_notification("new", now=5).id == first.id
+    for sender in senders:
+        alerts.put_delivery(second.id, sender, Delivery(1, sent=6), senders=senders, now=6)
+        assert alerts.next_notification(sender, now=6) is None
+    assert alerts.next_notification("mail", now=20) == replace(first, delivery=failed)
+    assert alerts.n_open() == 1
+    assert store.delete_older(6) == 0
     assert store.delete_older(7) == 1
+    assert alerts.given_up() == {}
+    alerts.put_delivery(first.id, "mail", Delivery(2, given_up=21, last_error="away"), senders=senders, now=21)
+    assert alerts.given_up() == {"mail": "away"}
+    assert alerts.n_open() == 0
+    assert store.delete_older(21) == 0
+    assert store.delete_older(22) == 1
+
+
+def test_a_clock_set_back_holds_no_notification_up(store) -> None:
+    store.alerts.put(ALERT, history=RAISED, notify={}, now=1)
+    late = Delivery(1, next_attempt=10**18, last_error="away")
+    number = store.alerts.next_notification("mail", now=1).id
+    store.alerts.put_delivery(number, "mail", late, senders=["mail"], now=1)
+    assert store.alerts.next_notification("mail", now=10**18 - 10**9) is None
+    assert store.alerts.next_notification("mail", now=10**18 - 2 * DAY).id == number
+
+
+def test_a_notification_is_closed_once_the_remaining_senders_have_settled_it(store) -> None:
+    store.alerts.put(ALERT, history=RAISED, notify={}, now=1)
+    number = store.alerts.next_notification("log", now=1).id
+    store.alerts.put_delivery(number, "log", Delivery(1, sent=2), senders=["log", "mail"], now=2)
+    store.alerts.close_settled(["log", "mail"], now=3)
+    assert store.alerts.n_open() == 1
+    store.alerts.close_settled(["log"], now=4)
+    assert store.alerts.n_open() == 0

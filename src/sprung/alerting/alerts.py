@@ -9,7 +9,7 @@ from sprung.errors import ParameterError
 #: Names of the five steps of severity, from 1 to 200, 201 to 400 and so on.
 STEPS = ("note", "low", "medium", "high", "critical")
 #: Causes that concern monitoring and not the vehicle.
-WATCHING = ("silent", "monitor")
+WATCHING = ("silent", "lost", "monitor")
 
 #: Changes of an alert. "pending": only the count of reports changed; "none": no change.
 Change = Literal[

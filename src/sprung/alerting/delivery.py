@@ -22,6 +22,10 @@ class Sender(Protocol):
     def name(self) -> str:
         """Name of the sender, unique in a list of senders."""
 
+    @property
+    def shows_pictures(self) -> bool:
+        """Whether it passes on `Message.picture`, which takes seconds to draw."""
+
     def send(self, message: Message) -> None:
         """Deliver a message, or raise `SendError`."""
 

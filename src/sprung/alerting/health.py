@@ -16,8 +16,8 @@ def health_index(alerts: Iterable[Alert]) -> float:
     Notes
     -----
     100 - max(w severity / 10) over the active alerts, with w = 1 for the suspension, 1/3 for sensors, and 0 for what
-    only concerns monitoring ("silent", "monitor"). A critical change (900) gives 10, a dead sensor of severity 600
-    gives 80.
+    only concerns monitoring ("silent", "lost", "monitor"). A critical change (900) gives 10, a dead sensor of severity
+    600 gives 80.
 
     The index ranks vehicles for planning only: it neither raises nor clears alerts. A shelved or acknowledged alert
     counts like any other, as neither repairs the vehicle. For a vehicle that is silent or could not be assessed, 100

@@ -32,6 +32,8 @@ class Message:
         Contents as `sprung.alert/1`, for programs.
     picture
         Figure of the alert as PNG, for senders that can show one; empty: none.
+    key
+        Identifier of the notification, the same whenever it is sent, by which a receiver discards repeats; empty: none.
     """
 
     vehicle: str
@@ -42,6 +44,7 @@ class Message:
     time: int
     document: dict[str, Any] = field(hash=False)
     picture: bytes = field(default=b"", repr=False)
+    key: str = ""
 
 
 def message_of(alert: Alert, transition: Transition) -> Message:
@@ -83,7 +86,7 @@ def message_of(alert: Alert, transition: Transition) -> Message:
     )
 
 
-def addressed(message: Message, *, number: int, link: str = "", picture: bytes = b"") -> Message:
+def addressed(message: Message, *, number: int, key: str = "", link: str = "", picture: bytes = b"") -> Message:
     """Return a notification with what its recipient needs to act on it.
 
     Parameters
@@ -92,6 +95,8 @@ def addressed(message: Message, *, number: int, link: str = "", picture: bytes =
         Notification about an event of an alert, from `message_of`.
     number
         Number of the alert.
+    key
+        Identifier of the notification.
     link
         Address of the alert; empty: none.
     picture
@@ -102,8 +107,9 @@ def addressed(message: Message, *, number: int, link: str = "", picture: bytes =
         message,
         subject=f"{message.subject}, alert {number}",
         text="\n".join([*lines, *([f"Link: {link}"] if link else [])]),
-        document={**message.document, "number": number, "link": link or None},
+        document={**message.document, "number": number, "key": key, "link": link or None},
         picture=picture,
+        key=key,
     )
 
 

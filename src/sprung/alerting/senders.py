@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from email.message import EmailMessage
 from email.utils import format_datetime
 from html import escape
-from http.client import HTTPException
+from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
 from typing import Any
 from urllib.error import HTTPError, URLError
 from urllib.parse import urlsplit
@@ -20,6 +20,7 @@ from sprung._checks import check_number
 from sprung.alerting.alerts import severity_step
 from sprung.alerting.delivery import SendError
 from sprung.alerting.messages import Message
+from sprung.alerting.watch import Watch
 from sprung.errors import ParameterError
 
 #: Log levels of the steps of severity.
@@ -33,6 +34,8 @@ _VEHICLE = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 class LogSender:
     """Writes subject and text to a log, at a level by severity; alerts that cleared at INFO."""
 
+    shows_pictures = False
+
     def __init__(self, logger: logging.Logger, *, name: str = "log") -> None:
         self.name = name
         self._logger = logger
@@ -42,6 +45,28 @@ class LogSender:
         level = logging.INFO if message.what == "cleared" else _LEVELS[severity_step(message.severity)]
         line = f"{message.subject}: {message.document['text']}"
         self._logger.log(level, "%s", " ".join(line.split()))
+
+
+class _Http(urllib.request.HTTPHandler):
+    """Opens connections that are watched."""
+
+    def __init__(self, watch: Watch) -> None:
+        super().__init__()
+        self._watch = watch
+
+    def http_open(self, request: urllib.request.Request) -> HTTPResponse:
+        return self.do_open(self._watch.over(HTTPConnection), request)
+
+
+class _Https(urllib.request.HTTPSHandler):
+    """Opens encrypted connections that are watched."""
+
+    def __init__(self, watch: Watch) -> None:
+        super().__init__()
+        self._watch = watch
+
+    def https_open(self, request: urllib.request.Request) -> HTTPResponse:
+        return self.do_open(self._watch.over(HTTPSConnection), request)
 
 
 class _Unmoved(urllib.request.HTTPRedirectHandler):
@@ -61,9 +86,11 @@ class WebhookSender:
     headers
         Headers of each request, such as an Authorization.
     timeout
-        Longest wait for the connection, and for each response [s].
-    opener
-        Opener of requests; None: one that follows no redirection.
+        Longest wait for the connection, and for each part of the response [s].
+    limit
+        Longest time of a message in all [s]: a server that sends a byte a second is left then.
+    handlers
+        Further handlers of `urllib.request`, such as one of proxies.
     name
         Name of the sender, see `Sender`.
 
@@ -73,13 +100,16 @@ class WebhookSender:
         If the address is not valid, or the time is not above 0.
     """
 
+    shows_pictures = False
+
     def __init__(
         self,
         url: str,
         *,
         headers: Mapping[str, str] | None = None,
         timeout: float = 10.0,
-        opener: urllib.request.OpenerDirector | None = None,
+        limit: float = 30.0,
+        handlers: Sequence[urllib.request.BaseHandler] = (),
         name: str = "webhook",
     ) -> None:
         try:
@@ -93,29 +123,44 @@ class WebhookSender:
         self._url, self._where = url, host if port is None else f"{host}:{port}"
         self._headers = {**(headers or {}), "Content-Type": "application/json"}
         self._timeout = check_number("timeout", timeout, above=0)
-        self._opener = urllib.request.build_opener(_Unmoved) if opener is None else opener
+        self._limit, self._handlers = check_number("limit", limit, above=0), tuple(handlers)
 
     def send(self, message: Message) -> None:
-        """Post the message; any 2xx response is success.
+        """Post the message, with its key as Idempotency-Key; any 2xx response is success.
 
         Raises
         ------
         SendError
             If the server cannot be reached, or does not accept the message.
         """
+        watch = Watch(self._limit)
+        opener = urllib.request.build_opener(_Unmoved, _Http(watch), _Https(watch), *self._handlers)
+        headers = self._headers | ({"Idempotency-Key": message.key} if message.key else {})
         try:
-            request = urllib.request.Request(self._url, _json(message), self._headers, method="POST")
-            with self._opener.open(request, timeout=self._timeout):
+            request = urllib.request.Request(self._url, _json(message), headers, method="POST")
+            with watch, opener.open(request, timeout=self._timeout):
                 pass
+            if watch.is_over:  # which may have cut the response off after its status
+                raise TimeoutError
         except HTTPError as error:
             with error:
                 raise SendError(f"webhook at {self._where} answered {error.code}: check its url and headers") from None
         except URLError as error:
             raise SendError(f"webhook at {self._where} cannot be reached ({error.reason})") from error
         except (OSError, HTTPException) as error:
+            if watch.is_over:
+                raise SendError(f"webhook at {self._where} took longer than {self._limit:g} s to answer") from error
             raise SendError(f"webhook at {self._where} gave no answer ({type(error).__name__})") from error
         except ValueError:
             raise SendError(f"webhook at {self._where}: url or headers contain what HTTP does not allow") from None
+
+
+class _Server(smtplib.SMTP):
+    """A connection to a mail server that is watched from its beginning."""
+
+    def __init__(self, watch: Watch, host: str, port: int, timeout: float) -> None:
+        watch.add(self)
+        super().__init__(host, port, timeout=timeout)
 
 
 class MailSender:
@@ -131,11 +176,10 @@ class MailSender:
         Credentials at the server; both or none.
     starttls
         Whether to encrypt after connecting; a server that does not support it receives neither password nor mail.
-    connect
-        Function of host, port and timeout that connects. For a server that encrypts from the start: smtplib.SMTP_SSL
-        with a context that checks certificates (functools.partial), and `starttls` False.
     timeout
-        Longest wait for each answer [s].
+        Longest wait for each part of an answer [s].
+    limit
+        Longest time of a mail in all [s]: a server that sends a byte a second is left then.
     name
         Name of the sender, see `Sender`.
 
@@ -144,6 +188,8 @@ class MailSender:
     ParameterError
         If an address is not valid, a credential is missing, or the time is not above 0.
     """
+
+    shows_pictures = True
 
     def __init__(
         self,
@@ -155,8 +201,8 @@ class MailSender:
         username: str | None = None,
         password: str | None = None,
         starttls: bool = True,
-        connect: Callable[..., smtplib.SMTP] = smtplib.SMTP,
         timeout: float = 10.0,
+        limit: float = 30.0,
         name: str = "mail",
     ) -> None:
         if isinstance(recipients, str) or not recipients:
@@ -171,10 +217,10 @@ class MailSender:
         self._host, self._port, self._timeout = host, port, check_number("timeout", timeout, above=0)
         self._sender, self._recipients = sender, tuple(recipients)
         self._login = None if username is None or password is None else (username, password)
-        self._starttls, self._connect = starttls, connect
+        self._starttls, self._limit = starttls, check_number("limit", limit, above=0)
 
     def send(self, message: Message) -> None:
-        """Send one mail to all recipients; it fails if the server refuses any of them.
+        """Send one mail to all recipients, with its key in Message-ID; it fails if the server refuses any of them.
 
         Raises
         ------
@@ -182,8 +228,9 @@ class MailSender:
             If the server cannot be reached, or refuses credentials, the mail or a recipient.
         """
         where = f"mail server {self._host}:{self._port}"
+        watch = Watch(self._limit)
         try:
-            with self._connect(self._host, self._port, timeout=self._timeout) as server:
+            with watch, _Server(watch, self._host, self._port, self._timeout) as server:
                 if self._starttls:
                     server.starttls(context=ssl.create_default_context())
                 if self._login is not None:
@@ -194,8 +241,12 @@ class MailSender:
         except smtplib.SMTPRecipientsRefused as error:
             raise SendError(f"{where} refused {', '.join(error.recipients)}: check the recipients") from None
         except (smtplib.SMTPException, ValueError) as error:
+            if watch.is_over:
+                raise SendError(f"{where} took longer than {self._limit:g} s to accept the mail") from error
             raise SendError(f"{where} did not accept the mail ({error})") from error
         except OSError as error:
+            if watch.is_over:
+                raise SendError(f"{where} took longer than {self._limit:g} s to accept the mail") from error
             reason = error.strerror or str(error) or type(error).__name__
             raise SendError(f"{where} cannot be reached ({reason}): check host, port and starttls") from error
         if refused:
@@ -209,6 +260,8 @@ class MailSender:
         mail["To"] = ", ".join(self._recipients)
         mail["Date"] = format_datetime(datetime.fromtimestamp(message.time // 1_000_000_000, tz=UTC))
         mail["Auto-Submitted"] = "auto-generated"
+        if message.key:
+            mail["Message-ID"] = f"<{message.key}.sprung@{self._sender.partition('@')[2]}>"
         mail.set_content(message.text)
         if message.picture:
             page = f'<pre style="font-family: inherit; white-space: pre-wrap">{_linked(message.text)}</pre>'
@@ -228,6 +281,8 @@ def _linked(text: str) -> str:
 class PublishSender:
     """Publishes the JSON object of a message to the topic sprung/v1/{vehicle}/alert, by a function of topic, bytes."""
 
+    shows_pictures = False
+
     def __init__(self, publish: Callable[[str, bytes], object], *, name: str = "publish") -> None:
         self.name = name
         self._publish = publish
@@ -238,16 +293,19 @@ class PublishSender:
         Raises
         ------
         SendError
-            If the vehicle's name cannot be part of a topic, or the message was not published.
+            If the vehicle's name cannot be part of a topic, or the message was not published: the function raised an
+        error, or returned False.
         """
         if not _VEHICLE.fullmatch(message.vehicle):
             raise SendError(
                 f"vehicle {message.vehicle!r} cannot be part of a topic: use letters, digits, '_', '.', '-'"
             )
         try:
-            self._publish(f"sprung/v1/{message.vehicle}/alert", _json(message))
+            is_published = self._publish(f"sprung/v1/{message.vehicle}/alert", _json(message))
         except (OSError, ValueError, RuntimeError) as error:
             raise SendError(f"alert of {message.vehicle} was not published ({error}): check the broker") from error
+        if is_published is False:
+            raise SendError(f"alert of {message.vehicle} was not published (no connection): check the broker")
 
 
 def _json(message: Message) -> bytes:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sprung.errors import FormatError, ParameterError
 from sprung.link import (
+    MOST_LOSSES,
     TIME_SET,
     VERSION,
     Address,
@@ -20,6 +21,7 @@ from sprung.link import (
     Header,
     Key,
     Link,
+    Loss,
     Sending,
     Spool,
     check_vehicle,
@@ -110,6 +112,10 @@ class Box:
         Present time [s] of any clock that only goes forward.
     sleep
         Function that waits for a time [s].
+    now
+        Present time, UTC ns.
+    connect
+        Function of address, name, topics and handlers that returns a link, such as `Link`.
     """
 
     def __init__(
@@ -122,11 +128,13 @@ class Box:
         on_board: "OnBoard | None" = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
+        now: Callable[[], int] = time.time_ns,
+        connect: Callable[..., Link] = Link,
     ) -> None:
         self._settings, self._spool = settings, spool
         self._sending = Sending(spool, patience=settings.patience)
         self._on_board = on_board
-        self._quantities, self._clock, self._sleep = quantities, clock, sleep
+        self._quantities, self._clock, self._sleep, self._now = quantities, clock, sleep, now
         self._address, self._user = address, common_name(address.cert) if address.cert else address.user
         self._received: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._announced: dict[str, str] = {}
@@ -134,7 +142,7 @@ class Box:
         self._warning = Every(_EXAMINE, clock)
         self._problem = ""
         self._lock = threading.Lock()
-        self._link = Link(
+        self._link = connect(
             address,
             f"sprung-box-{settings.vehicle}",
             topics=[topic(settings.vehicle, "ack"), topic(settings.vehicle, "cmd")],
@@ -168,6 +176,11 @@ class Box:
             f"{sentence}: {known_by} is that of {self._user!r}: use --vehicle-id {self._user}, or the credentials of "
             f"{vehicle}"
         )
+
+    @property
+    def losses(self) -> tuple[Loss, ...]:
+        """Frames that the spool dropped before the monitor had acknowledged them, as in `Spool.losses`."""
+        return self._spool.losses
 
     @property
     def n_waiting(self) -> int:
@@ -354,8 +367,9 @@ class Box:
             Key.BOOT: self._spool.boot,
             "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())[:MOST_BOOTS]],
             "dropped": self._spool.dropped,
+            "lost": [list(loss) for loss in self._spool.unreported_losses[:MOST_LOSSES]],
             "spooled": self._spool.n_bytes,
-            "time": time.time_ns(),
+            "time": self._now(),
             "is_leaving": is_leaving,
         }
         self._publish("state", document)

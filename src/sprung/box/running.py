@@ -2,13 +2,13 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from sprung.box.box import Box, BoxSettings
 from sprung.box.sources import paced
 from sprung.errors import DataError
-from sprung.link import TIME_SET, Address, Spool
+from sprung.link import TIME_SET, Address, Loss, Spool, span_of
 from sprung.recording import Recording
 from sprung.vehicles import Vehicle, vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
@@ -46,6 +46,10 @@ class Sender(Protocol):
     @property
     def n_waiting(self) -> int:
         """Number of frames that are not acknowledged."""
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """Frames that were dropped before they were acknowledged."""
 
     def open(self) -> None:
         """Connect."""
@@ -124,12 +128,18 @@ def send_live(
     stopping
         Event that stops the box. It is set in the end.
     on_problem
-        Function that receives each new problem with the link, and "" once it is over.
+        Function that receives each new problem with the link, and "" once it is over; in the end the losses of a box
+        that was stopped.
 
     Returns
     -------
     float or None
         Duration of the samples sent [s]; None where it was stopped.
+
+    Raises
+    ------
+    DataError
+        Where frames were dropped before they were acknowledged, and the source has ended.
     """
     taken = 0.0
     try:
@@ -142,7 +152,14 @@ def send_live(
             taken += block.duration
         while not stopping.is_set() and not box.drain(timeout=1.0):
             pass
-        return None if stopping.is_set() else taken
+        lost = losses_in_words(box.losses)
+        if not stopping.is_set():
+            if lost:
+                raise DataError(f"{lost}; all others are acknowledged")
+            return taken
+        if lost:
+            on_problem(lost)
+        return None
     finally:
         stopping.set()
         box.close()
@@ -179,7 +196,7 @@ def replay(
     Raises
     ------
     DataError
-        Where not all frames were acknowledged in time, or the broker refuses them.
+        Where not all frames were acknowledged in time, the broker refuses them, or some were dropped before.
     """
     sent = 0.0
     begin: int | None = None
@@ -193,13 +210,31 @@ def replay(
             end = block.start + round(1e9 * block.duration)
         on_progress(f"{sent / 60:.1f} min sent", 0.5)
     on_progress("waiting for acknowledgements", 0.9)
-    if not box.drain(timeout=patience):
+    is_drained, lost = box.drain(timeout=patience), losses_in_words(box.losses)
+    if not is_drained:
+        after = f"; {lost}" if lost else ""
         if box.problem:
-            raise DataError(f"{box.n_waiting} frames not acknowledged: {box.problem}")
-        raise DataError(
-            f"{box.n_waiting} frames not acknowledged after {patience:g} s: check that a monitor runs at its broker"
-        )
+            raise DataError(f"{box.n_waiting} frames not acknowledged: {box.problem}{after}")
+        advice = "check that a monitor runs at its broker"
+        raise DataError(f"{box.n_waiting} frames not acknowledged after {patience:g} s: {advice}{after}")
+    if lost:
+        raise DataError(f"{lost}; all others are acknowledged")
     return Sent(sent, begin, end)
+
+
+def losses_in_words(losses: Sequence[Loss]) -> str:
+    """Return the sentence about frames that a box dropped before the monitor had them; empty if there are none."""
+    if not losses:
+        return ""
+    from sprung.tables import span_in_words
+
+    begin, end = span_of(losses)
+    span = f", {span_in_words(begin, end)}," if begin else ""
+    n_frames = sum(loss.n_frames for loss in losses)
+    return (
+        f"{n_frames} frames{span} were dropped before the monitor had acknowledged them, as the spool was full or its "
+        "disk failed: give it more space, and send again what can be sent again"
+    )
 
 
 def _step(box: Sender, stopping: threading.Event, on_problem: Callable[[str], None]) -> None:

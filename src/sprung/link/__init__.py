@@ -20,6 +20,7 @@ from sprung.link.frame import (
     encode,
     quantised,
 )
+from sprung.link.losses import MOST_LOSSES, Loss, losses_in, span_of
 from sprung.link.messages import VERSION, Header, Key, VersionError, check_vehicle, checked_map, message
 from sprung.link.mqtt import Address, Link, LinkError
 from sprung.link.sending import Sending
@@ -31,6 +32,7 @@ __all__ = [
     "CLIPPED",
     "DOWNWARDS",
     "MISSING",
+    "MOST_LOSSES",
     "PACKED",
     "RAW",
     "ROOT",
@@ -49,6 +51,7 @@ __all__ = [
     "Key",
     "Link",
     "LinkError",
+    "Loss",
     "Sending",
     "Spool",
     "SpoolError",
@@ -61,8 +64,10 @@ __all__ = [
     "encode",
     "frame_block",
     "joined",
+    "losses_in",
     "message",
     "parse_topic",
     "quantised",
+    "span_of",
     "topic",
 ]

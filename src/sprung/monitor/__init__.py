@@ -4,7 +4,7 @@ from sprung.monitor.alert_book import AlertBook, alert_of, row_of
 from sprung.monitor.broker import EmbeddedBroker
 from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.monitor.intake import MONITOR, Intake
-from sprung.monitor.postman import Postman
+from sprung.monitor.postman import PostOffice
 from sprung.monitor.serving import FIGURES, Serving, exposition
 from sprung.monitor.site import Site, embedded_port, read_site
 from sprung.monitor.station import Station
@@ -23,7 +23,7 @@ __all__ = [
     "Observed",
     "Opening",
     "Outcome",
-    "Postman",
+    "PostOffice",
     "Serving",
     "Site",
     "Station",

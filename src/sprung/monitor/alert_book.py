@@ -1,7 +1,7 @@
 """From windows of vehicles, and problems of monitoring, to alerts in the store."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -21,9 +21,12 @@ from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
 from sprung.documents import detectable_document, finding_document
 from sprung.monitor.engine import Observed, fault_in_words
 from sprung.storage import AlertRow, Store
+from sprung.tables import span_in_words
 
-#: Severity of a failing sensor, of a silent vehicle, and of a problem of the monitor itself.
-_SENSOR, _SILENT, _MONITOR = 400, 300, 800
+#: Severity of a failing sensor, of a silent vehicle, of lost frames, and of a problem of the monitor itself.
+_SENSOR, _SILENT, _LOST, _MONITOR = 400, 300, 500, 800
+#: Largest number of boots of a vehicle whose lost frames are remembered.
+_MOST_BOOTS = 100
 _INNER = ("streak", "worst", "notified", "evidence")
 
 
@@ -69,6 +72,39 @@ class AlertBook:
             return
         self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
 
+    def report_lost(self, vehicle: str, counts: Mapping[int, int], *, begin: int = 0, end: int = 0, now: int) -> None:
+        """Raise or update the alert about lost frames of a vehicle, "lost".
+
+        Parameters
+        ----------
+        vehicle
+            Name of the vehicle.
+        counts
+            Number of frames lost so far of each boot; what the alert counts already is not counted again.
+        begin, end
+            Times of the first sample and after the last one that were lost, UTC ns; 0 where unknown.
+        now
+            Present time, UTC ns.
+        """
+        known = self._known(vehicle).get("lost")
+        before = {} if known is None else known.evidence
+        counted = {int(boot): count for boot, count in before.get("boots", {}).items()}
+        n_new = sum(max(0, count - counted.get(boot, 0)) for boot, count in counts.items())
+        if not n_new:
+            return
+        is_active = known is not None and known.is_active
+        n_frames = n_new + (before["frames"] if is_active else 0)
+        begins = [time for time in (begin, before["from"] if is_active else 0) if time]
+        span = {"from": min(begins, default=0), "to": max(end, before["to"] if is_active else 0)}
+        when = f", {span_in_words(span['from'], span['to'])}," if span["from"] else ""
+        sentence = (
+            f"{n_frames} frames of {vehicle}{when} are lost: its box had to drop them before they were stored here: "
+            "give its spool more space, and check its connection and the store of the monitor"
+        )
+        boots = dict(sorted((counted | dict(counts)).items())[-_MOST_BOOTS:])
+        evidence = {"frames": n_frames, **span, "boots": {str(boot): count for boot, count in boots.items()}}
+        self.put(reported(known, Report(vehicle, "lost", _LOST, sentence, evidence), self._at_once, now), now=now)
+
     def clear(self, vehicle: str, cause: str, *, now: int) -> None:
         """Clear an alert about monitoring itself, if it is active, without hysteresis."""
         known = self._known(vehicle).get(cause)
@@ -113,9 +149,9 @@ def row_of(alert: Alert) -> AlertRow:
 
 
 def _notification(transition: Transition) -> dict[str, Any]:
-    """Return the notification about an event as the store keeps it: its picture is drawn when it is sent."""
+    """Return the notification about an event as the store keeps it: picture and key come when it is sent."""
     fields = asdict(message_of(transition.alert, transition))
-    del fields["picture"]
+    del fields["picture"], fields["key"]
     return fields
 
 

@@ -2,16 +2,30 @@
 
 import logging
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, TypeVar
 
 from sprung.errors import FormatError, ParameterError
-from sprung.link import VERSION, Header, Key, VersionError, check_frame, checked_map, message, parse_topic, topic
+from sprung.link import (
+    VERSION,
+    Header,
+    Key,
+    Loss,
+    VersionError,
+    check_frame,
+    checked_map,
+    losses_in,
+    message,
+    parse_topic,
+    span_of,
+    topic,
+)
 from sprung.link.messages import MOST_BOOTS, count, integer, text
 from sprung.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
-from sprung.storage import RefusedError, Store, StoredFrame
+from sprung.storage import Cursor, RefusedError, Store, StoredFrame
 from sprung.vehicles import vehicle_from_text
 
 T = TypeVar("T")
@@ -65,6 +79,9 @@ class Intake:
         Function that sends a payload to a topic.
     refusals
         Counts of refused messages; None: its own.
+    on_lost
+        Function of vehicle, number of lost frames by boot, time of the first sample and after the last one (UTC ns, 0
+        where unknown), and present time; called before the loss is acknowledged, and again if that was interrupted.
 
     Notes
     -----
@@ -74,10 +91,16 @@ class Intake:
     """
 
     def __init__(
-        self, store: Store, publish: Callable[[str, bytes], object], *, refusals: Refusals | None = None
+        self,
+        store: Store,
+        publish: Callable[[str, bytes], object],
+        *,
+        refusals: Refusals | None = None,
+        on_lost: Callable[[str, Mapping[int, int], int, int, int], None] = lambda *_: None,
     ) -> None:
-        self._store, self._publish = store, publish
+        self._store, self._publish, self._on_lost = store, publish, on_lost
         self._tally = refusals or Refusals()
+        self._lost: Counter[str] = Counter()
         self._counts = {"messages": 0, "frames": 0, "lost": 0}
         self._refusals: dict[str, str] = {}
         self._parked: set[str] = set()
@@ -97,6 +120,10 @@ class Intake:
             "sprung_messages_refused_total": self._tally.total,
             "sprung_frames_total": counts["frames"],
             "sprung_frames_lost_total": counts["lost"],
+            **{
+                f'sprung_vehicle_frames_lost_total{{vehicle="{vehicle}"}}': lost
+                for vehicle, lost in dict(self._lost).items()
+            },
             **({"sprung_boxes_free_bytes": min(free)} if free else {}),
         }
 
@@ -125,6 +152,7 @@ class Intake:
         """
         frames: list[StoredFrame] = []
         below: dict[tuple[str, int], int] = {}
+        losses: dict[str, list[Loss]] = {}
         taken = Taken()
         while self._full:
             self._boots.pop(self._full.pop(), None)  # counted again
@@ -139,7 +167,9 @@ class Intake:
                     self._check_boot(vehicle, frame.boot)
                     frames.append(frame)
                 elif what == "state":
-                    below |= self._lost_below(vehicle, checked_map(payload))
+                    behind, stated = self._lost_below(vehicle, checked_map(payload))
+                    below |= behind
+                    losses[vehicle] = stated
                 else:
                     self._handle(vehicle, what, checked_map(payload), taken, now)
                 # The broker retains descriptions, and sends them even if the vehicle is long gone.
@@ -148,7 +178,7 @@ class Intake:
                 self._refuse(name, error)
         # Frames first: what arrived is not lost.
         taken.arrived.update(self._add_frames(frames, now))
-        taken.arrived.update(self._declare_lost(below, now))
+        taken.arrived.update(self._declare_lost(below, losses, now))
         if self._seen and abs(now - self._noted) >= _NOTED_EVERY:
             self._store.inbox.seen(self._seen)
             self._seen, self._noted = {}, now
@@ -173,20 +203,38 @@ class Intake:
         self._counts["frames"] += len(frames)
         return arrived
 
-    def _declare_lost(self, below: Mapping[tuple[str, int], int], now: int) -> dict[tuple[str, int], int]:
+    def _declare_lost(
+        self, below: Mapping[tuple[str, int], int], losses: Mapping[str, Sequence[Loss]], now: int
+    ) -> dict[tuple[str, int], int]:
         """Declare frames lost that boxes no longer have, and return up to where nothing is missing."""
+        arrived: dict[tuple[str, int], int] = {}
+        counts: dict[str, dict[int, int]] = {}
+        # Until a box knows that its loss is known here, it states it again.
+        stated = {(vehicle, loss.boot) for vehicle, parts in losses.items() for loss in parts}
+        for key, (before, after) in self._advanced(below, now).items():
+            if after.contiguous > before.contiguous or key in stated:
+                arrived[key] = after.contiguous
+                counts.setdefault(key[0], {})[key[1]] = after.lost
+                self._counts["lost"] += after.lost - before.lost
+                self._lost[key[0]] += after.lost - before.lost
+        for vehicle, by_boot in counts.items():
+            if any(by_boot.values()):
+                begin, end = span_of(losses.get(vehicle, ()))
+                self._on_lost(vehicle, by_boot, begin, end, now)
+        return arrived
+
+    def _advanced(self, below: Mapping[tuple[str, int], int], now: int) -> dict[tuple[str, int], tuple[Cursor, Cursor]]:
+        """Return the progress before and after lost frames are declared, without vehicles that the store refuses."""
         try:
-            advanced = self._store.inbox.declare_lost(below, now=now)
+            return self._store.inbox.declare_lost(below, now=now)
         except RefusedError as error:
             if len(below) == 1:
                 self._refuse(topic(next(iter(below))[0], "state"), error)
                 return {}
-            arrived: dict[tuple[str, int], int] = {}
+            advanced: dict[tuple[str, int], tuple[Cursor, Cursor]] = {}
             for part in _parts(list(below.items()), lambda entry: entry[0][0]):
-                arrived.update(self._declare_lost(dict(part), now))
-            return arrived
-        self._counts["lost"] += sum(after.lost - before.lost for before, after in advanced.values())
-        return {key: after.contiguous for key, (_, after) in advanced.items()}
+                advanced.update(self._advanced(dict(part), now))
+            return advanced
 
     def _check_boot(self, vehicle: str, boot: int) -> None:
         """Refuse a boot if too many of the vehicle wait to be analysed."""
@@ -253,17 +301,19 @@ class Intake:
         if len(self._answers) > _MOST_ANSWERS:
             self._answers.pop(next(iter(self._answers)))
 
-    def _lost_below(self, vehicle: str, document: dict[Any, Any]) -> dict[tuple[str, int], int]:
-        """Note whether a box was switched off, and return the first frames that it has of its oldest boots."""
-        boots = document.get("boots")
+    def _lost_below(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[tuple[str, int], int], list[Loss]]:
+        """Note whether a box was switched off, and return the first frames of its oldest boots, and what it lost."""
+        boots, losses = document.get("boots"), losses_in(document)
         if not isinstance(boots, list):
             raise FormatError("a state without boots")
         first = dict(map(_first_frame, boots))
+        for loss in losses:
+            first[loss.boot] = max(first.get(loss.boot, 0), loss.last + 1)
         behind = sorted(boot for boot, seq in first.items() if seq > 0)[:MOST_BOOTS]
         for boot in behind:
             self._check_boot(vehicle, boot)
         (self._parked.add if document.get("is_leaving") else self._parked.discard)(vehicle)
-        return {(vehicle, boot): first[boot] for boot in behind}
+        return {(vehicle, boot): first[boot] for boot in behind}, [loss for loss in losses if loss.boot in behind]
 
 
 def _parts(things: Sequence[T], name: Callable[[T], str]) -> list[list[T]]:

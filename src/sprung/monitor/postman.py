@@ -2,7 +2,8 @@
 
 import logging
 import threading
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Sequence
 
 from sprung.alerting import (
     Backoff,
@@ -16,27 +17,31 @@ from sprung.alerting import (
 )
 from sprung.errors import ParameterError
 from sprung.monitor.site import Send
-from sprung.storage import NotificationRow, Store, StoreError
+from sprung.storage import Delivery, NotificationRow, Store, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Number of attempts after which a notification is abandoned.
-_MOST_ATTEMPTS = 20
+#: Number of attempts after which a sender gives up a notification.
+MOST_ATTEMPTS = 20
 #: Events of a notification in words, where they are others.
-_WORDS = {"undelivered": "not delivered"}
+_WORDS = {"undelivered": "not delivered", "abandoned": "given up"}
 #: Time between checks for notifications [s].
 _EVERY = 1.0
+#: Longest wait for messages under way at the end [s].
+_CLOSING = 5.0
 
 
 class Postman:
-    """Sends notifications, repeatedly until every sender has passed them on.
+    """Sends what waits in the store by one sender, repeatedly until the sender has passed it on.
 
     Parameters
     ----------
     store
         Store of the notifications.
+    sender
+        The sender.
     senders
-        Senders, each of which has its own attempts.
+        Names of all senders, which close a notification once all of them have settled it.
     link
         Function that returns the address of an alert by its number; empty: none.
     picture
@@ -45,7 +50,132 @@ class Postman:
     Notes
     -----
     A failure is logged and added to the history of the alert when it is first seen, when its reason changes, and when
-    the notification is abandoned; so is the delivery that ends it.
+    the notification is given up; so is the delivery that ends it.
+
+    Delivery is at least once: a notification that was passed on just before the monitor was killed is sent again, with
+    the same `Message.key`.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        sender: Sender,
+        *,
+        senders: Collection[str],
+        link: Callable[[int], str] = lambda number: "",
+        picture: Callable[[str, str], bytes] = lambda vehicle, cause: b"",
+    ) -> None:
+        self._store, self._sender, self._senders = store, sender, senders
+        self._link, self._picture = link, picture
+        self._backoff = Backoff()
+        self._results: dict[int, str] = {}
+        self._error = self._lasting_error = ""
+        self._n_sent = self._n_given_up = 0
+
+    @property
+    def name(self) -> str:
+        """Name of the sender."""
+        return self._sender.name
+
+    @property
+    def error(self) -> str:
+        """Reason why the last attempt failed; empty after a success."""
+        return self._error
+
+    @property
+    def lasting_error(self) -> str:
+        """Reason why a notification was given up; empty once a later one was passed on."""
+        return self._lasting_error
+
+    @property
+    def n_sent(self) -> int:
+        """Number of notifications passed on since the start."""
+        return self._n_sent
+
+    @property
+    def n_given_up(self) -> int:
+        """Number of notifications given up since the start."""
+        return self._n_given_up
+
+    def resume(self, lasting_error: str) -> None:
+        """Continue after a restart, with the reason why the last notification was given up; empty: it was not."""
+        self._lasting_error = lasting_error
+
+    def send(self, *, now: int) -> bool:
+        """Send the notification that is due first, and return whether there was one.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be used. What was passed on already is not sent again, but recorded later.
+        """
+        row = self._store.alerts.next_notification(self.name, now=now)
+        if row is None:
+            return False
+        if row.id not in self._results:
+            self._error = self._results[row.id] = self._attempt(row)
+        self._settle(row, self._results[row.id], now)
+        del self._results[row.id]
+        return True
+
+    def _attempt(self, row: NotificationRow) -> str:
+        """Return why a notification could not be passed on; empty if it was."""
+        try:
+            return deliver(self._message(row), [self._sender]).get(self.name, "")
+        except Exception as error:  # a notification that cannot be composed must not hold up the others
+            return f"the notification cannot be composed ({type(error).__name__}: {error})"
+
+    def _message(self, row: NotificationRow) -> Message:
+        """Return the message of a notification."""
+        message = Message(**row.document)
+        picture = b""
+        if self._sender.shows_pictures:
+            picture = self._picture(message.vehicle, message.document.get("cause", ""))
+        key = f"{row.created}-{row.id}"
+        return addressed(message, number=row.alert, key=key, link=self._link(row.alert), picture=picture)
+
+    def _settle(self, row: NotificationRow, error: str, now: int) -> None:
+        """Store the outcome of an attempt, with what is new about it."""
+        attempts = row.delivery.attempts + 1
+        if not error:
+            self._put(row, Delivery(attempts, sent=now), now)
+            self._n_sent, self._lasting_error = self._n_sent + 1, ""
+            if attempts > 1:
+                self._record(row, "delivered", f"by {self.name} at attempt {attempts}", now)
+        elif attempts >= MOST_ATTEMPTS:
+            self._put(row, Delivery(attempts, given_up=now, last_error=error), now)
+            self._n_given_up, self._lasting_error = self._n_given_up + 1, error
+            self._record(row, "abandoned", f"by {self.name} after {attempts} attempts: {error}", now)
+        else:
+            next_attempt = self._backoff.next_attempt(attempts, now)
+            self._put(row, Delivery(attempts, next_attempt, last_error=error), now)
+            if error != row.delivery.last_error:
+                self._record(row, "undelivered", f"by {self.name}: {error}; it will be sent again", now)
+
+    def _put(self, row: NotificationRow, delivery: Delivery, now: int) -> None:
+        """Store the progress of the sender with a notification."""
+        self._store.alerts.put_delivery(row.id, self.name, delivery, senders=self._senders, now=now)
+
+    def _record(self, row: NotificationRow, what: str, comment: str, now: int) -> None:
+        """Log what happened to a notification, and add it to the history of the alert."""
+        level = logging.INFO if what == "delivered" else logging.ERROR
+        LOG.log(level, f"notification of alert {row.alert} was {_WORDS.get(what, what)} {comment}")
+        self._store.alerts.record(row.alert, what, comment, now=now)
+
+
+class PostOffice:
+    """A postman for each sender, each in a thread of its own: a slow or failing server delays nothing else.
+
+    Parameters
+    ----------
+    store
+        Store of the notifications.
+    senders
+        Senders with names of their own.
+    clock
+        Present time, UTC ns.
+    link, picture
+        As for `Postman`; pictures are drawn one at a time.
     """
 
     def __init__(
@@ -53,97 +183,90 @@ class Postman:
         store: Store,
         senders: Sequence[Sender],
         *,
+        clock: Callable[[], int],
         link: Callable[[int], str] = lambda number: "",
         picture: Callable[[str, str], bytes] = lambda vehicle, cause: b"",
     ) -> None:
-        self._store, self._senders, self._link, self._picture = store, senders, link, picture
-        self._backoff = Backoff()
-        self._next: dict[int, int] = {}
-        self._delivered: dict[int, set[str]] = {}
-        self._failing: dict[str, str] = {}
+        drawing = threading.Lock()
+
+        def drawn(vehicle: str, cause: str) -> bytes:
+            with drawing:
+                return picture(vehicle, cause)
+
+        self._store, self._clock = store, clock
+        self._names = [sender.name for sender in senders]
+        self._postmen = [Postman(store, sender, senders=self._names, link=link, picture=drawn) for sender in senders]
+        self._stopping = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._run, args=(postman,), name=f"post {postman.name}", daemon=True)
+            for postman in self._postmen
+        ]
 
     @property
     def troubles(self) -> list[str]:
         """Sentence about each sender whose last attempt failed."""
-        return [f"alerts are not delivered by {name}: {reason}" for name, reason in dict(self._failing).items()]
+        return [f"alerts are not delivered by {one.name}: {one.error}" for one in self._postmen if one.error]
 
-    def send(self, *, now: int) -> None:
-        """Send what is due."""
-        for row in self._store.alerts.due_notifications(100):
-            if self._next.get(row.id, 0) > now:
-                continue
-            delivered = self._delivered.setdefault(row.id, set())
-            waiting = [sender for sender in self._senders if sender.name not in delivered]
-            errors = deliver(self._message(row), waiting)
-            delivered |= {sender.name for sender in waiting} - errors.keys()
-            self._settle(row, errors, now)
-            for sender in waiting:
-                self._failing.pop(sender.name, None)
-            self._failing |= errors
+    @property
+    def lasting_trouble(self) -> str:
+        """Sentence about the senders that gave up a notification and have passed on none since; empty: none."""
+        failed = [f"{one.name}: {one.lasting_error}" for one in self._postmen if one.lasting_error]
+        if not failed:
+            return ""
+        return (
+            f"notifications were given up after {MOST_ATTEMPTS} attempts by {'; by '.join(failed)}: correct [send] in "
+            "the site file, try it with sprung monitor --test-senders, and read sprung alerts for what was missed"
+        )
 
-    def _message(self, row: NotificationRow) -> Message:
-        """Return the message of a notification."""
-        message = Message(**row.document)
-        picture = self._picture(message.vehicle, message.document.get("cause", ""))
-        return addressed(message, number=row.alert, link=self._link(row.alert), picture=picture)
-
-    def _settle(self, row: NotificationRow, errors: Mapping[str, str], now: int) -> None:
-        """Store the outcome of an attempt, with what is new about it."""
-        reasons = "; ".join(errors.values())
-        is_abandoned = bool(errors) and row.attempts + 1 >= _MOST_ATTEMPTS
-        if is_abandoned:
-            self._record(row, "abandoned", f"after {_MOST_ATTEMPTS} attempts: {reasons}", now)
-        elif errors and reasons != row.last_error:
-            self._record(row, "undelivered", f"{reasons}; it will be sent again", now)
-        elif row.last_error and not errors:
-            self._record(row, "delivered", f"at attempt {row.attempts + 1}", now)
-        if errors and not is_abandoned:
-            self._store.alerts.notification_failed(row.id, reasons)
-            self._next[row.id] = self._backoff.next_attempt(row.attempts + 1, now)
-        else:
-            self._store.alerts.notification_sent(row.id, now)
-            self._next.pop(row.id, None)
-            self._delivered.pop(row.id, None)
-
-    def _record(self, row: NotificationRow, what: str, comment: str, now: int) -> None:
-        """Log what happened to a notification, and add it to the history of the alert."""
-        level = logging.INFO if what == "delivered" else logging.ERROR
-        LOG.log(level, f"notification of alert {row.alert} was {_WORDS.get(what, what)}: {comment}")
-        self._store.alerts.record(row.alert, what, comment, now=now)
-
-
-class Posting:
-    """Lets a postman send in a thread of its own: a slow server delays nothing else.
-
-    Parameters
-    ----------
-    postman
-        Sends the notifications.
-    clock
-        Present time, UTC ns.
-    """
-
-    def __init__(self, postman: Postman, clock: Callable[[], int]) -> None:
-        self._postman, self._clock = postman, clock
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="post", daemon=True)
+    @property
+    def figures(self) -> dict[str, float]:
+        """Figures of `sprung.monitor.serving.FIGURES` about notifications."""
+        return {
+            "sprung_notifications_sent_total": sum(one.n_sent for one in self._postmen),
+            "sprung_notifications_given_up_total": sum(one.n_given_up for one in self._postmen),
+        }
 
     def open(self) -> None:
-        """Start sending."""
-        self._thread.start()
+        """Continue from the store, and start sending.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be used.
+        """
+        self.resume()
+        for thread in self._threads:
+            thread.start()
+
+    def resume(self) -> None:
+        """Continue from the store."""
+        self._store.alerts.close_settled(self._names, now=self._clock())
+        errors = self._store.alerts.given_up()
+        for postman in self._postmen:
+            postman.resume(errors.get(postman.name, ""))
 
     def close(self) -> None:
         """Stop; unsent notifications stay in the store."""
         self._stopping.set()
-        if self._thread.is_alive():
-            self._thread.join(5.0)
+        end = time.monotonic() + _CLOSING
+        for thread in self._threads:
+            if thread.is_alive():
+                thread.join(max(0.0, end - time.monotonic()))
 
-    def _run(self) -> None:
+    def send(self) -> None:
+        """Send all that is due, one sender after the other."""
+        for postman in self._postmen:
+            while postman.send(now=self._clock()):
+                pass
+
+    def _run(self, postman: Postman) -> None:
         """Send what is due, until stopped."""
-        while not self._stopping.wait(_EVERY):
+        wait = _EVERY
+        while not self._stopping.wait(wait):
             try:
-                self._postman.send(now=self._clock())
+                wait = 0.0 if postman.send(now=self._clock()) else _EVERY
             except StoreError as error:
+                wait = _EVERY
                 LOG.warning("notifications wait for the store", extra={"reason": str(error)})
 
 

@@ -15,10 +15,13 @@ FIGURES = {
     "sprung_messages_total": ("counter", "Messages received."),
     "sprung_messages_refused_total": ("counter", "Messages that are not valid in this version."),
     "sprung_frames_lost_total": ("counter", "Frames that boxes had to drop."),
+    "sprung_vehicle_frames_lost_total": ("counter", "Frames that the box of a vehicle had to drop."),
     "sprung_windows_total": ("counter", "Windows analysed."),
     "sprung_identifications_total": ("counter", "Identifications of modes."),
     "sprung_failures_total": ("counter", "Jobs of workers that failed."),
     "sprung_alerts_active": ("gauge", "Active alerts."),
+    "sprung_notifications_sent_total": ("counter", "Notifications passed on, counted by each sender."),
+    "sprung_notifications_given_up_total": ("counter", "Notifications given up, counted by each sender."),
     "sprung_backlog_frames": ("gauge", "Frames stored and not yet analysed."),
     "sprung_boxes_free_bytes": ("gauge", "Free disk space of the box that has the least."),
     "sprung_link_connected": ("gauge", "1 while connected to the broker."),
@@ -28,11 +31,15 @@ FIGURES = {
 
 
 def exposition(figures: Mapping[str, float]) -> str:
-    """Return figures in the text format of Prometheus."""
+    """Return figures in the text format of Prometheus; a name may be followed by labels in braces."""
+    of_names: dict[str, list[str]] = {name: [] for name in FIGURES}
+    for name, value in figures.items():
+        of_names[name.partition("{")[0]].append(f"{name} {value:.10g}")
     lines = []
-    for name, (kind, meaning) in FIGURES.items():
-        if name in figures:
-            lines += [f"# HELP {name} {meaning}", f"# TYPE {name} {kind}", f"{name} {figures[name]:.10g}"]
+    for name, samples in of_names.items():
+        kind, meaning = FIGURES[name]
+        if samples:
+            lines += [f"# HELP {name} {meaning}", f"# TYPE {name} {kind}", *samples]
     return "\n".join(lines) + "\n"
 
 

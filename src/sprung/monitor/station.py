@@ -15,7 +15,7 @@ from sprung.monitor.gate import Gate
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.ledger import Ledger
 from sprung.monitor.pictures import alert_picture
-from sprung.monitor.postman import Posting, Postman, senders_of
+from sprung.monitor.postman import PostOffice, senders_of
 from sprung.monitor.serving import Serving
 from sprung.monitor.site import Site
 from sprung.monitor.upkeep import Upkeep
@@ -66,9 +66,22 @@ class Station:
         )
         alerts = AlertBook(store, site.alerts.settings)
         self._gate = Gate(timer)
-        self._intake = Intake(store, self._link.publish)
+        self._intake = Intake(
+            store,
+            self._link.publish,
+            on_lost=lambda vehicle, counts, begin, end, now: alerts.report_lost(
+                vehicle, counts, begin=begin, end=end, now=now
+            ),
+        )
         ledger = Ledger(site, store, alerts=alerts, clock=clock)
         self._dispatch = Dispatch(store, workers, ledger, site.watch.settings)
+        self._post = PostOffice(
+            store,
+            senders_of(site.send, self._link.publish),
+            clock=clock,
+            link=site.alert_url,
+            picture=partial(alert_picture, store),
+        )
         self._upkeep = Upkeep(
             site,
             store,
@@ -76,17 +89,11 @@ class Station:
             intake=self._intake,
             link=self._link,
             gate=self._gate,
+            post=self._post,
             relearn=self._dispatch.relearn,
             clock=clock,
             timer=timer,
         )
-        self._postman = Postman(
-            store,
-            senders_of(site.send, self._link.publish),
-            link=site.alert_url,
-            picture=partial(alert_picture, store) if site.send.mail else _no_picture,
-        )
-        self._posting = Posting(self._postman, clock)
         self._serving = Serving(
             site.http_address, figures=self.figures, troubles=self.troubles, alert=partial(alert_in_words, store)
         )
@@ -118,7 +125,7 @@ class Station:
         self._serving.open()
         self._upkeep.open()
         self._dispatch.open()
-        self._posting.open()
+        self._post.open()
         self._link.open(timeout=timeout)
         LOG.info("monitoring", extra={"vehicles": self.n_vehicles})
 
@@ -143,7 +150,7 @@ class Station:
 
     def close(self) -> None:
         """Stop in good order."""
-        self._posting.close()
+        self._post.close()
         self._link.close()
         self._dispatch.close()
         if self._serving.is_open:
@@ -161,6 +168,7 @@ class Station:
         return {
             **self._intake.figures,
             **self._dispatch.figures,
+            **self._post.figures,
             "sprung_link_connected": float(self._link.is_connected),
             "sprung_store_writable": float(not self._gate.trouble),
         }
@@ -168,7 +176,7 @@ class Station:
     def troubles(self) -> list[str]:
         """Return sentences about problems of the monitor itself."""
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
-        return [sentence for sentence in (broker, self._gate.trouble, *self._postman.troubles) if sentence]
+        return [sentence for sentence in (broker, self._gate.trouble, *self._post.troubles) if sentence]
 
     def _take(self) -> int:
         """Store the messages received, and return their number."""
@@ -187,8 +195,3 @@ class Station:
         for vehicle in taken.described:
             self._dispatch.describe(vehicle)
         return len(batch)
-
-
-def _no_picture(_vehicle: str, _cause: str) -> bytes:
-    """Return no picture: only mail shows one, and drawing takes seconds."""
-    return b""

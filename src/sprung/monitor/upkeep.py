@@ -8,6 +8,7 @@ from sprung.link import VERSION, Every, Key, Link, message, topic
 from sprung.monitor.alert_book import AlertBook
 from sprung.monitor.gate import Gate
 from sprung.monitor.intake import MONITOR, Intake
+from sprung.monitor.postman import PostOffice
 from sprung.monitor.site import Site
 from sprung.storage import CommandRow, Retention, Store
 
@@ -17,6 +18,8 @@ LOG = logging.getLogger("sprung.monitor")
 _LOOK, _SWEEP = 1.0, 60.0
 #: Shortest time before samples are requested again, and between warnings that the broker cannot be reached [s].
 _ASK, _REMIND = 10.0, 600.0
+#: Time without a change after which the alert about lost frames clears [ns].
+_CALM = 3600 * 10**9
 
 
 class Upkeep:
@@ -36,6 +39,8 @@ class Upkeep:
         Connection to the broker.
     gate
         Gate that is closed while the store cannot write.
+    post
+        Senders of notifications.
     relearn
         Function called with each open request for a new baseline.
     clock
@@ -53,12 +58,13 @@ class Upkeep:
         intake: Intake,
         link: Link,
         gate: Gate,
+        post: PostOffice,
         relearn: Callable[[CommandRow], None],
         clock: Callable[[], int],
         timer: Callable[[], float],
     ) -> None:
         self._site, self._store, self._alerts, self._intake = site, store, alerts, intake
-        self._link, self._gate, self._relearn, self._clock = link, gate, relearn, clock
+        self._link, self._gate, self._post, self._relearn, self._clock = link, gate, post, relearn, clock
         self._begun = clock()
         self._archives = [Retention(folder) for folder in (site.archive, site.correlations) if folder is not None]
         self._asking: dict[int, Every] = {}
@@ -95,6 +101,7 @@ class Upkeep:
         """Update shelved alerts and alerts of silent vehicles, and carry out commands."""
         now = self._clock()
         self._alerts.end_shelves(now=now)
+        self._update_own("monitor:notifications", self._post.lasting_trouble, now)
         last_seen = self._store.inbox.last_seen()
         self._update_silence(last_seen, now)
         for command in self._store.requests.open_commands():
@@ -106,10 +113,21 @@ class Upkeep:
                 LOG.warning("unknown command", extra={"act": command.act})
                 self._store.requests.command_done(command.id, now)
 
+    def _update_own(self, cause: str, trouble: str, now: int) -> None:
+        """Raise an alert about a trouble of the monitor, or clear it where there is none."""
+        if trouble:
+            self._alerts.report(MONITOR, cause, trouble, now=now)
+        else:
+            self._alerts.clear(MONITOR, cause, now=now)
+
     def _update_silence(self, last_seen: dict[str, int], now: int) -> None:
-        """Raise an alert for each vehicle that has become silent, and clear those of vehicles that are back."""
+        """Raise an alert for each vehicle that has become silent; clear what has ended."""
         patience = round(60e9 * self._site.alerts.silent_after_minutes)
-        active = {row.vehicle for row in self._store.alerts.find(is_active=True) if row.cause == "silent"}
+        rows = self._store.alerts.find(is_active=True)
+        for row in rows:
+            if row.cause == "lost" and now - row.updated >= _CALM:
+                self._alerts.clear(row.vehicle, "lost", now=now)
+        active = {row.vehicle for row in rows if row.cause == "silent"}
         for vehicle, seen in last_seen.items():
             is_silent = now - max(seen, self._begun) > patience and not self._intake.is_parked(vehicle)
             if is_silent and vehicle not in active:

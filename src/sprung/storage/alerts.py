@@ -1,12 +1,18 @@
 """Alerts with their history, and the outbox of notifications."""
 
+from collections.abc import Collection
 from dataclasses import asdict, replace
 
-from sqlalchemy import select, update
+from sqlalchemy import ColumnElement, Connection, Table, and_, case, func, not_, or_, select, update
 
 from sprung.storage.database import Database
-from sprung.storage.rows import AlertRow, Document, HistoryRow, NotificationRow
-from sprung.storage.schema import ALERT_HISTORY, ALERTS, NOTIFICATIONS
+from sprung.storage.rows import AlertRow, Delivery, Document, HistoryRow, NotificationRow
+from sprung.storage.schema import ALERT_HISTORY, ALERTS, DELIVERIES, NOTIFICATIONS
+
+#: A day [ns].
+_DAY = 86400 * 10**9
+#: Columns of the progress of a sender, besides the number of attempts.
+_PROGRESS = ("next_attempt", "sent", "given_up", "last_error")
 
 
 class Alerts:
@@ -80,24 +86,89 @@ class Alerts:
         with self._database.reading() as connection:
             return [HistoryRow(**row) for row in connection.execute(query).mappings()]
 
-    def due_notifications(self, limit: int) -> list[NotificationRow]:
-        """Return notifications to send, first those with the fewest attempts, then the oldest."""
-        order = (NOTIFICATIONS.c.attempts, NOTIFICATIONS.c.id)
-        query = select(NOTIFICATIONS).where(NOTIFICATIONS.c.sent.is_(None)).order_by(*order).limit(limit)
+    def next_notification(self, sender: str, *, now: int) -> NotificationRow | None:
+        """Return the notification that a sender is to send next; None if none is due.
+
+        Parameters
+        ----------
+        sender
+            Name of the sender.
+        now
+            Present time, UTC ns.
+
+        Returns
+        -------
+        NotificationRow or None
+            Of those that the sender has not settled and whose next attempt is due, the one with the fewest attempts,
+            then the oldest. An attempt that is due in more than a day counts as due: the clock was set back.
+        """
+        of_sender = and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, DELIVERIES.c.sender == sender)
+        next_attempt = func.coalesce(DELIVERIES.c.next_attempt, 0)
+        is_due = or_(next_attempt <= now, next_attempt > now + _DAY)
+        attempts = func.coalesce(DELIVERIES.c.attempts, 0).label("attempts")
+        columns = [NOTIFICATIONS.c[name] for name in ("id", "alert", "created", "document")]
+        query = (
+            select(*columns, attempts, *(DELIVERIES.c[name] for name in _PROGRESS))
+            .select_from(NOTIFICATIONS.outerjoin(DELIVERIES, of_sender))
+            .where(_is_open(NOTIFICATIONS), _is_open(DELIVERIES), is_due)
+            .order_by(attempts, NOTIFICATIONS.c.id)
+            .limit(1)
+        )
         with self._database.reading() as connection:
-            return [NotificationRow(**row) for row in connection.execute(query).mappings()]
+            row = connection.execute(query).first()
+        if row is None:
+            return None
+        progress = Delivery(row.attempts, row.next_attempt, row.sent, row.given_up, row.last_error)
+        return NotificationRow(row.id, row.alert, row.created, row.document, progress)
 
-    def notification_sent(self, notification_id: int, now: int) -> None:
-        """Store that a notification was delivered."""
-        self._record_attempt(notification_id, sent=now, last_error=None)
+    def n_open(self) -> int:
+        """Return the number of notifications that are neither sent nor given up."""
+        with self._database.reading() as connection:
+            return connection.scalar(select(func.count()).where(_is_open(NOTIFICATIONS))) or 0
 
-    def notification_failed(self, notification_id: int, error: str) -> None:
-        """Store that an attempt to send a notification failed, and the error."""
-        self._record_attempt(notification_id, last_error=error)
-
-    def _record_attempt(self, notification_id: int, **outcome: int | str | None) -> None:
-        """Store the outcome of one attempt."""
-        is_open = NOTIFICATIONS.c.sent.is_(None)
-        notification = update(NOTIFICATIONS).where(NOTIFICATIONS.c.id == notification_id, is_open)
+    def put_delivery(
+        self, notification: int, sender: str, delivery: Delivery, *, senders: Collection[str], now: int
+    ) -> None:
+        """Store the progress of a sender with a notification, which is closed once all `senders` have settled it."""
+        values = asdict(delivery)
+        put = self._database.insert(DELIVERIES).values(notification=notification, sender=sender, **values)
+        count = {"attempts": NOTIFICATIONS.c.attempts + 1, "last_error": delivery.last_error}
         with self._database.writing() as connection:
-            connection.execute(notification.values(attempts=NOTIFICATIONS.c.attempts + 1, **outcome))
+            # First, as it locks the row: of two senders that settle at the same time the second sees the first.
+            connection.execute(update(NOTIFICATIONS).where(NOTIFICATIONS.c.id == notification).values(count))
+            connection.execute(put.on_conflict_do_update(index_elements=["notification", "sender"], set_=values))
+            _close_settled(connection, senders, now, NOTIFICATIONS.c.id == notification)
+
+    def close_settled(self, senders: Collection[str], *, now: int) -> None:
+        """Close the notifications that all `senders` have settled, as when another one was taken from the site file."""
+        with self._database.writing() as connection:
+            _close_settled(connection, senders, now)
+
+    def given_up(self) -> dict[str, str]:
+        """Return the reason of the last failure by name of each sender that gave up what it settled last."""
+        latest = (
+            select(DELIVERIES.c.sender, func.max(DELIVERIES.c.given_up).label("given_up"))
+            .group_by(DELIVERIES.c.sender)
+            .having(func.max(DELIVERIES.c.given_up) > func.coalesce(func.max(DELIVERIES.c.sent), -1))
+            .subquery()
+        )
+        is_latest = and_(DELIVERIES.c.sender == latest.c.sender, DELIVERIES.c.given_up == latest.c.given_up)
+        query = select(DELIVERIES.c.sender, DELIVERIES.c.last_error).join(latest, is_latest)
+        with self._database.reading() as connection:
+            return {row.sender: row.last_error or "" for row in connection.execute(query)}
+
+
+def _is_open(table: Table) -> ColumnElement[bool]:
+    """Return the condition for notifications or deliveries that are neither sent nor given up."""
+    return and_(table.c.sent.is_(None), table.c.given_up.is_(None))
+
+
+def _close_settled(
+    connection: Connection, senders: Collection[str], now: int, *conditions: ColumnElement[bool]
+) -> None:
+    """Close notifications that all senders have settled: as given up if any of them gave up, else as sent."""
+    of_senders = and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, DELIVERIES.c.sender.in_(senders))
+    n_settled = select(func.count()).where(of_senders, not_(_is_open(DELIVERIES))).scalar_subquery()
+    n_given_up = select(func.count()).where(of_senders, DELIVERIES.c.given_up.is_not(None)).scalar_subquery()
+    closed = update(NOTIFICATIONS).where(_is_open(NOTIFICATIONS), n_settled >= len(senders), *conditions)
+    connection.execute(closed.values(sent=case((n_given_up == 0, now)), given_up=case((n_given_up > 0, now))))

@@ -139,7 +139,7 @@ class Inbox:
         Returns
         -------
         dict
-            Progress before and after of each vehicle and boot that advanced; `contiguous` can be acknowledged.
+            Progress before and after of each vehicle and boot; `contiguous` can be acknowledged.
 
         Raises
         ------
@@ -154,21 +154,22 @@ class Inbox:
         }
         if not ends:
             return {}
-        advanced: dict[Key, tuple[Cursor, Cursor]] = {}
         with self._database.writing() as connection:
             cursors = self._locked(connection, list(ends), now)
+            progress = {key: (cursors[key], cursors[key]) for key in ends}
             advancing = {key: last for key, last in ends.items() if last > cursors[key].contiguous}
             for key, last, n_arrived, reached in _advances(connection, advancing):
                 before = cursors[key]
                 lost = before.lost + last - before.contiguous - n_arrived
-                advanced[key] = before, Cursor(reached, before.done, lost, now)
+                progress[key] = before, Cursor(reached, before.done, lost, now)
             moved = [
                 {"of_vehicle": key[0], "of_boot": key[1], "reached": after.contiguous, "lost": after.lost, "now": now}
-                for key, (_, after) in advanced.items()
+                for key, (before, after) in progress.items()
+                if after.contiguous > before.contiguous
             ]
             if moved:
                 connection.execute(_ADVANCE.values(lost=bindparam("lost")), moved)
-        return advanced
+        return progress
 
     def cursor(self, vehicle: str, boot: int) -> Cursor:
         """Return how far the frames of one boot of a vehicle have come."""

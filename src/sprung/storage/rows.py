@@ -216,16 +216,37 @@ class HistoryRow:
 
 
 @dataclass(frozen=True, slots=True)
+class Delivery:
+    """Progress of one sender with a notification; it is settled once `sent` or `given_up` is a time.
+
+    Parameters
+    ----------
+    attempts
+        Number of attempts.
+    next_attempt
+        Time of the next attempt; None: at once.
+    sent, given_up
+        Time when the sender passed it on, or gave it up.
+    last_error
+        Reason of the last failure; None after a success.
+    """
+
+    attempts: int = 0
+    next_attempt: int | None = None
+    sent: int | None = None
+    given_up: int | None = None
+    last_error: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class NotificationRow:
-    """Notification about an alert; `sent` is None until it was delivered."""
+    """Notification about an alert, and the progress of the sender for which it was looked up."""
 
     id: int
     alert: int
     created: int
     document: Document
-    sent: int | None
-    attempts: int
-    last_error: str | None
+    delivery: Delivery
 
 
 @dataclass(frozen=True, slots=True)

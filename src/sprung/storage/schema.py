@@ -194,7 +194,8 @@ ALERT_HISTORY = Table(
     Index("alert_history_of_alert", "alert"),
 )
 
-#: Notifications, until they are delivered.
+#: Notifications: `sent` when every sender had passed them on, `given_up` when the last one settled and any gave up;
+#: `attempts` and `last_error` are those of all senders.
 NOTIFICATIONS = Table(
     "notifications",
     METADATA,
@@ -205,7 +206,27 @@ NOTIFICATIONS = Table(
     Column("sent", _INTEGER),
     Column("attempts", _INTEGER, nullable=False),
     Column("last_error", Text),
+    Column("given_up", _INTEGER),
     Index("notifications_sent", "sent"),
+)
+
+#: Progress of each sender with a notification: what one has passed on it does not send again after a restart.
+DELIVERIES = Table(
+    "deliveries",
+    METADATA,
+    Column(
+        "notification",
+        _INTEGER,
+        ForeignKey("notifications.id", ondelete="CASCADE"),
+        primary_key=True,
+        autoincrement=False,
+    ),
+    _key("sender", Text),
+    Column("attempts", _INTEGER, nullable=False),
+    Column("next_attempt", _INTEGER),
+    Column("sent", _INTEGER),
+    Column("given_up", _INTEGER),
+    Column("last_error", Text),
 )
 
 AUDIT = Table(

@@ -108,10 +108,8 @@ class Store:
             Number of rows deleted. A file of SQLite keeps its size and reuses the space.
         """
         rules = [delete(table).where(table.c.t0 < before, table.c.stored < before) for table in (OBSERVATIONS, MODES)]
-        rules += [
-            delete(time.table).where(time < before)
-            for time in (NOTIFICATIONS.c.sent, COMMANDS.c.done, SET_ASIDE.c.stored)
-        ]
+        times = (NOTIFICATIONS.c.sent, NOTIFICATIONS.c.given_up, COMMANDS.c.done, SET_ASIDE.c.stored)
+        rules += [delete(time.table).where(time < before) for time in times]
         with self._database.writing() as connection:
             return sum(connection.execute(rule).rowcount for rule in rules)
 
