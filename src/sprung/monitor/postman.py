@@ -121,10 +121,14 @@ class Posting:
         Sends the notifications.
     clock
         Present time, UTC ns.
+    beat
+        Function that is called whenever it looks for notifications.
     """
 
-    def __init__(self, postman: Postman, clock: Callable[[], int]) -> None:
-        self._postman, self._clock = postman, clock
+    def __init__(
+        self, postman: Postman, clock: Callable[[], int], *, beat: Callable[[], object] = lambda: None
+    ) -> None:
+        self._postman, self._clock, self._beat = postman, clock, beat
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="post", daemon=True)
 
@@ -141,6 +145,7 @@ class Posting:
     def _run(self) -> None:
         """Send what is due, until stopped."""
         while not self._stopping.wait(_EVERY):
+            self._beat()
             try:
                 self._postman.send(now=self._clock())
             except StoreError as error:
