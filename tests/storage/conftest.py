@@ -4,6 +4,7 @@ import getpass
 import os
 import pwd
 import shutil
+import signal
 import subprocess
 import tempfile
 from contextlib import contextmanager
@@ -70,6 +71,26 @@ def postgresql_server():
         pytest.skip("root cannot run PostgreSQL, and there is no user postgres")
     with running_server(initdb, pg_ctl, user) as folder:
         yield folder
+
+
+@pytest.fixture
+def frozen_server(postgresql_server):
+    """A context in which all processes of the server are stopped, as by a disk or machine that hangs."""
+
+    @contextmanager
+    def frozen():
+        server = int((postgresql_server / "data" / "postmaster.pid").read_text().split()[0])
+        children = Path(f"/proc/{server}/task/{server}/children").read_text().split()
+        processes = [server, *map(int, children)]
+        for process in processes:
+            os.kill(process, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            for process in processes:
+                os.kill(process, signal.SIGCONT)
+
+    return frozen
 
 
 @pytest.fixture

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sprung.cli.checks import may_lack_sensors, names
-from sprung.cli.logs import LogFormat, log_to, stop_on_signals
+from sprung.cli.logs import LogFormat, log_to
 from sprung.cli.options import AllowMissing, SamplingRate, VehicleFile, option
 from sprung.cli.replay import BrokerUrl, VehicleId
+from sprung.cli.stopping import stop_on_signals
 
 if TYPE_CHECKING:
     from sprung.box.onboard import OnBoard

@@ -1,9 +1,7 @@
-"""Logs of services, text for people and JSON lines for machines; and the signals that stop them."""
+"""Logs of services, text for people and JSON lines for machines."""
 
 import json
 import logging
-import signal
-import threading
 from datetime import UTC, datetime
 from typing import Annotated
 
@@ -24,15 +22,6 @@ def log_to(form: str) -> None:
     root = logging.getLogger("sprung")
     root.handlers, root.propagate = [handler], False
     root.setLevel(logging.INFO)
-
-
-def stop_on_signals() -> threading.Event:
-    """Return an event that SIGINT and SIGTERM set."""
-    stopping = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        # In a thread: the signal may come while this one holds the lock of the event, and would wait for itself.
-        signal.signal(number, lambda *_: threading.Thread(target=stopping.set).start())
-    return stopping
 
 
 def extras(record: logging.LogRecord) -> dict[str, object]:

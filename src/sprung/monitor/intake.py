@@ -24,6 +24,7 @@ from sprung.link import (
     topic,
 )
 from sprung.link.messages import MOST_BOOTS, count, integer, text
+from sprung.monitor.inflow import vehicle_of
 from sprung.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
 from sprung.storage import Cursor, RefusedError, Store, StoredFrame
 from sprung.vehicles import vehicle_from_text
@@ -48,7 +49,7 @@ _NOTED_EVERY = 10**9
 _MOST_REFUSALS, _MOST_ANSWERS = 100, 1000
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Taken:
     """Contents of a batch of messages.
 
@@ -58,10 +59,13 @@ class Taken:
         Sequence number up to which nothing is missing, by vehicle and boot of the messages.
     described
         Vehicles with a new description.
+    n_messages
+        Number of messages.
     """
 
     arrived: dict[tuple[str, int], int] = field(default_factory=dict)
     described: set[str] = field(default_factory=set)
+    n_messages: int = 0
 
 
 class _BootsError(FormatError):
@@ -158,6 +162,7 @@ class Intake:
             self._boots.pop(self._full.pop(), None)  # counted again
         for name, payload in messages:
             self._counts["messages"] += 1
+            taken.n_messages += 1
             try:
                 vehicle, what = parse_topic(name)
                 if vehicle == MONITOR:
@@ -264,7 +269,7 @@ class Intake:
 
     def _refuse(self, name: str, reason: FormatError | ParameterError | RefusedError) -> None:
         """Count a refused message, log the first reason of each topic, and announce the supported version."""
-        self._tally.add(_vehicle_of(name), _reason(reason))
+        self._tally.add(vehicle_of(name), _reason(reason))
         if name[:120] not in self._refusals:
             LOG.warning(f"messages on {name[:120]} are refused: {reason}")
         if isinstance(reason, VersionError) and name[:120] not in self._refusals:
@@ -322,14 +327,6 @@ def _parts(things: Sequence[T], name: Callable[[T], str]) -> list[list[T]]:
     if len(names) == 1:
         return [[thing] for thing in things]
     return [[thing for thing in things if name(thing) == each] for each in names]
-
-
-def _vehicle_of(name: str) -> str:
-    """Return the vehicle of a topic; empty if it is none of this version."""
-    try:
-        return parse_topic(name)[0]
-    except FormatError:
-        return ""
 
 
 def _reason(error: Exception) -> str:

@@ -40,12 +40,10 @@ class Ledger:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.monitor.serving.FIGURES` about results and the store."""
+        """Figures of `sprung.monitor.serving.FIGURES` about results."""
         return {
             "sprung_windows_total": self._n_windows,
             "sprung_identifications_total": self._n_identifications,
-            "sprung_alerts_active": len(self._store.alerts.find(is_active=True)),
-            "sprung_store_bytes": self._store.size(),
         }
 
     def commit(self, outcome: Outcome, boot: int, seq: int) -> bool:

@@ -176,6 +176,8 @@ class PostOffice:
         Present time, UTC ns.
     link, picture
         As for `Postman`; pictures are drawn one at a time.
+    beat
+        Function that is called with "post" and the name of a sender whenever its thread looks for notifications.
     """
 
     def __init__(
@@ -186,6 +188,7 @@ class PostOffice:
         clock: Callable[[], int],
         link: Callable[[int], str] = lambda number: "",
         picture: Callable[[str, str], bytes] = lambda vehicle, cause: b"",
+        beat: Callable[[str], object] = lambda name: None,
     ) -> None:
         drawing = threading.Lock()
 
@@ -193,7 +196,7 @@ class PostOffice:
             with drawing:
                 return picture(vehicle, cause)
 
-        self._store, self._clock = store, clock
+        self._store, self._clock, self._beat = store, clock, beat
         self._names = [sender.name for sender in senders]
         self._postmen = [Postman(store, sender, senders=self._names, link=link, picture=drawn) for sender in senders]
         self._stopping = threading.Event()
@@ -263,6 +266,7 @@ class PostOffice:
         """Send what is due, until stopped."""
         wait = _EVERY
         while not self._stopping.wait(wait):
+            self._beat(f"post {postman.name}")
             try:
                 wait = 0.0 if postman.send(now=self._clock()) else _EVERY
             except StoreError as error:

@@ -1,22 +1,34 @@
 """Figures of the running monitor for Prometheus, its health, and its alerts, by HTTP."""
 
 import json
+import queue
 import re
 import threading
 from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import TypeVar
 
-from sprung.errors import ParameterError
+from sprung.errors import ParameterError, SprungError
+
+T = TypeVar("T")
+
+#: Longest time for an answer of the store [s], and largest number of requests that wait for one.
+_PATIENCE, _MOST_ASKING = 2.0, 4
+#: Longest time between the bytes of a request [s].
+_SLOWEST = 10.0
 
 #: Name, kind and meaning of every figure.
 FIGURES = {
     "sprung_vehicles": ("gauge", "Vehicles known."),
     "sprung_frames_total": ("counter", "Frames received and stored; duplicates count."),
     "sprung_messages_total": ("counter", "Messages received."),
-    "sprung_messages_refused_total": ("counter", "Messages that are not valid in this version."),
+    "sprung_messages_refused_total": ("counter", "Messages refused, for any reason."),
+    "sprung_refusals_total": ("counter", "Messages refused, by vehicle and reason."),
+    "sprung_queue_bytes": ("gauge", "Bytes of messages that wait for intake."),
     "sprung_frames_lost_total": ("counter", "Frames that boxes had to drop."),
     "sprung_vehicle_frames_lost_total": ("counter", "Frames that the box of a vehicle had to drop."),
     "sprung_windows_total": ("counter", "Windows analysed."),
+    "sprung_window_age_seconds": ("gauge", "Time since the last window was analysed."),
     "sprung_identifications_total": ("counter", "Identifications of modes."),
     "sprung_failures_total": ("counter", "Jobs of workers that failed."),
     "sprung_alerts_active": ("gauge", "Active alerts."),
@@ -27,7 +39,13 @@ FIGURES = {
     "sprung_link_connected": ("gauge", "1 while connected to the broker."),
     "sprung_store_bytes": ("gauge", "Size of the store."),
     "sprung_store_writable": ("gauge", "1 while the store can be written."),
+    "sprung_heartbeat_age_seconds": ("gauge", "Time since each loop of the monitor last turned."),
 }
+
+
+def labelled(name: str, **labels: str) -> str:
+    """Return the name of a figure with labels, whose values have neither quotes, backslashes nor line ends."""
+    return name + "{" + ",".join(f'{label}="{value}"' for label, value in labels.items()) + "}"
 
 
 def exposition(figures: Mapping[str, float]) -> str:
@@ -51,11 +69,19 @@ class Serving:
     address
         Host and port; port 0: any free one.
     figures
-        Function that returns those of `FIGURES`.
+        Function that returns those of `FIGURES` that need no store.
     troubles
-        Function that returns a sentence about each trouble.
+        Function that returns a sentence about each trouble; it needs no store.
+    stored
+        Function that returns the figures of the store.
     alert
-        Function that returns the text about the alert of a number; None if there is none.
+        Function that returns the text about the alert of a number, from the store; None if there is none.
+    patience
+        Longest time for an answer of the store [s].
+
+    Notes
+    -----
+    What needs the store is asked in a thread of its own, and left out if it fails or takes too long.
     """
 
     def __init__(
@@ -64,9 +90,13 @@ class Serving:
         *,
         figures: Callable[[], Mapping[str, float]],
         troubles: Callable[[], list[str]],
+        stored: Callable[[], Mapping[str, float]] = dict,
         alert: Callable[[int], str | None] = lambda number: None,
+        patience: float = _PATIENCE,
     ) -> None:
-        self._address, self._figures, self._troubles, self._alert = address, figures, troubles, alert
+        self._address, self._figures, self._troubles = address, figures, troubles
+        self._stored, self._alert, self._patience = stored, alert, patience
+        self._asking = threading.Semaphore(_MOST_ASKING)
         self._server: ThreadingHTTPServer | None = None
         self._thread: threading.Thread | None = None
 
@@ -107,22 +137,49 @@ class Serving:
     def _answer(self, path: str) -> tuple[int, str, str]:
         """Return status, content type and text for a path."""
         if path == "/metrics":
-            return 200, "text/plain; version=0.0.4", exposition(self._figures())
+            stored = self._within_patience(self._stored)
+            figures = {**self._figures(), **({"sprung_store_writable": 0.0} if stored is None else stored)}
+            return 200, "text/plain; version=0.0.4; charset=utf-8", exposition(figures)
         if path == "/health":
             troubles = self._troubles()
             document = {"healthy": not troubles, "troubles": troubles}
             return 503 if troubles else 200, "application/json", json.dumps(document)
         number = re.fullmatch(r"/alerts/(\d{1,18})", path)
-        text = None if number is None else self._alert(int(number[1]))
-        if text is not None:
-            return 200, "text/plain; charset=utf-8", text
+        if number is not None:
+            answer = self._within_patience(lambda: (self._alert(int(number[1])),))
+            if answer is None:
+                return 503, "text/plain", "the store does not answer: try again later, and look at /health\n"
+            if answer[0] is not None:
+                return 200, "text/plain; charset=utf-8", answer[0]
         return 404, "text/plain", "not found: /metrics, /health and /alerts/NUMBER are served\n"
+
+    def _within_patience(self, act: Callable[[], T]) -> T | None:
+        """Return what a function of the store returns; None if it fails, takes too long, or many others do."""
+        if not self._asking.acquire(blocking=False):
+            return None
+        answers: queue.SimpleQueue[T | None] = queue.SimpleQueue()
+
+        def ask() -> None:
+            try:
+                answers.put(act())
+            except (SprungError, OSError):
+                answers.put(None)
+            finally:
+                self._asking.release()
+
+        threading.Thread(target=ask, name="http store", daemon=True).start()
+        try:
+            return answers.get(timeout=self._patience)
+        except queue.Empty:
+            return None
 
     def _handler(self) -> type[BaseHTTPRequestHandler]:
         """Return the class that handles requests."""
         answer = self._answer
 
         class Handler(BaseHTTPRequestHandler):
+            timeout = _SLOWEST
+
             def do_GET(self) -> None:
                 status, kind, text = answer(self.path.split("?")[0])
                 body = text.encode()

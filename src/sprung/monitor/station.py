@@ -1,22 +1,24 @@
 """The monitor: link, store, workers and alerts together, in one loop."""
 
 import logging
-import queue
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
-from sprung.link import UPWARDS, VERSION, Key, Link, message, topic
+from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, topic
 from sprung.monitor.alert_book import AlertBook
 from sprung.monitor.desk import alert_in_words
 from sprung.monitor.dispatch import Dispatch
+from sprung.monitor.engine import Observed
 from sprung.monitor.gate import Gate
+from sprung.monitor.heartbeats import Heartbeats, Loop
+from sprung.monitor.inflow import Inflow, vehicle_of
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.ledger import Ledger
 from sprung.monitor.pictures import alert_picture
 from sprung.monitor.postman import PostOffice, senders_of
-from sprung.monitor.serving import Serving
+from sprung.monitor.refusals import OVERLOAD, Refusals
+from sprung.monitor.serving import Serving, labelled
 from sprung.monitor.site import Site
 from sprung.monitor.upkeep import Upkeep
 from sprung.monitor.workers import VehicleStatus, Workers
@@ -24,8 +26,12 @@ from sprung.storage import Store
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Largest number of messages taken in together, and of messages that may wait.
-_BATCH, _MOST_WAITING = 2000, 50_000
+#: Largest number of messages taken in together, of their bytes, and longest time to read them [s].
+_BATCH, _BATCH_BYTES, _BATCH_SECONDS = 2000, 16 << 20, 0.25
+#: Time between looks at which vehicles send too much [s], and largest number of alerts about them.
+_EXAMINE, _MOST_ALERTS = 60.0, 20
+#: Longest time of a turn of the loop, and of the thread that sends notifications; of a job, besides its limit [s].
+_STILL, _STILL_POST, _LATE = 15.0, 300.0, 60.0
 
 
 class Station:
@@ -58,17 +64,22 @@ class Station:
         timer: Callable[[], float] = time.monotonic,
     ) -> None:
         self._site, self._clock = site, clock
-        self._messages: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
+        self._inflow, self._refusals, self._timer, self._store = Inflow(), Refusals(), timer, store
+        self._last_window: float | None = None
         self._link = connect(
             topics=[topic("+", what) for what in UPWARDS],
             on_message=self.receive,
             will=(topic(MONITOR, "state"), message({Key.VERSION: VERSION, "is_dead": True})),
         )
-        alerts = AlertBook(store, site.alerts.settings)
+        senders = senders_of(site.send, self._link.publish)
+        loops = _loops(site.watch.seconds_per_job, [sender.name for sender in senders])
+        self._heartbeats = Heartbeats(loops, timer)
+        alerts = self._alerts = AlertBook(store, site.alerts.settings)
         self._gate = Gate(timer)
         self._intake = Intake(
             store,
             self._link.publish,
+            refusals=self._refusals,
             on_lost=lambda vehicle, counts, begin, end, now: alerts.report_lost(
                 vehicle, counts, begin=begin, end=end, now=now
             ),
@@ -77,10 +88,11 @@ class Station:
         self._dispatch = Dispatch(store, workers, ledger, site.watch.settings)
         self._post = PostOffice(
             store,
-            senders_of(site.send, self._link.publish),
+            senders,
             clock=clock,
             link=site.alert_url,
             picture=partial(alert_picture, store),
+            beat=self._heartbeats.beat,
         )
         self._upkeep = Upkeep(
             site,
@@ -95,8 +107,14 @@ class Station:
             timer=timer,
         )
         self._serving = Serving(
-            site.http_address, figures=self.figures, troubles=self.troubles, alert=partial(alert_in_words, store)
+            site.http_address,
+            figures=self.figures,
+            troubles=self.troubles,
+            stored=self.stored_figures,
+            alert=partial(alert_in_words, store),
         )
+        self._examining = Every(_EXAMINE, timer)
+        self._overloaded: set[str] = set()
         self._is_resting = False
 
     @property
@@ -118,7 +136,7 @@ class Station:
     @property
     def is_idle(self) -> bool:
         """Whether all received frames are analysed, except those that wait for earlier frames or a description."""
-        return self._is_resting and self._messages.empty() and self._dispatch.is_idle
+        return self._is_resting and self._inflow.is_empty and self._dispatch.is_idle
 
     def open(self, *, timeout: float = 0.0) -> None:
         """Continue from the store, and connect; `timeout` as for `Link.open`."""
@@ -127,6 +145,7 @@ class Station:
         self._dispatch.open()
         self._post.open()
         self._link.open(timeout=timeout)
+        self._heartbeats.beat("station")
         LOG.info("monitoring", extra={"vehicles": self.n_vehicles})
 
     def run(self, is_done: Callable[[], bool]) -> None:
@@ -136,6 +155,7 @@ class Station:
 
     def step(self) -> None:
         """Do what is due; wait for 5 ms if nothing is."""
+        self._heartbeats.beat("station")
         n_taken = n_given = 0
         if self._gate.is_open:
             n_taken = self._take()
@@ -143,7 +163,14 @@ class Station:
         outcomes = self._dispatch.collect(timeout=0.0 if n_taken else 0.05)
         for outcome in outcomes:
             self._gate.guard(partial(self._dispatch.settle, outcome))
+            if any(isinstance(event, Observed) for event in outcome.events):
+                self._last_window = self._timer()
+        if outcomes or self._dispatch.is_idle:
+            self._heartbeats.beat("analysis")
         self._upkeep.step()
+        if self._examining.is_due:
+            self._examining.start()
+            self._gate.guard(self._examine)
         self._is_resting = not (n_taken or n_given or outcomes)
         if self._is_resting:
             time.sleep(0.005)
@@ -160,33 +187,53 @@ class Station:
 
     def receive(self, name: str, payload: bytes) -> None:
         """Queue a message for the next step; beyond the limit it is dropped, and sent again as unacknowledged."""
-        if self._messages.qsize() < _MOST_WAITING:
-            self._messages.put((name, payload))
+        if not self._inflow.put(name, payload):
+            vehicle = vehicle_of(name)
+            self._refusals.add(vehicle, OVERLOAD)
+            if len(self._overloaded) < _MOST_ALERTS:
+                self._overloaded.add(vehicle)
 
     def figures(self) -> dict[str, float]:
-        """Return the figures of `FIGURES`."""
+        """Return the figures of `FIGURES` that need no store."""
+        ages, refusals = self._heartbeats.ages, self._refusals.counts
+        window = {} if self._last_window is None else {"sprung_window_age_seconds": self._timer() - self._last_window}
         return {
             **self._intake.figures,
             **self._dispatch.figures,
             **self._post.figures,
+            **window,
+            "sprung_queue_bytes": self._inflow.n_bytes,
             "sprung_link_connected": float(self._link.is_connected),
             "sprung_store_writable": float(not self._gate.trouble),
+            **{labelled("sprung_heartbeat_age_seconds", loop=loop): age for loop, age in ages.items()},
+            **{
+                labelled("sprung_refusals_total", vehicle=vehicle, reason=reason): n_messages
+                for (vehicle, reason), n_messages in refusals.items()
+            },
         }
+
+    def stored_figures(self) -> dict[str, float]:
+        """Return the figures of `FIGURES` that the store has.
+
+        Raises
+        ------
+        StoreError
+            If it cannot be read.
+        """
+        n_active = len(self._store.alerts.find(is_active=True))
+        return {"sprung_alerts_active": n_active, "sprung_store_bytes": self._store.size()}
 
     def troubles(self) -> list[str]:
         """Return sentences about problems of the monitor itself."""
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
-        return [sentence for sentence in (broker, self._gate.trouble, *self._post.troubles) if sentence]
+        inner = (*self._heartbeats.troubles, *self._post.troubles)
+        return [sentence for sentence in (broker, self._gate.trouble, *inner) if sentence]
 
     def _take(self) -> int:
         """Store the messages received, and return their number."""
-        batch: list[tuple[str, bytes]] = []
-        with suppress(queue.Empty):
-            while len(batch) < _BATCH:
-                batch.append(self._messages.get_nowait())
-        if not batch:
+        if self._inflow.is_empty:
             return 0
-        taken = self._gate.guard(partial(self._intake.take, batch, now=self._clock()))
+        taken = self._gate.guard(partial(self._intake.take, self._batch(), now=self._clock()))
         if taken is None:
             return 0
         self._gate.succeed()
@@ -194,4 +241,41 @@ class Station:
             self._dispatch.add(vehicle, boot, contiguous)
         for vehicle in taken.described:
             self._dispatch.describe(vehicle)
-        return len(batch)
+        return taken.n_messages
+
+    def _batch(self) -> Iterator[tuple[str, bytes]]:
+        """Yield messages, vehicle by vehicle in turn, while their number, their bytes and the time allow it."""
+        n_bytes, begun = 0, self._timer()
+        for _ in range(_BATCH):
+            message = self._inflow.take()
+            if message is None:
+                return
+            yield message
+            n_bytes += len(message[1])
+            if n_bytes > _BATCH_BYTES or self._timer() - begun > _BATCH_SECONDS:
+                return
+
+    def _examine(self) -> None:
+        """Raise an alert for each vehicle that sent more than could wait since the last look; clear those of others."""
+        now = self._clock()
+        overloaded, self._overloaded = self._overloaded, set()
+        for vehicle in sorted(overloaded):
+            sentence = f"{vehicle or 'a program'} sends more than the monitor takes in: messages are refused"
+            self._alerts.report(vehicle or MONITOR, "monitor:intake", sentence, now=now)
+        for row in self._store.alerts.find(is_active=True):
+            if row.cause == "monitor:intake" and row.vehicle not in overloaded:
+                self._alerts.clear(row.vehicle, row.cause, now=now)
+
+
+def _loops(seconds_per_job: float, senders: Sequence[str]) -> dict[str, Loop]:
+    """Return the loops that must turn."""
+    return {
+        "station": Loop(
+            _STILL, "the loop of the monitor stands still: check its store and disk, restart it if it does not go on"
+        ),
+        "analysis": Loop(seconds_per_job + _LATE, "no job of the analysis ends: restart the monitor"),
+        **{
+            f"post {sender}": Loop(_STILL_POST, f"notifications wait for {sender}, which does not answer: check it")
+            for sender in senders
+        },
+    }

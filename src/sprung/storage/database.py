@@ -11,6 +11,7 @@ from typing import Any
 from sqlalchemy import URL, Connection, Engine, Table, create_engine, event, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, StatementError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 from sprung.storage.schema import SNAPSHOTS, RefusedError, StoreError
 
@@ -52,6 +53,22 @@ class Database:
     def writing(self) -> AbstractContextManager[Connection]:
         """Return a transaction that writes; other writers wait until it ends."""
         return _transaction(self._writer)
+
+    @contextmanager
+    def upgrading(self) -> Iterator[Connection]:
+        """Yield a transaction that writes for as long as it takes."""
+        with self.writing() as connection:
+            if self.path is not None:
+                yield connection
+                return
+            for limit in ("statement_timeout", "lock_timeout"):
+                connection.exec_driver_sql(f"SET LOCAL {limit} = 0")
+            limited: Any = connection.connection.dbapi_connection
+            patience, limited.patience = limited.patience, None
+            try:
+                yield connection
+            finally:
+                limited.patience = patience
 
     def insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
         """Return an INSERT that supports a clause for existing rows."""
@@ -99,7 +116,11 @@ class Database:
 def _engine(url: URL) -> Engine:
     """Return the engine for a database; SQLite syncs each commit, and its writers queue."""
     if url.get_backend_name() == "postgresql":
-        return create_engine(url, pool_pre_ping=True)
+        from sprung.storage.postgresql import connected
+
+        engine = create_engine(url, pool_pre_ping=True, pool_timeout=PATIENCE)
+        event.listen(engine, "do_connect", lambda dialect, record, given, settings: connected(*given, **settings))
+        return engine
     engine = create_engine(url, connect_args={"timeout": PATIENCE})
 
     @event.listens_for(engine, "connect")
@@ -128,14 +149,17 @@ def _transaction(engine: Engine) -> Iterator[Connection]:
             except (DataError, IntegrityError):
                 raise
             except DBAPIError:
-                # SQLite keeps using files that were opened on a read-only disk: reopen them next time.
                 connection.invalidate()
-                engine.dispose()
+                if engine.dialect.name == "sqlite":
+                    # It keeps using files that were opened on a read-only disk: reopen them next time.
+                    engine.dispose()
                 raise
     except DBAPIError as error:
         # SQLSTATE classes 22 (data exception) and 23 (integrity constraint violation), and those of SQLite
         kind = RefusedError if isinstance(error, DataError | IntegrityError) else StoreError
         raise kind(_sentence(error.orig)) from error
+    except PoolTimeoutError as error:
+        raise StoreError(f"the store is busy: no connection was free for {PATIENCE:g} s: try again later") from error
     except (StatementError, UnicodeError, OverflowError) as error:
         raise RefusedError(f"the store cannot hold this: {getattr(error, 'orig', None) or error}") from error
 
@@ -147,7 +171,7 @@ def _sentence(error: BaseException | None) -> str:
     state = getattr(error, "sqlstate", None) or ""
     if code in _CANNOT_WRITE or state in _CANNOT_WRITE_STATES:
         return _cannot_write(cause)
-    if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}:
+    if code in {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED} or state == "55P03":  # lock_not_available
         return f"the store is busy: {cause}: end the program that has held it for more than {PATIENCE:g} s"
     if code in {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}:
         return f"the store is damaged: {cause}: restart, which sets it aside and begins a new one"

@@ -139,7 +139,7 @@ def open_store(url: str) -> Store:
     is_file = address.get_backend_name() == "sqlite"
     database = Database(address, notices=_prepare(Path(address.database or "")) if is_file else ())
     try:
-        with database.writing() as connection:
+        with database.upgrading() as connection:
             upgrade(connection)
     except BaseException:
         database.close()

@@ -1,0 +1,44 @@
+"""Signals that stop a service, in good order if it can, and within a stated time in any case."""
+
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+
+LOG = logging.getLogger("sprung")
+
+
+def stop_on_signals(*, within: float | None = None) -> threading.Event:
+    """Return an event that SIGINT and SIGTERM set.
+
+    Parameters
+    ----------
+    within
+        Longest time from the first signal to the end of the process [s], after which it ends with status 1, its child
+        processes first; None: any.
+    """
+    stopping = threading.Event()
+
+    def stop() -> None:
+        if stopping.is_set():
+            return
+        stopping.set()
+        if within is not None:
+            timer = threading.Timer(within, _end, (within,))
+            timer.daemon = True
+            timer.start()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # In a thread: the signal may come while this one holds the lock of the event, and would wait for itself.
+        signal.signal(number, lambda *_: threading.Thread(target=stop).start())
+    return stopping
+
+
+def _end(within: float) -> None:
+    """End the process whatever its threads wait for: what counts is in the store, transaction by transaction."""
+    LOG.error(f"not stopped in good order within {within:g} s, as the store or a disk does not answer: ended")
+    for child in multiprocessing.active_children():
+        child.kill()
+        child.join(1.0)
+    os._exit(1)

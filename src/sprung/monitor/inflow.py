@@ -1,0 +1,92 @@
+"""Messages that wait for intake: bounded in bytes, and taken vehicle by vehicle in turn."""
+
+import threading
+from collections import deque
+
+from sprung.errors import FormatError
+from sprung.link import parse_topic
+
+#: Bytes of all messages that may wait, and what each takes besides its payload.
+MOST_WAITING, OVERHEAD = 128 << 20, 512
+#: Share of the free bytes that the messages of one vehicle may take.
+_SHARE = 0.25
+
+
+class Inflow:
+    """Queues of messages, one for each vehicle; from any thread.
+
+    Parameters
+    ----------
+    most_bytes
+        Bytes of all messages that may wait.
+
+    Notes
+    -----
+    A message is refused if those of its vehicle would take more than a quarter of the bytes that are free. One vehicle
+    that floods the monitor so takes a fifth of all, n of them n / (n + 4), and there is always room for others. Each
+    takes its turn, so that a vehicle with one message waits for one message of every other vehicle at most.
+
+    References
+    ----------
+    Choudhury and Hahne (1998), Dynamic queue length thresholds for shared-memory packet switches, IEEE/ACM Transactions
+    on Networking 6(2).
+    """
+
+    def __init__(self, most_bytes: int = MOST_WAITING) -> None:
+        self._most = most_bytes
+        self._lock = threading.Lock()
+        self._queues: dict[str, deque[tuple[str, bytes]]] = {}
+        self._sizes: dict[str, int] = {}
+        self._turns: deque[str] = deque()
+        self._n_bytes = 0
+
+    @property
+    def n_bytes(self) -> int:
+        """Bytes of the messages that wait."""
+        return self._n_bytes
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no message waits."""
+        return not self._turns
+
+    def put(self, name: str, payload: bytes) -> bool:
+        """Queue a message of a topic, and return whether there was room for it."""
+        vehicle = vehicle_of(name)
+        size = len(name) + len(payload) + OVERHEAD
+        with self._lock:
+            of_vehicle = self._sizes.get(vehicle, 0) + size
+            if of_vehicle > _SHARE * (self._most - self._n_bytes):
+                return False
+            if vehicle not in self._queues:
+                self._queues[vehicle] = deque()
+                self._turns.append(vehicle)
+            self._queues[vehicle].append((name, payload))
+            self._sizes[vehicle] = of_vehicle
+            self._n_bytes += size
+            return True
+
+    def take(self) -> tuple[str, bytes] | None:
+        """Return the oldest message of the vehicle whose turn it is; None if no message waits."""
+        with self._lock:
+            if not self._turns:
+                return None
+            vehicle = self._turns.popleft()
+            waiting = self._queues[vehicle]
+            name, payload = waiting.popleft()
+            size = len(name) + len(payload) + OVERHEAD
+            self._n_bytes -= size
+            self._sizes[vehicle] -= size
+            if waiting:
+                self._turns.append(vehicle)
+            else:
+                del self._queues[vehicle], self._sizes[vehicle]
+            return name, payload
+
+
+def vehicle_of(name: str) -> str:
+    """Return the vehicle of a topic; empty if it is none of this version."""
+    try:
+        return parse_topic(name)[0]
+    except FormatError:
+        return ""
