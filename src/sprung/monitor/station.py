@@ -13,13 +13,14 @@ from sprung.monitor.desk import alert_in_words
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.gate import Gate
 from sprung.monitor.intake import MONITOR, Intake
+from sprung.monitor.jobs import VehicleStatus
 from sprung.monitor.ledger import Ledger
 from sprung.monitor.pictures import alert_picture
 from sprung.monitor.postman import Posting, Postman, senders_of
 from sprung.monitor.serving import Serving
 from sprung.monitor.site import Site
 from sprung.monitor.upkeep import Upkeep
-from sprung.monitor.workers import VehicleStatus, Workers
+from sprung.monitor.workers import Workers
 from sprung.storage import Store
 
 LOG = logging.getLogger("sprung.monitor")
@@ -68,7 +69,7 @@ class Station:
         self._gate = Gate(timer)
         self._intake = Intake(store, self._link.publish)
         ledger = Ledger(site, store, alerts=alerts, clock=clock)
-        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings)
+        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings, timer=timer)
         self._upkeep = Upkeep(
             site,
             store,
