@@ -130,7 +130,7 @@ class Inline:
         return True
 
     def open(self, opening: object) -> None:
-        from sprung.monitor.workers import open_monitor
+        from sprung.monitor.jobs import open_monitor
 
         self.watched[opening.vehicle] = open_monitor(opening)
 
@@ -138,7 +138,7 @@ class Inline:
         self.watched.pop(vehicle, None)
 
     def submit(self, vehicle: str, frames: list[bytes], *, learn: str = "") -> None:
-        from sprung.monitor.workers import analyse
+        from sprung.monitor.jobs import analyse
 
         self._outcomes.append(analyse(vehicle, self.watched[vehicle], frames, learn=learn))
 

@@ -9,7 +9,8 @@ import pytest
 from sprung.box import blocks_of
 from sprung.link import Frame, encode, quantised
 from sprung.monitor import Site, Station, VehicleMonitor, engine
-from sprung.monitor.workers import Opening, Outcome, Workers, analyse, open_monitor
+from sprung.monitor.jobs import Opening, Outcome, analyse, open_monitor
+from sprung.monitor.workers import Workers
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.storage import open_store
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text

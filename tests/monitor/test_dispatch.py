@@ -10,7 +10,7 @@ from sprung.alerting import AlertSettings
 from sprung.diagnosis import Observation
 from sprung.documents import observation_document
 from sprung.link import message
-from sprung.monitor import AlertBook, MonitorSettings, Observed, Opening, Outcome, Site, VehicleStatus, Workers
+from sprung.monitor import AlertBook, Failure, MonitorSettings, Observed, Opening, Outcome, Site, VehicleStatus, Workers
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.ledger import Ledger
 from sprung.recording import Channel, Recording
@@ -20,6 +20,9 @@ from sprung.vehicles import Component, read_vehicle, vehicle_text
 NOW = 1_795_219_200_000_000_000
 SPRINGS = (Component("front_left", "spring"), Component("front_right", "spring"))
 WINDOW = Observation(NOW / 1e9, SPRINGS, np.zeros(2), 1e-4 * np.eye(2), {}, {}, ())
+
+
+WINDOW_EVENT = Observed(0, Recording(np.zeros((1, 2)), 1.0, (Channel("a"),), NOW), WINDOW, None, None)
 
 
 class Played(Workers):
@@ -62,10 +65,10 @@ def workers():
 
 
 @pytest.fixture
-def dispatch(store, workers, tmp_path: Path):
+def dispatch(store, workers, timer, tmp_path: Path):
     site = Site.model_validate({"store": f"sqlite:///{tmp_path}/store.sqlite"})
     ledger = Ledger(site, store, alerts=AlertBook(store, AlertSettings()), clock=lambda: NOW)
-    return Dispatch(store, workers, ledger, MonitorSettings())
+    return Dispatch(store, workers, ledger, MonitorSettings(), timer=timer)
 
 
 def arrive(store, dispatch, vehicle, first, last) -> None:
@@ -81,8 +84,23 @@ def done(vehicle, n_consumed, state=None) -> Outcome:
     return Outcome(vehicle, n_consumed, (), state, VehicleStatus())
 
 
-def failed(vehicle) -> Outcome:
-    return Outcome(vehicle, 0, (), None, VehicleStatus(), "the analysis failed")
+def failed(vehicle, n_consumed=0, failure=Failure.FRAME) -> Outcome:
+    return Outcome(vehicle, n_consumed, (), None, VehicleStatus(), "it fails", failure)
+
+
+class Timer:
+    """A clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def timer():
+    return Timer()
 
 
 def test_frames_wait_for_the_description_of_their_vehicle(dispatch, workers, store) -> None:
@@ -120,19 +138,112 @@ def test_frames_that_a_job_left_come_in_the_next_one(dispatch, workers, store) -
     assert workers.jobs[-1] == ("car-1", [b"3"], "")
 
 
-def test_a_job_that_fails_is_tried_again_and_then_excluded(dispatch, workers, store) -> None:
+def aside(store, vehicle="car-1"):
+    return [(row.kind, row.seq) for row in store.aside.find(vehicle)]
+
+
+def test_only_the_frame_that_fails_is_set_aside(dispatch, workers, store) -> None:
     describe(store, "car-1")
-    arrive(store, dispatch, "car-1", 0, 3)
+    arrive(store, dispatch, "car-1", 0, 5)
     for strike in (1, 2):
         dispatch.give()
-        assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2"], "")
-        dispatch.settle(failed("car-1"))
+        assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2", b"3", b"4"], "")
+        dispatch.settle(failed("car-1", 3))
         assert not workers.is_open("car-1")
         assert dispatch.figures["sprung_failures_total"] == strike
-    assert dispatch.give() == 0
+    assert aside(store) == [("raw", 3)]
     (row,) = store.alerts.find(vehicle="car-1")
-    assert row.text == "3 frames were excluded: the analysis failed"
-    assert store.inbox.cursor("car-1", 1).done == 2
+    assert (row.cause, row.is_active) == ("monitor:analysis", True)
+    assert row.text == "frames could not be analysed and were set aside: it fails"
+    dispatch.give()
+    assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2", b"4"], "")
+    dispatch.settle(Outcome("car-1", 4, (WINDOW_EVENT,), b"state", VehicleStatus()))
+    assert store.inbox.cursor("car-1", 1).done == 4
+    assert dispatch.figures["sprung_frames_set_aside_total"] == 1
+    assert [row.is_active for row in store.alerts.find(vehicle="car-1")] == [False]
+
+
+def test_failures_in_different_places_set_nothing_aside(dispatch, workers, store, timer) -> None:
+    """As of processes that are killed from outside: the frames are tried again, later each time."""
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 5)
+    for place in (0, 3, 1, 2, 4):
+        timer.now += 300.0
+        assert dispatch.give() == 1
+        dispatch.settle(failed("car-1", place))
+    assert aside(store) == []
+    assert dispatch.give() == 0
+    assert dispatch.figures["sprung_vehicles_waiting"] == 1
+
+
+def test_a_window_that_fails_whatever_frame_completes_it_is_set_aside(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dispatch.give()
+    dispatch.settle(done("car-1", 2, b"state"))
+    arrive(store, dispatch, "car-1", 2, 9)
+    for place in (3, 3, 3):  # of the frames 2 to 8; the third time without frame 5
+        dispatch.give()
+        dispatch.settle(failed("car-1", place))
+    assert aside(store) == [("raw", seq) for seq in (2, 3, 4, 5, 6)]
+    dispatch.give()
+    assert workers.opened["car-1"].state == b"state"
+    assert workers.jobs[-1] == ("car-1", [b"7", b"8"], "")
+
+
+def test_frames_of_windows_that_are_too_large_are_set_aside_at_once(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 4)
+    dispatch.give()
+    dispatch.settle(failed("car-1", 3, Failure.QUOTA))
+    assert aside(store) == [("raw", seq) for seq in (0, 1, 2)]
+    assert workers.is_open("car-1")
+    dispatch.give()
+    assert workers.jobs[-1] == ("car-1", [b"3"], "")
+
+
+def test_a_vehicle_that_begins_anew_keeps_its_frames(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dispatch.give()
+    dispatch.settle(Outcome("car-1", 2, (WINDOW_EVENT,), b"of a newer program", VehicleStatus()))
+    dispatch.describe("car-1")
+    arrive(store, dispatch, "car-1", 2, 4)
+    dispatch.give()
+    dispatch.settle(failed("car-1", 0, Failure.STATE))
+    assert aside(store) == [("state", 1)]
+    assert store.aside.find("car-1")[0].payload == b"of a newer program"
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert row.cause == "monitor:state"
+    assert "it fails; monitoring begins anew with the baseline and the windows in the store" in row.text
+    dispatch.give()
+    opening = workers.opened["car-1"]
+    assert (opening.state, opening.history.n_windows) == (None, 1)
+    assert workers.jobs[-1] == ("car-1", [b"2", b"3"], "")
+    assert dispatch.figures["sprung_states_set_aside_total"] == 1
+
+
+@pytest.mark.parametrize("failure", [Failure.STATE, Failure.VEHICLE, Failure.FRAME])
+def test_a_vehicle_that_cannot_be_opened_waits_longer_each_time(dispatch, workers, store, timer, failure) -> None:
+    """Also with a request to learn and no frames; nothing is set aside, and there is one alert."""
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 1)
+    dispatch.give()
+    dispatch.settle(done("car-1", 1, None if failure is Failure.STATE else b"state"))
+    number = store.requests.add_command("anna", "car-1", "learn", "new dampers", now=NOW)
+    dispatch.relearn(store.requests.command(number))
+    times = []
+    for _ in range(2500):
+        if dispatch.give():
+            times.append(timer.now)
+            dispatch.settle(failed("car-1", 0, failure))
+        timer.now += 0.5
+    assert times == [0.0, 0.5, 1.5, 3.5, 7.5, 15.5, 31.5, 63.5, 127.5, 255.5, 511.5, 811.5, 1111.5]
+    assert aside(store) == []
+    (row,) = store.alerts.find(vehicle="car-1")
+    assert (row.cause, row.text) == ("monitor:opening", "its frames wait, as it cannot be analysed: it fails")
+    dispatch.describe("car-1")
+    assert dispatch.give() == 1
 
 
 def test_results_that_the_store_refuses_are_a_failure_of_their_vehicle(
@@ -152,11 +263,12 @@ def test_results_that_the_store_refuses_are_a_failure_of_their_vehicle(
         dispatch.give()
         dispatch.settle(done("car-1", 2, b"state"))
         assert not workers.is_open("car-1")
+    assert aside(store) == [("raw", 1)]
     (row,) = store.alerts.find(vehicle="car-1")
-    assert row.text == "2 frames were excluded: the store cannot hold this: a number of 65 bits"
+    assert row.text.endswith("were set aside: the store cannot hold this: a number of 65 bits")
 
 
-def test_a_report_that_the_store_refuses_is_excluded(dispatch, store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_report_that_the_store_refuses_is_set_aside(dispatch, store, monkeypatch: pytest.MonkeyPatch) -> None:
     commit = store.results.commit
 
     def refuse(progress):
@@ -171,8 +283,9 @@ def test_a_report_that_the_store_refuses_is_excluded(dispatch, store, monkeypatc
     dispatch.add("car-1", 1, store.inbox.add_frames(frames, now=NOW)["car-1", 1])
     assert dispatch.give() == 1
     assert dispatch.give() == 0
+    assert aside(store) == [("modes", 0)]
     (row,) = store.alerts.find(vehicle="car-1")
-    assert row.text == "1 frames were excluded: the store cannot hold this: a number of 65 bits"
+    assert row.text.endswith("were set aside: the store cannot hold this: a number of 65 bits")
     assert store.inbox.cursor("car-1", 1).done == 0
 
 
@@ -208,11 +321,10 @@ def test_a_learning_vehicle_is_opened_with_the_type_of_the_others(dispatch, work
         entry = (0, NOW, observation_document(WINDOW))
         store.results.commit(Progress(f"car-{number}", 1, done_seq=0, observations=(entry,)))
     arrive(store, dispatch, "car-0", 1, 4)
-    event = Observed(0, Recording(np.zeros((1, 2)), 1.0, (Channel("a"),), NOW), WINDOW, None, None)
     for is_learning in (True, False):
         dispatch.give()
         of_type = workers.opened["car-0"].type_baseline
         assert of_type is not None
         assert (of_type.name, of_type.n_vehicles) == ("zafira", 4)
-        dispatch.settle(Outcome("car-0", 1, (event,), b"state", VehicleStatus(is_learning=is_learning)))
+        dispatch.settle(Outcome("car-0", 1, (WINDOW_EVENT,), b"state", VehicleStatus(is_learning=is_learning)))
         assert workers.is_open("car-0") is not is_learning

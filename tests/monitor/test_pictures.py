@@ -6,8 +6,8 @@ import cbor2
 import pytest
 
 from sprung.monitor import MonitorSettings, VehicleMonitor
+from sprung.monitor.jobs import analyse
 from sprung.monitor.pictures import alert_picture
-from sprung.monitor.workers import analyse
 from sprung.plotting import corner_changes_figure
 from sprung.storage import Progress, StoredFrame, open_store
 from sprung.vehicles import vehicle_text

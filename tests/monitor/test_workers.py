@@ -6,7 +6,8 @@ import time
 
 import pytest
 
-from sprung.monitor import MonitorSettings, Observed, Opening, Workers
+from sprung.monitor import Failure, MonitorSettings, Observed, Opening, Workers
+from sprung.monitor.states import History
 from sprung.vehicles import vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
 
@@ -17,8 +18,8 @@ SETTINGS = MonitorSettings(window=120.0, identify_every=0.0, learning_windows=2)
 def workers():
     made = []
 
-    def begun(count=2, *, limit=60.0):
-        made.append(Workers(count, limit=limit, clock=time.monotonic))
+    def begun(count=2, *, clock=time.monotonic, **limits):
+        made.append(Workers(count, limit=180.0, clock=clock, **limits))
         return made[-1]
 
     yield begun
@@ -68,43 +69,89 @@ def test_a_killed_worker_is_replaced_and_its_vehicle_named(workers, opening, dri
     some.submit("car-1", frames_of(drive(0)))
     os.kill(pids[0], signal.SIGKILL)
     found = outcome(some)
-    assert (found.vehicle, found.n_consumed) == ("car-1", 0)
+    assert found.vehicle == "car-1"
     assert "died" in found.error
     assert not some.is_open("car-1")
     assert some.is_open("car-2")
-    assert some.pids[0] != pids[0]
+    assert (len(some.pids), some.pids[0] != pids[0], some.pids[1] == pids[1]) == (2, True, True)
     some.open(opening("car-1"))
+    assert len(some.pids) == 3
     some.submit("car-1", frames_of(drive(0)))
     assert outcome(some).error == ""
 
 
-def test_a_slow_vehicle_is_stopped_and_delays_no_other(workers, opening, drive, frames_of) -> None:
-    some = workers(limit=0.05)
-    some.open(opening("car-1"))
-    some.submit("car-1", frames_of(drive(0)))
+def test_a_hanging_vehicle_is_stopped_and_tried_again_in_a_process_of_its_own(workers, opening, drive, frames_of):
+    now = [0.0]
+    some = workers(1, clock=lambda: now[0])
+    for vehicle in ("car-1", "car-2"):
+        some.open(opening(vehicle))
+    some.submit("car-1", [])
+    assert outcome(some).error == ""
+    (pid,) = some.pids
+    os.kill(pid, signal.SIGSTOP)
+    some.submit("car-1", frames_of(drive(0))[:9])
+    now[0] = 29.0
+    assert some.outcomes() == []
+    now[0] = 31.0
     found = outcome(some)
-    assert found.vehicle == "car-1"
-    assert "longer than 0.05 s" in found.error
-    assert not some.is_open("car-1")
+    assert (found.vehicle, found.failure, found.n_consumed) == ("car-1", Failure.FRAME, 0)
+    assert found.error == "its analysis took longer than 30 s"
+    assert not some.is_open("car-2")
+    some.open(opening("car-1"))
+    some.open(opening("car-2"))
+    assert len({pid, *some.pids}) == 3
+    for vehicle in ("car-1", "car-2"):
+        some.submit(vehicle, frames_of(drive(0))[:9])
+    assert {outcome(some).vehicle, outcome(some).vehicle} == {"car-1", "car-2"}
 
 
 @pytest.mark.parametrize(
-    ("fields", "frames", "words"),
+    ("fields", "frames", "expected"),
     [
-        ({"description": "kind = 1"}, [], "vehicle file of car-1"),
-        ({"state": b"\xa0"}, [], "schema"),
-        ({}, [b"no frame at all"], "checksum"),
+        ({"description": "kind = 1"}, [], ("vehicle file of car-1", Failure.VEHICLE)),
+        ({"state": b"\xa0"}, [], ("schema", Failure.STATE)),
+        ({"history": History({"schema": "other"})}, [], ("start anew", Failure.STATE)),
+        ({}, [b"no frame at all"], ("checksum", Failure.FRAME)),
     ],
 )
-def test_nonsense_is_an_outcome_with_a_reason(workers, opening, fields, frames, words) -> None:
+def test_nonsense_is_an_outcome_with_a_reason(workers, opening, fields, frames, expected) -> None:
     some = workers(1)
     some.open(opening("car-1", **fields))
     some.submit("car-1", frames)
     found = outcome(some)
-    assert words in found.error
+    assert expected[0] in found.error
+    assert found.failure is expected[1]
     some.open(opening("car-1"))
     some.submit("car-1", [])
     assert outcome(some).error == ""
+
+
+def test_a_window_that_takes_too_much_memory_costs_its_own_job_only(workers, opening, drive, frames_of) -> None:
+    some = workers(1, job_bytes=2e7)
+    for vehicle in ("car-1", "car-2"):
+        some.open(opening(vehicle))
+    pids = some.pids
+    some.submit("car-1", frames_of(drive(0)))
+    found = outcome(some)
+    assert (found.vehicle, found.failure) == ("car-1", Failure.FRAME)
+    assert found.error == "its analysis needs more memory than 20 MB"
+    assert 0 < found.n_consumed < 120
+    some.submit("car-2", [])
+    assert (outcome(some).error, some.pids) == ("", pids)
+
+
+def test_a_window_beyond_the_quota_is_refused_before_it_is_held(workers, opening, drive, frames_of) -> None:
+    """2 minutes of 5 channels at 200 Hz are 0.96 MB in float64."""
+    some = workers(1, vehicle_bytes=9e5)
+    some.open(opening("car-1"))
+    some.submit("car-1", frames_of(drive(0))[:7])
+    found = outcome(some)
+    assert (found.failure, found.n_consumed) == (Failure.QUOTA, 7)
+    assert found.error.startswith(
+        "a window of 2 min of 5 channels at 200 Hz takes 1 MB, of at most 1 MB for a vehicle: send"
+    )
+    some.submit("car-1", [])
+    assert outcome(some).status.share == 0.0
 
 
 def test_processes_end_with_the_workers(workers) -> None:

@@ -73,7 +73,14 @@ def monitor(
         _test_senders(settings)
         return
     with open_store(settings.store) as opened, open_broker(settings.broker) as address:
-        workers = Workers(settings.watch.workers, limit=settings.watch.seconds_per_job, clock=time.monotonic)
+        watch = settings.watch
+        workers = Workers(
+            watch.workers,
+            limit=watch.seconds_per_job,
+            clock=time.monotonic,
+            vehicle_bytes=1e6 * watch.megabytes_per_vehicle,
+            job_bytes=1e6 * watch.megabytes_per_job,
+        )
         connect = partial(Link, address, f"sprung-monitor-{os.getpid()}")
         station = Station(settings, opened, connect=connect, workers=workers)
         stopping = stop_on_signals(within=_GRACE)

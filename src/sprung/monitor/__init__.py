@@ -4,12 +4,13 @@ from sprung.monitor.alert_book import AlertBook, alert_of, row_of
 from sprung.monitor.broker import EmbeddedBroker
 from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.monitor.intake import MONITOR, Intake
+from sprung.monitor.jobs import Failure, Opening, Outcome, VehicleStatus
 from sprung.monitor.postman import PostOffice
 from sprung.monitor.serving import FIGURES, Serving, exposition
 from sprung.monitor.site import Site, embedded_port, read_site
 from sprung.monitor.station import Station
 from sprung.monitor.streams import Stream
-from sprung.monitor.workers import Opening, Outcome, VehicleStatus, Workers
+from sprung.monitor.workers import Workers
 
 __all__ = [
     "FIGURES",
@@ -17,6 +18,7 @@ __all__ = [
     "AlertBook",
     "EmbeddedBroker",
     "Event",
+    "Failure",
     "Identified",
     "Intake",
     "MonitorSettings",

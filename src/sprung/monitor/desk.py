@@ -27,7 +27,7 @@ from sprung.documents import fleet_document
 from sprung.errors import ParameterError
 from sprung.monitor.alert_book import AlertBook, alert_of
 from sprung.monitor.fleets import rankings
-from sprung.monitor.workers import VehicleStatus
+from sprung.monitor.jobs import VehicleStatus
 from sprung.storage import AlertRow, Store
 from sprung.tables import alert_history_table, counted, time_in_words
 

@@ -1,22 +1,47 @@
 """Frames to workers, vehicle by vehicle in turn, and the outcomes of their jobs."""
 
 import logging
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
+from sprung.monitor.backoff import Backoff
 from sprung.monitor.engine import MonitorSettings, Observed
 from sprung.monitor.fleets import has_type, type_of_others
+from sprung.monitor.histories import history_of
+from sprung.monitor.jobs import Failure, Opening, Outcome, VehicleStatus
 from sprung.monitor.ledger import Ledger
+from sprung.monitor.states import History
 from sprung.monitor.streams import Stream
-from sprung.monitor.workers import Opening, Outcome, VehicleStatus, Workers
+from sprung.monitor.workers import Workers
 from sprung.storage import CommandRow, Cursor, RefusedError, Store, StoredFrame, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
 #: Largest number of frames of one job.
 _JOB = 300
-#: Failures after which the frames of a job are excluded.
+#: Failures in one place after which its frame is set aside.
 _STRIKES = 2
+
+
+@dataclass(slots=True)
+class _Strikes:
+    """Failures of a vehicle since its last stored state.
+
+    Parameters
+    ----------
+    place
+        Boot and sequence number of the frame of the last failure.
+    count
+        Number of failures there in a row.
+    n_left_out
+        Number of frames set aside.
+    """
+
+    place: tuple[int, int] = (-1, -1)
+    count: int = 0
+    n_left_out: int = 0
 
 
 class Dispatch:
@@ -32,19 +57,32 @@ class Dispatch:
         Stores results.
     settings
         Settings of vehicles that start from scratch.
+    timer
+        Present time [s] of any clock that only goes forward.
 
     Notes
     -----
-    A vehicle has at most one job. If the job fails, the vehicle is opened again from the stored state; if it fails
-    twice in a row, the frames are excluded.
+    A vehicle has at most one job. If the job fails, the vehicle is opened again from the stored state. A frame on which
+    it fails twice is set aside; if a later frame fails before a state is stored, it is the window that cannot be
+    analysed, and its frames are set aside. A state that cannot be used is set aside, too: the vehicle begins anew with
+    what the store holds. A vehicle that cannot be opened for another reason waits, longer after each attempt.
     """
 
-    def __init__(self, store: Store, workers: Workers, ledger: Ledger, settings: MonitorSettings) -> None:
+    def __init__(
+        self,
+        store: Store,
+        workers: Workers,
+        ledger: Ledger,
+        settings: MonitorSettings,
+        *,
+        timer: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._store, self._workers, self._ledger, self._settings = store, workers, ledger, settings
         self._streams: dict[str, Stream] = {}
         self._jobs: dict[str, Sequence[StoredFrame]] = {}
         self._learning: dict[str, CommandRow] = {}
-        self._strikes: dict[str, int] = {}
+        self._strikes: dict[str, _Strikes] = {}
+        self._backoff = Backoff(timer)
         self._statuses: dict[str, VehicleStatus] = {}
         self._n_failures = 0
 
@@ -63,9 +101,11 @@ class Dispatch:
         """Figures of `sprung.monitor.serving.FIGURES` about vehicles, jobs and their results."""
         return {
             **self._ledger.figures,
+            **self._workers.figures,
             "sprung_vehicles": len(self._streams),
             "sprung_backlog_frames": sum(stream.backlog for stream in list(self._streams.values())),
             "sprung_failures_total": self._n_failures,
+            "sprung_vehicles_waiting": self._backoff.n_waiting,
         }
 
     def open(self) -> None:
@@ -87,6 +127,7 @@ class Dispatch:
         """Record that a vehicle has a new description: its frames are analysed again from the stored state."""
         LOG.info("vehicle described", extra={"vehicle": vehicle})
         self._workers.close_vehicle(vehicle)
+        self._backoff.succeed(vehicle)
 
     def relearn(self, command: CommandRow) -> None:
         """Let a vehicle learn a new baseline before its next frames; requests for one vehicle are queued."""
@@ -122,12 +163,13 @@ class Dispatch:
         vehicle = outcome.vehicle
         frames = self._jobs.pop(vehicle, ())
         if outcome.error:
-            self._fail(vehicle, frames, outcome.error)
+            self._fail(outcome, frames)
         elif self._workers.is_open(vehicle):  # otherwise it got a new description meanwhile
             try:
                 self._commit(outcome, frames[: outcome.n_consumed])
             except RefusedError as error:
-                self._fail(vehicle, frames, str(error))
+                place = max(outcome.n_consumed - 1, 0)
+                self._fail(replace(outcome, n_consumed=place, error=str(error), failure=Failure.FRAME), frames)
             except StoreError:
                 # The worker is ahead of the store.
                 self._workers.close_vehicle(vehicle)
@@ -138,7 +180,9 @@ class Dispatch:
         stream, workers = self._streams[vehicle], self._workers
         if vehicle in self._jobs or not (stream.has_waiting or vehicle in self._learning):
             return False
-        if not (workers.is_open(vehicle) or self._open(vehicle)) or not workers.is_free(vehicle):
+        if not self._backoff.is_due(vehicle) or not workers.is_free(vehicle):
+            return False
+        if not (workers.is_open(vehicle) or self._open(vehicle)):
             return False
         frames = stream.next_frames(partial(self._store.inbox.pending, vehicle), _JOB)
         if frames and frames[0].kind != "raw":
@@ -157,7 +201,9 @@ class Dispatch:
             try:
                 self._ledger.store_report(report)
             except RefusedError as error:
-                self._ledger.exclude(report.vehicle, report.boot, report.seq, n_frames=1, reason=str(error))
+                vehicle, boot, seq = report.vehicle, report.boot, report.seq
+                self._ledger.set_frames_aside(vehicle, boot, seq, seq, reason=str(error))
+                self._ledger.complete(vehicle, boot, seq)
             stream.complete(report.boot, report.seq)
         return True
 
@@ -181,10 +227,16 @@ class Dispatch:
         stream.rewind(cursors, -1 if snapshot is None else snapshot.boot)
         if snapshot is not None:
             self._finish_boots(vehicle, snapshot.boot)
-        state = None if snapshot is None else snapshot.document
+        state, history = None, History()
+        if snapshot is not None:
+            state = snapshot.document
+        else:
+            history = history_of(self._store, vehicle, most_windows=self._settings.most_windows)
         status = self._statuses.get(vehicle)
         of_type = type_of_others(self._store, vehicle) if status is None or status.is_learning else None
-        self._workers.open(Opening(vehicle, row.description, dict(row.channels), state, self._settings, of_type))
+        self._workers.open(
+            Opening(vehicle, row.description, dict(row.channels), state, self._settings, of_type, history)
+        )
         return True
 
     def _commit(self, outcome: Outcome, taken: Sequence[StoredFrame]) -> None:
@@ -199,12 +251,14 @@ class Dispatch:
             if vehicle in self._learning:
                 self._ledger.finish_learning(self._learning.pop(vehicle).id)
             self._strikes.pop(vehicle, None)  # not before: a window that fails begins with jobs that do not
+            self._backoff.succeed(vehicle)
         self._statuses[vehicle] = outcome.status
         if taken:
             stream.dispatched[boot] = seq
         is_window = any(isinstance(event, Observed) for event in outcome.events)
-        if is_window and outcome.status.is_learning and has_type(self._store, vehicle):
-            # Opened again, from the state just stored, with the baseline of its type as it is now.
+        # Opened again, from the state just stored, with the baseline of its type as it is now, or in another process.
+        is_learning = is_window and outcome.status.is_learning and has_type(self._store, vehicle)
+        if is_learning or (outcome.state is not None and self._workers.is_misplaced(vehicle)):
             self._workers.close_vehicle(vehicle)
 
     def _finish_boots(self, vehicle: str, boot: int) -> None:
@@ -214,17 +268,38 @@ class Dispatch:
             self._ledger.complete(vehicle, older, last)
             stream.done[older] = last
 
-    def _fail(self, vehicle: str, frames: Sequence[StoredFrame], reason: str) -> None:
-        """Retry a job from the stored state; exclude its frames if it fails again."""
-        self._n_failures += 1
-        strikes = self._strikes[vehicle] = self._strikes.get(vehicle, 0) + 1
-        LOG.error("analysis failed", extra={"vehicle": vehicle, "reason": reason, "strikes": strikes})
-        self._workers.close_vehicle(vehicle)
-        if strikes < _STRIKES or not frames:
+    def _fail(self, outcome: Outcome, frames: Sequence[StoredFrame]) -> None:
+        """Leave out what a job failed on, if it failed there repeatedly; the vehicle is opened again after a while."""
+        vehicle, reason = outcome.vehicle, outcome.error
+        if outcome.failure is Failure.QUOTA and frames:
+            last = frames[max(outcome.n_consumed, 1) - 1]
+            self._ledger.set_frames_aside(vehicle, last.boot, frames[0].seq, last.seq, reason=reason)
+            self._streams[vehicle].dispatched[last.boot] = last.seq
             return
-        boot, seq = frames[-1].boot, frames[-1].seq
-        stream = self._streams[vehicle]
-        n_frames = seq - stream.done.get(boot, -1)
-        self._ledger.exclude(vehicle, boot, seq, n_frames=n_frames, reason=reason)
-        stream.complete(boot, seq)
-        self._strikes.pop(vehicle)
+        self._n_failures += 1
+        LOG.warning("analysis failed", extra={"vehicle": vehicle, "reason": reason})
+        self._workers.close_vehicle(vehicle)
+        number = self._backoff.fail(vehicle)
+        if outcome.failure is Failure.STATE and self._ledger.set_state_aside(vehicle, reason=reason):
+            self._backoff.succeed(vehicle)
+        elif outcome.failure is Failure.FRAME and frames:
+            self._strike(vehicle, frames[min(outcome.n_consumed, len(frames) - 1)], reason)
+        elif number > 1:
+            self._ledger.warn(vehicle, "monitor:opening", f"its frames wait, as it cannot be analysed: {reason}")
+
+    def _strike(self, vehicle: str, frame: StoredFrame, reason: str) -> None:
+        """Set a frame aside on which jobs failed repeatedly, or the window in which one was set aside before."""
+        strikes = self._strikes.setdefault(vehicle, _Strikes())
+        place = frame.boot, frame.seq
+        strikes.count = strikes.count + 1 if place == strikes.place else 1
+        strikes.place = place
+        if strikes.n_left_out:
+            first = self._streams[vehicle].done.get(frame.boot, -1) + 1
+            self._strikes.pop(vehicle)
+        elif strikes.count >= _STRIKES:
+            first = frame.seq
+            strikes.n_left_out += 1
+        else:
+            return
+        self._ledger.set_frames_aside(vehicle, frame.boot, first, frame.seq, reason=reason)
+        self._backoff.succeed(vehicle)

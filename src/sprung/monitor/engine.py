@@ -35,6 +35,7 @@ from sprung.link import Block, joined
 from sprung.monitor.completion import Completion
 from sprung.monitor.repeats import Repeats
 from sprung.monitor.states import (
+    FIRST,
     NAME,
     UNUSABLE,
     VERSION,
@@ -53,8 +54,7 @@ from sprung.vehicles import Vehicle, vehicle_from_text, vehicle_text
 _SHORTEST = 120.0
 #: Share of standing in a window above which that is why it is inconclusive.
 _MOST_STANDING = 0.5
-#: Reason of the first baseline, and note while a vehicle that deviates from its type is not learnt from.
-_FIRST = "first learning"
+#: Note while a vehicle that deviates from its type is not learnt from.
 _DEVIATES = (
     "no baseline is learnt while the vehicle deviates from its type: inspect it, then request one with sprung "
     "vehicles learn"
@@ -212,7 +212,7 @@ class VehicleMonitor:
         if baseline is not None and baseline.vehicle_file:
             self._vehicle = vehicle_from_text(baseline.vehicle_file, source="the vehicle file of the baseline")
         self._completion = Completion(is_wanted=self._settings.calibrate)
-        self._reason = _FIRST
+        self._reason = FIRST
         self._blocks: list[Block] = []
         self._n_samples = 0
         self._n_windows = 0
@@ -554,7 +554,7 @@ class VehicleMonitor:
         have, needed = self.learning
         if have < needed:
             return None
-        if self._reason == _FIRST and self._diagnosis is not None and self._diagnosis.findings:
+        if self._reason == FIRST and self._diagnosis is not None and self._diagnosis.findings:
             self._note = _DEVIATES
             return None
         try:

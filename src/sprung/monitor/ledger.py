@@ -10,12 +10,15 @@ from sprung.errors import SprungError
 from sprung.link import checked_map
 from sprung.monitor.alert_book import AlertBook
 from sprung.monitor.engine import Event, Identified, Observed
+from sprung.monitor.jobs import Outcome
 from sprung.monitor.on_board import archive_correlations, reported_modes
 from sprung.monitor.site import Site
-from sprung.monitor.workers import Outcome
 from sprung.storage import Progress, Store, StoredFrame, write_archive
 
 LOG = logging.getLogger("sprung.monitor")
+
+#: Alerts about the analysis of a vehicle, which the next window clears.
+_TROUBLES = ("monitor:analysis", "monitor:state", "monitor:opening")
 
 
 class Ledger:
@@ -35,8 +38,9 @@ class Ledger:
 
     def __init__(self, site: Site, store: Store, *, alerts: AlertBook, clock: Callable[[], int]) -> None:
         self._store, self._alerts, self._clock = store, alerts, clock
+        self._warned: dict[tuple[str, str], str] = {}
         self._samples, self._correlations = site.archive, site.correlations
-        self._n_windows = self._n_identifications = 0
+        self._n_windows = self._n_identifications = self._n_frames_aside = self._n_states_aside = 0
 
     @property
     def figures(self) -> dict[str, float]:
@@ -44,6 +48,8 @@ class Ledger:
         return {
             "sprung_windows_total": self._n_windows,
             "sprung_identifications_total": self._n_identifications,
+            "sprung_frames_set_aside_total": self._n_frames_aside,
+            "sprung_states_set_aside_total": self._n_states_aside,
         }
 
     def commit(self, outcome: Outcome, boot: int, seq: int) -> bool:
@@ -102,7 +108,7 @@ class Ledger:
         return is_saved
 
     def update_alerts(self, vehicle: str, events: tuple[Event, ...]) -> None:
-        """Raise, update and clear alerts according to windows.
+        """Raise, update and clear alerts according to windows, which clear those about the analysis.
 
         Raises
         ------
@@ -112,6 +118,9 @@ class Ledger:
         for event in events:
             if isinstance(event, Observed):
                 self._alerts.take_window(vehicle, event, now=self._clock())
+                for cause in _TROUBLES:
+                    self._alerts.clear(vehicle, cause, now=self._clock())
+                    self._warned.pop((vehicle, cause), None)
 
     def complete(self, vehicle: str, boot: int, seq: int) -> None:
         """Remove the frames of a boot up to a sequence number, which the stored state covers.
@@ -123,17 +132,48 @@ class Ledger:
         """
         self._store.results.commit(Progress(vehicle, boot, done_seq=seq, delete_through_seq=seq))
 
-    def exclude(self, vehicle: str, boot: int, seq: int, *, n_frames: int, reason: str) -> None:
-        """Remove the frames of a job that failed repeatedly, and raise an alert.
+    def set_frames_aside(self, vehicle: str, boot: int, first: int, last: int, *, reason: str) -> None:
+        """Set the frames of a boot between two sequence numbers aside, and raise an alert.
 
         Raises
         ------
         StoreError
             If the store cannot write.
         """
-        self.complete(vehicle, boot, seq)
-        sentence = f"{n_frames} frames were excluded: {reason}"
-        self._alerts.report(vehicle, "monitor:analysis", sentence, now=self._clock())
+        now = self._clock()
+        self._n_frames_aside += self._store.aside.put_frames(vehicle, boot, first, last, reason=reason, now=now)
+        self.warn(vehicle, "monitor:analysis", f"frames could not be analysed and were set aside: {reason}")
+
+    def set_state_aside(self, vehicle: str, *, reason: str) -> bool:
+        """Set the saved state of a vehicle aside, and raise an alert; return whether there was one.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        if not self._store.aside.put_state(vehicle, reason=reason, now=self._clock()):
+            return False
+        self._n_states_aside += 1
+        sentence = (
+            f"the saved state could not be used and was set aside: {reason}; monitoring begins anew with the baseline "
+            "and the windows in the store, and no frame is left out"
+        )
+        self.warn(vehicle, "monitor:state", sentence)
+        return True
+
+    def warn(self, vehicle: str, cause: str, sentence: str) -> None:
+        """Log a trouble with the analysis of a vehicle, and raise an alert, unless it is the same as before.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        if self._warned.get((vehicle, cause)) != sentence:
+            LOG.error(sentence, extra={"vehicle": vehicle})
+            self._alerts.report(vehicle, cause, sentence, now=self._clock())
+            self._warned[vehicle, cause] = sentence
 
     def finish_learning(self, command: int) -> None:
         """Record that a request for a new baseline was completed.

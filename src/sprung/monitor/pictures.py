@@ -7,7 +7,7 @@ from sprung.alerting import is_of_suspension
 from sprung.diagnosis import Baseline, Diagnosis
 from sprung.errors import SprungError
 from sprung.monitor.engine import MonitorSettings
-from sprung.monitor.workers import Opening, open_monitor
+from sprung.monitor.jobs import Opening, open_monitor
 from sprung.storage import Store
 
 LOG = logging.getLogger("sprung.monitor")

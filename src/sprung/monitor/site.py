@@ -50,6 +50,13 @@ class Watch(_Table):
         180.0, gt=0, description="longest time of a job [s]; one that takes longer is stopped, which is an alert"
     )
 
+    megabytes_per_vehicle: float = Field(
+        100.0, gt=0, description="largest size of the samples of a window, and of the state, of one vehicle [MB]"
+    )
+    megabytes_per_job: float = Field(
+        1500.0, gt=0, description="largest memory that the analysis of a window may take [MB]"
+    )
+
     @property
     def settings(self) -> MonitorSettings:
         """Settings of each vehicle's monitor."""

@@ -14,6 +14,8 @@ from sprung.errors import ParameterError
 from sprung.link import Block
 from sprung.recording import Channel, Gap, Recording
 
+#: Reason of the first baseline of a vehicle.
+FIRST = "first learning"
 #: Name of the documents, and the version that this program writes.
 NAME, VERSION = "sprung.vehicle-monitor", 2
 _N_CHECKSUM = 4
@@ -210,7 +212,7 @@ def state_of_history(vehicle: str, history: History, settings: Mapping[str, Any]
         "schema": f"{NAME}/{VERSION}",
         "vehicle": vehicle,
         "settings": dict(settings),
-        "reason": history.relearning or "first learning",
+        "reason": history.relearning or FIRST,
         "is_learning": is_learning,
         "baseline": None if baseline is None else dict(baseline),
         "type": None,

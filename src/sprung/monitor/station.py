@@ -14,6 +14,7 @@ from sprung.monitor.gate import Gate
 from sprung.monitor.heartbeats import Heartbeats, Loop
 from sprung.monitor.inflow import Inflow, vehicle_of
 from sprung.monitor.intake import MONITOR, Intake
+from sprung.monitor.jobs import VehicleStatus
 from sprung.monitor.ledger import Ledger
 from sprung.monitor.pictures import alert_picture
 from sprung.monitor.postman import PostOffice, senders_of
@@ -21,7 +22,7 @@ from sprung.monitor.refusals import OVERLOAD, Refusals
 from sprung.monitor.serving import Serving, labelled
 from sprung.monitor.site import Site
 from sprung.monitor.upkeep import Upkeep
-from sprung.monitor.workers import VehicleStatus, Workers
+from sprung.monitor.workers import Workers
 from sprung.storage import Store
 
 LOG = logging.getLogger("sprung.monitor")
@@ -85,7 +86,7 @@ class Station:
             ),
         )
         ledger = Ledger(site, store, alerts=alerts, clock=clock)
-        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings)
+        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings, timer=timer)
         self._post = PostOffice(
             store,
             senders,

@@ -1,128 +1,42 @@
 """Worker processes: each monitors some of the vehicles; one that hangs or dies is replaced."""
 
-import multiprocessing
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
-from typing import Any, NamedTuple
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
-from sprung.diagnosis import TypeBaseline
-from sprung.errors import SprungError
-from sprung.link import decode, frame_block
-from sprung.monitor.engine import Event, MonitorSettings, Observed, VehicleMonitor
-from sprung.monitor.states import read_state, write_state
-from sprung.vehicles import vehicle_from_text
+from sprung.monitor.engine import Observed
+from sprung.monitor.jobs import Failure, Limits, Opening, Outcome, failed
+from sprung.monitor.processes import Answer, Lost, Process, WorkerProcess
 
-
-class VehicleStatus(NamedTuple):
-    """Progress of the monitoring of a vehicle.
-
-    Parameters
-    ----------
-    share
-        Part of the present window that has arrived, 0 to 1.
-    n_learnt, n_needed
-        Number of windows usable for the baseline so far, and needed; equal where nothing is being learnt.
-    note
-        Reason why the vehicle cannot be assessed at present; empty if it can.
-    is_learning
-        Whether windows are collected for a baseline.
-    window
-        Length of a window [s]; 0: unknown.
-    until
-        Time after the last sample, UTC ns; None before the first.
-    repeated
-        Duration of the samples that arrived last and were analysed before [s]; 0 after new ones.
-    """
-
-    share: float = 0.0
-    n_learnt: int = 0
-    n_needed: int = 0
-    note: str = ""
-    is_learning: bool = False
-    window: float = 0.0
-    until: int | None = None
-    repeated: float = 0.0
-
-    @property
-    def in_words(self) -> str:
-        """What is learnt so far and what the last samples were good for; empty where nothing needs to be said."""
-        parts = [f"learning: {self.n_learnt} of {self.n_needed} windows"] if self.is_learning else []
-        if self.note:
-            parts.append(f"last window: {self.note}")
-        if self.is_learning and self.share:
-            length = self.window / 60
-            parts.append(f"{self.share * length:.1f} of the {length:g} min of the next window have arrived")
-        if self.repeated:
-            parts.append(f"the last {self.repeated / 60:.1f} min were analysed before and do not count again")
-        return "; ".join(parts)
+#: Shares of the limit of a job: that of a first offence; processor time above which a vehicle is slow; and after which
+#: a job ends with the frame at hand.
+_FIRST, _SLOW, _SLICE = 1 / 6, 1 / 18, 1 / 36
+#: Number of windows without a slow job after which a slow vehicle returns to the others.
+_QUICK_WINDOWS = 3
+#: Longest time in which a process starts [s].
+_STARTING = 120.0
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Opening:
-    """Description, state and settings with which a worker opens a vehicle.
+class _Task(NamedTuple):
+    """A request that is not answered yet; a process starts with one of no vehicle."""
 
-    Parameters
-    ----------
-    vehicle
-        Name of the vehicle.
-    description
-        Text of its vehicle file.
-    quantities
-        Quantity of each channel, by name.
-    state
-        State to continue from, in CBOR; None: start from scratch.
-    settings
-        Settings of a vehicle that starts from scratch.
-    type_baseline
-        Baseline of the vehicle's type; None: that of the state, if it has one.
-    """
-
-    vehicle: str
-    description: str
-    quantities: Mapping[str, str]
-    state: bytes | None
-    settings: MonitorSettings
-    type_baseline: TypeBaseline | None = None
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Outcome:
-    """Outcome of a job.
-
-    Parameters
-    ----------
-    vehicle
-        Name of the vehicle.
-    n_consumed
-        Number of frames consumed: all, or up to the one that completed a window.
-    events
-        Events in order of time.
-    state
-        State in CBOR, after a complete window, a request for a new baseline or a job without frames; None otherwise.
-    status
-        Status after the job.
-    error
-        Reason of a failure; empty if there was none.
-    """
-
-    vehicle: str
-    n_consumed: int
-    events: tuple[Event, ...]
-    state: bytes | None
-    status: VehicleStatus
-    error: str = ""
+    kind: str
+    vehicle: str = ""
+    has_state: bool = False
 
 
 @dataclass(slots=True)
 class _Worker:
-    """A process, the connection to it, and its present job."""
+    """A process, its vehicles, and its unanswered requests, the first of which is under way."""
 
-    process: Any
-    connection: Connection
-    vehicles: set[str]
-    busy_with: str | None = None
-    since: float = 0.0
+    process: Process
+    since: float
+    is_for_slow: bool = False
+    vehicles: set[str] = field(default_factory=set)
+    tasks: deque[_Task] = field(default_factory=lambda: deque([_Task("start")]))
 
 
 class Workers:
@@ -131,54 +45,98 @@ class Workers:
     Parameters
     ----------
     count
-        Number of processes.
+        Number of processes; one more is started for slow vehicles when there are any.
     limit
         Longest time of a job [s].
     clock
         Present time [s] of any clock that only goes forward.
+    vehicle_bytes
+        Largest size of the samples of a window, and of the state, of one vehicle [bytes].
+    job_bytes
+        Largest memory that a job may take in addition to what its process holds [bytes].
+    start
+        Function of the limits of jobs, and of a function to call when there is an answer, that starts a process.
 
     Notes
     -----
-    A vehicle stays with one process, which keeps its `VehicleMonitor`. A process that dies, or takes longer than the
-    limit, is replaced; its vehicles must be opened again.
+    A vehicle stays with one process, which keeps its `VehicleMonitor`. A process that dies, or hangs, is replaced; its
+    vehicles must be opened again, which other processes can do at once.
+
+    A vehicle whose job lost its process is slow, and so is one whose job took more than an eighteenth of the limit of
+    processor time. Slow vehicles share a process of their own, so that only they wait for each other. Among the others
+    a job is stopped after a sixth of the limit; it is tried again in full among the slow ones. After three windows
+    without a slow job a vehicle returns.
     """
 
-    def __init__(self, count: int, *, limit: float, clock: Callable[[], float]) -> None:
-        self._context = multiprocessing.get_context("spawn")
-        self._limit, self._clock = limit, clock
+    def __init__(
+        self,
+        count: int,
+        *,
+        limit: float,
+        clock: Callable[[], float],
+        vehicle_bytes: float = math.inf,
+        job_bytes: float = math.inf,
+        start: Callable[[Limits, Callable[[], object]], Process] = WorkerProcess,
+    ) -> None:
+        self._limit, self._clock, self._start_process = limit, clock, start
+        self._limits = Limits(_SLICE * limit, vehicle_bytes, job_bytes)
+        self._answered = threading.Event()
+        self._slow: dict[str, int] = {}
+        self._heaviest: dict[str, float] = {}
+        self._n_replaced = 0
         self._workers = [self._start() for _ in range(count)]
 
     @property
-    def pids(self) -> list[int]:
+    def pids(self) -> list[int | None]:
         """Numbers of the processes."""
         return [worker.process.pid for worker in self._workers]
 
     @property
+    def figures(self) -> dict[str, float]:
+        """Figures of `sprung.monitor.serving.FIGURES` about processes and slow vehicles."""
+        return {"sprung_vehicles_slow": len(self._slow), "sprung_workers_replaced_total": self._n_replaced}
+
+    @property
     def is_busy(self) -> bool:
         """Whether no process can take a job."""
-        return all(worker.busy_with is not None for worker in self._workers)
+        has_room = self._slow and not any(worker.is_for_slow for worker in self._workers)
+        return not has_room and all(worker.tasks for worker in self._workers)
 
     def is_open(self, vehicle: str) -> bool:
         """Return whether a process has the vehicle open."""
-        return any(vehicle in worker.vehicles for worker in self._workers)
+        return self._of(vehicle) is not None
+
+    def is_free(self, vehicle: str) -> bool:
+        """Return whether a process can take a job of a vehicle: its own, or any where it would be opened."""
+        worker = self._of(vehicle)
+        if worker is not None:
+            return not worker.tasks
+        able = self._able(vehicle)
+        return not all(worker.tasks for worker in able) or (self._is_slow(vehicle) and not able)
+
+    def is_misplaced(self, vehicle: str) -> bool:
+        """Return whether an open vehicle belongs to another process, as it is slow now or no longer."""
+        worker = self._of(vehicle)
+        return worker is not None and worker.is_for_slow != self._is_slow(vehicle)
 
     def open(self, opening: Opening) -> None:
-        """Give a vehicle to the process with the fewest."""
-        self.close_vehicle(opening.vehicle)
-        worker = min(self._workers, key=lambda worker: len(worker.vehicles))
-        worker.vehicles.add(opening.vehicle)
-        self._send(worker, ("open", opening))
+        """Give a vehicle to a process that is idle, if there is one, and of these to that with the fewest."""
+        vehicle = opening.vehicle
+        self.close_vehicle(vehicle)
+        if not self._is_slow(vehicle):
+            self._slow.pop(vehicle, None)
+        elif not self._able(vehicle):
+            self._workers.append(self._start(is_for_slow=True))
+        worker = min(self._able(vehicle), key=lambda worker: (bool(worker.tasks), len(worker.vehicles)))
+        worker.vehicles.add(vehicle)
+        self._send(worker, _Task("open", vehicle, opening.state is not None), ("open", opening))
 
     def close_vehicle(self, vehicle: str) -> None:
         """Take a vehicle from its process."""
-        for worker in self._workers:
-            if vehicle in worker.vehicles:
-                worker.vehicles.discard(vehicle)
-                self._send(worker, ("close", vehicle))
-
-    def is_free(self, vehicle: str) -> bool:
-        """Return whether the process of a vehicle can take a job."""
-        return any(vehicle in worker.vehicles and worker.busy_with is None for worker in self._workers)
+        worker = self._of(vehicle)
+        if worker is not None:
+            worker.vehicles.discard(vehicle)
+            self._send(worker, _Task("close", vehicle), ("close", vehicle))
 
     def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
         """Start a job.
@@ -193,158 +151,107 @@ class Workers:
             Reason to learn a new baseline from these frames on; empty: the baseline stays.
         """
         worker = next(worker for worker in self._workers if vehicle in worker.vehicles)
-        worker.busy_with, worker.since = vehicle, self._clock()
-        self._send(worker, ("work", vehicle, list(frames), learn))
+        self._send(worker, _Task("work", vehicle), ("work", vehicle, list(frames), learn))
 
     def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
         """Return the available outcomes, waiting up to a time [s] for the first."""
-        outcomes = []
-        ready = wait([worker.connection for worker in self._workers], timeout=timeout)
+        self._answered.wait(timeout)
+        self._answered.clear()
+        outcomes: list[Outcome] = []
         for worker in list(self._workers):
-            if worker.connection in ready:
-                outcomes.append(self._receive(worker))
-            elif worker.busy_with is not None and self._clock() - worker.since > self._limit:
-                outcomes.append(self._replace(worker, f"its analysis took longer than {self._limit:g} s"))
-        return [outcome for outcome in outcomes if outcome is not None]
+            for answer in worker.process.answers():
+                outcomes += self._take(worker, answer)
+            if worker in self._workers:
+                outcomes += self._check(worker)
+        return outcomes
 
     def close(self) -> None:
         """Stop all processes."""
         for worker in self._workers:
-            self._send(worker, None)
+            worker.process.send(None)
         for worker in self._workers:
             worker.process.join(2.0)
-            if worker.process.is_alive():
-                worker.process.kill()
-                worker.process.join()
 
-    def _receive(self, worker: _Worker) -> Outcome | None:
-        """Return the outcome that a process sent; replace the process if it is dead."""
-        try:
-            outcome: Outcome = worker.connection.recv()
-        except (EOFError, OSError):
-            return self._replace(worker, "the process of its analysis died")
-        worker.busy_with = None
-        return outcome
+    def _of(self, vehicle: str) -> _Worker | None:
+        """Return the worker that has a vehicle open."""
+        return next((worker for worker in self._workers if vehicle in worker.vehicles), None)
 
-    def _replace(self, worker: _Worker, reason: str) -> Outcome | None:
-        """Replace a process, and return a failed outcome of its job, if it had one."""
-        worker.process.kill()
-        worker.process.join()
-        worker.connection.close()
-        vehicle = worker.busy_with
-        self._workers[self._workers.index(worker)] = self._start()
-        return None if vehicle is None else Outcome(vehicle, 0, (), None, VehicleStatus(), reason)
+    def _able(self, vehicle: str) -> list[_Worker]:
+        """Return the workers that may open a vehicle."""
+        is_slow = self._is_slow(vehicle)
+        return [worker for worker in self._workers if worker.is_for_slow == is_slow]
 
-    def _start(self) -> _Worker:
-        """Start a process."""
-        here, there = self._context.Pipe()
-        process = self._context.Process(target=_work, args=(there,), daemon=True)
-        process.start()
-        there.close()
-        return _Worker(process, here, set())
+    def _is_slow(self, vehicle: str) -> bool:
+        return self._slow.get(vehicle, _QUICK_WINDOWS) < _QUICK_WINDOWS
 
-    def _send(self, worker: _Worker, message: object) -> None:
-        """Send to a process; one that is dead shows when outcomes are next collected."""
-        try:
-            worker.connection.send(message)
-        except (BrokenPipeError, OSError):
-            return
-
-
-def _work(connection: Connection) -> None:
-    """Monitor vehicles, in a process of its own, until None is received."""
-    monitors: dict[str, tuple[VehicleMonitor, dict[str, str]]] = {}
-    refused: dict[str, str] = {}
-    while True:
-        try:
-            message = connection.recv()
-        except (EOFError, KeyboardInterrupt):
-            return
-        if message is None:
-            return
-        if message[0] == "open":
-            opening: Opening = message[1]
-            refused.pop(opening.vehicle, None)
-            try:
-                monitors[opening.vehicle] = open_monitor(opening)
-            except SprungError as error:
-                refused[opening.vehicle] = str(error)
-        elif message[0] == "close":
-            monitors.pop(message[1], None)
+    def _take(self, worker: _Worker, answer: Answer) -> list[Outcome]:
+        """Return the outcome in an answer to the request under way."""
+        if isinstance(answer, Lost):
+            return self._replace(worker, answer.reason)
+        task = worker.tasks.popleft()
+        worker.since = self._clock()
+        if answer is None:
+            return []
+        if task.kind == "open":
+            worker.vehicles.discard(task.vehicle)
         else:
-            _, vehicle, frames, learn = message
-            refusal = refused.get(vehicle, "")
-            outcome = analyse(vehicle, monitors.get(vehicle), frames, learn=learn, refusal=refusal)
-            try:
-                connection.send(outcome)
-            except OSError:
-                return  # the monitor is gone; its successor continues from the store
+            self._note_time(answer)
+        return [answer]
 
+    def _note_time(self, outcome: Outcome) -> None:
+        """Decide after a window whether its vehicle is slow."""
+        vehicle = outcome.vehicle
+        heaviest = max(outcome.seconds, self._heaviest.pop(vehicle, 0.0))
+        if not any(isinstance(event, Observed) for event in outcome.events):
+            self._heaviest[vehicle] = heaviest
+        elif heaviest > _SLOW * self._limit:
+            self._slow[vehicle] = 0
+        elif vehicle in self._slow:
+            self._slow[vehicle] += 1
 
-def open_monitor(opening: Opening) -> tuple[VehicleMonitor, dict[str, str]]:
-    """Return the monitor of a vehicle, and the quantities of its channels.
+    def _check(self, worker: _Worker) -> list[Outcome]:
+        """Replace a process whose request takes too long, or that died without one."""
+        if not worker.tasks:
+            return [] if worker.process.is_alive else self._replace(worker, "")
+        limit = self._limit if worker.is_for_slow else _FIRST * self._limit
+        if worker.tasks[0].kind == "start":
+            limit = _STARTING
+        if self._clock() - worker.since <= limit:
+            return []
+        return self._replace(worker, f"its analysis took longer than {limit:g} s")
 
-    Raises
-    ------
-    SprungError
-        If description or state cannot be used.
-    """
-    vehicle = vehicle_from_text(opening.description, source=f"the vehicle file of {opening.vehicle}")
-    if opening.state is None:
-        fresh = VehicleMonitor(vehicle, settings=opening.settings, type_baseline=opening.type_baseline)
-        return fresh, dict(opening.quantities)
-    monitor = VehicleMonitor.from_state(vehicle, read_state(opening.state), type_baseline=opening.type_baseline)
-    return monitor, dict(opening.quantities)
+    def _replace(self, worker: _Worker, reason: str) -> list[Outcome]:
+        """Replace a process; return failed outcomes of the vehicles that it was asked for, the guilty one first."""
+        worker.process.kill()
+        self._n_replaced += 1
+        self._workers[self._workers.index(worker)] = self._start(is_for_slow=worker.is_for_slow)
+        is_started = bool(worker.tasks) and worker.tasks[0].kind != "start"
+        asked = [task for task in worker.tasks if task.kind in {"open", "work"}]
+        outcomes: dict[str, Outcome] = {}
+        for task in asked:
+            if task.vehicle not in outcomes:
+                is_guilty = is_started and not outcomes
+                outcomes[task.vehicle] = self._failed(task, worker.process.n_consumed, reason, is_guilty=is_guilty)
+        return list(outcomes.values())
 
+    def _failed(self, task: _Task, n_consumed: int, reason: str, *, is_guilty: bool) -> Outcome:
+        """Return the failed outcome of a request whose process is lost; the guilty vehicle is slow from now on."""
+        if not is_guilty:
+            return failed(task.vehicle, "the process of its analysis was lost", Failure.VEHICLE)
+        is_first = not self._is_slow(task.vehicle)
+        self._slow[task.vehicle] = 0
+        if task.kind == "work":
+            return failed(task.vehicle, reason, Failure.FRAME, n_consumed=n_consumed)
+        failure = Failure.STATE if task.has_state and not is_first else Failure.VEHICLE
+        return failed(task.vehicle, f"while it was opened: {reason}", failure)
 
-def analyse(
-    vehicle: str,
-    opened: tuple[VehicleMonitor, dict[str, str]] | None,
-    frames: Sequence[bytes],
-    *,
-    learn: str = "",
-    refusal: str = "",
-) -> Outcome:
-    """Return the outcome of a job.
+    def _start(self, *, is_for_slow: bool = False) -> _Worker:
+        """Start a process."""
+        return _Worker(self._start_process(self._limits, self._answered.set), self._clock(), is_for_slow)
 
-    Parameters
-    ----------
-    vehicle
-        Name of the vehicle.
-    opened
-        Monitor of the vehicle and quantities of its channels, from `open_monitor`; None if it could not be opened.
-    frames
-        Frames in order.
-    learn
-        As for `Workers.submit`.
-    refusal
-        Reason why the vehicle could not be opened.
-    """
-    if opened is None:
-        return Outcome(vehicle, 0, (), None, VehicleStatus(note=refusal), refusal or "the vehicle is not open")
-    monitor, quantities = opened
-    events: list[Event] = []
-    consumed, is_changed = 0, bool(learn) or not frames
-    try:
-        if learn:
-            monitor.learn_again(learn)
-        for payload in frames:
-            events += monitor.update(frame_block(decode(payload), quantities))
-            consumed += 1
-            is_changed = is_changed or monitor.repeated > 0  # nothing else would ever remove these frames
-            if any(isinstance(event, Observed) for event in events):
-                is_changed = True
-                break
-    except Exception as error:  # an error in one vehicle must not stop the others
-        reason = str(error) if isinstance(error, SprungError) else f"{type(error).__name__}: {error}"
-        return Outcome(vehicle, consumed, (), None, VehicleStatus(), reason)
-    status = VehicleStatus(
-        monitor.buffered,
-        *monitor.learning,
-        monitor.note,
-        monitor.is_learning,
-        monitor.settings.window,
-        monitor.until,
-        monitor.repeated,
-    )
-    return Outcome(vehicle, consumed, tuple(events), write_state(monitor.state()) if is_changed else None, status)
+    def _send(self, worker: _Worker, task: _Task, request: object) -> None:
+        """Send a request."""
+        if not worker.tasks:
+            worker.since = self._clock()
+        worker.tasks.append(task)
+        worker.process.send(request)

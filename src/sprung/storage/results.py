@@ -69,6 +69,11 @@ class Results:
         with self._database.reading() as connection:
             return connection.scalar(query) or 0
 
+    def n_numbered(self, vehicle: str) -> tuple[int, int]:
+        """Return the numbers that follow those of the observations and of the modes of a vehicle."""
+        with self._database.reading() as connection:
+            return _n_numbered(connection, OBSERVATIONS, vehicle), _n_numbered(connection, MODES, vehicle)
+
     def status(self, vehicle: str) -> Document | None:
         """Return the progress of the analysis of a vehicle; None before the first."""
         query = select(STATUSES.c.document).where(STATUSES.c.vehicle == vehicle)
@@ -133,6 +138,12 @@ def _mark_done(connection: Connection, progress: Progress) -> None:
     ahead = and_(of_cursor, CURSORS.c.done < progress.done_seq)
     connection.execute(update(CURSORS).where(ahead).values(done=progress.done_seq))
     connection.execute(delete(FRAMES).where(of_frames, FRAMES.c.seq <= progress.delete_through_seq))
+
+
+def _n_numbered(connection: Connection, table: Table, vehicle: str) -> int:
+    """Return the number that follows those of a table about a vehicle."""
+    last = connection.scalar(select(func.max(table.c.number)).where(table.c.vehicle == vehicle))
+    return 0 if last is None else int(last) + 1
 
 
 def _numbered(entry: Numbered) -> dict[str, Any]:

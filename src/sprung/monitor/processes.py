@@ -1,0 +1,190 @@
+"""A process that analyses, and the courier that talks with it, so that nobody waits for a process that hangs."""
+
+import multiprocessing
+import pickle
+import queue
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import scipy.linalg
+
+from sprung.errors import SprungError
+from sprung.monitor.engine import VehicleMonitor
+from sprung.monitor.jobs import Failure, Limits, Opening, Outcome, analyse, failed, open_monitor
+from sprung.monitor.states import StateError
+
+#: Largest answer of a process [bytes]: the samples of a window, and more than any results.
+_MOST_BYTES = 1 << 30
+_CONTEXT = multiprocessing.get_context("spawn")
+
+
+class Lost(NamedTuple):
+    """Answer in place of a process that is lost: why."""
+
+    reason: str
+
+
+#: Answer of a process to each request: an outcome, nothing if there is nothing to say, or that it is lost.
+Answer = Outcome | Lost | None
+
+
+class Process(Protocol):
+    """What `Workers` needs of a process."""
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the process."""
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process runs."""
+
+    @property
+    def n_consumed(self) -> int:
+        """Number of frames of the present job that are consumed."""
+
+    def send(self, request: object) -> None:
+        """Send a request; it is answered once."""
+
+    def answers(self) -> list[Answer]:
+        """Return the answers that have arrived, the first of which says that the process has started."""
+
+    def kill(self) -> None:
+        """End the process at once."""
+
+    def join(self, timeout: float) -> None:
+        """Wait for the process to end after the request None, then end it."""
+
+
+class WorkerProcess:
+    """A process that monitors vehicles.
+
+    Parameters
+    ----------
+    limits
+        Limits of its jobs.
+    notify
+        Function called, in another thread, when there is an answer.
+    """
+
+    def __init__(self, limits: Limits, notify: Callable[[], object]) -> None:
+        self._connection, there = _CONTEXT.Pipe()
+        self._progress = _CONTEXT.RawValue("q", 0)
+        self._process = _CONTEXT.Process(target=work, args=(there, self._progress, limits), daemon=True)
+        self._process.start()
+        there.close()
+        self._requests: queue.SimpleQueue[object] = queue.SimpleQueue()
+        self._answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
+        self._notify = notify
+        threading.Thread(target=self._carry, name=f"courier of {self.pid}", daemon=True).start()
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the process."""
+        return self._process.pid
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.is_alive()
+
+    @property
+    def n_consumed(self) -> int:
+        """Number of frames of the present job that are consumed."""
+        return int(self._progress.value)
+
+    def send(self, request: object) -> None:
+        """Send a request; it is answered once."""
+        self._requests.put(request)
+
+    def answers(self) -> list[Answer]:
+        """Return the answers that have arrived, the first of which says that the process has started."""
+        answers = []
+        with suppress(queue.Empty):
+            while True:
+                answers.append(self._answers.get_nowait())
+        return answers
+
+    def kill(self) -> None:
+        """End the process at once."""
+        self._process.kill()
+        self._process.join()
+        self._requests.put(None)
+
+    def join(self, timeout: float) -> None:
+        """Wait for the process to end after the request None, then end it."""
+        self._process.join(timeout)
+        self.kill()
+
+    def _carry(self) -> None:
+        """Carry answers and requests, one after the other."""
+        answer: Answer = None
+        while not isinstance(answer, Lost):
+            answer = self._receive()
+            self._answers.put(answer)
+            self._notify()
+            if isinstance(answer, Lost):
+                break
+            request = self._requests.get()
+            with suppress(OSError):  # a process that is dead shows in its answer
+                self._connection.send(request)
+            if request is None:
+                break
+        self._connection.close()
+
+    def _receive(self) -> Answer:
+        """Return the next answer."""
+        try:
+            answer = pickle.loads(self._connection.recv_bytes(_MOST_BYTES))
+        except EOFError:
+            return Lost("the process of its analysis died")
+        except Exception as error:  # whatever a torn answer makes of itself
+            return Lost(f"the process of its analysis gave an answer that cannot be read ({type(error).__name__})")
+        if answer is None or isinstance(answer, Outcome):
+            return answer
+        return Lost("the process of its analysis gave an answer that is no outcome")
+
+
+def work(connection: Connection, progress: Any, limits: Limits) -> None:
+    """Monitor vehicles, in a process of its own, until None is received."""
+    monitors: dict[str, tuple[VehicleMonitor, dict[str, str]]] = {}
+    with suppress(EOFError, KeyboardInterrupt, OSError):  # the monitor is gone; its successor continues from the store
+        _start_libraries()
+        connection.send(None)
+        while (request := connection.recv()) is not None:
+            progress.value = 0
+            connection.send(_answer(request, monitors, progress, limits))
+
+
+def _start_libraries() -> None:
+    """Let the linear algebra allocate its buffers: without memory later, it would end the process."""
+    for library in (np.linalg, scipy.linalg):
+        library.svd(np.eye(200) @ np.eye(200))
+
+
+def _answer(request: Any, monitors: dict[str, Any], progress: Any, limits: Limits) -> Outcome | None:
+    """Return the answer to a request."""
+    if request[0] == "open":
+        opening: Opening = request[1]
+        try:
+            monitors[opening.vehicle] = open_monitor(opening)
+        except Exception as error:  # a state may be anything
+            failure = Failure.STATE if isinstance(error, StateError) else Failure.VEHICLE
+            reason = str(error) if isinstance(error, SprungError) else f"{type(error).__name__}: {error}"
+            return failed(opening.vehicle, reason, failure)
+        return None
+    if request[0] == "close":
+        monitors.pop(request[1], None)
+        return None
+    _, vehicle, frames, learn = request
+    if vehicle not in monitors:
+        return None
+
+    def report(n_consumed: int) -> None:
+        progress.value = n_consumed
+
+    return analyse(vehicle, monitors[vehicle], frames, learn=learn, limits=limits, report=report)
