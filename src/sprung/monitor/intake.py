@@ -225,6 +225,10 @@ class Intake:
             if not (isinstance(entry, list) and len(entry) == 3 and all(isinstance(number, int) for number in entry)):
                 raise FormatError(f"{str(entry)[:40]!r} found where boot, first and end are expected")
         stated = {loss.boot: loss.last + 1 for loss in losses}
+        # What has not arrived and was not dropped, another monitor may have, with another store. Older boxes state only
+        # how many frames they dropped.
+        dropped = {loss.boot: loss.n_frames for loss in losses}
+        unstated = 0 if "lost" in document else document.get("dropped", 0)
         held = {boot: first for boot, first, _ in boots}
         for boot, first in {boot: max(stated.get(boot, 0), held.get(boot, 0)) for boot in stated | held}.items():
             if first <= 0:
@@ -232,11 +236,12 @@ class Intake:
             known = inbox.cursor(vehicle, boot)
             if known.contiguous < first - 1:
                 arrived[vehicle, boot] = inbox.declare_lost(vehicle, boot, first, now=now)
-                counts[boot] = inbox.cursor(vehicle, boot).lost
-                self._counts["lost"] += counts[boot] - known.lost
-                self._lost[vehicle] += counts[boot] - known.lost
+                lost = inbox.cursor(vehicle, boot).lost
+                self._counts["lost"] += lost - known.lost
+                self._lost[vehicle] += lost - known.lost
+                counts[boot] = min(lost, dropped.get(boot, unstated))
             elif boot in stated:  # until the box knows that the loss is known here, it states it again
-                arrived[vehicle, boot], counts[boot] = known.contiguous, known.lost
+                arrived[vehicle, boot], counts[boot] = known.contiguous, min(known.lost, dropped[boot])
         if any(counts.values()):
             begin, end = span_of(losses)
             self._on_lost(vehicle, counts, begin, end, now)
