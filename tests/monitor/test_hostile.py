@@ -149,7 +149,7 @@ def test_samples_make_room_though_the_store_can_no_longer_delete(bench, monkeypa
 
     one = bench(watch=WATCH["watch"], keep={"raw_days": 1})
 
-    def refuse(_):
+    def refuse(*_, **__):
         raise StoreError("the store cannot write: the disk is full: free space")
 
     monkeypatch.setattr(one.store, "delete_older", refuse)

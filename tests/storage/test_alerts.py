@@ -62,14 +62,14 @@ def test_each_sender_has_its_own_progress_with_a_notification(store) -> None:
         assert alerts.next_notification(sender, now=6) is None
     assert alerts.next_notification("mail", now=20) == replace(first, delivery=failed)
     assert alerts.n_open() == 1
-    assert store.delete_older(6) == 0
-    assert store.delete_older(7) == 1
+    assert store.delete_older(6, audit_before=0) == 0
+    assert store.delete_older(7, audit_before=0) == 1
     assert alerts.given_up() == {}
     alerts.put_delivery(first.id, "mail", Delivery(2, given_up=21, last_error="away"), senders=senders, now=21)
     assert alerts.given_up() == {"mail": "away"}
     assert alerts.n_open() == 0
-    assert store.delete_older(21) == 0
-    assert store.delete_older(22) == 1
+    assert store.delete_older(21, audit_before=0) == 0
+    assert store.delete_older(22, audit_before=0) == 1
 
 
 def test_a_clock_set_back_holds_no_notification_up(store) -> None:

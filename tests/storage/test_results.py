@@ -105,7 +105,7 @@ def test_old_results_are_deleted(filled) -> None:
     filled.results.commit(PROGRESS)
     done, still_open = (filled.requests.add_command("eve", "zafira", "learn", now=k) for k in range(2))
     filled.requests.command_done(done, 150)
-    assert filled.delete_older(200) == 3
+    assert filled.delete_older(200) == 5
     assert [entry.number for entry in filled.results.observations("zafira")] == [1]
     assert filled.results.modes("zafira") == []
     assert len(filled.results.findings("zafira")) == 2
@@ -118,7 +118,7 @@ def test_results_of_an_old_recording_stay_as_long_as_others(filled) -> None:
     filled.results.commit(replace(PROGRESS, now=1000))
     assert filled.delete_older(1000) == 0
     assert filled.results.n_observations("zafira") == len(filled.results.observations("zafira")) == 2
-    assert filled.delete_older(1001) == 3
+    assert filled.delete_older(1001) == 5
 
 
 def test_the_last_status_of_a_vehicle_is_kept(filled) -> None:

@@ -156,7 +156,7 @@ class Intake:
         """
         frames: list[StoredFrame] = []
         below: dict[tuple[str, int], int] = {}
-        losses: dict[str, list[Loss]] = {}
+        dropped: dict[str, _Dropped] = {}
         taken = Taken()
         while self._full:
             self._boots.pop(self._full.pop(), None)  # counted again
@@ -174,7 +174,7 @@ class Intake:
                 elif what == "state":
                     behind, stated = self._lost_below(vehicle, checked_map(payload))
                     below |= behind
-                    losses[vehicle] = stated
+                    dropped[vehicle] = stated
                 else:
                     self._handle(vehicle, what, checked_map(payload), taken, now)
                 # The broker retains descriptions, and sends them even if the vehicle is long gone.
@@ -183,7 +183,7 @@ class Intake:
                 self._refuse(name, error)
         # Frames first: what arrived is not lost.
         taken.arrived.update(self._add_frames(frames, now))
-        taken.arrived.update(self._declare_lost(below, losses, now))
+        taken.arrived.update(self._declare_lost(below, dropped, now))
         if self._seen and abs(now - self._noted) >= _NOTED_EVERY:
             self._store.inbox.seen(self._seen)
             self._seen, self._noted = {}, now
@@ -209,23 +209,23 @@ class Intake:
         return arrived
 
     def _declare_lost(
-        self, below: Mapping[tuple[str, int], int], losses: Mapping[str, Sequence[Loss]], now: int
+        self, below: Mapping[tuple[str, int], int], dropped: Mapping[str, "_Dropped"], now: int
     ) -> dict[tuple[str, int], int]:
         """Declare frames lost that boxes no longer have, and return up to where nothing is missing."""
         arrived: dict[tuple[str, int], int] = {}
         counts: dict[str, dict[int, int]] = {}
-        # Until a box knows that its loss is known here, it states it again.
-        stated = {(vehicle, loss.boot) for vehicle, parts in losses.items() for loss in parts}
-        for key, (before, after) in self._advanced(below, now).items():
-            if after.contiguous > before.contiguous or key in stated:
-                arrived[key] = after.contiguous
-                counts.setdefault(key[0], {})[key[1]] = after.lost
+        for (vehicle, boot), (before, after) in self._advanced(below, now).items():
+            stated = dropped[vehicle]
+            # Until a box knows that its loss is known here, it states it again.
+            if after.contiguous > before.contiguous or boot in stated.n_frames:
+                arrived[vehicle, boot] = after.contiguous
+                # What has not arrived and was not dropped, another monitor may have, with another store.
+                counts.setdefault(vehicle, {})[boot] = min(after.lost, stated.n_frames.get(boot, stated.unstated))
                 self._counts["lost"] += after.lost - before.lost
-                self._lost[key[0]] += after.lost - before.lost
+                self._lost[vehicle] += after.lost - before.lost
         for vehicle, by_boot in counts.items():
             if any(by_boot.values()):
-                begin, end = span_of(losses.get(vehicle, ()))
-                self._on_lost(vehicle, by_boot, begin, end, now)
+                self._on_lost(vehicle, by_boot, *span_of(dropped[vehicle].losses), now)
         return arrived
 
     def _advanced(self, below: Mapping[tuple[str, int], int], now: int) -> dict[tuple[str, int], tuple[Cursor, Cursor]]:
@@ -306,19 +306,37 @@ class Intake:
         if len(self._answers) > _MOST_ANSWERS:
             self._answers.pop(next(iter(self._answers)))
 
-    def _lost_below(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[tuple[str, int], int], list[Loss]]:
-        """Note whether a box was switched off, and return the first frames of its oldest boots, and what it lost."""
-        boots, losses = document.get("boots"), losses_in(document)
+    def _lost_below(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[tuple[str, int], int], "_Dropped"]:
+        """Note whether a box was switched off, and return the first frames of its oldest boots, and what it dropped."""
+        boots, dropped = document.get("boots"), _Dropped.of(document)
         if not isinstance(boots, list):
             raise FormatError("a state without boots")
         first = dict(map(_first_frame, boots))
-        for loss in losses:
+        for loss in dropped.losses:
             first[loss.boot] = max(first.get(loss.boot, 0), loss.last + 1)
         behind = sorted(boot for boot, seq in first.items() if seq > 0)[:MOST_BOOTS]
         for boot in behind:
             self._check_boot(vehicle, boot)
         (self._parked.add if document.get("is_leaving") else self._parked.discard)(vehicle)
-        return {(vehicle, boot): first[boot] for boot in behind}, [loss for loss in losses if loss.boot in behind]
+        return {(vehicle, boot): first[boot] for boot in behind}, dropped
+
+
+@dataclass(frozen=True, slots=True)
+class _Dropped:
+    """Frames that a box states to have dropped: with boot and time, or, as older boxes do, their number alone."""
+
+    losses: tuple[Loss, ...]
+    unstated: int
+
+    @classmethod
+    def of(cls, document: Mapping[Any, Any]) -> "_Dropped":
+        """Return what a state message says."""
+        return cls(tuple(losses_in(document)), 0 if "lost" in document else count(document, "dropped", 0))
+
+    @property
+    def n_frames(self) -> dict[int, int]:
+        """Number of frames by boot."""
+        return {loss.boot: loss.n_frames for loss in self.losses}
 
 
 def _parts(things: Sequence[T], name: Callable[[T], str]) -> list[list[T]]:

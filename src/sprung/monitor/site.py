@@ -99,6 +99,12 @@ class Keep(_Table):
     """Retention of results and samples."""
 
     results_days: float = Field(730.0, gt=0, le=_MOST_DAYS, description="age at which results are deleted [days]")
+    audit_days: float = Field(
+        3652.0, gt=0, le=_MOST_DAYS, description="age at which the audit trail and history of alerts are deleted [days]"
+    )
+    boots_days: float = Field(
+        90.0, gt=0, le=_MOST_DAYS, description="age at which the progress of finished starts of boxes is deleted [days]"
+    )
     raw_days: float = Field(
         2.0, ge=0, le=_MOST_DAYS, description="age at which samples (Parquet) are deleted [days]; 0: none are kept"
     )
@@ -110,6 +116,14 @@ class Keep(_Table):
     def results_before(self, now: int) -> int:
         """Return the time before which results are deleted, UTC ns."""
         return now - round(self.results_days * _DAY)
+
+    def audit_before(self, now: int) -> int:
+        """Return the time before which the audit trail and the history of alerts are deleted, UTC ns."""
+        return now - round(self.audit_days * _DAY)
+
+    def boots_before(self, now: int) -> int:
+        """Return the time before which the progress of finished starts of boxes is deleted, UTC ns."""
+        return now - round(self.boots_days * _DAY)
 
     def raw_before(self, now: int) -> int:
         """Return the time before which samples are deleted, UTC ns."""

@@ -14,8 +14,10 @@ from sprung.storage import CommandRow, Retention, Store
 
 LOG = logging.getLogger("sprung.monitor")
 
-#: Time between checks of vehicles and commands, and between sweeps of the disk [s].
-_LOOK, _SWEEP = 1.0, 60.0
+#: Time between checks of vehicles and commands, between sweeps of the disk, and between deletions of old rows [s].
+_LOOK, _SWEEP, _TIDY = 1.0, 60.0, 3600.0
+#: Number of old rows that a sweep deletes at most: nothing is taken in meanwhile.
+_MOST_ROWS = 10_000
 #: Shortest time before samples are requested again, and between warnings that the broker cannot be reached [s].
 _ASK, _REMIND = 10.0, 600.0
 #: Time without a change after which the alert about lost frames clears [ns].
@@ -69,6 +71,7 @@ class Upkeep:
         self._archives = [Retention(folder) for folder in (site.archive, site.correlations) if folder is not None]
         self._asking: dict[int, Every] = {}
         self._looking, self._sweeping = Every(_LOOK, timer), Every(_SWEEP, timer)
+        self._tidying = Every(_TIDY, timer)
         self._outage = Outage(link, clock)
 
     def open(self) -> None:
@@ -159,7 +162,7 @@ class Upkeep:
         most = round(1e9 * self._site.keep.raw_gigabytes)
         for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
             archive.prune(before=self._site.keep.raw_before(now), most_bytes=most)
-        self._store.delete_older(self._site.keep.results_before(now))
+        self._tidy(now)
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
             sentence = f"only {free / 1e6:.0f} MB are free on the disk of the store: free space, intake is stopped"
@@ -171,6 +174,20 @@ class Upkeep:
         self._gate.succeed()
         for cause in ("monitor:disk", "monitor"):
             self._alerts.clear(MONITOR, cause, now=now)
+
+    def _tidy(self, now: int) -> None:
+        """Delete old rows, once an hour, or again at the next sweep if many are left."""
+        if not self._tidying.is_due:
+            return
+        keep = self._site.keep
+        n_deleted = self._store.delete_older(
+            keep.results_before(now),
+            audit_before=keep.audit_before(now),
+            boots_before=keep.boots_before(now),
+            limit=_MOST_ROWS,
+        )
+        if n_deleted < _MOST_ROWS:
+            self._tidying.start()
 
 
 class Outage:

@@ -1,13 +1,13 @@
 """The durable inbox: frames that arrived, in any order and repeatedly, and their progress towards completeness."""
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Collection, Container, Iterator, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, or_, select, tuple_, update
 
 from sprung.storage.database import Database
 from sprung.storage.rows import Cursor, StoredFrame, VehicleRow, check_count
-from sprung.storage.schema import CURSORS, FRAMES, VEHICLES
+from sprung.storage.schema import CURSORS, FORGOTTEN, FRAMES, VEHICLES
 
 Key = tuple[str, int]
 
@@ -105,7 +105,7 @@ class Inbox:
         if not batches:
             return {}
         with self._database.writing() as connection:
-            cursors = self._locked(connection, sorted(batches), now)
+            cursors = self._locked(connection, {key: max(batch) for key, batch in sorted(batches.items())}, now)
             new = [
                 frame._asdict()
                 for key, batch in batches.items()
@@ -155,7 +155,7 @@ class Inbox:
         if not ends:
             return {}
         with self._database.writing() as connection:
-            cursors = self._locked(connection, list(ends), now)
+            cursors = self._locked(connection, ends, now)
             progress = {key: (cursors[key], cursors[key]) for key in ends}
             advancing = {key: last for key, last in ends.items() if last > cursors[key].contiguous}
             for key, last, n_arrived, reached in _advances(connection, advancing):
@@ -205,12 +205,36 @@ class Inbox:
         with self._database.reading() as connection:
             return list(connection.scalars(query))
 
-    def _locked(self, connection: Connection, keys: Sequence[Key], now: int) -> dict[Key, Cursor]:
-        """Return cursors, created if missing; on PostgreSQL other writers of them wait from here on."""
+    def _locked(self, connection: Connection, ends: Mapping[Key, int], now: int) -> dict[Key, Cursor]:
+        """Return cursors, created if missing; on PostgreSQL other writers of them wait from here on.
+
+        Frames up to `ends` of boots whose progress was deleted are repeats of what was analysed long ago, and count as
+        analysed.
+        """
         fresh = {"contiguous": -1, "done": -1, "lost": 0, "updated": now}
-        rows = [{"vehicle": vehicle, "boot": boot, **fresh} for vehicle, boot in keys]
+        rows = [{"vehicle": vehicle, "boot": boot, **fresh} for vehicle, boot in ends]
         connection.execute(self._database.insert(CURSORS).on_conflict_do_nothing(), rows)
-        return _cursors(connection, tuple_(CURSORS.c.vehicle, CURSORS.c.boot).in_(keys), is_locked=True)
+        cursors = _cursors(connection, tuple_(CURSORS.c.vehicle, CURSORS.c.boot).in_(list(ends)), is_locked=True)
+        for key in _forgotten(connection, {key: end for key, end in ends.items() if _may_be_old(cursors[key], end)}):
+            values = {"contiguous": ends[key], "done": ends[key], "updated": now}
+            connection.execute(update(CURSORS).where(_of(CURSORS, key)).values(values))
+            cursors[key] = Cursor(ends[key], ends[key], cursors[key].lost, now)
+        return cursors
+
+
+def _may_be_old(cursor: Cursor, end: int) -> bool:
+    """Return whether nothing of a boot waits for analysis, so that its progress may have been deleted."""
+    return cursor.contiguous == cursor.done < end
+
+
+def _forgotten(connection: Connection, keys: Collection[Key]) -> list[Key]:
+    """Return the vehicles and boots whose progress was deleted."""
+    if not keys:
+        return []
+    vehicles = {vehicle for vehicle, _ in keys}
+    rows = connection.execute(select(FORGOTTEN).where(FORGOTTEN.c.vehicle.in_(vehicles)))
+    newest = {row.vehicle: row.boot for row in rows}
+    return [key for key in keys if key[1] <= newest.get(key[0], -1)]
 
 
 def _of(table: Table, key: Key) -> ColumnElement[bool]:

@@ -103,6 +103,10 @@ CURSORS = Table(
 )
 
 
+#: Newest boot of a vehicle whose progress was deleted: frames of it and of earlier boots are repeats.
+FORGOTTEN = Table("forgotten", METADATA, _key("vehicle", Text), Column("boot", _INTEGER, nullable=False))
+
+
 def _entries(name: str, *more: Column[object]) -> Table:
     """Return a table of documents, each about a numbered stretch of time."""
     return Table(
@@ -116,6 +120,7 @@ def _entries(name: str, *more: Column[object]) -> Table:
         Column("document", Json, nullable=False),
         Column("stored", _INTEGER, nullable=False, server_default="0"),
         Index(f"{name}_in_time", "vehicle", "t0"),
+        Index(f"{name}_stored", "stored"),
     )
 
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
 
-from sqlalchemy import URL, delete, make_url
+from sqlalchemy import URL, make_url
 from sqlalchemy.exc import ArgumentError
 
 from sprung.errors import ParameterError
@@ -16,7 +16,8 @@ from sprung.storage.database import PATIENCE, Database
 from sprung.storage.inbox import Inbox
 from sprung.storage.requests import Requests
 from sprung.storage.results import Results
-from sprung.storage.schema import COMMANDS, MODES, NOTIFICATIONS, OBSERVATIONS, SET_ASIDE, StoreError
+from sprung.storage.retention import Ages, delete_older
+from sprung.storage.schema import StoreError
 
 # How files of SQLite begin and are usually called: one of such a name that begins otherwise is damaged.
 _SQLITE, _ENDINGS = b"SQLite format 3\0", {".sqlite", ".sqlite3", ".db"}
@@ -93,25 +94,38 @@ class Store:
         """Close all connections."""
         self._database.close()
 
-    def delete_older(self, before: int) -> int:
-        """Delete what is older than a time: results, notifications sent, commands done, and what was set aside.
+    def delete_older(
+        self, before: int, *, audit_before: int | None = None, boots_before: int | None = None, limit: int = 10**9
+    ) -> int:
+        """Delete what is older than a time, by the rules of `sprung.storage.retention`.
 
         Parameters
         ----------
         before
-            Time, UTC ns. Observations and modes count from when they were stored or from their t0, whichever is later,
-            so that those of an old recording that is replayed stay.
+            Time, UTC ns, before which results, notifications and requests are deleted. Results count from when they
+            were stored or from their t0, whichever is later, so that those of an old recording that is replayed stay.
+        audit_before
+            The same for the audit trail and the history of alerts; None: `before`.
+        boots_before
+            The same for the progress of finished starts of boxes; None: `before`.
+        limit
+            Number of rows at which to stop; what is left goes the next time.
 
         Returns
         -------
         int
             Number of rows deleted. A file of SQLite keeps its size and reuses the space.
+
+        Notes
+        -----
+        Rows go in batches, so that no transaction keeps other writers waiting for long.
         """
-        rules = [delete(table).where(table.c.t0 < before, table.c.stored < before) for table in (OBSERVATIONS, MODES)]
-        times = (NOTIFICATIONS.c.sent, NOTIFICATIONS.c.given_up, COMMANDS.c.done, SET_ASIDE.c.stored)
-        rules += [delete(time.table).where(time < before) for time in times]
-        with self._database.writing() as connection:
-            return sum(connection.execute(rule).rowcount for rule in rules)
+        ages = Ages(
+            before,
+            audit=before if audit_before is None else audit_before,
+            boots=before if boots_before is None else boots_before,
+        )
+        return delete_older(self._database, ages, limit=limit)
 
 
 def open_store(url: str) -> Store:
