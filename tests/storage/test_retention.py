@@ -48,6 +48,7 @@ def test_old_rows_of_every_table_with_an_age_go_and_new_ones_stay(store) -> None
             now=now,
         )
         store.inbox.add_frames([frame(now, 0)], now=now)
+        store.aside.put_frames("car-1", now, 0, 0, reason="it fails", now=now)
         store.results.commit(progress)
         row = AlertRow("car-1", "silent", severity=300, text="", is_active=False, raised=now)
         store.alerts.put(row, history=("raised", "", ""), notify={}, now=now)
@@ -125,7 +126,7 @@ def test_late_repeats_of_a_forgotten_boot_are_acknowledged_and_not_analysed_agai
 
 
 def test_frames_of_a_forgotten_boot_are_not_declared_lost(forgotten) -> None:
-    assert forgotten.inbox.declare_lost("car-1", 5, 3, now=300) == 2
+    assert forgotten.inbox.declare_lost({("car-1", 5): 3}, now=300) == {("car-1", 5): (Cursor(2, 2), Cursor(2, 2))}
     assert forgotten.inbox.cursor("car-1", 5).lost == 0
 
 
