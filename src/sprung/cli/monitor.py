@@ -2,6 +2,7 @@
 
 import logging
 import os
+import socket
 import time
 from functools import partial
 from pathlib import Path
@@ -69,7 +70,7 @@ def monitor(
         return
     with open_store(settings.store) as opened, open_broker(settings.broker) as address:
         workers = Workers(settings.watch.workers, limit=settings.watch.seconds_per_job, clock=time.monotonic)
-        connect = partial(Link, address, f"sprung-monitor-{os.getpid()}")
+        connect = partial(Link, address, f"sprung-monitor-{socket.gethostname()}-{os.getpid()}")
         station = Station(settings, opened, connect=connect, workers=workers)
         stopping = stop_on_signals()
         try:

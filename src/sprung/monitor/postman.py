@@ -121,10 +121,14 @@ class Posting:
         Sends the notifications.
     clock
         Present time, UTC ns.
+    is_on_duty
+        Function that returns whether this monitor sends, and not another one.
     """
 
-    def __init__(self, postman: Postman, clock: Callable[[], int]) -> None:
-        self._postman, self._clock = postman, clock
+    def __init__(
+        self, postman: Postman, clock: Callable[[], int], *, is_on_duty: Callable[[], bool] = lambda: True
+    ) -> None:
+        self._postman, self._clock, self._is_on_duty = postman, clock, is_on_duty
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="post", daemon=True)
 
@@ -141,6 +145,8 @@ class Posting:
     def _run(self) -> None:
         """Send what is due, until stopped."""
         while not self._stopping.wait(_EVERY):
+            if not self._is_on_duty():
+                continue
             try:
                 self._postman.send(now=self._clock())
             except StoreError as error:

@@ -50,6 +50,10 @@ class Watch(_Table):
         180.0, gt=0, description="longest time of a job [s]; one that takes longer is stopped, which is an alert"
     )
 
+    takeover_seconds: float = Field(
+        30.0, ge=5, le=60, description="time without a sign of a monitor after which others take over its vehicles [s]"
+    )
+
     @property
     def settings(self) -> MonitorSettings:
         """Settings of each vehicle's monitor."""

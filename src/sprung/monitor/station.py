@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 
-from sprung.link import UPWARDS, VERSION, Key, Link, message, topic
+from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, shared_topic, topic
 from sprung.monitor.alert_book import AlertBook
 from sprung.monitor.desk import alert_in_words
 from sprung.monitor.dispatch import Dispatch
@@ -17,15 +17,20 @@ from sprung.monitor.ledger import Ledger
 from sprung.monitor.pictures import alert_picture
 from sprung.monitor.postman import Posting, Postman, senders_of
 from sprung.monitor.serving import Serving
+from sprung.monitor.shards import Shards
 from sprung.monitor.site import Site
 from sprung.monitor.upkeep import Upkeep
 from sprung.monitor.workers import VehicleStatus, Workers
-from sprung.storage import Store
+from sprung.storage import N_SHARDS, Store, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
 #: Largest number of messages taken in together, and of messages that may wait.
 _BATCH, _MOST_WAITING = 2000, 50_000
+#: Messages that each of several monitors gets: retained ones, which no shared subscription gets, and answers of boxes.
+_FOR_ALL = ("meta", "event")
+#: Time between looks for frames that other monitors took in: of what has changed, and of all [s].
+_FOLLOW, _COMPARE = 1.0, 60.0
 
 
 class Station:
@@ -60,7 +65,10 @@ class Station:
         self._site, self._clock = site, clock
         self._messages: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._link = connect(
-            topics=[topic("+", what) for what in UPWARDS],
+            topics=[
+                shared_topic("+", what) if store.leases.is_shared and what not in _FOR_ALL else topic("+", what)
+                for what in UPWARDS
+            ],
             on_message=self.receive,
             will=(topic(MONITOR, "state"), message({Key.VERSION: VERSION, "is_dead": True})),
         )
@@ -68,7 +76,9 @@ class Station:
         self._gate = Gate(timer)
         self._intake = Intake(store, self._link.publish)
         ledger = Ledger(site, store, alerts=alerts, clock=clock)
-        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings)
+        self._shards = Shards(store, patience=site.watch.takeover_seconds, timer=timer)
+        self._following, self._comparing = Every(_FOLLOW, timer), Every(_COMPARE, timer)
+        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings, fence=self._shards.fence)
         self._upkeep = Upkeep(
             site,
             store,
@@ -76,6 +86,7 @@ class Station:
             intake=self._intake,
             link=self._link,
             gate=self._gate,
+            shards=self._shards,
             relearn=self._dispatch.relearn,
             clock=clock,
             timer=timer,
@@ -86,7 +97,7 @@ class Station:
             link=site.alert_url,
             picture=partial(alert_picture, store) if site.send.mail else _no_picture,
         )
-        self._posting = Posting(self._postman, clock)
+        self._posting = Posting(self._postman, clock, is_on_duty=lambda: self._shards.is_first)
         self._serving = Serving(
             site.http_address, figures=self.figures, troubles=self.troubles, alert=partial(alert_in_words, store)
         )
@@ -114,10 +125,17 @@ class Station:
         return self._is_resting and self._messages.empty() and self._dispatch.is_idle
 
     def open(self, *, timeout: float = 0.0) -> None:
-        """Continue from the store, and connect; `timeout` as for `Link.open`."""
+        """Continue from the store, and connect; `timeout` as for `Link.open`.
+
+        Raises
+        ------
+        StoreError
+            If another monitor uses the store, and it is a file.
+        """
+        self._shards.open()
         self._serving.open()
         self._upkeep.open()
-        self._dispatch.open()
+        self._follow()
         self._posting.open()
         self._link.open(timeout=timeout)
         LOG.info("monitoring", extra={"vehicles": self.n_vehicles})
@@ -131,6 +149,7 @@ class Station:
         """Do what is due; wait for 5 ms if nothing is."""
         n_taken = n_given = 0
         if self._gate.is_open:
+            self._gate.guard(self._follow)
             n_taken = self._take()
             n_given = self._gate.guard(self._dispatch.give) or 0
         outcomes = self._dispatch.collect(timeout=0.0 if n_taken else 0.05)
@@ -150,6 +169,8 @@ class Station:
             self._serving.close()
             self._upkeep.close()
             LOG.info("stopped")
+        with suppress(StoreError):  # others take over later
+            self._shards.close()
 
     def receive(self, name: str, payload: bytes) -> None:
         """Queue a message for the next step; beyond the limit it is dropped, and sent again as unacknowledged."""
@@ -162,6 +183,8 @@ class Station:
             **self._intake.figures,
             **self._dispatch.figures,
             "sprung_link_connected": float(self._link.is_connected),
+            "sprung_monitors": self._shards.n_monitors,
+            "sprung_shards": len(self._shards.held) if self._shards.is_shared else N_SHARDS,
             "sprung_store_writable": float(not self._gate.trouble),
         }
 
@@ -169,6 +192,24 @@ class Station:
         """Return sentences about problems of the monitor itself."""
         broker = "" if self._link.is_connected else self._link.problem or "the broker has not answered yet"
         return [sentence for sentence in (broker, self._gate.trouble, *self._postman.troubles) if sentence]
+
+    def _follow(self) -> None:
+        """Take over and leave vehicles, and learn of the frames that other monitors took in for this one."""
+        change = self._shards.renew()
+        self._dispatch.leave(change.lost)
+        for monitor in change.dead:
+            self._upkeep.report_dead(monitor)
+        if change.gained or change.lost:
+            LOG.info("shards", extra={"held": len(self._shards.held), "monitors": self._shards.n_monitors})
+            self._comparing.reset()
+            self._following.reset()
+        if not self._following.is_due or (self._comparing.started is not None and not self._shards.is_shared):
+            return
+        self._following.start()
+        is_complete = self._comparing.is_due
+        self._dispatch.follow(self._shards.held if self._shards.is_shared else None, is_complete=is_complete)
+        if is_complete:
+            self._comparing.start()
 
     def _take(self) -> int:
         """Store the messages received, and return their number."""
@@ -183,9 +224,11 @@ class Station:
             return 0
         self._gate.succeed()
         for (vehicle, boot), contiguous in taken.arrived.items():
-            self._dispatch.add(vehicle, boot, contiguous)
+            if self._shards.holds(vehicle):
+                self._dispatch.add(vehicle, boot, contiguous)
         for vehicle in taken.described:
-            self._dispatch.describe(vehicle)
+            if self._shards.holds(vehicle):
+                self._dispatch.describe(vehicle)
         return len(batch)
 
 

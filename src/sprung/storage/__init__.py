@@ -4,6 +4,7 @@ from sprung._checks import missing_package
 
 try:
     from sprung.storage.archive import Retention, write_archive
+    from sprung.storage.leases import N_SHARDS, Holding, Lease, shard_of
     from sprung.storage.rows import (
         AlertRow,
         AuditRow,
@@ -18,12 +19,13 @@ try:
         StoredFrame,
         VehicleRow,
     )
-    from sprung.storage.schema import StoreError
+    from sprung.storage.schema import LeaseLostError, StoreError
     from sprung.storage.store import Store, check_address, open_store
 except ImportError as error:
     raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None
 
 __all__ = [
+    "N_SHARDS",
     "AlertRow",
     "AuditRow",
     "BaselineRow",
@@ -31,6 +33,9 @@ __all__ = [
     "Cursor",
     "Entry",
     "HistoryRow",
+    "Holding",
+    "Lease",
+    "LeaseLostError",
     "NotificationRow",
     "Progress",
     "Retention",
@@ -41,5 +46,6 @@ __all__ = [
     "VehicleRow",
     "check_address",
     "open_store",
+    "shard_of",
     "write_archive",
 ]

@@ -3,8 +3,9 @@
 import os
 import shutil
 import sqlite3
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ from sprung.storage.schema import SNAPSHOTS, StoreError
 
 #: Longest time that a process waits for another one that writes [s].
 PATIENCE = 10.0
+#: Time after which PostgreSQL ends the transaction of a program that has stopped within it [ms].
+_MOST_IDLE = 15_000
 #: Bytes free on its disk below which a store counts as full.
 LEAST_FREE = 1 << 20
 
@@ -39,6 +42,7 @@ class Database:
         self.engine = _engine(url)
         self._writer = self.engine.execution_options(is_writing=True)
         self.notices = notices
+        self._of_thread = _OfThread()
 
     @property
     def path(self) -> Path | None:
@@ -46,12 +50,42 @@ class Database:
         return Path(self.engine.url.database or "") if self.engine.dialect.name == "sqlite" else None
 
     def reading(self) -> AbstractContextManager[Connection]:
-        """Return a transaction that reads."""
-        return _transaction(self.engine)
+        """Return a transaction that reads, or the one that the thread is in."""
+        joined = self._of_thread.connection
+        return _transaction(self.engine) if joined is None else nullcontext(joined)
 
     def writing(self) -> AbstractContextManager[Connection]:
-        """Return a transaction that writes; other writers wait until it ends."""
-        return _transaction(self._writer)
+        """Return a transaction that writes, or the one that the thread is in; other writers wait until it ends."""
+        joined = self._of_thread.connection
+        return self._writing() if joined is None else nullcontext(joined)
+
+    @contextmanager
+    def joined(self) -> Iterator[None]:
+        """Make one transaction of all that this thread reads and writes in the context."""
+        with self.writing() as connection:
+            before, self._of_thread.connection = self._of_thread.connection, connection
+            try:
+                yield
+            finally:
+                self._of_thread.connection = before
+
+    @contextmanager
+    def checked(self, check: Callable[[Connection], None] | None) -> Iterator[None]:
+        """Begin every transaction that this thread writes in the context with a check, which may refuse it."""
+        before, self._of_thread.check = self._of_thread.check, check
+        try:
+            yield
+        finally:
+            self._of_thread.check = before
+
+    @contextmanager
+    def _writing(self) -> Iterator[Connection]:
+        """Begin a transaction, checked first."""
+        check = self._of_thread.check
+        with _transaction(self._writer) as connection:
+            if check is not None:
+                check(connection)
+            yield connection
 
     def insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
         """Return an INSERT that supports a clause for existing rows."""
@@ -96,10 +130,24 @@ class Database:
         self.engine.dispose()
 
 
+class _OfThread(threading.local):
+    """Transaction that a thread is in, and check of those that it begins."""
+
+    connection: Connection | None = None
+    check: Callable[[Connection], None] | None = None
+
+
 def _engine(url: URL) -> Engine:
     """Return the engine for a database; SQLite syncs each commit, and its writers queue."""
     if url.get_backend_name() == "postgresql":
-        return create_engine(url, pool_pre_ping=True)
+        server = create_engine(url, pool_pre_ping=True)
+
+        @event.listens_for(server, "connect")
+        def limit(connection: Any, _: Any) -> None:
+            connection.execute(f"SET idle_in_transaction_session_timeout = {_MOST_IDLE}")
+            connection.commit()
+
+        return server
     engine = create_engine(url, connect_args={"timeout": PATIENCE})
 
     @event.listens_for(engine, "connect")

@@ -1,11 +1,12 @@
 """The durable inbox: frames that arrived, in any order and repeatedly, and their progress towards completeness."""
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Collection, Container, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, select, tuple_, update
 
 from sprung.storage.database import Database
+from sprung.storage.leases import shard_of
 from sprung.storage.rows import Cursor, StoredFrame, VehicleRow, check_count
 from sprung.storage.schema import CURSORS, FRAMES, VEHICLES
 
@@ -66,6 +67,16 @@ class Inbox:
         with self._database.reading() as connection:
             rows = connection.execute(select(VEHICLES.c.vehicle, VEHICLES.c.last_seen).order_by(VEHICLES.c.vehicle))
             return {row.vehicle: row.last_seen for row in rows}
+
+    def parked(self) -> set[str]:
+        """Return the vehicles that were switched off in good order."""
+        with self._database.reading() as connection:
+            return set(connection.scalars(select(VEHICLES.c.vehicle).where(VEHICLES.c.is_parked)))
+
+    def park(self, vehicle: str, *, is_parked: bool) -> None:
+        """Store whether a vehicle was switched off in good order."""
+        with self._database.writing() as connection:
+            connection.execute(update(VEHICLES).where(VEHICLES.c.vehicle == vehicle).values(is_parked=is_parked))
 
     def add_frames(self, frames: Sequence[StoredFrame], *, now: int) -> dict[Key, int]:
         """Put new frames into the inbox, and sync them to disk.
@@ -145,10 +156,11 @@ class Inbox:
         with self._database.reading() as connection:
             return _cursors(connection, _of(CURSORS, (vehicle, boot))).get((vehicle, boot), Cursor())
 
-    def cursors(self) -> dict[Key, Cursor]:
-        """Return how far the frames have come, by vehicle and boot."""
+    def cursors(self, shards: Collection[int] | None = None, *, since: int = 0) -> dict[Key, Cursor]:
+        """Return how far frames have come, by vehicle and boot: of some shards or all, where updated since a time."""
+        conditions = [] if shards is None else [CURSORS.c.shard.in_(shards)]
         with self._database.reading() as connection:
-            return _cursors(connection)
+            return _cursors(connection, *conditions, CURSORS.c.updated >= since)
 
     def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
         """Return at most `limit` frames that follow the number `after`, up to where the inbox is complete."""
@@ -169,7 +181,7 @@ class Inbox:
     def _locked(self, connection: Connection, keys: Sequence[Key], now: int) -> dict[Key, Cursor]:
         """Return cursors, created if missing; on PostgreSQL other writers of them wait from here on."""
         fresh = {"contiguous": -1, "done": -1, "lost": 0, "updated": now}
-        rows = [{"vehicle": vehicle, "boot": boot, **fresh} for vehicle, boot in keys]
+        rows = [{"vehicle": vehicle, "boot": boot, "shard": shard_of(vehicle), **fresh} for vehicle, boot in keys]
         connection.execute(self._database.insert(CURSORS).on_conflict_do_nothing(), rows)
         return _cursors(connection, tuple_(CURSORS.c.vehicle, CURSORS.c.boot).in_(keys), is_locked=True)
 

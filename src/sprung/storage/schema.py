@@ -19,6 +19,7 @@ from sqlalchemy import (
     Text,
     TypeDecorator,
     UniqueConstraint,
+    false,
 )
 
 from sprung.errors import SprungError
@@ -26,6 +27,10 @@ from sprung.errors import SprungError
 
 class StoreError(SprungError):
     """A store that cannot be opened, read or written."""
+
+
+class LeaseLostError(StoreError):
+    """A lease that another monitor has taken over; nothing was written."""
 
 
 class Json(TypeDecorator[Any]):
@@ -73,6 +78,7 @@ VEHICLES = Table(
     Column("channels", Json, nullable=False),
     Column("first_seen", _INTEGER, nullable=False),
     Column("last_seen", _INTEGER, nullable=False),
+    Column("is_parked", Boolean, nullable=False, server_default=false()),
 )
 
 #: Frames that arrived and are not yet analysed.
@@ -96,6 +102,8 @@ CURSORS = Table(
     Column("done", _INTEGER, nullable=False),
     Column("lost", _INTEGER, nullable=False),
     Column("updated", _INTEGER, nullable=False),
+    Column("shard", Integer, nullable=False, server_default="-1"),
+    Index("cursors_of_shard", "shard", "updated"),
 )
 
 
@@ -214,3 +222,24 @@ COMMANDS = Table(
     Column("done", _INTEGER),
     Index("commands_done", "done"),
 )
+
+#: Monitors that run, and when each was last heard of, by the clock of the database.
+MONITORS = Table(
+    "monitors",
+    METADATA,
+    _key("monitor", Text),
+    Column("since", _INTEGER, nullable=False),
+    Column("seen", _INTEGER, nullable=False),
+)
+
+#: Monitor that works for the vehicles of each shard; the epoch rises whenever that changes.
+LEASES = Table(
+    "leases",
+    METADATA,
+    Column("shard", Integer, primary_key=True, autoincrement=False),
+    Column("holder", Text),
+    Column("epoch", _INTEGER, nullable=False),
+)
+
+#: For each revision of the schema, the oldest one whose programs can use it.
+COMPATIBILITY = Table("compatibility", METADATA, _key("revision", Text), Column("since", Text, nullable=False))

@@ -1,7 +1,7 @@
 """The store, and how it is opened."""
 
 import sqlite3
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
@@ -13,6 +13,7 @@ from sprung.errors import ParameterError
 from sprung.storage.alerts import Alerts
 from sprung.storage.database import PATIENCE, Database
 from sprung.storage.inbox import Inbox
+from sprung.storage.leases import Leases
 from sprung.storage.requests import Requests
 from sprung.storage.results import Results
 from sprung.storage.schema import COMMANDS, MODES, NOTIFICATIONS, OBSERVATIONS, StoreError
@@ -47,6 +48,8 @@ class Store:
         Alerts with their history, and notifications.
     requests
         Commands for the monitor, and the audit trail.
+    leases
+        Which monitor works for which vehicles.
     notices
         Sentences about problems found when the store was opened.
     """
@@ -55,6 +58,7 @@ class Store:
         self._database = database
         self.inbox, self.results = Inbox(database), Results(database)
         self.alerts, self.requests = Alerts(database), Requests(database)
+        self.leases = Leases(database)
         self.notices = database.notices
 
     def __enter__(self) -> Self:
@@ -67,6 +71,10 @@ class Store:
     def folder(self) -> Path | None:
         """Folder of the SQLite file; None with a server."""
         return None if self._database.path is None else self._database.path.parent
+
+    def transaction(self) -> AbstractContextManager[None]:
+        """Return a context in which all that this thread stores is stored as a whole or not at all."""
+        return self._database.joined()
 
     def size(self) -> int:
         """Return the size of the store on disk [bytes]."""
@@ -87,7 +95,8 @@ class Store:
         self._database.check()
 
     def close(self) -> None:
-        """Close all connections."""
+        """Close all connections, and let another monitor use a file."""
+        self.leases.unlock()
         self._database.close()
 
     def delete_older(self, before: int) -> int:
