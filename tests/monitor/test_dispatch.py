@@ -72,8 +72,8 @@ def arrive(store, dispatch, vehicle, first, last) -> None:
     dispatch.add(vehicle, 1, store.inbox.add_frames(frames, now=NOW)[vehicle, 1])
 
 
-def describe(store, vehicle) -> None:
-    store.inbox.put_vehicle(vehicle, configuration="c", description="text", channels=[["a", "speed"]], now=NOW)
+def describe(store, vehicle, description="text") -> None:
+    store.inbox.put_vehicle(vehicle, configuration="c", description=description, channels=[["a", "speed"]], now=NOW)
 
 
 def done(vehicle, n_consumed, state=None) -> Outcome:
@@ -139,6 +139,7 @@ def test_a_state_that_the_store_has_opens_the_vehicle_again(dispatch, workers, s
     arrive(store, dispatch, "car-1", 0, 2)
     dispatch.give()
     dispatch.settle(done("car-1", 2, b"state"))
+    describe(store, "car-1", "another text")
     dispatch.describe("car-1")
     arrive(store, dispatch, "car-1", 2, 3)
     dispatch.give()
