@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.storage.conftest import postgresql_server, postgresql_url
 
 from sprung.box import blocks_of
 from sprung.link import Frame, encode, quantised
@@ -14,7 +15,6 @@ from sprung.simulation import RoadDrive, simulate_drive
 from sprung.storage import open_store
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
-from tests.storage.conftest import postgresql_server, postgresql_url
 
 __all__ = ["postgresql_server", "postgresql_url"]
 

@@ -51,7 +51,10 @@ class Watch(_Table):
     )
 
     takeover_seconds: float = Field(
-        30.0, ge=5, le=3600, description="time without a sign of a monitor after which others take over its vehicles [s]"
+        30.0,
+        ge=5,
+        le=3600,
+        description="time without a sign of a monitor after which others take over its vehicles [s]",
     )
 
     @property
