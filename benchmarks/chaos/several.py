@@ -124,11 +124,12 @@ class Rig:
         return n_windows >= plan.vehicles * plan.windows and not n_waiting
 
     def contents(self) -> dict[str, list[tuple[Any, ...]]]:
-        """Return all tables."""
-        return {name: self.database.rows(query) for name, query in TABLES.items()}
+        """Return all tables, without times of the clock in sentences."""
+        tables = {name: self.database.rows(query) for name, query in TABLES.items()}
+        return {name: [tuple(map(timeless, row)) for row in rows] for name, rows in tables.items()}
 
-    def messages(self) -> Counter[str]:
-        """Return the messages that people got, without times and numbers, and how often each."""
+    def messages(self) -> Counter[tuple[str, str]]:
+        """Return the messages that people got, without times and numbers, with the time of each, and how often each."""
         own = [message for message in self.mailbox.messages if message["vehicle"] != "monitor"]
         kept = (
             {name: value for name, value in one.items() if name not in _CHANGING} | {"at": one["time"]} for one in own

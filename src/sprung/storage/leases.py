@@ -114,7 +114,7 @@ class Leases:
         with self._database.writing() as connection:
             now = connection.scalar(_NOW) or 0
             alive = now - round(1e9 * patience)
-            row = self._database.insert(MONITORS).values(monitor=monitor, since=now, seen=now)
+            row = self._database.insert(MONITORS).values(monitor=monitor, seen=now)
             connection.execute(row.on_conflict_do_update(index_elements=["monitor"], set_={"seen": now}))
             dead = _bury(connection, alive)
             living = select(MONITORS.c.monitor).where(MONITORS.c.seen >= alive)

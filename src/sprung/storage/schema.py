@@ -224,13 +224,7 @@ COMMANDS = Table(
 )
 
 #: Monitors that run, and when each was last heard of, by the clock of the database.
-MONITORS = Table(
-    "monitors",
-    METADATA,
-    _key("monitor", Text),
-    Column("since", _INTEGER, nullable=False),
-    Column("seen", _INTEGER, nullable=False),
-)
+MONITORS = Table("monitors", METADATA, _key("monitor", Text), Column("seen", _INTEGER, nullable=False))
 
 #: Monitor that works for the vehicles of each shard; the epoch rises whenever that changes.
 LEASES = Table(

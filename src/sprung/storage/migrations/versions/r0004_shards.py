@@ -18,7 +18,6 @@ def upgrade() -> None:
     op.create_table(
         "monitors",
         Column("monitor", Text(), nullable=False),
-        Column("since", INTEGER, nullable=False),
         Column("seen", INTEGER, nullable=False),
         PrimaryKeyConstraint("monitor"),
     )
