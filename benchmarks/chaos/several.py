@@ -12,6 +12,7 @@ import argparse
 import json
 import os
 import random
+import re
 import signal
 import sys
 import tempfile
@@ -49,6 +50,7 @@ TABLES = {
 }
 #: Parts of a message that depend on the clock and on the order of alerts of different vehicles.
 _CHANGING = {"time", "number", "raised", "cleared", "link", "since"}
+_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ][\d:.]+Z?")
 
 
 @dataclass(frozen=True)
@@ -131,10 +133,9 @@ class Rig:
     def messages(self) -> Counter[tuple[str, str]]:
         """Return the messages that people got, without times and numbers, with the time of each, and how often each."""
         own = [message for message in self.mailbox.messages if message["vehicle"] != "monitor"]
-        kept = (
-            {name: value for name, value in one.items() if name not in _CHANGING} | {"at": one["time"]} for one in own
-        )
-        return Counter(json.dumps(message, sort_keys=True) for message in kept)
+        kept = [{name: value for name, value in one.items() if name not in _CHANGING} for one in own]
+        texts = [timeless(json.dumps(message, sort_keys=True)) for message in kept]
+        return Counter((text, str(one["time"])) for text, one in zip(texts, own, strict=True))
 
     def close(self) -> None:
         for program in (*self.monitors, self.broker):
@@ -163,12 +164,14 @@ def is_migrated(database: Database) -> bool:
     return database.rows("SELECT count(*) FROM leases WHERE holder IS NULL") == [(0,)]
 
 
-def events_of_people(messages: Counter[str]) -> Counter[str]:
+def timeless(value: Any) -> Any:
+    """Return a value without the times of the clock that a sentence states."""
+    return _TIME.sub("TIME", value) if isinstance(value, str) else value
+
+
+def different(messages: Counter[tuple[str, str]]) -> Counter[str]:
     """Return how many different messages of each contents people got: a repetition has the time of the first."""
-    different: Counter[str] = Counter()
-    for text in messages:
-        different[json.dumps({name: value for name, value in json.loads(text).items() if name != "at"})] += 1
-    return different
+    return Counter(text for text, _ in messages)
 
 
 class Storm:
@@ -237,7 +240,7 @@ def run(plan: Plan, folder: Path, say: Callable[[str], None]) -> Result:
         server = stack.enter_context(postgresql())
         calm = stack.enter_context(rig(folder / "calm", plan, server, monitors=1))
         drive(calm, plan, None, Result(plan), lambda: None)
-        expected, people = calm.contents(), events_of_people(calm.messages())
+        expected, people = calm.contents(), different(calm.messages())
         for program in calm.monitors:
             program.end(signal.SIGTERM)
         say(f"undisturbed: {len(expected['observations'])} windows, {sum(people.values())} messages")
@@ -252,10 +255,11 @@ def run(plan: Plan, folder: Path, say: Callable[[str], None]) -> Result:
         found, got = one.contents(), one.messages()
     result.rows = {name: len(rows) for name, rows in found.items()}
     result.differs = [name for name in TABLES if found[name] != expected[name]]
-    different = events_of_people(got)
-    result.messages = sum(different.values())
-    result.messages_missing = sum(((people - different) + (different - people)).values())
+    told = different(got)
+    result.messages = sum(told.values())
+    result.messages_missing = sum(((people - told) + (told - people)).values())
     result.messages_repeated = sum(got.values()) - len(got)
+    (folder / "messages.differs").write_text(f"{people - told}\n{told - people}")
     for name in result.differs:
         (folder / f"{name}.differs").write_text(f"{set(expected[name]) ^ set(found[name])}")
     return result
