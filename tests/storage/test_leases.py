@@ -141,7 +141,7 @@ def test_take_over_passes_over_a_shard_in_which_a_transaction_runs(server, postg
     begun, finish = threading.Event(), threading.Event()
 
     def commit() -> None:
-        with store.leases.fence(lease), store.transaction():
+        with store.leases.fence(lease), store.together():
             store.results.commit(Progress("car-1", 1, done_seq=0))
             begun.set()
             finish.wait(60.0)
@@ -170,7 +170,7 @@ def test_transaction_stores_all_or_nothing(store) -> None:
     store.inbox.add_frames(FRAMES, now=0)
 
     def fail() -> None:
-        with store.transaction():
+        with store.together():
             store.results.commit(Progress("car-1", 1, done_seq=1))
             assert store.inbox.cursor("car-1", 1).done == 1
             raise ZeroDivisionError
@@ -178,7 +178,7 @@ def test_transaction_stores_all_or_nothing(store) -> None:
     with pytest.raises(ZeroDivisionError):
         fail()
     assert store.inbox.cursor("car-1", 1).done == -1
-    with store.transaction():
+    with store.together():
         store.results.commit(Progress("car-1", 1, done_seq=1))
         store.results.commit(Progress("car-1", 1, done_seq=2))
     assert store.inbox.cursor("car-1", 1).done == 2

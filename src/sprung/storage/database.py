@@ -5,7 +5,7 @@ import shutil
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +41,8 @@ class Database:
     def __init__(self, url: URL, *, notices: tuple[str, ...] = ()) -> None:
         self.engine = _engine(url)
         self._writer = self.engine.execution_options(is_writing=True)
+        self._whole = _Whole()
         self.notices = notices
-        self._of_thread = _OfThread()
 
     @property
     def path(self) -> Path | None:
@@ -50,38 +50,48 @@ class Database:
         return Path(self.engine.url.database or "") if self.engine.dialect.name == "sqlite" else None
 
     def reading(self) -> AbstractContextManager[Connection]:
-        """Return a transaction that reads, or the one that the thread is in."""
-        joined = self._of_thread.connection
+        """Return a transaction that reads."""
+        joined = self._whole.connection
         return _transaction(self.engine) if joined is None else nullcontext(joined)
 
     def writing(self) -> AbstractContextManager[Connection]:
-        """Return a transaction that writes, or the one that the thread is in; other writers wait until it ends."""
-        joined = self._of_thread.connection
-        return self._writing() if joined is None else nullcontext(joined)
+        """Return a transaction that writes; other writers wait until it ends."""
+        whole = self._whole
+        if whole.stack is None:
+            return self._checked()
+        if whole.connection is None:
+            whole.connection = whole.stack.enter_context(self._checked())
+        return nullcontext(whole.connection)
 
     @contextmanager
-    def joined(self) -> Iterator[None]:
-        """Make one transaction of all that this thread reads and writes in the context."""
-        with self.writing() as connection:
-            before, self._of_thread.connection = self._of_thread.connection, connection
+    def together(self) -> Iterator[None]:
+        """Make one transaction of all that this thread writes within, from the first write on.
+
+        Raises
+        ------
+        StoreError
+            If the database cannot write; nothing is stored then.
+        """
+        with ExitStack() as stack:
+            self._whole.stack = stack
             try:
                 yield
             finally:
-                self._of_thread.connection = before
+                self._whole.stack = self._whole.connection = None
 
     @contextmanager
     def checked(self, check: Callable[[Connection], None] | None) -> Iterator[None]:
         """Begin every transaction that this thread writes in the context with a check, which may refuse it."""
-        before, self._of_thread.check = self._of_thread.check, check
+        before, self._whole.check = self._whole.check, check
         try:
             yield
         finally:
-            self._of_thread.check = before
+            self._whole.check = before
 
     @contextmanager
-    def _writing(self) -> Iterator[Connection]:
-        """Begin a transaction, checked first."""
-        check = self._of_thread.check
+    def _checked(self) -> Iterator[Connection]:
+        """Return a transaction that writes, checked first."""
+        check = self._whole.check
         with _transaction(self._writer) as connection:
             if check is not None:
                 check(connection)
@@ -130,9 +140,10 @@ class Database:
         self.engine.dispose()
 
 
-class _OfThread(threading.local):
-    """Transaction that a thread is in, and check of those that it begins."""
+class _Whole(threading.local):
+    """The transaction of a thread that others of it join, and the check of those that it begins."""
 
+    stack: ExitStack | None = None
     connection: Connection | None = None
     check: Callable[[Connection], None] | None = None
 

@@ -33,6 +33,8 @@ _DAMAGED = {
 class Store:
     """Results and state of the monitor; each method is one transaction, from any thread. Made by `open_store`.
 
+    Methods that are called within `together` are one transaction.
+
     Parameters
     ----------
     database
@@ -72,10 +74,6 @@ class Store:
         """Folder of the SQLite file; None with a server."""
         return None if self._database.path is None else self._database.path.parent
 
-    def transaction(self) -> AbstractContextManager[None]:
-        """Return a context in which all that this thread stores is stored as a whole or not at all."""
-        return self._database.joined()
-
     def size(self) -> int:
         """Return the size of the store on disk [bytes]."""
         return self._database.size()
@@ -93,6 +91,10 @@ class Store:
             If the store cannot write, or its disk has less than 1 MiB left.
         """
         self._database.check()
+
+    def together(self) -> AbstractContextManager[None]:
+        """Return a context in which all that this thread writes is one transaction, as `Database.together`."""
+        return self._database.together()
 
     def close(self) -> None:
         """Close all connections, and let another monitor use a file."""
