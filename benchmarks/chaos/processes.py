@@ -57,6 +57,10 @@ class Program:
         return None if self._process is None else self._process.poll()
 
     @property
+    def pid(self) -> int | None:
+        return None if self._process is None else self._process.pid
+
+    @property
     def children(self) -> list[int]:
         """Numbers of the processes that it has started."""
         if self._process is None:
@@ -71,6 +75,11 @@ class Program:
     def start(self) -> None:
         with self.log.open("ab") as log:
             self._process = subprocess.Popen(self._command(), stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    def send(self, number: int) -> None:
+        """Send a signal."""
+        if self._process is not None:
+            self._process.send_signal(number)
 
     def end(self, number: int = signal.SIGKILL) -> None:
         """Send a signal and wait for the end; a mosquitto that has only just started may miss the first SIGTERM."""

@@ -36,4 +36,16 @@ def contents(store: Path) -> dict[str, list[tuple[Any, ...]]]:
         "alerts": rows(
             store, f"SELECT cause, severity, text, is_active FROM alerts WHERE vehicle = '{VEHICLE}' ORDER BY cause"
         ),
+        "history": rows(
+            store,
+            f"SELECT cause, what, who, comment FROM alert_history JOIN alerts ON alert = alerts.id"
+            f" WHERE vehicle = '{VEHICLE}' ORDER BY cause, alert_history.id",
+        ),
+        "notifications": rows(
+            store,
+            f"SELECT cause, json_extract(notifications.document, '$.what'),"
+            f" json_extract(notifications.document, '$.document.text')"
+            f" FROM notifications JOIN alerts ON alert = alerts.id"
+            f" WHERE vehicle = '{VEHICLE}' ORDER BY cause, notifications.id",
+        ),
     }

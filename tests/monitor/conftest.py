@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.storage.conftest import postgresql_server, postgresql_url
 
 from sprung.box import blocks_of
 from sprung.link import Frame, encode, quantised
@@ -15,6 +16,8 @@ from sprung.simulation import RoadDrive, simulate_drive
 from sprung.storage import open_store
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
 from sprung.vehicles.sensor_layout import quantities_of
+
+__all__ = ["postgresql_server", "postgresql_url"]
 
 #: 2026-11-21, UTC ns.
 BEGUN = 1_795_219_200_000_000_000
@@ -134,11 +137,12 @@ class Inline(Workers):
 class Bench:
     """A station on a store in a folder, fed by hand."""
 
-    def __init__(self, folder, car, recording, *, workers=None, **site):
-        self.store = open_store(f"sqlite:///{folder}/store.sqlite")
+    def __init__(self, folder, car, recording, *, workers=None, url=None, **site):
+        url = url or f"sqlite:///{folder}/store.sqlite"
+        self.store = open_store(url)
         self.now, self.seconds = BEGUN, 0.0
         self.workers = workers or Inline()
-        settings = Site.model_validate({"store": f"sqlite:///{folder}/store.sqlite", "http": "127.0.0.1:0", **site})
+        settings = Site.model_validate({"store": url, "http": "127.0.0.1:0", **site})
         self.station = Station(
             settings,
             self.store,

@@ -36,7 +36,8 @@ def test_steps_lead_to_the_tables(engine) -> None:
 def test_every_released_schema_is_brought_up_to_date(engine, url, revision) -> None:
     with engine.begin() as connection:
         upgrade(connection, target=revision)
-        connection.execute(text("INSERT INTO cursors VALUES ('zafira', 7, 12, 10, 3, 99)"))
+        columns = "vehicle, boot, contiguous, done, lost, updated"
+        connection.execute(text(f"INSERT INTO cursors ({columns}) VALUES ('zafira', 7, 12, 10, 3, 99)"))
     with open_store(url) as store:
         assert store.inbox.cursors() == {("zafira", 7): Cursor(12, 10, 3)}
         assert store.inbox.add_frames([StoredFrame("zafira", 7, 13, 0, b"")], now=0) == {("zafira", 7): 13}

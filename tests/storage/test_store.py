@@ -5,7 +5,7 @@ import pytest
 from sqlalchemy import create_engine, make_url, text
 
 from sprung.errors import ParameterError
-from sprung.storage import StoredFrame, StoreError, open_store
+from sprung.storage import Cursor, StoredFrame, StoreError, open_store
 
 
 @pytest.fixture
@@ -29,6 +29,22 @@ def test_newer_schema_is_refused_and_left_alone(url, engine) -> None:
         open_store(url)
     with engine.connect() as connection:
         assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "9999"
+
+
+def test_newer_schema_that_only_adds_is_used(url, engine) -> None:
+    open_store(url).close()
+    with engine.begin() as connection:
+        connection.execute(text("ALTER TABLE cursors ADD COLUMN later INTEGER NOT NULL DEFAULT 7"))
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+        connection.execute(text("INSERT INTO compatibility VALUES ('9999', '0004')"))
+    with open_store(url) as store:
+        store.inbox.add_frames([StoredFrame("zafira", 7, 0, 0, b"x")], now=0)
+        assert store.inbox.cursors() == {("zafira", 7): Cursor(0)}
+    with engine.begin() as connection:
+        assert connection.scalar(text("SELECT version_num FROM alembic_version")) == "9999"
+        connection.execute(text("UPDATE compatibility SET since = '9999' WHERE revision = '9999'"))
+    with pytest.raises(StoreError, match=r"install the newer"):
+        open_store(url)
 
 
 def test_store_keeps_what_it_holds(url) -> None:

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import socket
 import time
 from functools import partial
 from pathlib import Path
@@ -81,7 +82,7 @@ def monitor(
             vehicle_bytes=1e6 * watch.megabytes_per_vehicle,
             job_bytes=1e6 * watch.megabytes_per_job,
         )
-        connect = partial(Link, address, f"sprung-monitor-{os.getpid()}")
+        connect = partial(Link, address, f"sprung-monitor-{socket.gethostname()}-{os.getpid()}")
         station = Station(settings, opened, connect=connect, workers=workers)
         stopping = stop_on_signals(within=_GRACE)
         try:

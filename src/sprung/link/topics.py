@@ -4,6 +4,8 @@ from sprung.errors import FormatError
 from sprung.link.messages import VEHICLE
 
 ROOT = "sprung/v1"
+#: Begin of the name of a shared subscription of MQTT 5.
+SHARED = "$share/sprung/"
 #: Kinds of messages from a vehicle, and to it.
 UPWARDS = ("raw", "corr", "modes", "event", "health", "meta", "state")
 DOWNWARDS = ("ack", "cmd")
@@ -12,6 +14,11 @@ DOWNWARDS = ("ack", "cmd")
 def topic(vehicle: str, what: str) -> str:
     """Return the topic of a vehicle's messages."""
     return f"{ROOT}/{vehicle}/{what}"
+
+
+def shared_topic(vehicle: str, what: str) -> str:
+    """Return the topic of a subscription that the monitors share: each message goes to one of them."""
+    return f"{SHARED}{topic(vehicle, what)}"
 
 
 def parse_topic(name: str) -> tuple[str, str]:

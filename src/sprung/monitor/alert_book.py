@@ -1,7 +1,8 @@
 """From windows of vehicles, and problems of monitoring, to alerts in the store."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -111,11 +112,24 @@ class AlertBook:
         if known is not None and known.is_active:
             self.put(absent(known, self._at_once, now), now=now)
 
-    def end_shelves(self, *, now: int) -> None:
-        """End the shelving of alerts whose time has come."""
+    def end_shelves(
+        self, *, holds: Callable[[str], bool], fence: Callable[[str], AbstractContextManager[None]], now: int
+    ) -> None:
+        """End the shelving of alerts whose time has come.
+
+        Parameters
+        ----------
+        holds
+            Function that returns whether this monitor works for a vehicle.
+        fence
+            Function that returns the context in which it writes about a vehicle.
+        now
+            Present time, UTC ns.
+        """
         for row in self._store.alerts.find():
-            if row.shelved_until is not None and row.shelved_until <= now:
-                self.put(shelf_ended(alert_of(row), now), now=now)
+            if row.shelved_until is not None and row.shelved_until <= now and holds(row.vehicle):
+                with fence(row.vehicle):
+                    self.put(shelf_ended(alert_of(row), now), now=now)
 
     def put(self, transition: Transition, *, now: int) -> None:
         """Store the new state of an alert, and the notification about it, if there is one."""

@@ -2,9 +2,11 @@
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 from sprung.monitor.backoff import Backoff
 from sprung.monitor.engine import MonitorSettings, Observed
@@ -15,12 +17,23 @@ from sprung.monitor.ledger import Ledger
 from sprung.monitor.states import History
 from sprung.monitor.streams import Stream
 from sprung.monitor.workers import Workers
-from sprung.storage import CommandRow, Cursor, RefusedError, Store, StoredFrame, StoreError
+from sprung.storage import (
+    CommandRow,
+    Cursor,
+    LeaseLostError,
+    RefusedError,
+    Store,
+    StoredFrame,
+    StoreError,
+    shard_of,
+)
 
 LOG = logging.getLogger("sprung.monitor")
 
 #: Largest number of frames of one job.
 _JOB = 300
+#: Largest difference between the clocks of monitors with which one learns at once what another took in [ns].
+_MARGIN = 3 * 10**9
 #: Failures in one place after which its frame is set aside.
 _STRIKES = 2
 
@@ -59,6 +72,8 @@ class Dispatch:
         Settings of vehicles that start from scratch.
     timer
         Present time [s] of any clock that only goes forward.
+    fence
+        Function that returns the context in which this monitor writes about a vehicle.
 
     Notes
     -----
@@ -76,13 +91,18 @@ class Dispatch:
         settings: MonitorSettings,
         *,
         timer: Callable[[], float] = time.monotonic,
+        fence: Callable[[str], AbstractContextManager[None]] = lambda vehicle: nullcontext(),
     ) -> None:
         self._store, self._workers, self._ledger, self._settings = store, workers, ledger, settings
+        self._fence = fence
+        self._descriptions: dict[str, tuple[str, list[Any]]] = {}
+        self._newest = 0
         self._streams: dict[str, Stream] = {}
         self._jobs: dict[str, Sequence[StoredFrame]] = {}
         self._learning: dict[str, CommandRow] = {}
         self._strikes: dict[str, _Strikes] = {}
         self._backoff = Backoff(timer)
+        self._learnt: dict[str, CommandRow | None] = {}
         self._statuses: dict[str, VehicleStatus] = {}
         self._n_failures = 0
 
@@ -108,12 +128,33 @@ class Dispatch:
             "sprung_vehicles_waiting": self._backoff.n_waiting,
         }
 
-    def open(self) -> None:
-        """Continue from the stored states."""
-        for (vehicle, boot), cursor in self._store.inbox.cursors().items():
-            self.add(vehicle, boot, cursor.contiguous)
-            stream = self._streams[vehicle]
-            stream.dispatched[boot] = cursor.done
+    def follow(self, shards: Collection[int] | None = None, *, is_complete: bool = True) -> None:
+        """Learn from the store how far the frames of vehicles have come: at the start, and of what others took in.
+
+        Parameters
+        ----------
+        shards
+            Shards of the vehicles; None: all.
+        is_complete
+            Whether to compare all, and not only what has changed since the last time.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be used.
+        """
+        since = 0 if is_complete else self._newest - _MARGIN
+        for (vehicle, boot), cursor in self._store.inbox.cursors(shards, since=since).items():
+            stream = self._streams.setdefault(vehicle, Stream())
+            if boot not in stream.contiguous:
+                stream.dispatched[boot] = cursor.done
+            stream.arrived(boot, cursor.contiguous)
+            self._newest = max(self._newest, cursor.updated)
+
+    def leave(self, shards: Collection[int]) -> None:
+        """Leave the vehicles of shards to other monitors."""
+        for vehicle in [vehicle for vehicle in self._streams if shard_of(vehicle) in shards]:
+            self._leave(vehicle)
 
     def close(self) -> None:
         """Stop the workers."""
@@ -124,10 +165,13 @@ class Dispatch:
         self._streams.setdefault(vehicle, Stream()).arrived(boot, contiguous)
 
     def describe(self, vehicle: str) -> None:
-        """Record that a vehicle has a new description: its frames are analysed again from the stored state."""
-        LOG.info("vehicle described", extra={"vehicle": vehicle})
-        self._workers.close_vehicle(vehicle)
-        self._backoff.succeed(vehicle)
+        """Record that a vehicle sent a description: if it is new, frames are analysed again from the stored state."""
+        row = self._store.inbox.vehicle(vehicle)
+        if row is not None and self._descriptions.get(vehicle) != (row.description, row.channels):
+            LOG.info("vehicle described", extra={"vehicle": vehicle})
+            self._descriptions[vehicle] = (row.description, row.channels)
+            self._workers.close_vehicle(vehicle)
+            self._backoff.succeed(vehicle)
 
     def relearn(self, command: CommandRow) -> None:
         """Let a vehicle learn a new baseline before its next frames; requests for one vehicle are queued."""
@@ -142,10 +186,16 @@ class Dispatch:
             If the store cannot be used.
         """
         n_given = 0
-        for vehicle in list(self._streams):
+        for vehicle, stream in list(self._streams.items()):
             if self._workers.is_busy:
                 break
-            n_given += self._give(vehicle)
+            if vehicle in self._jobs or not (stream.has_waiting or vehicle in self._learning):
+                continue
+            try:
+                with self._fence(vehicle):
+                    n_given += self._give(vehicle)
+            except LeaseLostError as error:
+                self._lose(vehicle, error)
         return n_given
 
     def collect(self, *, timeout: float) -> list[Outcome]:
@@ -160,8 +210,19 @@ class Dispatch:
         StoreError
             If the store cannot write: the vehicle continues from the stored state.
         """
+        try:
+            with self._fence(outcome.vehicle):
+                self._settle(outcome)
+        except LeaseLostError as error:
+            self._jobs.pop(outcome.vehicle, ())
+            self._lose(outcome.vehicle, error)
+
+    def _settle(self, outcome: Outcome) -> None:
+        """Store the outcome of a job, unless its vehicle was left to another monitor meanwhile."""
         vehicle = outcome.vehicle
         frames = self._jobs.pop(vehicle, ())
+        if vehicle not in self._streams:
+            return
         if outcome.error:
             self._fail(outcome, frames)
         elif self._workers.is_open(vehicle):  # otherwise it got a new description meanwhile
@@ -178,8 +239,6 @@ class Dispatch:
     def _give(self, vehicle: str) -> bool:
         """Give the next frames of a vehicle to its worker, or store the next report of its box."""
         stream, workers = self._streams[vehicle], self._workers
-        if vehicle in self._jobs or not (stream.has_waiting or vehicle in self._learning):
-            return False
         if not self._backoff.is_due(vehicle) or not workers.is_free(vehicle):
             return False
         if not (workers.is_open(vehicle) or self._open(vehicle)):
@@ -211,7 +270,7 @@ class Dispatch:
         """Start a job, which without frames returns the state. The vehicle moves to the end of the queue."""
         learn = self._learning.get(vehicle)
         reason = "" if learn is None else str(learn.detail or "maintenance")
-        self._jobs[vehicle] = frames
+        self._jobs[vehicle], self._learnt[vehicle] = frames, learn
         self._workers.submit(vehicle, [frame.payload for frame in frames], learn=reason)
         self._streams[vehicle] = self._streams.pop(vehicle)
 
@@ -222,7 +281,7 @@ class Dispatch:
             return False
         snapshot = self._store.results.snapshot(vehicle)
         stream = self._streams[vehicle]
-        known = self._store.inbox.cursors(vehicle)
+        known = self._store.inbox.cursors(vehicle=vehicle)
         cursors = {boot: known.get((vehicle, boot), Cursor()) for boot in stream.contiguous}
         stream.rewind(cursors, -1 if snapshot is None else snapshot.boot)
         if snapshot is not None:
@@ -237,6 +296,7 @@ class Dispatch:
         self._workers.open(
             Opening(vehicle, row.description, dict(row.channels), state, self._settings, of_type, history)
         )
+        self._descriptions[vehicle] = (row.description, row.channels)
         return True
 
     def _commit(self, outcome: Outcome, taken: Sequence[StoredFrame]) -> None:
@@ -244,12 +304,18 @@ class Dispatch:
         vehicle = outcome.vehicle
         stream = self._streams[vehicle]
         boot, seq = (taken[-1].boot, taken[-1].seq) if taken else stream.position
-        if self._ledger.commit(outcome, boot, seq):
+        command = self._learnt.get(vehicle)
+        with self._store.together():  # no window is stored without what it says to people, whatever happens
+            is_saved = self._ledger.commit(outcome, boot, seq)
+            if is_saved:
+                self._ledger.update_alerts(vehicle, outcome.events)
+                if command is not None:
+                    self._ledger.finish_learning(command.id)
+        if is_saved:
             stream.done[boot] = seq
+            if command is not None:
+                self._learning.pop(vehicle, None)
             self._finish_boots(vehicle, boot)
-            self._ledger.update_alerts(vehicle, outcome.events)
-            if vehicle in self._learning:
-                self._ledger.finish_learning(self._learning.pop(vehicle).id)
             self._strikes.pop(vehicle, None)  # not before: a window that fails begins with jobs that do not
             self._backoff.succeed(vehicle)
         self._statuses[vehicle] = outcome.status
@@ -267,6 +333,18 @@ class Dispatch:
         for older, last in stream.finished(boot):
             self._ledger.complete(vehicle, older, last)
             stream.done[older] = last
+
+    def _lose(self, vehicle: str, error: LeaseLostError) -> None:
+        """Leave a vehicle to the monitor that has taken it over."""
+        LOG.warning("vehicle left to another monitor", extra={"vehicle": vehicle, "reason": str(error)})
+        self._leave(vehicle)
+
+    def _leave(self, vehicle: str) -> None:
+        """Forget a vehicle; the outcome of a job under way is dropped when it comes."""
+        self._workers.close_vehicle(vehicle)
+        self._backoff.succeed(vehicle)
+        for memory in (self._streams, self._learning, self._learnt, self._strikes, self._statuses, self._descriptions):
+            memory.pop(vehicle, None)
 
     def _fail(self, outcome: Outcome, frames: Sequence[StoredFrame]) -> None:
         """Leave out what a job failed on, if it failed there repeatedly; the vehicle is opened again after a while."""

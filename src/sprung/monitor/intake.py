@@ -58,7 +58,7 @@ class Taken:
     arrived
         Sequence number up to which nothing is missing, by vehicle and boot of the messages.
     described
-        Vehicles with a new description.
+        Vehicles with a description, which may be new to this monitor or to others only.
     n_messages
         Number of messages.
     """
@@ -134,6 +134,10 @@ class Intake:
     def is_parked(self, vehicle: str) -> bool:
         """Return whether a vehicle was switched off in good order."""
         return vehicle in self._parked
+
+    def recall_parked(self) -> None:
+        """Learn of parked vehicles whose messages went to other monitors."""
+        self._parked = self._store.inbox.parked()
 
     def answer(self, vehicle: str, number: int) -> Mapping[str, Any] | None:
         """Return the answer of a box to the request of a number; None before it answered."""
@@ -258,7 +262,8 @@ class Intake:
 
     def _handle(self, vehicle: str, what: str, document: dict[Any, Any], taken: Taken, now: int) -> None:
         """Handle a message that is neither a frame, a report nor a state; those of unknown kinds are ignored."""
-        if what == "meta" and self._describe(vehicle, document, now):
+        if what == "meta":
+            self._describe(vehicle, document, now)
             taken.described.add(vehicle)
         elif what == "health":
             self._free[vehicle] = _free_bytes(document)
@@ -279,8 +284,8 @@ class Intake:
         if len(self._refusals) > _MOST_REFUSALS:
             self._refusals.pop(next(iter(self._refusals)))
 
-    def _describe(self, vehicle: str, document: dict[Any, Any], now: int) -> bool:
-        """Store a vehicle's description, and return whether it is new."""
+    def _describe(self, vehicle: str, document: dict[Any, Any], now: int) -> None:
+        """Store a vehicle's description if it is new."""
         description, quantities = document.get("description"), document.get("quantities")
         configuration = text(document.get(Key.CONFIGURATION))
         if not isinstance(description, str) or not isinstance(quantities, dict):
@@ -294,10 +299,9 @@ class Intake:
         inbox = self._store.inbox
         known = inbox.vehicle(vehicle)
         if known is not None and (known.description, known.channels) == (description, channels):
-            return False
+            return
         vehicle_from_text(description, source=f"the vehicle file of {vehicle}")
         inbox.put_vehicle(vehicle, configuration=configuration, description=description, channels=channels, now=now)
-        return True
 
     def _keep_answer(self, vehicle: str, document: dict[Any, Any]) -> None:
         """Keep the answer of a box to a request."""
@@ -317,7 +321,10 @@ class Intake:
         behind = sorted(boot for boot, seq in first.items() if seq > 0)[:MOST_BOOTS]
         for boot in behind:
             self._check_boot(vehicle, boot)
-        (self._parked.add if document.get("is_leaving") else self._parked.discard)(vehicle)
+        is_leaving = bool(document.get("is_leaving"))
+        if is_leaving != (vehicle in self._parked):
+            self._store.inbox.park(vehicle, is_parked=is_leaving)
+            (self._parked.add if is_leaving else self._parked.discard)(vehicle)
         return {(vehicle, boot): first[boot] for boot in behind}, dropped
 
 

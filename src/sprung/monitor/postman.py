@@ -178,6 +178,8 @@ class PostOffice:
         As for `Postman`; pictures are drawn one at a time.
     beat
         Function that is called with "post" and the name of a sender whenever its thread looks for notifications.
+    is_on_duty
+        Function that returns whether this monitor sends, and not another one.
     """
 
     def __init__(
@@ -189,6 +191,7 @@ class PostOffice:
         link: Callable[[int], str] = lambda number: "",
         picture: Callable[[str, str], bytes] = lambda vehicle, cause: b"",
         beat: Callable[[str], object] = lambda name: None,
+        is_on_duty: Callable[[], bool] = lambda: True,
     ) -> None:
         drawing = threading.Lock()
 
@@ -196,7 +199,7 @@ class PostOffice:
             with drawing:
                 return picture(vehicle, cause)
 
-        self._store, self._clock, self._beat = store, clock, beat
+        self._store, self._clock, self._beat, self._is_on_duty = store, clock, beat, is_on_duty
         self._names = [sender.name for sender in senders]
         self._postmen = [Postman(store, sender, senders=self._names, link=link, picture=drawn) for sender in senders]
         self._stopping = threading.Event()
@@ -267,6 +270,9 @@ class PostOffice:
         wait = _EVERY
         while not self._stopping.wait(wait):
             self._beat(f"post {postman.name}")
+            if not self._is_on_duty():
+                wait = _EVERY
+                continue
             try:
                 wait = 0.0 if postman.send(now=self._clock()) else _EVERY
             except StoreError as error:

@@ -42,6 +42,8 @@ FIGURES = {
     "sprung_backlog_frames": ("gauge", "Frames stored and not yet analysed."),
     "sprung_boxes_free_bytes": ("gauge", "Free disk space of the box that has the least."),
     "sprung_link_connected": ("gauge", "1 while connected to the broker."),
+    "sprung_monitors": ("gauge", "Monitors that share the store."),
+    "sprung_shards": ("gauge", "Shards of vehicles that this monitor works for, of 256."),
     "sprung_store_bytes": ("gauge", "Size of the store."),
     "sprung_store_writable": ("gauge", "1 while the store can be written."),
     "sprung_heartbeat_age_seconds": ("gauge", "Time since each loop of the monitor last turned."),

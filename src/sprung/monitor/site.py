@@ -56,6 +56,12 @@ class Watch(_Table):
     megabytes_per_job: float = Field(
         1500.0, gt=0, description="largest memory that the analysis of a window may take [MB]"
     )
+    takeover_seconds: float = Field(
+        30.0,
+        ge=5,
+        le=3600,
+        description="time without a sign of a monitor after which others take over its vehicles [s]",
+    )
 
     @property
     def settings(self) -> MonitorSettings:

@@ -3,9 +3,10 @@
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 
-from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, topic
+from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, shared_topic, topic
 from sprung.monitor.alert_book import AlertBook
 from sprung.monitor.desk import alert_in_words
 from sprung.monitor.dispatch import Dispatch
@@ -20,10 +21,11 @@ from sprung.monitor.pictures import alert_picture
 from sprung.monitor.postman import PostOffice, senders_of
 from sprung.monitor.refusals import OVERLOAD, Refusals
 from sprung.monitor.serving import Serving, labelled
+from sprung.monitor.shards import Shards
 from sprung.monitor.site import Site
 from sprung.monitor.upkeep import Upkeep
 from sprung.monitor.workers import Workers
-from sprung.storage import Store
+from sprung.storage import N_SHARDS, Store, StoreError
 
 LOG = logging.getLogger("sprung.monitor")
 
@@ -33,6 +35,10 @@ _BATCH, _BATCH_BYTES, _BATCH_SECONDS = 2000, 16 << 20, 0.25
 _EXAMINE, _MOST_ALERTS = 60.0, 20
 #: Longest time of a turn of the loop, and of the thread that sends notifications; of a job, besides its limit [s].
 _STILL, _STILL_POST, _LATE = 15.0, 300.0, 60.0
+#: Messages that each of several monitors gets: retained ones, which no shared subscription gets, and answers of boxes.
+_FOR_ALL = ("meta", "event")
+#: Time between looks for frames that other monitors took in: of what has changed, and of all [s].
+_FOLLOW, _COMPARE = 1.0, 60.0
 
 
 class Station:
@@ -68,7 +74,10 @@ class Station:
         self._inflow, self._refusals, self._timer, self._store = Inflow(), Refusals(), timer, store
         self._last_window: float | None = None
         self._link = connect(
-            topics=[topic("+", what) for what in UPWARDS],
+            topics=[
+                shared_topic("+", what) if store.leases.is_shared and what not in _FOR_ALL else topic("+", what)
+                for what in UPWARDS
+            ],
             on_message=self.receive,
             will=(topic(MONITOR, "state"), message({Key.VERSION: VERSION, "is_dead": True})),
         )
@@ -86,7 +95,9 @@ class Station:
             ),
         )
         ledger = Ledger(site, store, alerts=alerts, clock=clock)
-        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings, timer=timer)
+        self._shards = Shards(store, patience=site.watch.takeover_seconds, timer=timer)
+        self._following, self._comparing = Every(_FOLLOW, timer), Every(_COMPARE, timer)
+        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings, timer=timer, fence=self._shards.fence)
         self._post = PostOffice(
             store,
             senders,
@@ -94,6 +105,7 @@ class Station:
             link=site.alert_url,
             picture=partial(alert_picture, store),
             beat=self._heartbeats.beat,
+            is_on_duty=lambda: self._shards.is_first,
         )
         self._upkeep = Upkeep(
             site,
@@ -103,6 +115,7 @@ class Station:
             link=self._link,
             gate=self._gate,
             post=self._post,
+            shards=self._shards,
             relearn=self._dispatch.relearn,
             clock=clock,
             timer=timer,
@@ -140,10 +153,17 @@ class Station:
         return self._is_resting and self._inflow.is_empty and self._dispatch.is_idle
 
     def open(self, *, timeout: float = 0.0) -> None:
-        """Continue from the store, and connect; `timeout` as for `Link.open`."""
+        """Continue from the store, and connect; `timeout` as for `Link.open`.
+
+        Raises
+        ------
+        StoreError
+            If another monitor uses the store, and it is a file.
+        """
+        self._shards.open()
         self._serving.open()
         self._upkeep.open()
-        self._dispatch.open()
+        self._follow()
         self._post.open()
         self._link.open(timeout=timeout)
         self._heartbeats.beat("station")
@@ -159,6 +179,7 @@ class Station:
         self._heartbeats.beat("station")
         n_taken = n_given = 0
         if self._gate.is_open:
+            self._gate.guard(self._follow)
             n_taken = self._take()
             n_given = self._gate.guard(self._dispatch.give) or 0
         outcomes = self._dispatch.collect(timeout=0.0 if n_taken else 0.05)
@@ -185,6 +206,8 @@ class Station:
             self._serving.close()
             self._upkeep.close()
             LOG.info("stopped")
+        with suppress(StoreError):  # others take over later
+            self._shards.close()
 
     def receive(self, name: str, payload: bytes) -> None:
         """Queue a message for the next step; beyond the limit it is dropped, and sent again as unacknowledged."""
@@ -205,6 +228,8 @@ class Station:
             **window,
             "sprung_queue_bytes": self._inflow.n_bytes,
             "sprung_link_connected": float(self._link.is_connected),
+            "sprung_monitors": self._shards.n_monitors,
+            "sprung_shards": len(self._shards.held) if self._shards.is_shared else N_SHARDS,
             "sprung_store_writable": float(not self._gate.trouble),
             **{labelled("sprung_heartbeat_age_seconds", loop=loop): age for loop, age in ages.items()},
             **{
@@ -230,6 +255,24 @@ class Station:
         inner = (*self._heartbeats.troubles, *self._post.troubles)
         return [sentence for sentence in (broker, self._gate.trouble, *inner) if sentence]
 
+    def _follow(self) -> None:
+        """Take over and leave vehicles, and learn of the frames that other monitors took in for this one."""
+        change = self._shards.renew()
+        self._dispatch.leave(change.lost)
+        for monitor in change.dead:
+            self._upkeep.report_dead(monitor)
+        if change.gained or change.lost:
+            LOG.info("shards", extra={"held": len(self._shards.held), "monitors": self._shards.n_monitors})
+            self._comparing.reset()
+            self._following.reset()
+        if not self._following.is_due or (self._comparing.started is not None and not self._shards.is_shared):
+            return
+        self._following.start()
+        is_complete = self._comparing.is_due
+        self._dispatch.follow(self._shards.held if self._shards.is_shared else None, is_complete=is_complete)
+        if is_complete:
+            self._comparing.start()
+
     def _take(self) -> int:
         """Store the messages received, and return their number."""
         if self._inflow.is_empty:
@@ -239,9 +282,11 @@ class Station:
             return 0
         self._gate.succeed()
         for (vehicle, boot), contiguous in taken.arrived.items():
-            self._dispatch.add(vehicle, boot, contiguous)
+            if self._shards.holds(vehicle):
+                self._dispatch.add(vehicle, boot, contiguous)
         for vehicle in taken.described:
-            self._dispatch.describe(vehicle)
+            if self._shards.holds(vehicle):
+                self._dispatch.describe(vehicle)
         return taken.n_messages
 
     def _batch(self) -> Iterator[tuple[str, bytes]]:

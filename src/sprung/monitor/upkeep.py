@@ -9,6 +9,7 @@ from sprung.monitor.alert_book import AlertBook
 from sprung.monitor.gate import Gate
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.postman import PostOffice
+from sprung.monitor.shards import Shards
 from sprung.monitor.site import Site
 from sprung.storage import CommandRow, Retention, Store
 
@@ -43,6 +44,8 @@ class Upkeep:
         Gate that is closed while the store cannot write.
     post
         Senders of notifications.
+    shards
+        Vehicles that this monitor works for.
     relearn
         Function called with each open request for a new baseline.
     clock
@@ -61,12 +64,14 @@ class Upkeep:
         link: Link,
         gate: Gate,
         post: PostOffice,
+        shards: Shards,
         relearn: Callable[[CommandRow], None],
         clock: Callable[[], int],
         timer: Callable[[], float],
     ) -> None:
         self._site, self._store, self._alerts, self._intake = site, store, alerts, intake
-        self._link, self._gate, self._post, self._relearn, self._clock = link, gate, post, relearn, clock
+        self._link, self._gate, self._post, self._shards = link, gate, post, shards
+        self._relearn, self._clock = relearn, clock
         self._begun = clock()
         self._archives = [Retention(folder) for folder in (site.archive, site.correlations) if folder is not None]
         self._asking: dict[int, Every] = {}
@@ -81,7 +86,7 @@ class Upkeep:
             LOG.warning(notice)
             self._alerts.report(MONITOR, "monitor:store", notice, now=now)
         own = [row for row in self._store.requests.audited(limit=1000) if row.who == MONITOR]
-        if own and own[-1].act == "started":
+        if own and own[-1].act == "started" and not self._shards.is_shared:  # else another monitor will notice
             sentence = "the monitor stopped unexpectedly and was restarted"
             self._alerts.report(MONITOR, "monitor", sentence, now=now)
         self._store.requests.audit(MONITOR, "started", MONITOR, now=now)
@@ -100,21 +105,34 @@ class Upkeep:
             self._sweeping.start()
             self._gate.guard(self._sweep)
 
+    def report_dead(self, monitor: str) -> None:
+        """Raise an alert about another monitor that has died."""
+        sentence = f"the monitor {monitor} stopped unexpectedly: others have taken over its vehicles"
+        self._alerts.report(MONITOR, "monitor", sentence, now=self._clock())
+
     def _look(self) -> None:
-        """Update shelved alerts and alerts of silent vehicles, and carry out commands."""
-        now = self._clock()
-        self._alerts.end_shelves(now=now)
-        self._update_own("monitor:notifications", self._post.lasting_trouble, now)
-        last_seen = self._store.inbox.last_seen()
+        """Update shelved alerts and alerts of silent vehicles, and carry out commands, all for own vehicles only."""
+        now, holds = self._clock(), self._shards.holds
+        self._alerts.end_shelves(holds=holds, fence=self._shards.fence, now=now)
+        if self._shards.is_first:
+            self._update_own("monitor:notifications", self._post.lasting_trouble, now)
+        self._intake.recall_parked()
+        last_seen = {vehicle: seen for vehicle, seen in self._store.inbox.last_seen().items() if holds(vehicle)}
         self._update_silence(last_seen, now)
         for command in self._store.requests.open_commands():
-            if command.act == "raw":
-                self._request_samples(command, last_seen.get(command.vehicle, 0), now)
-            elif command.act == "learn":
-                self._relearn(command)
-            else:
-                LOG.warning("unknown command", extra={"act": command.act})
-                self._store.requests.command_done(command.id, now)
+            if holds(command.vehicle):
+                with self._shards.fence(command.vehicle):
+                    self._carry_out(command, last_seen.get(command.vehicle, 0), now)
+
+    def _carry_out(self, command: CommandRow, last_seen: int, now: int) -> None:
+        """Carry out a command for a vehicle."""
+        if command.act == "raw":
+            self._request_samples(command, last_seen, now)
+        elif command.act == "learn":
+            self._relearn(command)
+        else:
+            LOG.warning("unknown command", extra={"act": command.act})
+            self._store.requests.command_done(command.id, now)
 
     def _update_own(self, cause: str, trouble: str, now: int) -> None:
         """Raise an alert about a trouble of the monitor, or clear it where there is none."""
@@ -128,7 +146,7 @@ class Upkeep:
         patience = round(60e9 * self._site.alerts.silent_after_minutes)
         rows = self._store.alerts.find(is_active=True)
         for row in rows:
-            if row.cause == "lost" and now - row.updated >= _CALM:
+            if row.cause == "lost" and self._shards.holds(row.vehicle) and now - row.updated >= _CALM:
                 self._alerts.clear(row.vehicle, "lost", now=now)
         active = {row.vehicle for row in rows if row.cause == "silent"}
         for vehicle, seen in last_seen.items():
@@ -136,9 +154,11 @@ class Upkeep:
             if is_silent and vehicle not in active:
                 since = datetime.fromtimestamp(seen / 1e9, tz=UTC)
                 sentence = f"{vehicle} has sent nothing since {since:%Y-%m-%d %H:%M} UTC"
-                self._alerts.report(vehicle, "silent", sentence, now=now)
+                with self._shards.fence(vehicle):
+                    self._alerts.report(vehicle, "silent", sentence, now=now)
             elif vehicle in active and not is_silent:
-                self._alerts.clear(vehicle, "silent", now=now)
+                with self._shards.fence(vehicle):
+                    self._alerts.clear(vehicle, "silent", now=now)
 
     def _request_samples(self, command: CommandRow, last_seen: int, now: int) -> None:
         """Request samples from a box, again whenever it was seen since, until all that it announced have arrived."""
@@ -162,7 +182,8 @@ class Upkeep:
         most = round(1e9 * self._site.keep.raw_gigabytes)
         for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
             archive.prune(before=self._site.keep.raw_before(now), most_bytes=most)
-        self._tidy(now)
+        if self._shards.is_first:
+            self._tidy(now)
         free = self._store.free()
         if free is not None and free < 1e6 * self._site.keep.free_megabytes:
             sentence = f"only {free / 1e6:.0f} MB are free on the disk of the store: free space, intake is stopped"

@@ -4,6 +4,7 @@ from sprung._checks import missing_package
 
 try:
     from sprung.storage.archive import Retention, write_archive
+    from sprung.storage.leases import N_SHARDS, Holding, Lease, shard_of
     from sprung.storage.rows import (
         AlertRow,
         AsideRow,
@@ -20,12 +21,13 @@ try:
         StoredFrame,
         VehicleRow,
     )
-    from sprung.storage.schema import RefusedError, StoreError
+    from sprung.storage.schema import LeaseLostError, RefusedError, StoreError
     from sprung.storage.store import Store, check_address, open_store
 except ImportError as error:
     raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None
 
 __all__ = [
+    "N_SHARDS",
     "AlertRow",
     "AsideRow",
     "AuditRow",
@@ -35,6 +37,9 @@ __all__ = [
     "Delivery",
     "Entry",
     "HistoryRow",
+    "Holding",
+    "Lease",
+    "LeaseLostError",
     "NotificationRow",
     "Progress",
     "RefusedError",
@@ -46,5 +51,6 @@ __all__ = [
     "VehicleRow",
     "check_address",
     "open_store",
+    "shard_of",
     "write_archive",
 ]

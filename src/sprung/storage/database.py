@@ -3,8 +3,9 @@
 import os
 import shutil
 import sqlite3
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from sprung.storage.schema import SNAPSHOTS, RefusedError, StoreError
 
 #: Longest time that a process waits for another one that writes [s].
 PATIENCE = 10.0
+#: Time after which PostgreSQL ends the transaction of a program that has stopped within it [ms].
+_MOST_IDLE = 15_000
 #: Bytes free on its disk below which a store counts as full.
 LEAST_FREE = 1 << 20
 
@@ -39,6 +42,7 @@ class Database:
     def __init__(self, url: URL, *, notices: tuple[str, ...] = ()) -> None:
         self.engine = _engine(url)
         self._writer = self.engine.execution_options(is_writing=True)
+        self._whole = _Whole()
         self.notices = notices
 
     @property
@@ -48,11 +52,51 @@ class Database:
 
     def reading(self) -> AbstractContextManager[Connection]:
         """Return a transaction that reads."""
-        return _transaction(self.engine)
+        joined = self._whole.connection
+        return _transaction(self.engine) if joined is None else nullcontext(joined)
 
     def writing(self) -> AbstractContextManager[Connection]:
         """Return a transaction that writes; other writers wait until it ends."""
-        return _transaction(self._writer)
+        whole = self._whole
+        if whole.stack is None:
+            return self._checked()
+        if whole.connection is None:
+            whole.connection = whole.stack.enter_context(self._checked())
+        return nullcontext(whole.connection)
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Make one transaction of all that this thread writes within, from the first write on.
+
+        Raises
+        ------
+        StoreError
+            If the database cannot write; nothing is stored then.
+        """
+        with ExitStack() as stack:
+            self._whole.stack = stack
+            try:
+                yield
+            finally:
+                self._whole.stack = self._whole.connection = None
+
+    @contextmanager
+    def checked(self, check: Callable[[Connection], None] | None) -> Iterator[None]:
+        """Begin every transaction that this thread writes in the context with a check, which may refuse it."""
+        before, self._whole.check = self._whole.check, check
+        try:
+            yield
+        finally:
+            self._whole.check = before
+
+    @contextmanager
+    def _checked(self) -> Iterator[Connection]:
+        """Return a transaction that writes, checked first."""
+        check = self._whole.check
+        with _transaction(self._writer) as connection:
+            if check is not None:
+                check(connection)
+            yield connection
 
     @contextmanager
     def upgrading(self) -> Iterator[Connection]:
@@ -113,14 +157,28 @@ class Database:
         self.engine.dispose()
 
 
+class _Whole(threading.local):
+    """The transaction of a thread that others of it join, and the check of those that it begins."""
+
+    stack: ExitStack | None = None
+    connection: Connection | None = None
+    check: Callable[[Connection], None] | None = None
+
+
 def _engine(url: URL) -> Engine:
     """Return the engine for a database; SQLite syncs each commit, and its writers queue."""
     if url.get_backend_name() == "postgresql":
         from sprung.storage.postgresql import connected
 
-        engine = create_engine(url, pool_pre_ping=True, pool_timeout=PATIENCE)
-        event.listen(engine, "do_connect", lambda dialect, record, given, settings: connected(*given, **settings))
-        return engine
+        server = create_engine(url, pool_pre_ping=True, pool_timeout=PATIENCE)
+        event.listen(server, "do_connect", lambda dialect, record, given, settings: connected(*given, **settings))
+
+        @event.listens_for(server, "connect")
+        def limit(connection: Any, _: Any) -> None:
+            connection.execute(f"SET idle_in_transaction_session_timeout = {_MOST_IDLE}")
+            connection.commit()
+
+        return server
     engine = create_engine(url, connect_args={"timeout": PATIENCE})
 
     @event.listens_for(engine, "connect")

@@ -6,6 +6,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, func, or_, select, tuple_, update
 
 from sprung.storage.database import Database
+from sprung.storage.leases import shard_of
 from sprung.storage.rows import Cursor, StoredFrame, VehicleRow, check_count
 from sprung.storage.schema import CURSORS, FORGOTTEN, FRAMES, VEHICLES
 
@@ -74,6 +75,16 @@ class Inbox:
         with self._database.reading() as connection:
             rows = connection.execute(select(VEHICLES.c.vehicle, VEHICLES.c.last_seen).order_by(VEHICLES.c.vehicle))
             return {row.vehicle: row.last_seen for row in rows}
+
+    def parked(self) -> set[str]:
+        """Return the vehicles that were switched off in good order."""
+        with self._database.reading() as connection:
+            return set(connection.scalars(select(VEHICLES.c.vehicle).where(VEHICLES.c.is_parked)))
+
+    def park(self, vehicle: str, *, is_parked: bool) -> None:
+        """Store whether a vehicle was switched off in good order."""
+        with self._database.writing() as connection:
+            connection.execute(update(VEHICLES).where(VEHICLES.c.vehicle == vehicle).values(is_parked=is_parked))
 
     def add_frames(self, frames: Sequence[StoredFrame], *, now: int) -> dict[Key, int]:
         """Put new frames into the inbox, and sync them to disk.
@@ -176,11 +187,15 @@ class Inbox:
         with self._database.reading() as connection:
             return _cursors(connection, _of(CURSORS, (vehicle, boot))).get((vehicle, boot), Cursor())
 
-    def cursors(self, vehicle: str | None = None) -> dict[Key, Cursor]:
-        """Return how far the frames of a vehicle, or of all, have come, by vehicle and boot."""
-        of_vehicle = () if vehicle is None else (CURSORS.c.vehicle == vehicle,)
+    def cursors(
+        self, shards: Collection[int] | None = None, *, vehicle: str | None = None, since: int = 0
+    ) -> dict[Key, Cursor]:
+        """Return how far frames have come, by vehicle and boot: of some shards, or of one vehicle."""
+        conditions: list[ColumnElement[bool]] = [CURSORS.c.updated >= since]
+        conditions += [] if shards is None else [CURSORS.c.shard.in_(shards)]
+        conditions += [] if vehicle is None else [CURSORS.c.vehicle == vehicle]
         with self._database.reading() as connection:
-            return _cursors(connection, *of_vehicle)
+            return _cursors(connection, *conditions)
 
     def open_boots(self, vehicle: str, *, limit: int) -> list[int]:
         """Return at most `limit` boots of a vehicle that are not analysed up to where they are complete, ascending."""
@@ -212,7 +227,7 @@ class Inbox:
         analysed.
         """
         fresh = {"contiguous": -1, "done": -1, "lost": 0, "updated": now}
-        rows = [{"vehicle": vehicle, "boot": boot, **fresh} for vehicle, boot in ends]
+        rows = [{"vehicle": vehicle, "boot": boot, "shard": shard_of(vehicle), **fresh} for vehicle, boot in ends]
         connection.execute(self._database.insert(CURSORS).on_conflict_do_nothing(), rows)
         cursors = _cursors(connection, tuple_(CURSORS.c.vehicle, CURSORS.c.boot).in_(list(ends)), is_locked=True)
         for key in _forgotten(connection, {key: end for key, end in ends.items() if _may_be_old(cursors[key], end)}):

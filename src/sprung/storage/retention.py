@@ -33,6 +33,9 @@ KEPT = {
     "alerts": "one for each vehicle and cause",
     "deliveries": "with their notification",
     "forgotten": "one for each vehicle",
+    "leases": "one for each shard",
+    "monitors": "one for each monitor that runs",
+    "compatibility": "one for each schema",
 }
 #: Number of rows of a transaction, which other writers wait for.
 _BATCH = 1000

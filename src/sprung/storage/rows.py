@@ -73,7 +73,10 @@ class Cursor:
 
 @dataclass(frozen=True, slots=True)
 class VehicleRow:
-    """A vehicle as it described itself: hash and text of its configuration, names of its channels."""
+    """A vehicle as it described itself: hash and text of its configuration, names of its channels.
+
+    It is parked if it was switched off in good order.
+    """
 
     vehicle: str
     configuration: str
@@ -81,6 +84,7 @@ class VehicleRow:
     channels: list[Any]
     first_seen: int
     last_seen: int
+    is_parked: bool = False
 
 
 @dataclass(frozen=True, slots=True)

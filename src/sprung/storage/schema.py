@@ -19,6 +19,7 @@ from sqlalchemy import (
     Text,
     TypeDecorator,
     UniqueConstraint,
+    false,
 )
 
 from sprung.errors import SprungError
@@ -30,6 +31,10 @@ class StoreError(SprungError):
 
 class RefusedError(StoreError):
     """Values that no row can hold: the store itself is sound, and stores others."""
+
+
+class LeaseLostError(StoreError):
+    """A lease that another monitor has taken over; nothing was written."""
 
 
 class Json(TypeDecorator[Any]):
@@ -77,6 +82,7 @@ VEHICLES = Table(
     Column("channels", Json, nullable=False),
     Column("first_seen", _INTEGER, nullable=False),
     Column("last_seen", _INTEGER, nullable=False),
+    Column("is_parked", Boolean, nullable=False, server_default=false()),
 )
 
 #: Frames that arrived and are not yet analysed.
@@ -100,6 +106,8 @@ CURSORS = Table(
     Column("done", _INTEGER, nullable=False),
     Column("lost", _INTEGER, nullable=False),
     Column("updated", _INTEGER, nullable=False),
+    Column("shard", Integer, nullable=False, server_default="-1"),
+    Index("cursors_of_shard", "shard", "updated"),
 )
 
 
@@ -258,3 +266,18 @@ COMMANDS = Table(
     Column("done", _INTEGER),
     Index("commands_done", "done"),
 )
+
+#: Monitors that run, and when each was last heard of, by the clock of the database.
+MONITORS = Table("monitors", METADATA, _key("monitor", Text), Column("seen", _INTEGER, nullable=False))
+
+#: Monitor that works for the vehicles of each shard; the epoch rises whenever that changes.
+LEASES = Table(
+    "leases",
+    METADATA,
+    Column("shard", Integer, primary_key=True, autoincrement=False),
+    Column("holder", Text),
+    Column("epoch", _INTEGER, nullable=False),
+)
+
+#: For each revision of the schema, the oldest one whose programs can use it.
+COMPATIBILITY = Table("compatibility", METADATA, _key("revision", Text), Column("since", Text, nullable=False))

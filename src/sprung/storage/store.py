@@ -1,7 +1,7 @@
 """The store, and how it is opened."""
 
 import sqlite3
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
@@ -14,6 +14,7 @@ from sprung.storage.alerts import Alerts
 from sprung.storage.aside import Aside
 from sprung.storage.database import PATIENCE, Database
 from sprung.storage.inbox import Inbox
+from sprung.storage.leases import Leases
 from sprung.storage.requests import Requests
 from sprung.storage.results import Results
 from sprung.storage.retention import Ages, delete_older
@@ -34,6 +35,8 @@ _DAMAGED = {
 class Store:
     """Results and state of the monitor; each method is one transaction, from any thread. Made by `open_store`.
 
+    Methods that are called within `together` are one transaction.
+
     Parameters
     ----------
     database
@@ -51,6 +54,8 @@ class Store:
         Alerts with their history, and notifications.
     requests
         Commands for the monitor, and the audit trail.
+    leases
+        Which monitor works for which vehicles.
     notices
         Sentences about problems found when the store was opened.
     """
@@ -59,6 +64,7 @@ class Store:
         self._database = database
         self.inbox, self.results, self.aside = Inbox(database), Results(database), Aside(database)
         self.alerts, self.requests = Alerts(database), Requests(database)
+        self.leases = Leases(database)
         self.notices = database.notices
 
     def __enter__(self) -> Self:
@@ -90,8 +96,13 @@ class Store:
         """
         self._database.check()
 
+    def together(self) -> AbstractContextManager[None]:
+        """Return a context in which all that this thread writes is one transaction, as `Database.together`."""
+        return self._database.together()
+
     def close(self) -> None:
-        """Close all connections."""
+        """Close all connections, and let another monitor use a file."""
+        self.leases.unlock()
         self._database.close()
 
     def delete_older(

@@ -1,0 +1,322 @@
+"""Whether several monitors on one store come to the results of one, while they are killed and stopped at random.
+
+    boxes (one process, live) -> mosquitto -> monitors -> PostgreSQL, messages to people -> a web server
+
+Monitors are killed (SIGKILL), stopped for a time (SIGSTOP, SIGCONT) and ended in good order (SIGTERM), and started
+again. In the end every table, and every message that people got, must be that of one undisturbed monitor.
+
+Run as `python benchmarks/chaos/several.py`; with `--throughput`, frames stored per second by the number of monitors.
+"""
+
+import argparse
+import json
+import os
+import random
+import re
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fleet import Fleet
+from processes import MOSQUITTO, SPRUNG, Program, broker, free_port, tail, until
+from servers import Database, Mailbox, postgresql
+
+#: What is compared, in an order that does not depend on when it was stored, without row numbers and times of the clock.
+_OWN = "vehicle <> 'monitor'"
+TABLES = {
+    "vehicles": "SELECT vehicle, configuration, description, channels, is_parked FROM vehicles ORDER BY vehicle",
+    "frames": "SELECT vehicle, boot, seq FROM frames ORDER BY 1, 2, 3",
+    "cursors": "SELECT vehicle, boot, contiguous, done, lost FROM cursors ORDER BY 1, 2",
+    "observations": "SELECT vehicle, boot, number, t0, document FROM observations ORDER BY 1, 2, 3",
+    "modes": "SELECT vehicle, boot, number, t0, document FROM modes ORDER BY 1, 2, 3",
+    "findings": "SELECT vehicle, boot, number, place, t0, document FROM findings ORDER BY 1, 2, 3, 4",
+    "baselines": "SELECT vehicle, version, reason, document FROM baselines ORDER BY 1, 2",
+    "snapshots": "SELECT vehicle, boot, seq, md5(document) FROM snapshots ORDER BY 1",
+    "statuses": "SELECT vehicle, document FROM statuses ORDER BY 1",
+    "alerts": f"SELECT vehicle, cause, severity, text, is_active, is_acknowledged, count, assignee FROM alerts"
+    f" WHERE {_OWN} ORDER BY 1, 2",
+    "history": f"SELECT vehicle, cause, what, who, comment FROM alert_history JOIN alerts ON alert = alerts.id"
+    f" WHERE {_OWN} ORDER BY 1, 2, alert_history.id",
+    "notifications": f"SELECT vehicle, cause, notifications.document::json ->> 'what', notifications.document::json"
+    f" ->> 'text', sent IS NULL FROM notifications JOIN alerts ON alert = alerts.id WHERE {_OWN}"
+    f" ORDER BY 1, 2, notifications.id",
+}
+#: Parts of a message that depend on the clock and on the order of alerts of different vehicles.
+_CHANGING = {"time", "number", "raised", "cleared", "link", "since"}
+_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ][\d:.]+Z?")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Monitors, vehicles, windows of each, length of the storm and mean time between its events [s]."""
+
+    monitors: int
+    vehicles: int
+    windows: int
+    seconds: float
+    every: float
+    takeover: float
+    patience: float
+    seed: int
+
+
+@dataclass
+class Result:
+    """What a run came to."""
+
+    plan: Plan
+    events: Counter[str] = field(default_factory=Counter)
+    frames: int = 0
+    sent: int = 0
+    acknowledgements: int = 0
+    acknowledged_not_stored: int = 0
+    rows: dict[str, int] = field(default_factory=dict)
+    differs: list[str] = field(default_factory=list)
+    messages: int = 0
+    messages_missing: int = 0
+    messages_repeated: int = 0
+    takeovers: list[float] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    seconds_to_the_end: float = 0.0
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether every promise was kept."""
+        broken = (self.acknowledged_not_stored, self.differs, self.messages_missing, self.failures)
+        return not any(broken) and (self.acknowledgements >= 100 or not self.events)
+
+
+class Rig:
+    """A broker, monitors on a database, and the mailbox of people, in a folder."""
+
+    def __init__(self, folder: Path, plan: Plan, database: Database, *, monitors: int) -> None:
+        folder.mkdir(parents=True)
+        taken: set[int] = set()
+        port = free_port(taken)
+        self.url, self.database, self.mailbox = f"mqtt://127.0.0.1:{port}", database, Mailbox()
+        self.broker = broker("broker", port, folder)
+        self.broker.start()
+        self.monitors = [self._monitor(folder, plan, number, free_port(taken)) for number in range(monitors)]
+
+    def _monitor(self, folder: Path, plan: Plan, number: int, port: int) -> Program:
+        site = folder / f"site-{number}.toml"
+        site.write_text(
+            f'schema = "sprung.site/1"\nstore = "{self.database.url}"\nhttp = "127.0.0.1:{port}"\n'
+            f'broker = "{self.url}"\n'
+            f"[watch]\nwindow_minutes = 1.0\nidentify_every_minutes = 0.0\nlearning_windows = 2\n"
+            f"takeover_seconds = {plan.takeover}\n"
+            f"[alerts]\nclear_after_windows = 1\n[keep]\nraw_days = 0\n"
+            f'[[send.webhook]]\nurl = "{self.mailbox.url}"\n'
+        )
+        program = Program(f"monitor-{number}", lambda: [*SPRUNG, "monitor", "--site", str(site)], folder)
+        program.start()
+        return program
+
+    def is_finished(self, plan: Plan) -> bool:
+        """Return whether all windows are stored, and all messages sent."""
+        ((n_windows,),) = self.database.rows("SELECT count(*) FROM observations")
+        ((n_waiting,),) = self.database.rows("SELECT count(*) FROM notifications WHERE sent IS NULL")
+        return n_windows >= plan.vehicles * plan.windows and not n_waiting
+
+    def contents(self) -> dict[str, list[tuple[Any, ...]]]:
+        """Return all tables, without times of the clock in sentences."""
+        tables = {name: self.database.rows(query) for name, query in TABLES.items()}
+        return {name: [tuple(map(timeless, row)) for row in rows] for name, rows in tables.items()}
+
+    def messages(self) -> Counter[tuple[str, str]]:
+        """Return the messages that people got, without times and numbers, with the time of each, and how often each."""
+        own = [message for message in self.mailbox.messages if message["vehicle"] != "monitor"]
+        kept = [{name: value for name, value in one.items() if name not in _CHANGING} for one in own]
+        texts = [timeless(json.dumps(message, sort_keys=True)) for message in kept]
+        return Counter((text, str(one["time"])) for text, one in zip(texts, own, strict=True))
+
+    def close(self) -> None:
+        for program in (*self.monitors, self.broker):
+            program.end(signal.SIGTERM)
+        self.mailbox.close()
+
+
+@contextmanager
+def rig(folder: Path, plan: Plan, server: Path, *, monitors: int) -> Iterator[Rig]:
+    """Return a rig on a new database, taken down in the end."""
+    database = Database(server, folder.name)
+    made = Rig(folder, plan, database, monitors=monitors)
+    try:
+        # Nobody may begin before the tables are there.
+        until(lambda: is_migrated(database), timeout=120.0, what="the tables")
+        yield made
+    finally:
+        made.close()
+        database.close()
+
+
+def is_migrated(database: Database) -> bool:
+    """Return whether the store has its tables, and a monitor holds leases."""
+    if database.rows("SELECT to_regclass('leases') IS NOT NULL") == [(False,)]:
+        return False
+    return database.rows("SELECT count(*) FROM leases WHERE holder IS NULL") == [(0,)]
+
+
+def timeless(value: Any) -> Any:
+    """Return a value without the times of the clock that a sentence states."""
+    return _TIME.sub("TIME", value) if isinstance(value, str) else value
+
+
+def different(messages: Counter[tuple[str, str]]) -> Counter[str]:
+    """Return how many different messages of each contents people got: a repetition has the time of the first."""
+    return Counter(text for text, _ in messages)
+
+
+class Storm:
+    """Kills, stops and ends monitors, but for one at a time at least, and starts them again."""
+
+    def __init__(self, one: Rig, plan: Plan, result: Result) -> None:
+        self._rig, self._plan, self._result = one, plan, result
+        self._random = random.Random(plan.seed)
+        self._stopped: dict[Program, float] = {}
+        self._waiting: list[tuple[float, str]] = []
+
+    def run(self, say: Callable[[str], None]) -> None:
+        """Rage for the planned time, then let all go on."""
+        end = time.monotonic() + self._plan.seconds
+        due = time.monotonic() + self._plan.every
+        while time.monotonic() < end:
+            time.sleep(0.2)
+            self._observe()
+            if time.monotonic() >= due:
+                due = time.monotonic() + self._random.uniform(0.5, 1.5) * self._plan.every
+                self._strike(say)
+        for program in list(self._stopped):
+            self._continue(program)
+
+    def _strike(self, say: Callable[[str], None]) -> None:
+        """Do something to a monitor that runs, while another one does."""
+        running = [program for program in self._rig.monitors if program not in self._stopped]
+        program = self._random.choice(running)
+        # The first three are one of each kind.
+        kinds = ["kill", "stop", "end"]
+        n_events = sum(self._result.events.values())
+        kind = kinds[n_events] if n_events < len(kinds) else self._random.choices(kinds, (6, 3, 1))[0]
+        if kind == "stop" and len(running) == 1:
+            kind = "kill"
+        self._result.events[kind] += 1
+        say(f"{kind} {program.name}")
+        if kind == "stop":
+            program.send(signal.SIGSTOP)
+            self._stopped[program] = time.monotonic() + self._random.uniform(0.2, 3.0) * self._plan.takeover
+        else:
+            self._waiting.append((time.monotonic(), f"%process {program.pid},%"))
+            program.end(signal.SIGKILL if kind == "kill" else signal.SIGTERM)
+            program.start()
+
+    def _observe(self) -> None:
+        """Let stopped monitors go on, and note when the shards of dead ones have been taken over."""
+        for program, until_then in list(self._stopped.items()):
+            if time.monotonic() >= until_then:
+                self._continue(program)
+        for begun, name in list(self._waiting):
+            if self._rig.database.rows("SELECT count(*) FROM leases WHERE holder LIKE %s", name) == [(0,)]:
+                self._result.takeovers.append(round(time.monotonic() - begun, 1))
+                self._waiting.remove((begun, name))
+
+    def _continue(self, program: Program) -> None:
+        """Let a stopped monitor go on."""
+        del self._stopped[program]
+        program.send(signal.SIGCONT)
+
+
+def run(plan: Plan, folder: Path, say: Callable[[str], None]) -> Result:
+    """Run one monitor undisturbed and several through the storm, and compare."""
+    result = Result(plan)
+    pace = 60.0 * plan.windows / plan.seconds
+    with ExitStack() as stack:
+        server = stack.enter_context(postgresql())
+        calm = stack.enter_context(rig(folder / "calm", plan, server, monitors=1))
+        drive(calm, plan, None, Result(plan), lambda: None)
+        expected, people = calm.contents(), different(calm.messages())
+        for program in calm.monitors:
+            program.end(signal.SIGTERM)
+        say(f"undisturbed: {len(expected['observations'])} windows, {sum(people.values())} messages")
+        one = stack.enter_context(rig(folder / "storm", plan, server, monitors=plan.monitors))
+        try:
+            drive(one, plan, pace, result, lambda: Storm(one, plan, result).run(say))
+        except TimeoutError as error:
+            result.failures.append(str(error))
+        for program in one.monitors:
+            if program.exit_code is not None:
+                result.failures.append(f"{program.name} ended by itself: {tail(program.log)}")
+        found, got = one.contents(), one.messages()
+    result.rows = {name: len(rows) for name, rows in found.items()}
+    result.differs = [name for name in TABLES if found[name] != expected[name]]
+    told = different(got)
+    result.messages = sum(told.values())
+    result.messages_missing = sum(((people - told) + (told - people)).values())
+    result.messages_repeated = sum(got.values()) - len(got)
+    (folder / "messages.differs").write_text(f"{people - told}\n{told - people}")
+    for name in result.differs:
+        (folder / f"{name}.differs").write_text(f"{set(expected[name]) ^ set(found[name])}")
+    return result
+
+
+def drive(one: Rig, plan: Plan, pace: float | None, result: Result, disturb: Callable[[], None]) -> None:
+    """Let the fleet drive while something disturbs the monitors, and wait for the end."""
+
+    def check(vehicle: str, seq: int) -> None:
+        """Check that what is acknowledged is stored at this moment."""
+        stored = checking.rows("SELECT contiguous FROM cursors WHERE vehicle = %s AND boot = 1", vehicle)
+        result.acknowledged_not_stored += not stored or stored[0][0] < seq
+
+    checking = one.database.again()
+    fleet = Fleet(one.url, plan.vehicles, windows=plan.windows, pace=pace, check=check)
+    try:
+        disturb()
+        calm = time.monotonic()
+        until(lambda: fleet.is_done, timeout=plan.patience, what="all frames acknowledged")
+        until(lambda: one.is_finished(plan), timeout=plan.patience, what="all windows stored and messages sent")
+        result.seconds_to_the_end = round(time.monotonic() - calm, 1)
+    finally:
+        result.frames = plan.vehicles * fleet.n_frames
+        result.sent, result.acknowledgements = fleet.sent, fleet.acknowledgements
+        fleet.close()
+        checking.close()
+
+
+def table(result: Result) -> str:
+    """Return the result as lines."""
+    fields = asdict(result) | {"events": dict(result.events), "is_kept": result.is_kept}
+    return "\n".join(f"{name.replace('_', ' '):26} {value}" for name, value in fields.items())
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--monitors", type=int, default=3)
+    parser.add_argument("--vehicles", type=int, default=300)
+    parser.add_argument("--windows", type=int, default=10, help="of each vehicle, one minute of driving each")
+    parser.add_argument("--seconds", type=float, default=600.0, help="length of the storm")
+    parser.add_argument("--every", type=float, default=6.0, help="mean time between its events [s]")
+    parser.add_argument("--takeover", type=float, default=10.0, help="takeover_seconds of the site files")
+    parser.add_argument("--patience", type=float, default=300.0, help="for the end after the storm [s]")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", type=Path, help="folder for logs; default: one that is removed")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    given = vars(parser.parse_args())
+    if MOSQUITTO is None:
+        parser.error("there is no mosquitto: install Debian's package (scripts/system-packages)")
+    keep, is_json = given.pop("keep"), given.pop("json")
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("stopped"))
+    with tempfile.TemporaryDirectory() as temporary:
+        result = run(Plan(**given), keep or Path(temporary), lambda text: print(text, file=sys.stderr, flush=True))
+    print(json.dumps(asdict(result) | {"is_kept": result.is_kept}) if is_json else table(result))
+    return 0 if result.is_kept else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,130 @@
+"""The vehicles that this monitor works for, among several monitors on one store."""
+
+import os
+import secrets
+import socket
+from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+from sprung.link import Every
+from sprung.storage import Holding, Lease, LeaseLostError, Store, shard_of
+
+#: Time between renewals, and the shortest time after which a monitor counts as dead [s].
+_RENEW = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Shards that a monitor has just gained and lost, and other monitors that have died."""
+
+    gained: Collection[int] = ()
+    lost: Collection[int] = ()
+    dead: tuple[str, ...] = ()
+
+
+class Shards:
+    """Shards of this monitor: on a file all of them, on a server its share of them for as long as it renews them.
+
+    Parameters
+    ----------
+    store
+        Store with the leases.
+    patience
+        Time after which a monitor that was not heard of counts as dead [s].
+    timer
+        Present time [s] of any clock that only goes forward.
+    name
+        Name of this monitor in words, which its process and a random number make unique.
+    """
+
+    def __init__(self, store: Store, *, patience: float, timer: Callable[[], float], name: str = "") -> None:
+        self._leases, self._patience = store.leases, patience
+        self._name = name or f"{socket.gethostname()}, process {os.getpid()}, start {secrets.token_hex(4)}"
+        self._holding = Holding({}, 1, ())
+        self._renewing, self._expiring = Every(_RENEW, timer), Every(patience, timer)
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether there may be other monitors."""
+        return self._leases.is_shared
+
+    @property
+    def is_first(self) -> bool:
+        """Whether this monitor does what is to be done once for all vehicles: the holder of the first shard."""
+        return self._holds(0)
+
+    @property
+    def held(self) -> Collection[int]:
+        """Shards of this monitor on a server."""
+        return self._holding.epochs.keys()
+
+    @property
+    def n_monitors(self) -> int:
+        """Number of monitors, this one included."""
+        return self._holding.n_monitors
+
+    def open(self) -> None:
+        """Reserve a file for this monitor.
+
+        Raises
+        ------
+        StoreError
+            If another monitor uses the file.
+        """
+        self._leases.lock(self._name)
+
+    def renew(self) -> Change:
+        """Renew the leases if it is time, and return what has changed.
+
+        Raises
+        ------
+        StoreError
+            If the store does not answer.
+        """
+        if not self.is_shared or not self._renewing.is_due:
+            return Change()
+        self._renewing.start()
+        # From before the question: the database counts from when it gets it.
+        self._expiring.start()
+        before, self._holding = self._holding, self._leases.renew(self._name, patience=self._patience)
+        # A shard of another epoch was held by another monitor meanwhile: what is open of it is out of date.
+        kept = before.epochs.items() & self._holding.epochs.items()
+        gained, lost = (dict(holding.epochs.items() - kept) for holding in (self._holding, before))
+        return Change(gained.keys(), lost.keys(), self._holding.dead)
+
+    def holds(self, vehicle: str) -> bool:
+        """Return whether this monitor works for a vehicle."""
+        return self._holds(shard_of(vehicle))
+
+    def fence(self, vehicle: str) -> AbstractContextManager[None]:
+        """Return a context that refuses to write about a vehicle after its shard was lost.
+
+        Raises
+        ------
+        LeaseLostError
+            If it was lost before, or from a transaction in the context.
+        """
+        if not self.is_shared:
+            return self._leases.fence(None)
+        shard = shard_of(vehicle)
+        if not self._holds(shard):
+            raise LeaseLostError(f"{vehicle} is left to another monitor")
+        return self._leases.fence(Lease(shard, self._holding.epochs[shard]))
+
+    def close(self) -> None:
+        """Let others take over at once.
+
+        Raises
+        ------
+        StoreError
+            If the store does not answer: they take over later.
+        """
+        if self._renewing.started is not None:
+            self._leases.release(self._name)
+        self._holding = Holding({}, 1, ())
+        self._leases.unlock()
+
+    def _holds(self, shard: int) -> bool:
+        """Return whether a shard was held at the last renewal, and that is not too long ago."""
+        return not self.is_shared or (shard in self._holding.epochs and not self._expiring.is_due)
