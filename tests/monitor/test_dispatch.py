@@ -243,6 +243,7 @@ def test_a_vehicle_that_cannot_be_opened_waits_longer_each_time(dispatch, worker
     assert aside(store) == []
     (row,) = store.alerts.find(vehicle="car-1")
     assert (row.cause, row.text) == ("monitor:opening", "its frames wait, as it cannot be analysed: it fails")
+    describe(store, "car-1", "another text")
     dispatch.describe("car-1")
     assert dispatch.give() == 1
 

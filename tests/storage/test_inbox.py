@@ -170,4 +170,4 @@ def test_open_boots_are_those_that_wait_or_are_not_analysed(store) -> None:
     assert store.inbox.open_boots("zafira", limit=2) == [1, 3]
     assert store.inbox.open_boots("nobody", limit=2) == []
     store.inbox.add_frames(frames(0, vehicle="other"), now=0)
-    assert store.inbox.cursors("other") == {("other", 7): Cursor(0, -1, 0)}
+    assert store.inbox.cursors(vehicle="other") == {("other", 7): Cursor(0, -1, 0)}
