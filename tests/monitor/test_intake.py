@@ -222,8 +222,8 @@ def test_frames_that_came_before_their_state_are_not_lost(intake, store) -> None
     assert len(store.inbox.pending("car-1", 1, after=-1, limit=9)) == 3
 
 
-def test_of_many_boots_the_oldest_32_count(intake, store) -> None:
-    boots = [[boot, 1, 1] for boot in range(1000, 0, -1)]
+def test_of_many_boots_the_first_32_count(intake, store) -> None:
+    boots = [[boot, 1, 1] for boot in range(1, 1001)]
     taken = intake.take([state("car-1", boots)], now=0)
     assert sorted(boot for _, boot in taken.arrived) == list(range(1, 33))
     assert len(store.inbox.cursors()) == 32

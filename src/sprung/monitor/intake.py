@@ -259,16 +259,15 @@ class Intake:
             self._answers.pop(next(iter(self._answers)))
 
     def _lost_below(self, vehicle: str, document: dict[Any, Any]) -> dict[tuple[str, int], int]:
-        """Note whether a box was switched off, and return the first frames that it has of its oldest boots."""
+        """Note whether a box was switched off, and return the first frames that it has of its first boots."""
         boots = document.get("boots")
         if not isinstance(boots, list):
             raise FormatError("a state without boots")
-        first = dict(map(_first_frame, boots))
-        behind = sorted(boot for boot, seq in first.items() if seq > 0)[:MOST_BOOTS]
-        for boot in behind:
+        below = {(vehicle, boot): first for boot, first in map(_first_frame, boots[:MOST_BOOTS]) if first > 0}
+        for _, boot in below:
             self._check_boot(vehicle, boot)
         (self._parked.add if document.get("is_leaving") else self._parked.discard)(vehicle)
-        return {(vehicle, boot): first[boot] for boot in behind}
+        return below
 
 
 def _parts(things: Sequence[T], name: Callable[[T], str]) -> list[list[T]]:

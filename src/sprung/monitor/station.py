@@ -179,7 +179,7 @@ class Station:
         if not self._inflow.put(name, payload):
             vehicle = vehicle_of(name)
             self._refusals.add(vehicle, OVERLOAD)
-            if len(self._overloaded) < _MOST_ALERTS:
+            if vehicle and len(self._overloaded) < _MOST_ALERTS:
                 self._overloaded.add(vehicle)
 
     def figures(self) -> dict[str, float]:
@@ -248,8 +248,8 @@ class Station:
         now = self._clock()
         overloaded, self._overloaded = self._overloaded, set()
         for vehicle in sorted(overloaded):
-            sentence = f"{vehicle or 'a program'} sends more than the monitor takes in: messages are refused"
-            self._alerts.report(vehicle or MONITOR, "monitor:intake", sentence, now=now)
+            sentence = f"{vehicle} sends more than the monitor takes in: messages are refused"
+            self._alerts.report(vehicle, "monitor:intake", sentence, now=now)
         for row in self._store.alerts.find(is_active=True):
             if row.cause == "monitor:intake" and row.vehicle not in overloaded:
                 self._alerts.clear(row.vehicle, row.cause, now=now)
