@@ -229,6 +229,15 @@ def test_of_many_boots_the_first_32_count(intake, store) -> None:
     assert len(store.inbox.cursors()) == 32
 
 
+def test_boots_that_are_analysed_make_room(intake, store, refusals, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sprung.monitor.intake._MOST_OPEN_BOOTS", 6)
+    for boot in range(30):
+        intake.take([raw("car-1", boot, 0)], now=0)
+        store.results.commit(Progress("car-1", boot, done_seq=0, delete_through_seq=0))
+    assert refusals.counts == {}
+    assert len(store.inbox.cursors("car-1")) == 30
+
+
 def test_a_vehicle_has_at_most_a_thousand_boots_that_wait(intake, store, refusals, caplog) -> None:
     intake.take([raw("car-1", boot, 0) for boot in range(1001)], now=0)
     assert refusals.counts == {("car-1", BOOTS): 1}

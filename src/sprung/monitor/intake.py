@@ -90,7 +90,7 @@ class Intake:
         self._seen: dict[str, int] = {}
         self._noted = 0
         self._boots: dict[str, set[int]] = {}
-        self._full: set[str] = set()
+        self._crowded: set[str] = set()
 
     @property
     def figures(self) -> dict[str, float]:
@@ -130,8 +130,8 @@ class Intake:
         frames: list[StoredFrame] = []
         below: dict[tuple[str, int], int] = {}
         taken = Taken()
-        while self._full:
-            self._boots.pop(self._full.pop(), None)  # counted again
+        while self._crowded:
+            self._boots.pop(self._crowded.pop(), None)  # counted again: many may be analysed by now
         for name, payload in messages:
             self._counts["messages"] += 1
             taken.n_messages += 1
@@ -200,8 +200,9 @@ class Intake:
         known = self._boots[vehicle]
         if boot in known:
             return
+        if len(known) > _MOST_OPEN_BOOTS // 2:
+            self._crowded.add(vehicle)
         if len(known) >= _MOST_OPEN_BOOTS:
-            self._full.add(vehicle)
             raise _BootsError(
                 f"boot {boot} of {vehicle}, of which {_MOST_OPEN_BOOTS} boots wait to be analysed: a box must count "
                 "its starts one by one, and send the oldest first"

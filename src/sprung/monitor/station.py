@@ -66,6 +66,7 @@ class Station:
         self._site, self._clock = site, clock
         self._inflow, self._refusals, self._timer, self._store = Inflow(), Refusals(), timer, store
         self._heartbeats = Heartbeats(_loops(site.watch.seconds_per_job), timer)
+        self._last_message: float | None = None
         self._last_window: float | None = None
         self._link = connect(
             topics=[topic("+", what) for what in UPWARDS],
@@ -176,6 +177,7 @@ class Station:
 
     def receive(self, name: str, payload: bytes) -> None:
         """Queue a message for the next step; beyond the limit it is dropped, and sent again as unacknowledged."""
+        self._last_message = self._timer()
         if not self._inflow.put(name, payload):
             vehicle = vehicle_of(name)
             self._refusals.add(vehicle, OVERLOAD)
@@ -185,11 +187,12 @@ class Station:
     def figures(self) -> dict[str, float]:
         """Return the figures of `FIGURES` that need no store."""
         ages, refusals = self._heartbeats.ages, self._refusals.counts
-        window = {} if self._last_window is None else {"sprung_window_age_seconds": self._timer() - self._last_window}
+        last = {"sprung_message_age_seconds": self._last_message, "sprung_window_age_seconds": self._last_window}
+        now = self._timer()
         return {
             **self._intake.figures,
             **self._dispatch.figures,
-            **window,
+            **{name: now - time for name, time in last.items() if time is not None},
             "sprung_queue_bytes": self._inflow.n_bytes,
             "sprung_link_connected": float(self._link.is_connected),
             "sprung_store_writable": float(not self._gate.trouble),
@@ -224,7 +227,8 @@ class Station:
         taken = self._gate.guard(partial(self._intake.take, self._batch(), now=self._clock()))
         if taken is None:
             return 0
-        self._gate.succeed()
+        if taken.arrived or taken.described:
+            self._gate.succeed()
         for (vehicle, boot), contiguous in taken.arrived.items():
             self._dispatch.add(vehicle, boot, contiguous)
         for vehicle in taken.described:
