@@ -178,7 +178,7 @@ def test_more_samples_in_a_second_than_a_monitor_takes_are_refused() -> None:
     """256 channels at 20 kHz would be windows of gigabytes."""
     names, counts = tuple(f"c{k}" for k in range(256)), np.zeros((256, 10), dtype=np.int16)
     words = (
-        "256 channels at 20000 Hz are 5120000 samples/s, a vehicle may send 100000: leave out channels or send a lower"
+        "256 channels at 20000 Hz are 5120000 samples/s, a vehicle may send 200000: leave out channels or send a lower"
     )
     with pytest.raises(ParameterError, match=words):
         Frame("v", 1, 1, 1, 50_000, names, np.ones(256), counts)
@@ -252,7 +252,7 @@ def test_a_message_of_many_small_things_is_refused_before_it_is_read(memory_belo
     """A byte can be an empty map, of 80 bytes with its place in a list."""
     with (
         memory_below(4 * LARGEST),
-        pytest.raises(FormatError, match="a message of more than 8192 values: send fewer"),
+        pytest.raises(FormatError, match="a message of more than 16384 values: send fewer"),
     ):
         decode(sealed(b"\xa1\x00\x9a" + (10**6).to_bytes(4, "big") + b"\xa0" * 10**6))
 

@@ -222,11 +222,20 @@ def test_frames_that_came_before_their_state_are_not_lost(intake, store) -> None
     assert len(store.inbox.pending("car-1", 1, after=-1, limit=9)) == 3
 
 
-def test_of_many_boots_the_oldest_32_count(intake, store) -> None:
-    boots = [[boot, 1, 1] for boot in range(1000, 0, -1)]
+def test_of_many_boots_the_first_32_count(intake, store) -> None:
+    boots = [[boot, 1, 1] for boot in range(1, 1001)]
     taken = intake.take([state("car-1", boots)], now=0)
     assert sorted(boot for _, boot in taken.arrived) == list(range(1, 33))
     assert len(store.inbox.cursors()) == 32
+
+
+def test_boots_that_are_analysed_make_room(intake, store, refusals, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sprung.monitor.intake._MOST_OPEN_BOOTS", 6)
+    for boot in range(30):
+        intake.take([raw("car-1", boot, 0)], now=0)
+        store.results.commit(Progress("car-1", boot, done_seq=0, delete_through_seq=0))
+    assert refusals.counts == {}
+    assert len(store.inbox.cursors("car-1")) == 30
 
 
 def test_a_vehicle_has_at_most_a_thousand_boots_that_wait(intake, store, refusals, caplog) -> None:

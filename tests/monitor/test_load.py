@@ -3,6 +3,7 @@
 import pytest
 
 from sprung.link import message, topic
+from sprung.storage import StoreError
 
 WATCH = {"watch": {"learning_windows": 2, "window_minutes": 2, "identify_every_minutes": 0}, "keep": {"raw_days": 0}}
 
@@ -58,6 +59,18 @@ def test_health_says_that_the_loop_stands_still_though_it_hangs(bench) -> None:
     assert one.station.troubles() == []
 
 
+def test_only_what_was_stored_shows_that_the_store_is_back(bench, drive, frames_of) -> None:
+    one = bench(**WATCH)
+    one.work()
+    one.station._gate.refuse(StoreError("the store does not answer"))
+    one.seconds += 2.0
+    one.link.on_message(topic("car-1", "health"), b"no message")
+    one.station.step()
+    assert one.station.troubles() == ["the store does not answer"]
+    one.send(frames_of(drive(0))[:1])
+    assert one.station.troubles() == []
+
+
 def test_jobs_that_never_end_are_a_trouble(bench, drive, frames_of, monkeypatch: pytest.MonkeyPatch) -> None:
     one = bench(**WATCH)
     one.describe()
@@ -70,11 +83,13 @@ def test_jobs_that_never_end_are_a_trouble(bench, drive, frames_of, monkeypatch:
     assert one.station.troubles() == ["no job of the analysis ends: restart the monitor (for 241 s)"]
 
 
-def test_the_age_of_the_last_window_is_a_figure(bench, drive, frames_of) -> None:
+def test_the_ages_of_the_last_message_and_window_are_figures(bench, drive, frames_of) -> None:
     one = bench(**WATCH)
     one.describe()
     one.work()
     assert "sprung_window_age_seconds" not in one.station.figures()
+    one.seconds += 3.0
+    assert one.station.figures()["sprung_message_age_seconds"] == 3.0
     one.send(frames_of(drive(0))[:130])
     one.seconds += 5.0
     assert one.station.figures()["sprung_window_age_seconds"] == 5.0

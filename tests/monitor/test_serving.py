@@ -6,6 +6,7 @@ import threading
 import urllib.error
 import urllib.request
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -137,3 +138,8 @@ def test_an_address_in_use_is_refused() -> None:
     second.close()
     first.close()
     assert not first.is_open
+
+
+def test_every_figure_is_documented() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "monitor.md").read_text(encoding="utf-8")
+    assert [name for name in FIGURES if f"| `{name}" not in text] == []

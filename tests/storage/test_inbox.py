@@ -171,3 +171,13 @@ def test_open_boots_are_those_that_wait_or_are_not_analysed(store) -> None:
     assert store.inbox.open_boots("nobody", limit=2) == []
     store.inbox.add_frames(frames(0, vehicle="other"), now=0)
     assert store.inbox.cursors(vehicle="other") == {("other", 7): Cursor(0, -1, 0)}
+
+
+def test_large_frames_are_read_a_few_at_a_time(store) -> None:
+    """Jobs of 300 frames of 1 MB would be 300 MB in memory."""
+    large = [StoredFrame("zafira", 7, seq, 0, bytes(1 << 20)) for seq in range(20)]
+    store.inbox.add_frames(large, now=0)
+    assert waiting(store) == list(range(8))
+    assert waiting(store, after=15) == [16, 17, 18, 19]
+    assert waiting(store, limit=3) == [0, 1, 2]
+    assert store.inbox.cursor("zafira", 7).contiguous == 19

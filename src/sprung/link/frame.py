@@ -33,7 +33,7 @@ MOST_SAMPLES = 1 << 19
 #: samples [ns]: a window of a higher rate would never be complete.
 LONGEST, LEAST_INTERVAL = 3600 * 10**9, 50_000
 #: Largest number of samples of all channels in a second: a monitor keeps windows of minutes of every vehicle.
-HIGHEST_RATE = 100_000
+HIGHEST_RATE = 200_000
 #: Bits of a channel's flag.
 CLIPPED, STUCK, MISSING = 1, 2, 4
 #: Status of the time of a frame: unknown, set once, kept by a time server.
@@ -67,7 +67,7 @@ class Frame:
     start
         Time of the first sample, UTC ns since 1970.
     interval
-        Time between samples [ns], at least 50 us; all channels together have at most 100,000 samples in a second.
+        Time between samples [ns], at least 50 us; all channels together have at most 200,000 samples in a second.
     time_status
         `TIME_UNKNOWN`, `TIME_SET` or `TIME_KEPT`.
     channels

@@ -113,7 +113,7 @@ class Intake:
         self._seen: dict[str, int] = {}
         self._noted = 0
         self._boots: dict[str, set[int]] = {}
-        self._full: set[str] = set()
+        self._crowded: set[str] = set()
 
     @property
     def figures(self) -> dict[str, float]:
@@ -162,8 +162,8 @@ class Intake:
         below: dict[tuple[str, int], int] = {}
         dropped: dict[str, _Dropped] = {}
         taken = Taken()
-        while self._full:
-            self._boots.pop(self._full.pop(), None)  # counted again
+        while self._crowded:
+            self._boots.pop(self._crowded.pop(), None)  # counted again: many may be analysed by now
         for name, payload in messages:
             self._counts["messages"] += 1
             taken.n_messages += 1
@@ -252,8 +252,9 @@ class Intake:
         known = self._boots[vehicle]
         if boot in known:
             return
+        if len(known) > _MOST_OPEN_BOOTS // 2:
+            self._crowded.add(vehicle)
         if len(known) >= _MOST_OPEN_BOOTS:
-            self._full.add(vehicle)
             raise _BootsError(
                 f"boot {boot} of {vehicle}, of which {_MOST_OPEN_BOOTS} boots wait to be analysed: a box must count "
                 "its starts one by one, and send the oldest first"
@@ -311,14 +312,14 @@ class Intake:
             self._answers.pop(next(iter(self._answers)))
 
     def _lost_below(self, vehicle: str, document: dict[Any, Any]) -> tuple[dict[tuple[str, int], int], "_Dropped"]:
-        """Note whether a box was switched off, and return the first frames of its oldest boots, and what it dropped."""
+        """Note whether a box was switched off, and return the first frames of its first boots, and what it dropped."""
         boots, dropped = document.get("boots"), _Dropped.of(document)
         if not isinstance(boots, list):
             raise FormatError("a state without boots")
-        first = dict(map(_first_frame, boots))
+        first = dict(map(_first_frame, boots[:MOST_BOOTS]))
         for loss in dropped.losses:
             first[loss.boot] = max(first.get(loss.boot, 0), loss.last + 1)
-        behind = sorted(boot for boot, seq in first.items() if seq > 0)[:MOST_BOOTS]
+        behind = sorted(boot for boot, seq in first.items() if seq > 0)
         for boot in behind:
             self._check_boot(vehicle, boot)
         is_leaving = bool(document.get("is_leaving"))

@@ -22,6 +22,7 @@ FIGURES = {
     "sprung_vehicles": ("gauge", "Vehicles known."),
     "sprung_frames_total": ("counter", "Frames received and stored; duplicates count."),
     "sprung_messages_total": ("counter", "Messages received."),
+    "sprung_message_age_seconds": ("gauge", "Time since the last message arrived."),
     "sprung_messages_refused_total": ("counter", "Messages refused, for any reason."),
     "sprung_refusals_total": ("counter", "Messages refused, by vehicle and reason."),
     "sprung_queue_bytes": ("gauge", "Bytes of messages that wait for intake."),

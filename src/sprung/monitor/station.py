@@ -72,6 +72,7 @@ class Station:
     ) -> None:
         self._site, self._clock = site, clock
         self._inflow, self._refusals, self._timer, self._store = Inflow(), Refusals(), timer, store
+        self._last_message: float | None = None
         self._last_window: float | None = None
         self._link = connect(
             topics=[
@@ -211,21 +212,23 @@ class Station:
 
     def receive(self, name: str, payload: bytes) -> None:
         """Queue a message for the next step; beyond the limit it is dropped, and sent again as unacknowledged."""
+        self._last_message = self._timer()
         if not self._inflow.put(name, payload):
             vehicle = vehicle_of(name)
             self._refusals.add(vehicle, OVERLOAD)
-            if len(self._overloaded) < _MOST_ALERTS:
+            if vehicle and len(self._overloaded) < _MOST_ALERTS:
                 self._overloaded.add(vehicle)
 
     def figures(self) -> dict[str, float]:
         """Return the figures of `FIGURES` that need no store."""
         ages, refusals = self._heartbeats.ages, self._refusals.counts
-        window = {} if self._last_window is None else {"sprung_window_age_seconds": self._timer() - self._last_window}
+        last = {"sprung_message_age_seconds": self._last_message, "sprung_window_age_seconds": self._last_window}
+        now = self._timer()
         return {
             **self._intake.figures,
             **self._dispatch.figures,
             **self._post.figures,
-            **window,
+            **{name: now - time for name, time in last.items() if time is not None},
             "sprung_queue_bytes": self._inflow.n_bytes,
             "sprung_link_connected": float(self._link.is_connected),
             "sprung_monitors": self._shards.n_monitors,
@@ -280,7 +283,8 @@ class Station:
         taken = self._gate.guard(partial(self._intake.take, self._batch(), now=self._clock()))
         if taken is None:
             return 0
-        self._gate.succeed()
+        if taken.arrived or taken.described:
+            self._gate.succeed()
         for (vehicle, boot), contiguous in taken.arrived.items():
             if self._shards.holds(vehicle):
                 self._dispatch.add(vehicle, boot, contiguous)
@@ -306,8 +310,8 @@ class Station:
         now = self._clock()
         overloaded, self._overloaded = self._overloaded, set()
         for vehicle in sorted(overloaded):
-            sentence = f"{vehicle or 'a program'} sends more than the monitor takes in: messages are refused"
-            self._alerts.report(vehicle or MONITOR, "monitor:intake", sentence, now=now)
+            sentence = f"{vehicle} sends more than the monitor takes in: messages are refused"
+            self._alerts.report(vehicle, "monitor:intake", sentence, now=now)
         for row in self._store.alerts.find(is_active=True):
             if row.cause == "monitor:intake" and row.vehicle not in overloaded:
                 self._alerts.clear(row.vehicle, row.cause, now=now)

@@ -14,6 +14,8 @@ Key = tuple[str, int]
 
 _STRIDE = 1000
 _LARGEST = 2**63 - 1
+#: Bytes of frames that are read together, and rows that the database hands over together.
+_MOST_BYTES, _ROWS = 8 << 20, 16
 _ADVANCE = (
     update(CURSORS)
     .where(CURSORS.c.vehicle == bindparam("of_vehicle"), CURSORS.c.boot == bindparam("of_boot"))
@@ -205,14 +207,27 @@ class Inbox:
             return list(connection.scalars(query.limit(limit)))
 
     def pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
-        """Return at most `limit` frames that follow the number `after`, up to where the inbox is complete."""
+        """Return at most `limit` frames that follow the number `after`, up to where the inbox is complete.
+
+        Of large frames they are fewer: the last one ends the first 8 MiB.
+        """
         key = (vehicle, boot)
         complete = select(CURSORS.c.contiguous).where(_of(CURSORS, key)).scalar_subquery()
         ready = and_(_of(FRAMES, key), FRAMES.c.seq > after, FRAMES.c.seq <= complete)
         columns = (FRAMES.c[name] for name in StoredFrame._fields)
         query = select(*columns).where(ready).order_by(FRAMES.c.seq).limit(limit)
-        with self._database.reading() as connection:
-            return [StoredFrame._make(row) for row in connection.execute(query)]
+        frames: list[StoredFrame] = []
+        n_bytes = 0
+        with (
+            self._database.reading() as connection,
+            connection.execution_options(yield_per=_ROWS).execute(query) as rows,
+        ):
+            for row in rows:
+                frames.append(StoredFrame._make(row))
+                n_bytes += len(frames[-1].payload)
+                if n_bytes >= _MOST_BYTES:
+                    break
+        return frames
 
     def boots(self, vehicle: str) -> list[int]:
         """Return the boots of a vehicle with frames in the inbox, ascending."""
