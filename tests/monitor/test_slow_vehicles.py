@@ -223,6 +223,7 @@ def test_a_process_that_dies_idle_or_does_not_start_accuses_nobody() -> None:
     bench.processes[0].is_alive = False
     assert bench.workers.outcomes() == []
     assert not bench.workers.is_open("a")
+    bench.processes[1].is_willing = False
     bench.processes[1].replies.clear()
     bench.workers.open(Opening("a", "", {}, None, MonitorSettings()))
     bench.workers.submit("a", [])

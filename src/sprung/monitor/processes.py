@@ -152,12 +152,16 @@ class WorkerProcess:
 def work(connection: Connection, progress: Any, limits: Limits) -> None:
     """Monitor vehicles, in a process of its own, until None is received."""
     monitors: dict[str, tuple[VehicleMonitor, dict[str, str]]] = {}
+
+    def report(n_consumed: int) -> None:
+        progress.value = n_consumed
+
     with suppress(EOFError, KeyboardInterrupt, OSError):  # the monitor is gone; its successor continues from the store
         _start_libraries()
         connection.send(None)
         while (request := connection.recv()) is not None:
-            progress.value = 0
-            connection.send(_answer(request, monitors, progress, limits))
+            report(0)
+            connection.send(answer(request, monitors, limits=limits, report=report))
 
 
 def _start_libraries() -> None:
@@ -166,25 +170,36 @@ def _start_libraries() -> None:
         library.svd(np.eye(200) @ np.eye(200))
 
 
-def _answer(request: Any, monitors: dict[str, Any], progress: Any, limits: Limits) -> Outcome | None:
-    """Return the answer to a request."""
-    if request[0] == "open":
-        opening: Opening = request[1]
+def answer(
+    request: Any,
+    monitors: dict[str, tuple[VehicleMonitor, dict[str, str]]],
+    *,
+    limits: Limits | None = None,
+    report: Callable[[int], None] = lambda n_consumed: None,
+) -> Outcome | None:
+    """Return the answer to a request: an outcome, or None where there is nothing to say.
+
+    Parameters
+    ----------
+    request
+        "open" with an opening, "close" with a vehicle, or "work" with vehicle, frames and reason to learn.
+    monitors
+        Open vehicles, which the request may change.
+    limits, report
+        As for `analyse`.
+    """
+    kind, *parts = request
+    if kind == "open":
+        opening: Opening = parts[0]
         try:
             monitors[opening.vehicle] = open_monitor(opening)
         except Exception as error:  # a state may be anything
             failure = Failure.STATE if isinstance(error, StateError) else Failure.VEHICLE
             reason = str(error) if isinstance(error, SprungError) else f"{type(error).__name__}: {error}"
             return failed(opening.vehicle, reason, failure)
-        return None
-    if request[0] == "close":
-        monitors.pop(request[1], None)
-        return None
-    _, vehicle, frames, learn = request
-    if vehicle not in monitors:
-        return None
-
-    def report(n_consumed: int) -> None:
-        progress.value = n_consumed
-
-    return analyse(vehicle, monitors[vehicle], frames, learn=learn, limits=limits, report=report)
+    elif kind == "close":
+        monitors.pop(parts[0], None)
+    elif parts[0] in monitors:  # otherwise it could not be opened, which was the answer then
+        vehicle, frames, learn = parts
+        return analyse(vehicle, monitors[vehicle], frames, learn=learn, limits=limits, report=report)
+    return None
