@@ -216,7 +216,7 @@ def analyse(
     events: list[Event] = []
     consumed, is_changed = 0, bool(learn) or not frames
     try:
-        with _memory(limits.job_bytes):
+        with limited_memory(limits.job_bytes):
             if learn:
                 monitor.learn_again(learn)
             for payload in frames:
@@ -286,13 +286,23 @@ def _megabytes(size: float) -> str:
 
 
 @contextmanager
-def _memory(most: float) -> Iterator[None]:
-    """Let allocations fail beyond a size in addition to what the process holds [bytes]."""
+def limited_memory(most: float) -> Iterator[None]:
+    """Let allocations fail beyond a size in addition to what the process holds.
+
+    Parameters
+    ----------
+    most
+        The size [bytes]; infinite: no limit.
+
+    Notes
+    -----
+    The limit is RLIMIT_DATA, where Linux has it. Writable private memory counts; libraries and reserved address space,
+    of which numerical libraries have gigabytes and which RLIMIT_AS would count, do not.
+    """
     if math.isinf(most) or not _STATM.exists():
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    # Writable private memory: libraries and reserved address space, of which numerical libraries have much, is free.
     pages = int(_STATM.read_text(encoding="ascii").split()[5])
     limit = pages * resource.getpagesize() + int(most)
     resource.setrlimit(resource.RLIMIT_DATA, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))

@@ -122,12 +122,11 @@ class WorkerProcess:
 
     def _carry(self) -> None:
         """Carry answers and requests, one after the other."""
-        answer: Answer = None
-        while not isinstance(answer, Lost):
-            answer = self._receive()
-            self._answers.put(answer)
+        while True:
+            message = received(self._connection)
+            self._answers.put(message)
             self._notify()
-            if isinstance(answer, Lost):
+            if isinstance(message, Lost):
                 break
             request = self._requests.get()
             with suppress(OSError):  # a process that is dead shows in its answer
@@ -136,17 +135,18 @@ class WorkerProcess:
                 break
         self._connection.close()
 
-    def _receive(self) -> Answer:
-        """Return the next answer."""
-        try:
-            answer = pickle.loads(self._connection.recv_bytes(_MOST_BYTES))
-        except EOFError:
-            return Lost("the process of its analysis died")
-        except Exception as error:  # whatever a torn answer makes of itself
-            return Lost(f"the process of its analysis gave an answer that cannot be read ({type(error).__name__})")
-        if answer is None or isinstance(answer, Outcome):
-            return answer
-        return Lost("the process of its analysis gave an answer that is no outcome")
+
+def received(connection: Connection) -> Answer:
+    """Return the next answer of a process; that it is lost where its answer is too large, torn or no outcome."""
+    try:
+        message = pickle.loads(connection.recv_bytes(_MOST_BYTES))
+    except EOFError:
+        return Lost("the process of its analysis died")
+    except Exception as error:  # whatever a torn answer makes of itself
+        return Lost(f"the process of its analysis gave an answer that cannot be read ({type(error).__name__})")
+    if message is None or isinstance(message, Outcome):
+        return message
+    return Lost("the process of its analysis gave an answer that is no outcome")
 
 
 def work(connection: Connection, progress: Any, limits: Limits) -> None:
