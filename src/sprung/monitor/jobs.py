@@ -83,7 +83,7 @@ class Limits:
     Parameters
     ----------
     seconds
-        Time after which a job ends with the frame at hand [s].
+        Time of the processor after which a job ends with the frame at hand [s].
     vehicle_bytes
         Largest size of the samples of a window, and of the state, of one vehicle [bytes].
     job_bytes
@@ -212,7 +212,7 @@ def analyse(
     """
     monitor, quantities = opened
     limits = limits or Limits()
-    begun, cpu = time.monotonic(), time.process_time()
+    begun = time.process_time()
     events: list[Event] = []
     consumed, is_changed = 0, bool(learn) or not frames
     try:
@@ -233,7 +233,7 @@ def analyse(
                 if any(isinstance(event, Observed) for event in events):
                     is_changed = True
                     break
-                if time.monotonic() - begun > limits.seconds:
+                if time.process_time() - begun > limits.seconds:
                     break
             state = write_state(monitor.state()) if is_changed else None
     except Exception as error:  # an error in one vehicle must not stop the others
@@ -251,7 +251,7 @@ def analyse(
         monitor.until,
         monitor.repeated,
     )
-    return Outcome(vehicle, consumed, tuple(events), state, status, seconds=time.process_time() - cpu)
+    return Outcome(vehicle, consumed, tuple(events), state, status, seconds=time.process_time() - begun)
 
 
 def _reason(error: Exception, limits: Limits) -> str:

@@ -1,12 +1,14 @@
 """A process that analyses, and the courier that talks with it, so that nobody waits for a process that hangs."""
 
 import multiprocessing
+import os
 import pickle
 import queue
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -42,6 +44,10 @@ class Process(Protocol):
     @property
     def is_alive(self) -> bool:
         """Whether the process runs."""
+
+    @property
+    def seconds(self) -> float:
+        """Processor time of the process so far [s]; 0 where it is unknown."""
 
     @property
     def n_consumed(self) -> int:
@@ -91,6 +97,15 @@ class WorkerProcess:
     def is_alive(self) -> bool:
         """Whether the process runs."""
         return self._process.is_alive()
+
+    @property
+    def seconds(self) -> float:
+        """Processor time of the process so far [s]; 0 where it is unknown."""
+        try:
+            fields = Path(f"/proc/{self.pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2]
+        except OSError:
+            return 0.0
+        return sum(map(int, fields.split()[11:13])) / os.sysconf("SC_CLK_TCK")
 
     @property
     def n_consumed(self) -> int:
