@@ -10,7 +10,8 @@ from tests.storage.conftest import postgresql_server, postgresql_url
 from sprung.box import blocks_of
 from sprung.link import Frame, encode, quantised
 from sprung.monitor import Site, Station, VehicleMonitor, engine
-from sprung.monitor.jobs import Opening, Outcome, analyse, open_monitor
+from sprung.monitor.jobs import Opening, Outcome
+from sprung.monitor.processes import answer
 from sprung.monitor.workers import Workers
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.storage import open_store
@@ -118,7 +119,7 @@ class Inline(Workers):
         return vehicle in self.watched
 
     def open(self, opening: Opening) -> None:
-        self.watched[opening.vehicle] = open_monitor(opening)
+        self._keep(answer(("open", opening), self.watched))
 
     def close_vehicle(self, vehicle: str) -> None:
         self.watched.pop(vehicle, None)
@@ -127,7 +128,10 @@ class Inline(Workers):
         return True
 
     def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
-        self.done.append(analyse(vehicle, self.watched[vehicle], frames, learn=learn))
+        self._keep(answer(("work", vehicle, frames, learn), self.watched))
+
+    def _keep(self, outcome: Outcome | None) -> None:
+        self.done += [] if outcome is None else [outcome]
 
     def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
         outcomes, self.done = self.done, []

@@ -26,7 +26,8 @@ class Played:
 
     is_willing = True
 
-    def __init__(self, limits, notify) -> None:
+    def __init__(self, limits, notify, clock) -> None:
+        self.clock, self.is_starved = clock, False
         self.limits, self.notify = limits, notify
         self.requests: list[Any] = []
         self.waiting: deque[Any] = deque()
@@ -53,6 +54,11 @@ class Played:
         status = VehicleStatus()
         self.replies.append(Outcome(request[1], n_frames, events, state, status, error, failure, seconds))
 
+    @property
+    def seconds(self):
+        """Processor time: all of the time, unless it is starved."""
+        return 0.0 if self.is_starved else self.clock()
+
     def kill(self):
         self.is_alive = False
 
@@ -74,7 +80,7 @@ class Bench:
         self.workers.outcomes()
 
     def _start(self, limits, notify):
-        self.processes.append(Played(limits, notify))
+        self.processes.append(Played(limits, notify, lambda: self.now))
         return self.processes[-1]
 
     def give(self, *vehicles, n_frames=3, state=None):
@@ -125,7 +131,8 @@ def test_neighbours_of_a_vehicle_that_blocks_its_process_go_on_elsewhere(is_lost
     second.answer()
     bad, other = sorted(bench.workers.outcomes(), key=lambda outcome: outcome.vehicle, reverse=True)
     assert (bad.vehicle, bad.failure, bad.n_consumed) == ("bad", Failure.FRAME, 2)
-    assert bad.error == f"{'the process of its analysis died' if is_lost else 'its analysis took longer than 30 s'}"
+    slow = "its analysis took longer than 30 s of processor time"
+    assert bad.error == ("the process of its analysis died" if is_lost else slow)
     assert (other.vehicle, other.error) == ("b", "")
     assert not first.is_alive
     assert bench.workers.figures == {"sprung_vehicles_slow": 1, "sprung_workers_replaced_total": 1}
@@ -146,6 +153,17 @@ def test_neighbours_of_a_vehicle_that_blocks_its_process_go_on_elsewhere(is_lost
     (bad,) = bench.workers.outcomes()
     assert (bad.vehicle, bad.error) == ("bad", "its analysis took longer than 180 s")
     assert (second.is_alive, third.is_alive, apart.is_alive) == (True, True, False)
+
+
+def test_vehicles_on_a_busy_computer_have_the_whole_limit() -> None:
+    bench = Bench(1)
+    bench.processes[0].is_starved = True
+    bench.give("a")
+    bench.now = 179.0
+    assert bench.workers.outcomes() == []
+    bench.now = 181.0
+    (outcome,) = bench.workers.outcomes()
+    assert outcome.error == "its analysis took longer than 180 s"
 
 
 def test_ten_offences_cost_the_neighbours_one() -> None:
@@ -223,6 +241,7 @@ def test_a_process_that_dies_idle_or_does_not_start_accuses_nobody() -> None:
     bench.processes[0].is_alive = False
     assert bench.workers.outcomes() == []
     assert not bench.workers.is_open("a")
+    bench.processes[1].is_willing = False
     bench.processes[1].replies.clear()
     bench.workers.open(Opening("a", "", {}, None, MonitorSettings()))
     bench.workers.submit("a", [])

@@ -171,16 +171,19 @@ def test_messages_that_are_none_are_counted_and_passed_over(bench, run_frames) -
 
 
 def test_a_poisoned_vehicle_is_left_out_and_said(bench, run_frames) -> None:
-    """Frames whose rate is impossible for the analysis: two strikes, an alert, and the other vehicle goes on."""
+    """A frame on which the analysis fails: two strikes, an alert until the next window, and the others are analysed."""
     one = bench(**WATCH)
     one.describe()
     one.workers.submit = poisoned(one.workers.submit)
     one.send(run_frames[:900])
     one.send([decoded_again(p, boot=1, seq=k) for k, p in enumerate(run_frames[:10])])
-    (row,) = one.store.alerts.find(vehicle="car-1", is_active=True)
-    assert row.cause == "monitor:analysis"
+    (row,) = one.store.alerts.find(vehicle="car-1")
+    assert (row.cause, row.is_active) == ("monitor:analysis", False)
     assert "it is poisoned" in row.text
-    assert one.station.figures()["sprung_failures_total"] >= 2
+    assert [(row.seq, row.reason) for row in one.store.aside.find("car-1")] == [(0, "it is poisoned")]
+    (window,) = one.store.results.observations("car-1")
+    assert window.t0 == BEGUN + 10**9
+    assert one.station.figures()["sprung_failures_total"] == 2
 
 
 def poisoned(submit):

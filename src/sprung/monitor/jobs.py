@@ -83,7 +83,7 @@ class Limits:
     Parameters
     ----------
     seconds
-        Time after which a job ends with the frame at hand [s].
+        Time of the processor after which a job ends with the frame at hand [s].
     vehicle_bytes
         Largest size of the samples of a window, and of the state, of one vehicle [bytes].
     job_bytes
@@ -212,11 +212,11 @@ def analyse(
     """
     monitor, quantities = opened
     limits = limits or Limits()
-    begun, cpu = time.monotonic(), time.process_time()
+    begun = time.process_time()
     events: list[Event] = []
     consumed, is_changed = 0, bool(learn) or not frames
     try:
-        with _memory(limits.job_bytes):
+        with limited_memory(limits.job_bytes):
             if learn:
                 monitor.learn_again(learn)
             for payload in frames:
@@ -233,7 +233,7 @@ def analyse(
                 if any(isinstance(event, Observed) for event in events):
                     is_changed = True
                     break
-                if time.monotonic() - begun > limits.seconds:
+                if time.process_time() - begun > limits.seconds:
                     break
             state = write_state(monitor.state()) if is_changed else None
     except Exception as error:  # an error in one vehicle must not stop the others
@@ -251,7 +251,7 @@ def analyse(
         monitor.until,
         monitor.repeated,
     )
-    return Outcome(vehicle, consumed, tuple(events), state, status, seconds=time.process_time() - cpu)
+    return Outcome(vehicle, consumed, tuple(events), state, status, seconds=time.process_time() - begun)
 
 
 def _reason(error: Exception, limits: Limits) -> str:
@@ -286,13 +286,23 @@ def _megabytes(size: float) -> str:
 
 
 @contextmanager
-def _memory(most: float) -> Iterator[None]:
-    """Let allocations fail beyond a size in addition to what the process holds [bytes]."""
+def limited_memory(most: float) -> Iterator[None]:
+    """Let allocations fail beyond a size in addition to what the process holds.
+
+    Parameters
+    ----------
+    most
+        The size [bytes]; infinite: no limit.
+
+    Notes
+    -----
+    The limit is RLIMIT_DATA, where Linux has it. Writable private memory counts; libraries and reserved address space,
+    of which numerical libraries have gigabytes and which RLIMIT_AS would count, do not.
+    """
     if math.isinf(most) or not _STATM.exists():
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    # Writable private memory: libraries and reserved address space, of which numerical libraries have much, is free.
     pages = int(_STATM.read_text(encoding="ascii").split()[5])
     limit = pages * resource.getpagesize() + int(most)
     resource.setrlimit(resource.RLIMIT_DATA, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))

@@ -1,12 +1,14 @@
 """A process that analyses, and the courier that talks with it, so that nobody waits for a process that hangs."""
 
 import multiprocessing
+import os
 import pickle
 import queue
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -42,6 +44,10 @@ class Process(Protocol):
     @property
     def is_alive(self) -> bool:
         """Whether the process runs."""
+
+    @property
+    def seconds(self) -> float:
+        """Processor time of the process so far [s]; 0 where it is unknown."""
 
     @property
     def n_consumed(self) -> int:
@@ -93,6 +99,15 @@ class WorkerProcess:
         return self._process.is_alive()
 
     @property
+    def seconds(self) -> float:
+        """Processor time of the process so far [s]; 0 where it is unknown."""
+        try:
+            fields = Path(f"/proc/{self.pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2]
+        except OSError:
+            return 0.0
+        return sum(map(int, fields.split()[11:13])) / os.sysconf("SC_CLK_TCK")
+
+    @property
     def n_consumed(self) -> int:
         """Number of frames of the present job that are consumed."""
         return int(self._progress.value)
@@ -122,12 +137,11 @@ class WorkerProcess:
 
     def _carry(self) -> None:
         """Carry answers and requests, one after the other."""
-        answer: Answer = None
-        while not isinstance(answer, Lost):
-            answer = self._receive()
-            self._answers.put(answer)
+        while True:
+            message = received(self._connection)
+            self._answers.put(message)
             self._notify()
-            if isinstance(answer, Lost):
+            if isinstance(message, Lost):
                 break
             request = self._requests.get()
             with suppress(OSError):  # a process that is dead shows in its answer
@@ -136,28 +150,33 @@ class WorkerProcess:
                 break
         self._connection.close()
 
-    def _receive(self) -> Answer:
-        """Return the next answer."""
-        try:
-            answer = pickle.loads(self._connection.recv_bytes(_MOST_BYTES))
-        except EOFError:
-            return Lost("the process of its analysis died")
-        except Exception as error:  # whatever a torn answer makes of itself
-            return Lost(f"the process of its analysis gave an answer that cannot be read ({type(error).__name__})")
-        if answer is None or isinstance(answer, Outcome):
-            return answer
-        return Lost("the process of its analysis gave an answer that is no outcome")
+
+def received(connection: Connection) -> Answer:
+    """Return the next answer of a process; that it is lost where its answer is too large, torn or no outcome."""
+    try:
+        message = pickle.loads(connection.recv_bytes(_MOST_BYTES))
+    except EOFError:
+        return Lost("the process of its analysis died")
+    except Exception as error:  # whatever a torn answer makes of itself
+        return Lost(f"the process of its analysis gave an answer that cannot be read ({type(error).__name__})")
+    if message is None or isinstance(message, Outcome):
+        return message
+    return Lost("the process of its analysis gave an answer that is no outcome")
 
 
 def work(connection: Connection, progress: Any, limits: Limits) -> None:
     """Monitor vehicles, in a process of its own, until None is received."""
     monitors: dict[str, tuple[VehicleMonitor, dict[str, str]]] = {}
+
+    def report(n_consumed: int) -> None:
+        progress.value = n_consumed
+
     with suppress(EOFError, KeyboardInterrupt, OSError):  # the monitor is gone; its successor continues from the store
         _start_libraries()
         connection.send(None)
         while (request := connection.recv()) is not None:
-            progress.value = 0
-            connection.send(_answer(request, monitors, progress, limits))
+            report(0)
+            connection.send(answer(request, monitors, limits=limits, report=report))
 
 
 def _start_libraries() -> None:
@@ -166,25 +185,36 @@ def _start_libraries() -> None:
         library.svd(np.eye(200) @ np.eye(200))
 
 
-def _answer(request: Any, monitors: dict[str, Any], progress: Any, limits: Limits) -> Outcome | None:
-    """Return the answer to a request."""
-    if request[0] == "open":
-        opening: Opening = request[1]
+def answer(
+    request: Any,
+    monitors: dict[str, tuple[VehicleMonitor, dict[str, str]]],
+    *,
+    limits: Limits | None = None,
+    report: Callable[[int], None] = lambda n_consumed: None,
+) -> Outcome | None:
+    """Return the answer to a request: an outcome, or None where there is nothing to say.
+
+    Parameters
+    ----------
+    request
+        "open" with an opening, "close" with a vehicle, or "work" with vehicle, frames and reason to learn.
+    monitors
+        Open vehicles, which the request may change.
+    limits, report
+        As for `analyse`.
+    """
+    kind, *parts = request
+    if kind == "open":
+        opening: Opening = parts[0]
         try:
             monitors[opening.vehicle] = open_monitor(opening)
         except Exception as error:  # a state may be anything
             failure = Failure.STATE if isinstance(error, StateError) else Failure.VEHICLE
             reason = str(error) if isinstance(error, SprungError) else f"{type(error).__name__}: {error}"
             return failed(opening.vehicle, reason, failure)
-        return None
-    if request[0] == "close":
-        monitors.pop(request[1], None)
-        return None
-    _, vehicle, frames, learn = request
-    if vehicle not in monitors:
-        return None
-
-    def report(n_consumed: int) -> None:
-        progress.value = n_consumed
-
-    return analyse(vehicle, monitors[vehicle], frames, learn=learn, limits=limits, report=report)
+    elif kind == "close":
+        monitors.pop(parts[0], None)
+    elif parts[0] in monitors:  # otherwise it could not be opened, which was the answer then
+        vehicle, frames, learn = parts
+        return analyse(vehicle, monitors[vehicle], frames, learn=learn, limits=limits, report=report)
+    return None

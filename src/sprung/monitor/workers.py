@@ -11,8 +11,8 @@ from sprung.monitor.engine import Observed
 from sprung.monitor.jobs import Failure, Limits, Opening, Outcome, failed
 from sprung.monitor.processes import Answer, Lost, Process, WorkerProcess
 
-#: Shares of the limit of a job: that of a first offence; processor time above which a vehicle is slow; and after which
-#: a job ends with the frame at hand.
+#: Shares of the limit of a job, in processor time, so that vehicles are not blamed for a computer that is too slow for
+#: all: that of a first offence; above which a vehicle is slow; and after which a job ends with the frame at hand.
 _FIRST, _SLOW, _SLICE = 1 / 6, 1 / 18, 1 / 36
 #: Number of windows without a slow job after which a slow vehicle returns to the others.
 _QUICK_WINDOWS = 3
@@ -34,6 +34,7 @@ class _Worker:
 
     process: Process
     since: float
+    seconds: float = 0.0
     is_for_slow: bool = False
     vehicles: set[str] = field(default_factory=set)
     tasks: deque[_Task] = field(default_factory=lambda: deque([_Task("start")]))
@@ -64,8 +65,8 @@ class Workers:
 
     A vehicle whose job lost its process is slow, and so is one whose job took more than an eighteenth of the limit of
     processor time. Slow vehicles share a process of their own, so that only they wait for each other. Among the others
-    a job is stopped after a sixth of the limit; it is tried again in full among the slow ones. After three windows
-    without a slow job a vehicle returns.
+    a job is stopped after a sixth of the limit of processor time, too; it is tried again in full among the slow ones.
+    After three windows without a slow job a vehicle returns.
     """
 
     def __init__(
@@ -189,7 +190,7 @@ class Workers:
         if isinstance(answer, Lost):
             return self._replace(worker, answer.reason)
         task = worker.tasks.popleft()
-        worker.since = self._clock()
+        self._begin(worker)
         if answer is None:
             return []
         if task.kind == "open":
@@ -213,12 +214,15 @@ class Workers:
         """Replace a process whose request takes too long, or that died without one."""
         if not worker.tasks:
             return [] if worker.process.is_alive else self._replace(worker, "")
-        limit = self._limit if worker.is_for_slow else _FIRST * self._limit
+        limit, first = self._limit, _FIRST * self._limit
         if worker.tasks[0].kind == "start":
             limit = _STARTING
-        if self._clock() - worker.since <= limit:
-            return []
-        return self._replace(worker, f"its analysis took longer than {limit:g} s")
+        elapsed = self._clock() - worker.since
+        if elapsed > limit:
+            return self._replace(worker, f"its analysis took longer than {limit:g} s")
+        if elapsed > first and not worker.is_for_slow and worker.process.seconds - worker.seconds > first:
+            return self._replace(worker, f"its analysis took longer than {first:g} s of processor time")
+        return []
 
     def _replace(self, worker: _Worker, reason: str) -> list[Outcome]:
         """Replace a process; return failed outcomes of the vehicles that it was asked for, the guilty one first."""
@@ -247,11 +251,15 @@ class Workers:
 
     def _start(self, *, is_for_slow: bool = False) -> _Worker:
         """Start a process."""
-        return _Worker(self._start_process(self._limits, self._answered.set), self._clock(), is_for_slow)
+        return _Worker(self._start_process(self._limits, self._answered.set), self._clock(), is_for_slow=is_for_slow)
+
+    def _begin(self, worker: _Worker) -> None:
+        """Count the time of the next request from now on."""
+        worker.since, worker.seconds = self._clock(), worker.process.seconds
 
     def _send(self, worker: _Worker, task: _Task, request: object) -> None:
         """Send a request."""
         if not worker.tasks:
-            worker.since = self._clock()
+            self._begin(worker)
         worker.tasks.append(task)
         worker.process.send(request)
