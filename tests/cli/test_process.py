@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
 
@@ -95,3 +96,38 @@ def test_closed_and_narrow_streams(chain):
     ascii_only = subprocess.run([*RUN, "identify", str(chain)], env=environment, capture_output=True, check=False)
     assert (ascii_only.returncode, ascii_only.stderr) == (0, b"")
     assert b"3 modes by cov" in ascii_only.stdout
+
+
+@pytest.mark.slow
+def test_files_of_a_local_monitor_are_for_its_user_alone(tmp_path):
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port = one.getsockname()[1]
+    words = ["monitor", "--broker", f"embedded:{port}", "--http", "127.0.0.1:0"]
+    process = subprocess.Popen(
+        [*RUN, *words],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
+        umask=0o022,
+    )
+    with process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if "next: connect a box" in line:
+                break
+        made = [path for name in ("sprung-data", "state") for path in (tmp_path / name, *(tmp_path / name).rglob("*"))]
+        modes = {path.name: oct(path.stat().st_mode & 0o777) for path in made}
+        process.terminate()
+        process.stderr.read()
+    assert process.returncode == 0
+    assert modes == {
+        "sprung-data": "0o700",
+        "sprung.sqlite": "0o600",
+        "sprung.sqlite-wal": "0o600",
+        "sprung.sqlite-shm": "0o600",
+        "state": "0o700",
+        "sprung": "0o700",
+        f"broker-{port}": "0o600",
+    }

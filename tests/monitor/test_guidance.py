@@ -14,7 +14,7 @@ def said(n_vehicles=0, **site):
 def test_a_monitor_without_settings() -> None:
     settings = Site()
     assert start_in_words(settings, Address("127.0.0.1", 1883), http=settings.http_address, n_vehicles=0) == [
-        "boxes reach this monitor at mqtt://127.0.0.1:1883 (own broker, for this machine only)",
+        "boxes reach this monitor at mqtt://127.0.0.1:1883 (own broker, for programs of this user only)",
         "health: http://127.0.0.1:8737/health, figures for Prometheus: http://127.0.0.1:8737/metrics",
         "store: sqlite:///sprung-data/sprung.sqlite; samples of the last 2 days: sprung-data/raw",
         "alerts go to this log and to MQTT only: add [[send.mail]] or [[send.webhook]] to the site file",
@@ -46,3 +46,18 @@ def test_a_site_with_broker_server_and_recipients() -> None:
 def test_an_address_of_version_6_is_in_brackets() -> None:
     (_, page, *_) = start_in_words(Site(), Address("::1", 1883), http=("::1", 8737), n_vehicles=1)
     assert page.startswith("health: http://[::1]:8737/health, ")
+
+
+def test_a_store_that_others_can_read_is_named(tmp_path) -> None:
+    path = tmp_path / "store.sqlite"
+    settings = Site(store=f"sqlite:///{path}")
+
+    def sentences():
+        return start_in_words(settings, Address("127.0.0.1", 1883), http=("127.0.0.1", 1), n_vehicles=0)
+
+    path.touch(mode=0o600)
+    n_usual = len(sentences())
+    path.chmod(0o644)
+    exposed = f"other users of this machine can read or write {path}: make it private with chmod -R go= {tmp_path}"
+    assert exposed in sentences()
+    assert len(sentences()) == n_usual + 1

@@ -1,6 +1,7 @@
 """The command `sprung box`."""
 
 import logging
+import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -67,6 +68,7 @@ def box(
     from sprung.vehicles import read_vehicle
 
     log_to(log_format)
+    os.umask(0o077)  # files for this user alone
     description = read_vehicle(vehicle)
     may_lack = may_lack_sensors(description.sensor, allow_missing=allow_missing, channels=names(channels))
     stopping = stop_on_signals()

@@ -66,6 +66,7 @@ def monitor(
     from sprung.storage import open_store
 
     log_to(log_format)
+    os.umask(0o077)  # files for this user alone
     given = {"broker": broker, "store": store, "http": http}
     settings = (Site() if site is None else read_site(site)).model_copy(
         update={name: value for name, value in given.items() if value is not None}

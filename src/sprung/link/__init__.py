@@ -20,6 +20,7 @@ from sprung.link.frame import (
     encode,
     quantised,
 )
+from sprung.link.local_secret import LOCAL_USER, SecretError, find_secret, keep_secret
 from sprung.link.losses import MOST_LOSSES, Loss, losses_in, span_of
 from sprung.link.messages import VERSION, Header, Key, VersionError, check_vehicle, checked_map, message
 from sprung.link.mqtt import Address, Link, LinkError
@@ -31,6 +32,7 @@ from sprung.link.topics import DOWNWARDS, ROOT, UPWARDS, parse_topic, shared_top
 __all__ = [
     "CLIPPED",
     "DOWNWARDS",
+    "LOCAL_USER",
     "MISSING",
     "MOST_LOSSES",
     "PACKED",
@@ -52,6 +54,7 @@ __all__ = [
     "Link",
     "LinkError",
     "Loss",
+    "SecretError",
     "Sending",
     "Spool",
     "SpoolError",
@@ -62,8 +65,10 @@ __all__ = [
     "common_name",
     "decode",
     "encode",
+    "find_secret",
     "frame_block",
     "joined",
+    "keep_secret",
     "losses_in",
     "message",
     "parse_topic",

@@ -10,8 +10,8 @@ class Disk:
     """Files on the disk of this machine; every method raises OSError where the system call fails."""
 
     def make_folder(self, folder: Path) -> None:
-        """Create a folder where it is missing, with its parents."""
-        folder.mkdir(parents=True, exist_ok=True)
+        """Create a folder for this user alone where it is missing, with its parents."""
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
 
     def lock(self, path: Path) -> int | None:
         """Return a file that is locked by this process until it closes it or ends; None if another one holds it."""

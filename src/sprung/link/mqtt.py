@@ -12,6 +12,7 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 from sprung._checks import required
 from sprung.errors import ParameterError, SprungError
+from sprung.link.local_secret import LOCAL_USER, find_secret
 from sprung.link.topics import SHARED
 
 #: Seconds between attempts to connect: at first, and at most.
@@ -76,6 +77,8 @@ class Address:
         unknown = sorted(query.keys() - {"ca", "cert", "key", "version"})
         if unknown:
             raise ParameterError(f"{shown!r} has the parameter {unknown[0]!r}: use ca, cert, key and version only")
+        if parts.username == LOCAL_USER:
+            query.setdefault("version", "3")  # the only one of an embedded broker
         secure = parts.scheme == "mqtts"
         return cls(
             parts.hostname,
@@ -188,7 +191,7 @@ class Link:
         self._client.disconnect()
         self._client.loop_stop()
         # Client and link hold each other: without this the client's sockets would wait for the garbage collector.
-        for name in ("on_connect", "on_disconnect", "on_connect_fail", "on_message", "on_publish"):
+        for name in ("on_pre_connect", "on_connect", "on_disconnect", "on_connect_fail", "on_message", "on_publish"):
             setattr(self._client, name, None)
 
     def _made(self, protocol: Any) -> Any:
@@ -197,8 +200,7 @@ class Link:
         client.reconnect_delay_set(*_RETRY)
         client.max_inflight_messages_set(1000)
         client.max_queued_messages_set(_MOST_QUEUED)
-        if self._address.user:
-            client.username_pw_set(self._address.user, self._address.password or None)
+        client.on_pre_connect = lambda client, _data: self._identify(client, protocol)
         if self._address.is_encrypted:
             client.tls_set_context(_context(self._address))
         # The embedded broker, which supports 3.1.1 only, refuses clients with a will; it ends with the monitor anyway.
@@ -210,6 +212,15 @@ class Link:
         client.on_publish = self._published
         client.on_message = lambda _client, _data, message: self._on_message(message.topic, message.payload)
         return client
+
+    def _identify(self, client: Any, protocol: Any) -> None:
+        """Set user and password: those of the address, or those of a monitor's broker that runs here now."""
+        user, password = self._address.user, self._address.password
+        # The embedded broker stumbles over a password in a newer version, and without one asks for the older version.
+        if not user and protocol == self._mqtt.MQTTv311:
+            password = find_secret(self._address.host, self._address.port)
+            user = LOCAL_USER if password else ""
+        client.username_pw_set(user or None, password or None)
 
     def _start(self) -> None:
         """Connect in a thread of the client."""

@@ -8,24 +8,26 @@ from contextlib import closing, contextmanager
 from typing import Any
 
 from sprung._checks import required
-from sprung.link import Address, LinkError
+from sprung.link import LOCAL_USER, Address, LinkError, keep_secret
 from sprung.monitor.site import embedded_port
 
 _PATIENCE = 10.0
 
 
 class EmbeddedBroker:
-    """An MQTT broker in a thread, open to programs on this machine only.
+    """An MQTT broker in a thread, open to programs on this machine that know its password.
 
     Parameters
     ----------
+    secret
+        Password of the user `sprung.link.LOCAL_USER`.
     host, port
         Address at which it listens.
     """
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 1883) -> None:
+    def __init__(self, secret: str, host: str = "127.0.0.1", port: int = 1883) -> None:
         self._module = required("amqtt.broker", purpose="the embedded broker", extra="online")
-        self._listens_at = f"{host}:{port}"
+        self._secret, self._listens_at = secret, f"{host}:{port}"
         self._loop: asyncio.AbstractEventLoop | None = None
         self._started = threading.Event()
         self._problem = ""
@@ -67,7 +69,7 @@ class EmbeddedBroker:
         """Start the broker in a loop, and run the loop until it is stopped."""
         settings = {
             "listeners": {"default": {"type": "tcp", "bind": self._listens_at}},
-            "plugins": {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}},
+            "plugins": {"sprung.monitor.local_users.LocalUsers": {"secret": self._secret}},
         }
         try:
             self._broker = self._module.Broker(settings, loop=loop)
@@ -95,14 +97,17 @@ def open_broker(broker: str) -> Iterator[Address]:
         Where it is no such address.
     LinkError
         Where an embedded broker cannot listen.
+    SecretError
+        Where its password cannot be kept for other programs of this user.
     """
     port = embedded_port(broker)
     if port is None:
         yield Address.parse(broker)
         return
-    embedded = EmbeddedBroker(port=port)
-    embedded.open()
-    try:
-        yield Address("127.0.0.1", port, version="3")
-    finally:
-        embedded.close()
+    with keep_secret(port) as secret:
+        embedded = EmbeddedBroker(secret, port=port)
+        embedded.open()
+        try:
+            yield Address("127.0.0.1", port, LOCAL_USER, secret, version="3")
+        finally:
+            embedded.close()

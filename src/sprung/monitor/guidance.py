@@ -1,5 +1,7 @@
 """What an operator reads when the monitor starts: where it listens, where results are, and what to do next."""
 
+from pathlib import Path
+
 from sprung.link import Address
 from sprung.monitor.site import Site, embedded_port
 from sprung.storage import check_address
@@ -24,9 +26,10 @@ def start_in_words(site: Site, broker: Address, *, http: tuple[str, int], n_vehi
     page = f"http://{f'[{http[0]}]' if ':' in http[0] else http[0]}:{http[1]}"
     where = f" --store {store}" if site.store != Site().store else ""
     return [
-        f"boxes reach this monitor at {broker}" + (" (own broker, for this machine only)" if is_embedded else ""),
+        f"boxes reach this monitor at {broker}{' (own broker, for programs of this user only)' if is_embedded else ''}",
         f"health: {page}/health, figures for Prometheus: {page}/metrics",
         f"store: {store}; {_samples(site)}",
+        *_exposed(site),
         _recipients(site),
         f"next: sprung vehicles{where} shows the progress of {n_vehicles} known vehicle{'s'[: n_vehicles != 1]}"
         if n_vehicles
@@ -40,6 +43,17 @@ def _samples(site: Site) -> str:
     if site.archive is None:
         return "samples are not kept"
     return f"samples of the last {site.keep.raw_days:g} days: {site.archive}"
+
+
+def _exposed(site: Site) -> list[str]:
+    """Return a sentence if other users of this machine can read the file of the store, as an older program made it."""
+    path = Path(site.store.removeprefix("sqlite:///"))
+    try:
+        is_exposed = site.store.startswith("sqlite:///") and path.stat().st_mode & 0o077
+    except OSError:
+        return []
+    sentence = f"other users of this machine can read or write {path}: make it private with chmod -R go= {path.parent}"
+    return [sentence] if is_exposed else []
 
 
 def _recipients(site: Site) -> str:
