@@ -51,8 +51,11 @@ class Shards:
 
     @property
     def is_first(self) -> bool:
-        """Whether this monitor does what is to be done once for all vehicles: the holder of the first shard."""
-        return self._holds(0)
+        """Whether this monitor does what is to be done once for all vehicles: the holder of the first shard.
+
+        What it sends no transaction can refuse, so that it stops when it has not renewed its leases for too long.
+        """
+        return self._holds(0) and not (self.is_shared and self._expiring.is_due)
 
     @property
     def held(self) -> Collection[int]:
@@ -94,7 +97,7 @@ class Shards:
         return Change(gained.keys(), lost.keys(), self._holding.dead)
 
     def holds(self, vehicle: str) -> bool:
-        """Return whether this monitor works for a vehicle."""
+        """Return whether this monitor works for a vehicle, as far as it knows: the store decides."""
         return self._holds(shard_of(vehicle))
 
     def fence(self, vehicle: str) -> AbstractContextManager[None]:
@@ -126,5 +129,5 @@ class Shards:
         self._leases.unlock()
 
     def _holds(self, shard: int) -> bool:
-        """Return whether a shard was held at the last renewal, and that is not too long ago."""
-        return not self.is_shared or (shard in self._holding.epochs and not self._expiring.is_due)
+        """Return whether a shard was held at the last renewal."""
+        return not self.is_shared or shard in self._holding.epochs
