@@ -100,8 +100,8 @@ class Shards:
         """Return whether this monitor works for a vehicle, as far as it knows: the store decides."""
         return self._holds(shard_of(vehicle))
 
-    def fence(self, vehicle: str) -> AbstractContextManager[None]:
-        """Return a context that refuses to write about a vehicle after its shard was lost.
+    def fence(self, *vehicles: str) -> AbstractContextManager[None]:
+        """Return a context that refuses to write about vehicles after a shard of theirs was lost.
 
         Raises
         ------
@@ -109,11 +109,12 @@ class Shards:
             If it was lost before, or from a transaction in the context.
         """
         if not self.is_shared:
-            return self._leases.fence(None)
-        shard = shard_of(vehicle)
-        if not self._holds(shard):
-            raise LeaseLostError(f"{vehicle} is left to another monitor")
-        return self._leases.fence(Lease(shard, self._holding.epochs[shard]))
+            return self._leases.fence()
+        for vehicle in vehicles:
+            if not self.holds(vehicle):
+                raise LeaseLostError(f"{vehicle} is left to another monitor")
+        shards = map(shard_of, vehicles)
+        return self._leases.fence(*(Lease(shard, self._holding.epochs[shard]) for shard in shards))
 
     def close(self) -> None:
         """Let others take over at once.
