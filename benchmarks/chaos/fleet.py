@@ -16,7 +16,7 @@ FRAME, RATE, WINDOW = 5.0, 50.0, 60.0
 NAMES = ("acc_fl", "acc_fr", "acc_rl", "acc_rr", "speed")
 QUANTITIES = {name: "speed" if name == "speed" else "acceleration" for name in NAMES}
 #: Time without progress after which a box sends everything again [s], and the most frames that it sends ahead.
-PATIENCE, AHEAD = 4.0, 12
+PATIENCE, AHEAD = 10.0, 12
 _PER_WINDOW = round(WINDOW / FRAME)
 
 

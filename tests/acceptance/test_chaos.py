@@ -9,9 +9,29 @@ from pathlib import Path
 import pytest
 
 HARNESS = Path(__file__).parents[2] / "benchmarks" / "chaos"
+POSTGRESQL = list(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 
 pytest.importorskip("paho.mqtt.client")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(MOSQUITTO is None, reason="no mosquitto: install Debian's package (scripts/system-packages)")
+@pytest.mark.skipif(not POSTGRESQL, reason="no PostgreSQL: install Debian's package (scripts/system-packages)")
+def test_three_monitors_in_a_storm_store_what_one_does(tmp_path: Path) -> None:
+    pytest.importorskip("psycopg")
+    command = [sys.executable, str(HARNESS / "several.py"), "--vehicles", "12", "--windows", "4", "--seconds", "20"]
+    command += ["--every", "5", "--takeover", "5", "--json", "--keep", str(tmp_path / "run")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
+    assert done.stdout, done.stderr
+    found = json.loads(done.stdout)
+    assert found["failures"] == found["differs"] == []
+    assert (found["acknowledged_not_stored"], found["messages_missing"]) == (0, 0)
+    assert found["is_kept"]
+    assert found["acknowledgements"] >= 100
+    assert set(found["events"]) >= {"kill", "stop"}
+    assert found["rows"]["observations"] == 48
+    assert found["rows"]["notifications"] == found["messages"] == 8
 
 
 @pytest.mark.slow

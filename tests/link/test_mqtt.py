@@ -18,7 +18,7 @@ import pytest
 
 from sprung.box.running import box_of, replay
 from sprung.errors import DataError
-from sprung.link import UPWARDS, Address, Link, LinkError, Spool, topic
+from sprung.link import UPWARDS, Address, Link, LinkError, Spool, shared_topic, topic
 from sprung.link.messages import LARGEST
 from sprung.monitor import Intake
 from sprung.recording import Channel, Recording
@@ -176,6 +176,19 @@ def test_retained_messages_are_there_for_those_who_come_later(plain) -> None:
         eventually(lambda: "Sending PUBACK to early" in plain.log, "the message is with the broker")
     with connected(Client(plain, "late", topics=[kept[0]])) as [late]:
         assert late.heard_until(kept) == []
+
+
+def test_shared_subscription_gives_each_message_to_one_and_mqtt_3_gets_all(plain) -> None:
+    name, shared = topic("bus", "raw"), shared_topic("+", "raw")
+    ears = [Client(plain, f"shared-{number}", topics=[shared, "end"]) for number in range(2)]
+    ears.append(Client(plain, "old", topics=[shared, "end"], address=f"{plain.address}?version=3"))
+    with connected(*ears, Client(plain, "crier")) as (first, second, old, crier):
+        sent = [(name, bytes([number])) for number in range(10)]
+        for message in (*sent, ("end", b"")):
+            assert crier.link.publish(*message)
+        heard = [client.heard_until(("end", b"")) for client in (first, second, old)]
+    assert sorted(heard[0] + heard[1]) == sent == heard[2]
+    assert len(heard[0]) == len(heard[1]) == 5
 
 
 def test_link_comes_back_and_subscribes_again_after_the_broker_was_killed(mosquitto) -> None:

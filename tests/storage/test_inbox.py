@@ -138,6 +138,16 @@ def test_vehicles(store) -> None:
     assert store.inbox.last_seen() == {"a": 20, "b": 12}
 
 
+def test_parked_vehicles_are_remembered(store) -> None:
+    for name in ("zafira", "tram"):
+        store.inbox.put_vehicle(name, configuration="c", description="text", channels=[], now=1)
+    store.inbox.park("zafira", is_parked=True)
+    store.inbox.seen({"zafira": 2})
+    assert store.inbox.parked() == {"zafira"}
+    store.inbox.park("zafira", is_parked=False)
+    assert store.inbox.parked() == set()
+
+
 def test_largest_sequence_number(store) -> None:
     last = 2**63 - 1
     lose(store, last)

@@ -130,6 +130,8 @@ def test_write_under_a_lost_lease_is_refused_as_a_whole(server) -> None:
     assert store.results.snapshot("car-1") is None
     with store.leases.fence(successor):
         store.results.commit(Progress("car-1", 1, done_seq=1))
+    with store.leases.fence(Lease(0, 2), lease), pytest.raises(LeaseLostError, match=f"shard {SHARD}:"):
+        store.results.commit(Progress("car-1", 1, done_seq=2))
     store.results.commit(Progress("car-1", 1, done_seq=2))  # outside of the context anybody may write
 
 

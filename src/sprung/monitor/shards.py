@@ -51,8 +51,11 @@ class Shards:
 
     @property
     def is_first(self) -> bool:
-        """Whether this monitor does what is to be done once for all vehicles: the holder of the first shard."""
-        return self._holds(0)
+        """Whether this monitor does what is to be done once for all vehicles: the holder of the first shard.
+
+        What it sends no transaction can refuse, so that it stops when it has not renewed its leases for too long.
+        """
+        return self._holds(0) and not (self.is_shared and self._expiring.is_due)
 
     @property
     def held(self) -> Collection[int]:
@@ -94,11 +97,11 @@ class Shards:
         return Change(gained.keys(), lost.keys(), self._holding.dead)
 
     def holds(self, vehicle: str) -> bool:
-        """Return whether this monitor works for a vehicle."""
+        """Return whether this monitor works for a vehicle, as far as it knows: the store decides."""
         return self._holds(shard_of(vehicle))
 
-    def fence(self, vehicle: str) -> AbstractContextManager[None]:
-        """Return a context that refuses to write about a vehicle after its shard was lost.
+    def fence(self, *vehicles: str) -> AbstractContextManager[None]:
+        """Return a context that refuses to write about vehicles after a shard of theirs was lost.
 
         Raises
         ------
@@ -106,11 +109,12 @@ class Shards:
             If it was lost before, or from a transaction in the context.
         """
         if not self.is_shared:
-            return self._leases.fence(None)
-        shard = shard_of(vehicle)
-        if not self._holds(shard):
-            raise LeaseLostError(f"{vehicle} is left to another monitor")
-        return self._leases.fence(Lease(shard, self._holding.epochs[shard]))
+            return self._leases.fence()
+        for vehicle in vehicles:
+            if not self.holds(vehicle):
+                raise LeaseLostError(f"{vehicle} is left to another monitor")
+        shards = map(shard_of, vehicles)
+        return self._leases.fence(*(Lease(shard, self._holding.epochs[shard]) for shard in shards))
 
     def close(self) -> None:
         """Let others take over at once.
@@ -126,5 +130,5 @@ class Shards:
         self._leases.unlock()
 
     def _holds(self, shard: int) -> bool:
-        """Return whether a shard was held at the last renewal, and that is not too long ago."""
-        return not self.is_shared or (shard in self._holding.epochs and not self._expiring.is_due)
+        """Return whether a shard was held at the last renewal."""
+        return not self.is_shared or shard in self._holding.epochs

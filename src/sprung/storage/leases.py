@@ -10,10 +10,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from sqlalchemy import BigInteger, Connection, Text, cast, delete, func, or_, select, true, update
+from sqlalchemy import BigInteger, Connection, Text, cast, delete, func, or_, select, update
 
 from sprung.storage.database import Database
 from sprung.storage.schema import LEASES, MONITORS, LeaseLostError, StoreError
@@ -138,23 +139,27 @@ class Leases:
             connection.execute(delete(MONITORS).where(MONITORS.c.monitor == monitor))
 
     @contextmanager
-    def fence(self, lease: Lease | None) -> Iterator[None]:
-        """Refuse what this thread writes in the context if the lease has moved on; None: anybody may write.
+    def fence(self, *leases: Lease) -> Iterator[None]:
+        """Refuse what this thread writes in the context if one of the leases has moved on; none: anybody may write.
 
         Raises
         ------
         LeaseLostError
             From the transactions in the context; nothing of them is stored.
         """
-        with self._database.checked(None if lease is None else lambda connection: _check(connection, lease)):
+        with self._database.checked(partial(_check, leases=frozenset(leases)) if leases else None):
             yield
 
 
-def _check(connection: Connection, lease: Lease) -> None:
-    """Refuse to write under a lease that has moved on; otherwise it stays until the end of the transaction."""
-    of_lease = select(true()).where(LEASES.c.shard == lease.shard, LEASES.c.epoch == lease.epoch)
-    if connection.scalar(of_lease.with_for_update(read=True)) is None:
-        raise LeaseLostError(f"another monitor has taken over shard {lease.shard}: its vehicles are left to that one")
+def _check(connection: Connection, leases: frozenset[Lease]) -> None:
+    """Refuse to write if one of the leases has moved on; otherwise they stay until the end of the transaction."""
+    shards = [lease.shard for lease in leases]
+    present = select(LEASES.c.shard, LEASES.c.epoch).where(LEASES.c.shard.in_(shards)).order_by(LEASES.c.shard)
+    rows = connection.execute(present.with_for_update(read=True))
+    lost = sorted(shard for shard, _ in leases.difference(Lease(row.shard, row.epoch) for row in rows))
+    if lost:
+        numbers = ", ".join(map(str, lost))
+        raise LeaseLostError(f"another monitor has taken over shard {numbers}: its vehicles are left to that one")
 
 
 def _bury(connection: Connection, alive: int) -> list[str]:
