@@ -88,6 +88,7 @@ def test_frames_wait_for_the_description_of_their_vehicle(dispatch, workers, sto
     arrive(store, dispatch, "car-1", 0, 3)
     assert dispatch.give() == 0
     describe(store, "car-1")
+    dispatch.describe("car-1")
     assert dispatch.give() == 1
     assert workers.jobs == [("car-1", [b"0", b"1", b"2"], "")]
     assert workers.opened["car-1"].quantities == {"a": "speed"}

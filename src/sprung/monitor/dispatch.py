@@ -1,13 +1,15 @@
-"""Frames to workers, vehicle by vehicle in turn, and the outcomes of their jobs."""
+"""Frames to workers, the vehicle that has waited longest first, and the outcomes of their jobs."""
 
 import logging
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
 from sprung.monitor.engine import MonitorSettings, Observed
-from sprung.monitor.fleets import has_type, type_of_others
+from sprung.monitor.fleets import VehicleTypes, type_of_others
 from sprung.monitor.ledger import Ledger
-from sprung.monitor.streams import Stream
+from sprung.monitor.overload import Overload
+from sprung.monitor.streams import Handover, Queue, Stream
 from sprung.monitor.workers import Opening, Outcome, VehicleStatus, Workers
 from sprung.storage import CommandRow, Cursor, Store, StoredFrame, StoreError
 
@@ -32,15 +34,36 @@ class Dispatch:
         Stores results.
     settings
         Settings of vehicles that start from scratch.
+    overload
+        Notices and reports that the analysis falls behind; None: nobody does.
+    clock
+        Present time, UTC ns.
 
     Notes
     -----
     A vehicle has at most one job. If the job fails, the vehicle is opened again from the stored state; if it fails
-    twice in a row, the frames are excluded.
+    twice in a row, the frames are excluded. The next job is that of the vehicle whose oldest frame has waited longest
+    since it arrived or, so that one vehicle with hours of frames does not hold up the others, since its last job.
+
+    Frames are handed over from memory as they are stored; only others are read from the store. During an overload
+    jobs leave out the identifications within windows, never a window.
     """
 
-    def __init__(self, store: Store, workers: Workers, ledger: Ledger, settings: MonitorSettings) -> None:
+    def __init__(
+        self,
+        store: Store,
+        workers: Workers,
+        ledger: Ledger,
+        settings: MonitorSettings,
+        *,
+        overload: Overload | None = None,
+        clock: Callable[[], int] = time.time_ns,
+    ) -> None:
         self._store, self._workers, self._ledger, self._settings = store, workers, ledger, settings
+        self._overload, self._clock = overload, clock
+        self._handover, self._queue, self._types = Handover(), Queue(), VehicleTypes(store)
+        self._waiting_since: dict[str, int] = {}
+        self._job_since: dict[str, int] = {}
         self._streams: dict[str, Stream] = {}
         self._jobs: dict[str, Sequence[StoredFrame]] = {}
         self._learning: dict[str, CommandRow] = {}
@@ -64,16 +87,16 @@ class Dispatch:
         return {
             **self._ledger.figures,
             "sprung_vehicles": len(self._streams),
-            "sprung_backlog_frames": sum(stream.backlog for stream in list(self._streams.values())),
+            "sprung_backlog_frames": self._backlog,
+            "sprung_backlog_age_seconds": self._age,
             "sprung_failures_total": self._n_failures,
         }
 
     def open(self) -> None:
         """Continue from the stored states."""
         for (vehicle, boot), cursor in self._store.inbox.cursors().items():
+            self._streams.setdefault(vehicle, Stream()).dispatched[boot] = cursor.done
             self.add(vehicle, boot, cursor.contiguous)
-            stream = self._streams[vehicle]
-            stream.dispatched[boot] = cursor.done
 
     def close(self) -> None:
         """Stop the workers."""
@@ -81,27 +104,42 @@ class Dispatch:
 
     def add(self, vehicle: str, boot: int, contiguous: int) -> None:
         """Record that the frames of a boot arrived up to a sequence number."""
-        self._streams.setdefault(vehicle, Stream()).arrived(boot, contiguous)
+        stream = self._streams.setdefault(vehicle, Stream())
+        stream.arrived(boot, contiguous)
+        if stream.has_waiting:
+            self._waiting_since.setdefault(vehicle, self._clock())
+        self._enqueue(vehicle)
+
+    def hold(self, frames: Iterable[StoredFrame]) -> None:
+        """Hold frames that have just been stored, so that they need not be read back."""
+        self._handover.hold(frames)
 
     def describe(self, vehicle: str) -> None:
         """Record that a vehicle has a new description: its frames are analysed again from the stored state."""
         LOG.info("vehicle described", extra={"vehicle": vehicle})
+        self._types.forget()
         self._workers.close_vehicle(vehicle)
+        self._enqueue(vehicle)
 
     def relearn(self, command: CommandRow) -> None:
         """Let a vehicle learn a new baseline before its next frames; requests for one vehicle are queued."""
         self._learning.setdefault(command.vehicle, command)
+        if command.vehicle in self._streams:
+            self._enqueue(command.vehicle)
 
     def give(self) -> int:
-        """Give frames to workers, least recently served vehicle first, and return the number of jobs and reports.
+        """Give frames to workers, longest waiting vehicle first, and return the number of jobs and reports.
 
         Raises
         ------
         StoreError
             If the store cannot be used.
         """
+        if self._overload is not None and self._overload.is_due:
+            self._overload.update(self._age, n_frames=self._backlog, n_vehicles=len(self._waiting_since))
+            self._workers.skips_modes = self._overload.is_on
         n_given = 0
-        for vehicle in list(self._streams):
+        for vehicle in self._queue:
             if self._workers.is_busy:
                 break
             n_given += self._give(vehicle)
@@ -121,27 +159,67 @@ class Dispatch:
         """
         vehicle = outcome.vehicle
         frames = self._jobs.pop(vehicle, ())
-        if outcome.error:
-            self._fail(vehicle, frames, outcome.error)
-        elif self._workers.is_open(vehicle):  # otherwise it got a new description meanwhile
-            try:
+        since = self._job_since.pop(vehicle, None)
+        if since is not None and outcome.n_consumed < len(frames):
+            self._waiting_since[vehicle] = since
+        try:
+            if outcome.error:
+                self._fail(vehicle, frames, outcome.error)
+            elif self._workers.is_open(vehicle):  # otherwise it got a new description meanwhile
                 self._commit(outcome, frames[: outcome.n_consumed])
-            except StoreError:
-                # The worker is ahead of the store.
-                self._workers.close_vehicle(vehicle)
-                raise
+        except StoreError:
+            # The worker is ahead of the store.
+            self._workers.close_vehicle(vehicle)
+            raise
+        finally:
+            self._enqueue(vehicle)
+
+    @property
+    def _backlog(self) -> int:
+        """Number of frames that wait for a worker."""
+        return sum(stream.backlog for stream in list(self._streams.values()))
+
+    @property
+    def _age(self) -> float:
+        """Time since the oldest frame that waits for a worker arrived [s], or a little longer; 0 if none waits."""
+        return max(0.0, (self._clock() - min(self._waiting_since.copy().values(), default=self._clock())) / 1e9)
+
+    def _enqueue(self, vehicle: str) -> None:
+        """Let a vehicle wait for a worker if there is anything to give."""
+        if vehicle in self._jobs or vehicle not in self._streams:
+            return
+        if self._streams[vehicle].has_waiting:
+            self._waiting_since.setdefault(vehicle, self._clock())
+        else:
+            self._waiting_since.pop(vehicle, None)
+            if vehicle not in self._learning:
+                return
+        self._queue.add(vehicle, self._clock())
+
+    def _set_aside(self, vehicle: str) -> None:
+        """Let a vehicle wait for something else: earlier frames, or its description."""
+        self._queue.remove(vehicle)
+        self._waiting_since.pop(vehicle, None)
+
+    def _pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
+        """Return frames of a vehicle that follow a sequence number: those in memory, or else in the store."""
+        until = self._streams[vehicle].contiguous[boot]
+        held = self._handover.following(vehicle, boot, after=after, until=until, limit=limit)
+        return held or self._store.inbox.pending(vehicle, boot, after=after, limit=limit)
 
     def _give(self, vehicle: str) -> bool:
         """Give the next frames of a vehicle to its worker, or store the next report of its box."""
         stream, workers = self._streams[vehicle], self._workers
-        if vehicle in self._jobs or not (stream.has_waiting or vehicle in self._learning):
+        if not (workers.is_open(vehicle) or self._open(vehicle)):
+            self._set_aside(vehicle)
             return False
-        if not (workers.is_open(vehicle) or self._open(vehicle)) or not workers.is_free(vehicle):
+        if not workers.is_free(vehicle):
             return False
-        frames = stream.next_frames(partial(self._store.inbox.pending, vehicle), _JOB)
+        frames = stream.next_frames(partial(self._pending, vehicle), _JOB)
         if frames and frames[0].kind != "raw":
             return self._give_report(stream, frames[0])
         if not frames and vehicle not in self._learning:
+            self._set_aside(vehicle)
             return False
         n_samples = next((k for k, frame in enumerate(frames) if frame.kind != "raw"), len(frames))
         self._submit(vehicle, frames[:n_samples])
@@ -154,15 +232,20 @@ class Dispatch:
         else:
             self._ledger.store_report(report)
             stream.complete(report.boot, report.seq)
+            self._handover.release(report.vehicle, report.boot, report.seq)
+            self._queue.remove(report.vehicle)
+            self._enqueue(report.vehicle)
         return True
 
     def _submit(self, vehicle: str, frames: Sequence[StoredFrame]) -> None:
-        """Start a job, which without frames returns the state. The vehicle moves to the end of the queue."""
+        """Start a job, which without frames returns the state."""
         learn = self._learning.get(vehicle)
         reason = "" if learn is None else str(learn.detail or "maintenance")
         self._jobs[vehicle] = frames
         self._workers.submit(vehicle, [frame.payload for frame in frames], learn=reason)
-        self._streams[vehicle] = self._streams.pop(vehicle)
+        self._queue.remove(vehicle)
+        if len(frames) >= self._streams[vehicle].backlog:  # what arrives from here on waits from then
+            self._job_since[vehicle] = self._waiting_since.pop(vehicle, self._clock())
 
     def _open(self, vehicle: str) -> bool:
         """Give a vehicle to a worker with its stored state; return whether its description is known."""
@@ -177,7 +260,8 @@ class Dispatch:
             self._finish_boots(vehicle, snapshot.boot)
         state = None if snapshot is None else snapshot.document
         status = self._statuses.get(vehicle)
-        of_type = type_of_others(self._store, vehicle) if status is None or status.is_learning else None
+        is_learning = status is None or status.is_learning
+        of_type = type_of_others(self._store, vehicle, types=self._types) if is_learning else None
         self._workers.open(Opening(vehicle, row.description, dict(row.channels), state, self._settings, of_type))
         return True
 
@@ -196,8 +280,9 @@ class Dispatch:
         self._statuses[vehicle] = outcome.status
         if taken:
             stream.dispatched[boot] = seq
+            self._handover.release(vehicle, boot, seq)
         is_window = any(isinstance(event, Observed) for event in outcome.events)
-        if is_window and outcome.status.is_learning and has_type(self._store, vehicle):
+        if is_window and outcome.status.is_learning and self._types.has_type(vehicle):
             # Opened again, from the state just stored, with the baseline of its type as it is now.
             self._workers.close_vehicle(vehicle)
 
@@ -221,4 +306,5 @@ class Dispatch:
         n_frames = seq - stream.done.get(boot, -1)
         self._ledger.exclude(vehicle, boot, seq, n_frames=n_frames, reason=reason)
         stream.complete(boot, seq)
+        self._handover.release(vehicle, boot, seq)
         self._strikes.pop(vehicle)

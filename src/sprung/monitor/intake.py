@@ -38,10 +38,13 @@ class Taken:
         Sequence number up to which nothing is missing, by vehicle and boot of the messages.
     described
         Vehicles with a new description.
+    frames
+        Frames that were stored.
     """
 
     arrived: dict[tuple[str, int], int] = field(default_factory=dict)
     described: set[str] = field(default_factory=set)
+    frames: list[StoredFrame] = field(default_factory=list)
 
 
 class Intake:
@@ -123,6 +126,7 @@ class Intake:
                 self._refuse(name, error)
         if frames:
             taken.arrived.update(self._store.inbox.add_frames(frames, now=now))
+            taken.frames.extend(frames)
             self._counts["frames"] += len(frames)
         if self._seen and abs(now - self._noted) >= _NOTED_EVERY:
             self._store.inbox.seen(self._seen)

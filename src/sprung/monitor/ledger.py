@@ -36,7 +36,7 @@ class Ledger:
     def __init__(self, site: Site, store: Store, *, alerts: AlertBook, clock: Callable[[], int]) -> None:
         self._store, self._alerts, self._clock = store, alerts, clock
         self._samples, self._correlations = site.archive, site.correlations
-        self._n_windows = self._n_identifications = 0
+        self._n_windows = self._n_identifications = self._n_thinned = 0
 
     @property
     def figures(self) -> dict[str, float]:
@@ -44,6 +44,8 @@ class Ledger:
         return {
             "sprung_windows_total": self._n_windows,
             "sprung_identifications_total": self._n_identifications,
+            "sprung_identifications_thinned_total": self._n_thinned,
+            "sprung_identifications_thinned_ratio": self._n_thinned / max(1, self._n_thinned + self._n_identifications),
             "sprung_alerts_active": len(self._store.alerts.find(is_active=True)),
             "sprung_store_bytes": self._store.size(),
         }
@@ -72,6 +74,7 @@ class Ledger:
         modes = tuple(_modes(event) for event in outcome.events if isinstance(event, Identified))
         self._n_windows += len(windows)
         self._n_identifications += len(modes)
+        self._n_thinned += outcome.n_thinned
         is_saved = outcome.state is not None
         if not (modes or is_saved):
             return False

@@ -14,6 +14,7 @@ from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.gate import Gate
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.ledger import Ledger
+from sprung.monitor.overload import Overload
 from sprung.monitor.pictures import alert_picture
 from sprung.monitor.postman import Posting, Postman, senders_of
 from sprung.monitor.serving import Serving
@@ -68,7 +69,8 @@ class Station:
         self._gate = Gate(timer)
         self._intake = Intake(store, self._link.publish)
         ledger = Ledger(site, store, alerts=alerts, clock=clock)
-        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings)
+        overload = Overload(alerts, limit=site.watch.overload_seconds, clock=clock)
+        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings, overload=overload, clock=clock)
         self._upkeep = Upkeep(
             site,
             store,
@@ -182,6 +184,7 @@ class Station:
         if taken is None:
             return 0
         self._gate.succeed()
+        self._dispatch.hold(taken.frames)
         for (vehicle, boot), contiguous in taken.arrived.items():
             self._dispatch.add(vehicle, boot, contiguous)
         for vehicle in taken.described:

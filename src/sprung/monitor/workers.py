@@ -104,6 +104,8 @@ class Outcome:
         Status after the job.
     error
         Reason of a failure; empty if there was none.
+    n_thinned
+        Number of identifications of modes that were left out.
     """
 
     vehicle: str
@@ -112,6 +114,7 @@ class Outcome:
     state: bytes | None
     status: VehicleStatus
     error: str = ""
+    n_thinned: int = 0
 
 
 @dataclass(slots=True)
@@ -141,7 +144,11 @@ class Workers:
     -----
     A vehicle stays with one process, which keeps its `VehicleMonitor`. A process that dies, or takes longer than the
     limit, is replaced; its vehicles must be opened again.
+
+    While `skips_modes` is set, jobs leave out the identifications within windows.
     """
+
+    skips_modes = False
 
     def __init__(self, count: int, *, limit: float, clock: Callable[[], float]) -> None:
         self._context = multiprocessing.get_context("spawn")
@@ -194,7 +201,7 @@ class Workers:
         """
         worker = next(worker for worker in self._workers if vehicle in worker.vehicles)
         worker.busy_with, worker.since = vehicle, self._clock()
-        self._send(worker, ("work", vehicle, list(frames), learn))
+        self._send(worker, ("work", vehicle, list(frames), learn, self.skips_modes))
 
     def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
         """Return the available outcomes, waiting up to a time [s] for the first."""
@@ -272,9 +279,9 @@ def _work(connection: Connection) -> None:
         elif message[0] == "close":
             monitors.pop(message[1], None)
         else:
-            _, vehicle, frames, learn = message
-            refusal = refused.get(vehicle, "")
-            outcome = analyse(vehicle, monitors.get(vehicle), frames, learn=learn, refusal=refusal)
+            _, vehicle, frames, learn, skips_modes = message
+            opened, refusal = monitors.get(vehicle), refused.get(vehicle, "")
+            outcome = analyse(vehicle, opened, frames, learn=learn, refusal=refusal, skips_modes=skips_modes)
             try:
                 connection.send(outcome)
             except OSError:
@@ -305,6 +312,7 @@ def analyse(
     *,
     learn: str = "",
     refusal: str = "",
+    skips_modes: bool = False,
 ) -> Outcome:
     """Return the outcome of a job.
 
@@ -320,17 +328,20 @@ def analyse(
         As for `Workers.submit`.
     refusal
         Reason why the vehicle could not be opened.
+    skips_modes
+        Whether to leave out the identifications of modes within windows.
     """
     if opened is None:
         return Outcome(vehicle, 0, (), None, VehicleStatus(note=refusal), refusal or "the vehicle is not open")
     monitor, quantities = opened
     events: list[Event] = []
     consumed, is_changed = 0, bool(learn) or not frames
+    before = monitor.n_thinned
     try:
         if learn:
             monitor.learn_again(learn)
         for payload in frames:
-            events += monitor.update(frame_block(decode(payload), quantities))
+            events += monitor.update(frame_block(decode(payload), quantities), skips_modes=skips_modes)
             consumed += 1
             is_changed = is_changed or monitor.repeated > 0  # nothing else would ever remove these frames
             if any(isinstance(event, Observed) for event in events):
@@ -348,7 +359,8 @@ def analyse(
         monitor.until,
         monitor.repeated,
     )
-    return Outcome(vehicle, consumed, tuple(events), _cbor().dumps(monitor.state()) if is_changed else None, status)
+    state = _cbor().dumps(monitor.state()) if is_changed else None
+    return Outcome(vehicle, consumed, tuple(events), state, status, n_thinned=monitor.n_thinned - before)
 
 
 def _cbor() -> Any:

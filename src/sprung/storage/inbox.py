@@ -61,6 +61,11 @@ class Inbox:
             row = connection.execute(select(VEHICLES).where(VEHICLES.c.vehicle == vehicle)).mappings().first()
             return None if row is None else VehicleRow(**row)
 
+    def n_vehicles(self) -> int:
+        """Return the number of vehicles."""
+        with self._database.reading() as connection:
+            return connection.scalar(select(func.count()).select_from(VEHICLES)) or 0
+
     def last_seen(self) -> dict[str, int]:
         """Return when each vehicle was last seen."""
         with self._database.reading() as connection:
