@@ -149,6 +149,16 @@ class Dispatch:
         """Return the available outcomes, waiting up to a time [s] for the first."""
         return self._workers.outcomes(timeout=timeout)
 
+    def flush(self) -> None:
+        """Store the results that wait to be stored together.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        self._ledger.flush()
+
     def settle(self, outcome: Outcome) -> None:
         """Store the outcome of a job.
 

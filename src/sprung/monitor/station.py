@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 
-from sprung.link import UPWARDS, VERSION, Key, Link, message, topic
+from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, topic
 from sprung.monitor.alert_book import AlertBook
 from sprung.monitor.desk import alert_in_words
 from sprung.monitor.dispatch import Dispatch
@@ -27,6 +27,8 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: Largest number of messages taken in together, and of messages that may wait.
 _BATCH, _MOST_WAITING = 2000, 50_000
+#: Longest time for which results wait to be stored together [s].
+_FLUSH = 1.0
 
 
 class Station:
@@ -92,6 +94,7 @@ class Station:
         self._serving = Serving(
             site.http_address, figures=self.figures, troubles=self.troubles, alert=partial(alert_in_words, store)
         )
+        self._flushing = Every(_FLUSH, timer)
         self._is_resting = False
 
     @property
@@ -140,6 +143,9 @@ class Station:
             self._gate.guard(partial(self._dispatch.settle, outcome))
         self._upkeep.step()
         self._is_resting = not (n_taken or n_given or outcomes)
+        if self._is_resting or self._flushing.is_due:
+            self._flushing.start()
+            self._gate.guard(self._dispatch.flush)
         if self._is_resting:
             time.sleep(0.005)
 
@@ -147,6 +153,7 @@ class Station:
         """Stop in good order."""
         self._posting.close()
         self._link.close()
+        self._gate.guard(self._dispatch.flush)
         self._dispatch.close()
         if self._serving.is_open:
             self._serving.close()
