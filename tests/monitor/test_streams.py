@@ -88,6 +88,11 @@ def test_what_is_handed_over_is_bounded_and_released() -> None:
     assert handover.n_bytes == 15
     handover.release("car-1", 2, 0)
     assert handover.n_bytes == 0
+    handover.hold(held(3, 0, 1))
+    handover.forget("car-1")
+    handover.forget("car-2")
+    assert handover.n_bytes == 0
+    assert handover.following("car-1", 3, after=-1, until=9, limit=9) == []
 
 
 def test_the_first_of_frames_with_one_number_is_handed_over() -> None:

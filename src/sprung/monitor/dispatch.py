@@ -2,8 +2,9 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import compress
 
 from sprung.monitor.engine import MonitorSettings, Observed
 from sprung.monitor.fleets import VehicleTypes, type_of_others
@@ -110,9 +111,14 @@ class Dispatch:
             self._waiting_since.setdefault(vehicle, self._clock())
         self._enqueue(vehicle)
 
-    def hold(self, frames: Iterable[StoredFrame]) -> None:
+    def hold(self, frames: Sequence[StoredFrame]) -> None:
         """Hold frames that have just been stored, so that they need not be read back."""
-        self._handover.hold(frames)
+        streams = self._streams
+        is_new = (
+            frame.vehicle not in streams or frame.seq > streams[frame.vehicle].dispatched.get(frame.boot, -1)
+            for frame in frames
+        )
+        self._handover.hold(compress(frames, is_new))
 
     def describe(self, vehicle: str) -> None:
         """Record that a vehicle has a new description: its frames are analysed again from the stored state."""
@@ -210,6 +216,7 @@ class Dispatch:
         """Let a vehicle wait for something else: earlier frames, or its description."""
         self._queue.remove(vehicle)
         self._waiting_since.pop(vehicle, None)
+        self._handover.forget(vehicle)
 
     def _pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
         """Return frames of a vehicle that follow a sequence number: those in memory, or else in the store."""

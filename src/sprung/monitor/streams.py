@@ -173,8 +173,12 @@ class Handover:
             if not boots[older]:
                 del boots[older]
         if not boots:
-            self._frames.pop(vehicle, None)
-            self._sizes.pop(vehicle, None)
+            self.forget(vehicle)
+
+    def forget(self, vehicle: str) -> None:
+        """Forget the frames of a vehicle, which the store has."""
+        self._frames.pop(vehicle, None)
+        self._size -= self._sizes.pop(vehicle, 0)
 
 
 class Queue:
