@@ -18,7 +18,8 @@ from sampling import ANALYSIS, STATION, Sampler, reference
 
 #: Hours of driving of a vehicle in a year, and vehicles that a core is to serve.
 YEAR, GOAL = 2000, 2000
-_MINUTE = 60
+#: Seconds of a minute, and between two reports of a box.
+_MINUTE, _REPORT = 60, 5
 
 
 def measure_cpu(given: argparse.Namespace, folder: Path) -> None:
@@ -123,25 +124,38 @@ def station_load(
 ) -> dict[str, float]:
     """Return CPU seconds per vehicle-hour of the parts of the station.
 
-    Windows of the vehicles are out of step, so that the station has the same work all the time, and their outcomes are
-    recorded ones. Measured after a warm-up of as many seconds.
+    A second at a time, by a clock that is played: frames and reports of vehicles are spread over their periods, and
+    windows over ten minutes, so that the station has the same work all the time. Outcomes are recorded ones. Measured
+    after a warm-up of as many seconds.
     """
+    from sprung.link import message, topic
+
     sampler, n_frames = Sampler(), round(WINDOW / prepared.length)
     echo = Echo(recorded, prepared.length, {f"car-{k}": k % n_frames for k in range(n_vehicles)})
-    station = here(folder / f"station-{n_vehicles}", echo)
+    second = 0
+    station = here(
+        folder / f"station-{n_vehicles}",
+        echo,
+        clock=lambda: prepared.begin + second * 10**9,
+        timer=lambda: float(second),
+    )
     describe(station, prepared, n_vehicles)
     until(lambda: station.step() or station.is_idle, patience=600.0, every=0.0)
-    steps = max(1, round(seconds / prepared.length))
-    for seq in range(2 * steps):
-        payloads = [(f"sprung/v1/car-{k}/raw", prepared.payload(f"car-{k}", 1, seq)) for k in range(n_vehicles)]
-        if seq == steps:
+    period = max(1, round(prepared.length))
+    state = message({0: 1, 2: 1, "boots": [[1, 0, -1]], "dropped": 0, "spooled": 0, "is_leaving": False})
+    for second in range(2 * round(seconds)):
+        sending = [k for k in range(n_vehicles) if k % period == second % period]
+        messages = [(topic(f"car-{k}", "raw"), prepared.payload(f"car-{k}", 1, second // period)) for k in sending]
+        reporting = [k for k in range(n_vehicles) if k % _REPORT == second % _REPORT]
+        messages += [(topic(f"car-{k}", "state"), state) for k in reporting]
+        if second == round(seconds):
             sampler.seconds.clear()
         with sampler.running():
-            for message in payloads:
-                station.receive(*message)
+            for name, payload in messages:
+                station.receive(name, payload)
             until(lambda: station.step() or station.is_idle, patience=600.0, every=0.0)
     station.close()
-    return sampler.per_hour(STATION, n_vehicles * steps * prepared.length / HOUR)
+    return sampler.per_hour(STATION, n_vehicles * round(seconds) / HOUR)
 
 
 def bytes_stored(recorded: Recorded, folder: Path, *, hours: int = 50) -> dict[str, float]:
@@ -273,14 +287,16 @@ class NoLink:
         return True
 
 
-def here(folder: Path, workers: object, **watch: float) -> Any:
+def here(
+    folder: Path, workers: object, *, clock: Any = time.time_ns, timer: Any = time.monotonic, **watch: float
+) -> Any:
     """Return a station in this process without a link."""
     from sprung.monitor import Site, Station
     from sprung.storage import open_store
 
     url = f"sqlite:///{folder}/here.sqlite"
     site = Site.model_validate({"store": url, "http": "127.0.0.1:0", "watch": watch})
-    station = Station(site, open_store(url), connect=NoLink, workers=workers)
+    station = Station(site, open_store(url), connect=NoLink, workers=workers, clock=clock, timer=timer)
     station.open()
     return station
 
