@@ -1,118 +1,208 @@
-"""CPU time of a vehicle: analysis of windows in this process, frames through real processes."""
+"""CPU time of a vehicle: the analysis of windows, and the station for many vehicles, both in this process.
+
+CPU seconds of this process are counted, so that the load of the machine matters little.
+"""
 
 import argparse
-import threading
+import pickle
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from statistics import median
+from typing import Any
 
 from measuring import print_table
-from programs import HOUR, WINDOW, Course, Monitor, Parts, course, cpu, mosquitto, publisher, until
+from memory_use import measure_memory
+from programs import HOUR, WINDOW, Course, course, until
+from sampling import ANALYSIS, STATION, Sampler, reference
 
-IDENTIFYING = ("search for harmonics", "other preparation", "poles and selection", "correlations, merging, labels")
+#: Hours of driving of a vehicle in a year, and vehicles that a core is to serve.
+YEAR, GOAL = 2000, 2000
+#: Seconds of a minute, and between two reports of a box.
+_MINUTE, _REPORT = 60, 5
 
 
 def measure_cpu(given: argparse.Namespace, folder: Path) -> None:
-    """CPU time of a vehicle: analysis of windows in this process, frames through real processes."""
-    hourly = analysed(given.windows, folder)
-    taken = intake(folder)
-    lives = [live(n_vehicles, folder) for n_vehicles in given.live]
+    """CPU time, memory and storage of a vehicle."""
+    before = reference()
+    hourly, recorded = analysed(given, folder)
+    after = reference()
+    print(f"\nTen million additions in Python: {before:.2f} s before, {after:.2f} s after (0.4 s on an idle machine).")
+    print_parts(f"The analysis of a vehicle, s per vehicle-hour, frames of {given.frame_seconds:g} s", {"": hourly})
+    analysis = sum(hourly.values())
+    station = [sum(load.values()) for load in measured_station(given, recorded, folder).values()]
     print_table(
-        "The station and a worker, live: a frame a second of each vehicle, no window complete",
-        (
-            "vehicles",
-            "frames/s stored",
-            "backlog, frames",
-            "later",
-            "monitor, s per vehicle-hour",
-            "worker",
-            "of a core",
-        ),
-        [(str(n), *each) for n, (each, _) in zip(given.live, lives, strict=True)],
-    )
-    station, worker = lives[-1][1]
-    identification = sum(hourly[part] for part in IDENTIFYING)
-    rows = [
-        ("intake: frames decoded, stored, acknowledged", taken),
-        ("station: link, dispatch, housekeeping", station - taken),
-        ("station: results and state stored, alerts", hourly["results"]),
-        ("station: samples archived", hourly["archive"]),
-        ("worker: frames received, decoded, kept", worker),
-        ("identification every minute", identification),
-        ("observation: checks of the sensors", hourly["sensors"]),
-        ("observation: fit of the corners, conditions", hourly["observation"]),
-        ("diagnosis, looking back on 96 windows", hourly["diagnosis"]),
-        ("state after every window", hourly["state"]),
-    ]
-    print_table("CPU of a vehicle", ("part", "s per vehicle-hour"), [(name, f"{value:.2f}") for name, value in rows])
-    rest = sum(value for _, value in rows) - identification
-    cases = {"every minute": identification, "every ten minutes": hourly["every ten minutes"], "never": 0.0}
-    print_table(
-        "Vehicles of a core (goal: 2,000)",
-        ("modes identified", "s per vehicle-hour", "vehicles per core", "of the goal"),
+        f"A vehicle in all (goal: {HOUR / GOAL:g} s, {GOAL} vehicles a core)",
+        ("", *(f"{n} vehicles" for n in live(given))),
         [
-            (case, f"{rest + more:.2f}", f"{HOUR / (rest + more):.0f}", f"{HOUR / (rest + more) / 2000:.0%}")
-            for case, more in cases.items()
+            ("analysis, s per vehicle-hour", *(f"{analysis:.2f}" for _ in station)),
+            ("station, s per vehicle-hour", *(f"{value:.2f}" for value in station)),
+            ("vehicles per core", *(f"{HOUR / (analysis + value):.0f}" for value in station)),
         ],
     )
+    measure_memory(given, folder)
+
+
+def measure_station(given: argparse.Namespace, folder: Path) -> None:
+    """CPU time of the station, and bytes of the store, without the analysis."""
+    kept = given.recorded
+    if kept is not None and kept.exists():
+        recorded = pickle.loads(kept.read_bytes())
+    else:
+        _, recorded = analysed(given, folder)
+        if kept is not None:
+            kept.write_bytes(pickle.dumps(recorded))
+    print(f"\nTen million additions in Python: {reference():.2f} s (0.4 s on an idle machine).")
+    measured_station(given, recorded, folder)
+
+
+def measured_station(given: argparse.Namespace, recorded: "Recorded", folder: Path) -> dict[int, dict[str, float]]:
+    """Print what the station costs; return CPU seconds of its parts per vehicle-hour by number of vehicles."""
+    prepared = course(length=given.frame_seconds)
+    loads = {n: station_load(prepared, recorded, n, folder, seconds=given.station_seconds) for n in live(given)}
+    named = {f"{n} vehicles": load for n, load in loads.items()}
+    print_parts(f"The station, s per vehicle-hour, frames of {given.frame_seconds:g} s", named)
     print_table(
-        "Where an identification goes",
-        ("part", "share"),
-        [(part, f"{hourly[part] / identification:.0%}") for part in sorted(IDENTIFYING, key=lambda p: -hourly[p])],
+        "Bytes of the store after the analysis (goal: 50 MB per vehicle-year of 2,000 h)",
+        ("table or index", "bytes per vehicle-hour", "MB per vehicle-year"),
+        [(name, f"{size:.0f}", f"{size * YEAR / 1e6:.1f}") for name, size in bytes_stored(recorded, folder).items()],
     )
+    return loads
 
 
-def analysed(n_windows: int, folder: Path) -> dict[str, float]:
-    """Return CPU seconds per hour of the parts of the analysis of windows, by a station in this process."""
-    from sprung.diagnosis import observation
-    from sprung.identification import METHODS, methods, preparation
-    from sprung.link import decode, frame_block, joined
-    from sprung.monitor import VehicleMonitor, engine
-    from sprung.monitor.ledger import Ledger
+def live(given: argparse.Namespace) -> list[int]:
+    """Return the numbers of vehicles of the station's load."""
+    return given.live or ([200] if given.quick else [200, 1000, 2000])
 
-    prepared, parts, inline = course(3), Parts(), Inline()
-    station = here(folder, inline, learning_windows=6)
+
+def print_parts(title: str, columns: Mapping[str, Mapping[str, float]]) -> None:
+    """Print CPU seconds of parts, and their sum."""
+    names = next(iter(columns.values()))
+    rows = [(name, *(f"{column[name]:.3f}" for column in columns.values())) for name in names]
+    sums = ("in all", *(f"{sum(column.values()):.3f}" for column in columns.values()))
+    print_table(title, ("part", *columns), [*rows, sums])
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Outcomes of a vehicle with a baseline: of a minute within a window, and of the one that completes it."""
+
+    minute: Any
+    window: Any
+
+
+def analysed(given: argparse.Namespace, folder: Path) -> tuple[dict[str, float], Recorded]:
+    """Return CPU seconds per hour of the parts of the analysis of windows, and outcomes."""
+    prepared = course(1 if given.quick else 3, length=given.frame_seconds)
+    n_learning, n_windows = (2, 2) if given.quick else (6, given.windows)
+    sampler, inline = Sampler(), Inline()
+    station = here(folder / "analysed", inline, learning_windows=n_learning)
     describe(station, prepared, 1)
-    places = (
-        (preparation, "find_harmonics", IDENTIFYING[0]),
-        (methods, "prepare", IDENTIFYING[1]),
-        (methods, "_subset_modes", IDENTIFYING[2]),
-        (VehicleMonitor, "_identify", IDENTIFYING[3]),
-        (observation, "check_sensors", "sensors"),
-        (engine, "observe", "observation"),
-        (VehicleMonitor, "_diagnose", "diagnosis of few windows"),
-        (VehicleMonitor, "state", "state"),
-        (Ledger, "_archive", "archive"),
-        (Ledger, "commit", "results"),
-        (Ledger, "update_alerts", "results"),
-    )
-    with parts.of(*places):
-        for number in range(6 + n_windows):
-            if number == 6:
-                parts.seconds.clear()
-            for seq in range(number * WINDOW, (number + 1) * WINDOW):
-                station.receive("sprung/v1/car-0/raw", prepared.payload("car-0", 1, seq))
-            until(lambda: station.step() or station.is_idle, patience=600.0, every=0.0)
-    hourly = {part: seconds * HOUR / WINDOW / n_windows for part, seconds in parts.seconds.items()}
-    watched, quantities = inline.watched["car-0"]
-    whole = joined([frame_block(decode(prepared.payload("car-0", 1, seq)), quantities) for seq in range(WINDOW)])
-    hourly["every ten minutes"] = HOUR / WINDOW * seconds_of(lambda: METHODS["cov"](whole, vehicle=watched.vehicle))
-    state = watched.state()
-    state["observations"] = (state["observations"] * 96)[:96]
-    old = VehicleMonitor.from_state(watched.vehicle, state)
-    hourly["diagnosis"] = HOUR / WINDOW * seconds_of(old._diagnose)
+    per_minute, n_frames = round(_MINUTE / prepared.length), round(WINDOW / prepared.length)
+    for number in range(n_learning):
+        drive(station, prepared, range(number * n_frames, (number + 1) * n_frames))
+    inline.kept.clear()
+    with sampler.running():
+        for number in range(n_learning, n_learning + n_windows):
+            for seq in range(number * n_frames, (number + 1) * n_frames, per_minute):
+                drive(station, prepared, range(seq, seq + per_minute))
     station.close()
-    return hourly
+    minutes = [outcome for outcome in inline.kept if len(outcome.events) == 1 and outcome.state is None]
+    windows = [outcome for outcome in inline.kept if outcome.state is not None]
+    return sampler.per_hour(ANALYSIS, n_windows * WINDOW / HOUR), Recorded(minutes[-1], windows[-1])
 
 
-def seconds_of(act: object, *, repeats: int = 5) -> float:
-    """Return the median CPU seconds of an act."""
-    found = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        act()
-        found.append(time.process_time() - begin)
-    return median(found)
+def drive(station: Any, prepared: Course, numbers: Sequence[int]) -> None:
+    """Let a station take frames of one vehicle, and analyse them."""
+    for seq in numbers:
+        station.receive("sprung/v1/car-0/raw", prepared.payload("car-0", 1, seq))
+    until(lambda: station.step() or station.is_idle, patience=600.0, every=0.0)
+
+
+def station_load(
+    prepared: Course, recorded: Recorded, n_vehicles: int, folder: Path, *, seconds: float
+) -> dict[str, float]:
+    """Return CPU seconds per vehicle-hour of the parts of the station.
+
+    A second at a time, by a clock that is played: frames and reports of vehicles are spread over their periods, and
+    windows over ten minutes, so that the station has the same work all the time. Outcomes are recorded ones. Measured
+    after a warm-up of as many seconds.
+    """
+    from sprung.link import message, topic
+
+    sampler, n_frames = Sampler(), round(WINDOW / prepared.length)
+    echo = Echo(recorded, prepared.length, {f"car-{k}": k % n_frames for k in range(n_vehicles)})
+    second = 0
+    station = here(
+        folder / f"station-{n_vehicles}",
+        echo,
+        clock=lambda: prepared.begin + second * 10**9,
+        timer=lambda: float(second),
+    )
+    describe(station, prepared, n_vehicles)
+    until(lambda: station.step() or station.is_idle, patience=600.0, every=0.0)
+    period = max(1, round(prepared.length))
+    state = message({0: 1, 2: 1, "boots": [[1, 0, -1]], "dropped": 0, "spooled": 0, "is_leaving": False})
+    for second in range(2 * round(seconds)):
+        sending = [k for k in range(n_vehicles) if k % period == second % period]
+        messages = [(topic(f"car-{k}", "raw"), prepared.payload(f"car-{k}", 1, second // period)) for k in sending]
+        reporting = [k for k in range(n_vehicles) if k % _REPORT == second % _REPORT]
+        messages += [(topic(f"car-{k}", "state"), state) for k in reporting]
+        if second == round(seconds):
+            sampler.seconds.clear()
+        with sampler.running():
+            for name, payload in messages:
+                station.receive(name, payload)
+            until(lambda: station.step() or station.is_idle, patience=600.0, every=0.0)
+    station.close()
+    return sampler.per_hour(STATION, n_vehicles * round(seconds) / HOUR)
+
+
+def bytes_stored(recorded: Recorded, folder: Path, *, hours: int = 50) -> dict[str, float]:
+    """Return bytes of the store per vehicle-hour by table and index, from outcomes stored over and over."""
+    import sqlite3
+
+    from sprung.monitor import AlertBook, Site
+    from sprung.monitor.ledger import Ledger
+    from sprung.storage import StoredFrame, open_store
+
+    file = folder / "bytes.sqlite"
+    store = open_store(f"sqlite:///{file}")
+    site = Site.model_validate({"store": f"sqlite:///{file}", "keep": {"raw_days": 0}})
+    ledger = Ledger(site, store, alerts=AlertBook(store, site.alerts.settings), clock=time.time_ns)
+    per_window = WINDOW // _MINUTE
+
+    def sizes() -> dict[str, int]:
+        with sqlite3.connect(file) as connection:
+            connection.execute("VACUUM")
+            return dict(connection.execute("SELECT name, sum(pgsize) FROM dbstat GROUP BY name").fetchall())
+
+    empty = sizes()
+    for number in range(hours * HOUR // WINDOW):
+        store.inbox.add_frames([StoredFrame("car-0", 1, number, 0, b"")], now=1)
+        for k in range(per_window - 1):
+            ledger.commit(_numbered(recorded.minute, number * per_window + k), 1, number)
+        ledger.commit(_numbered(recorded.window, number * per_window + per_window - 1), 1, number)
+    full = sizes()
+    store.close()
+    grown = {name: (size - empty.get(name, 0)) / hours for name, size in full.items()}
+    shown = {name: size for name, size in sorted(grown.items(), key=lambda item: -item[1]) if size > 0}
+    return {**shown, "in all": sum(grown.values())}
+
+
+def _numbered(outcome: Any, number: int) -> Any:
+    """Return an outcome at the place of an identification of a number, without frames."""
+    from sprung.monitor import Identified
+
+    start = time.time_ns() + number * _MINUTE * 10**9
+    events = []
+    for event in outcome.events:
+        if isinstance(event, Identified):
+            events.append(replace(event, number=number, start=start))
+        else:
+            recording = replace(event.recording, start=start)
+            events.append(replace(event, number=number * _MINUTE // WINDOW, recording=recording))
+    return replace(outcome, events=tuple(events), state=None if outcome.state is None else b"")
 
 
 class Inline:
@@ -121,7 +211,7 @@ class Inline:
     is_busy = False
 
     def __init__(self) -> None:
-        self.watched, self._outcomes = {}, []
+        self.watched, self.kept, self._outcomes = {}, [], []
 
     def is_open(self, vehicle: str) -> bool:
         return vehicle in self.watched
@@ -129,7 +219,7 @@ class Inline:
     def is_free(self, _vehicle: str) -> bool:
         return True
 
-    def open(self, opening: object) -> None:
+    def open(self, opening: Any) -> None:
         from sprung.monitor.jobs import open_monitor
 
         self.watched[opening.vehicle] = open_monitor(opening)
@@ -137,17 +227,46 @@ class Inline:
     def close_vehicle(self, vehicle: str) -> None:
         self.watched.pop(vehicle, None)
 
-    def submit(self, vehicle: str, frames: list[bytes], *, learn: str = "") -> None:
+    def submit(self, vehicle: str, frames: list[bytes], **given: Any) -> None:
         from sprung.monitor.jobs import analyse
 
-        self._outcomes.append(analyse(vehicle, self.watched[vehicle], frames, learn=learn))
+        self._outcomes.append(analyse(vehicle, self.watched[vehicle], frames, **given))
+        self.kept.append(self._outcomes[-1])
 
-    def outcomes(self, *, timeout: float = 0.0) -> list[object]:
-        found, self._outcomes = self._outcomes, []
-        return found
+    def outcomes(self, *, timeout: float = 0.0) -> list[Any]:
+        outcomes, self._outcomes = self._outcomes, []
+        return outcomes
 
     def close(self) -> None:
         """Nothing to stop."""
+
+
+class Echo(Inline):
+    """Workers that answer with recorded outcomes, by the number of frames that a vehicle was given."""
+
+    def __init__(self, recorded: Recorded, length: float, phases: dict[str, int]) -> None:
+        super().__init__()
+        self._recorded, self._given = recorded, phases
+        self._minute, self._window = round(_MINUTE / length), round(WINDOW / length)
+
+    def open(self, opening: Any) -> None:
+        self.watched[opening.vehicle] = opening
+
+    def submit(self, vehicle: str, frames: list[bytes], **given: Any) -> None:
+        self._outcomes.append(self.echoed(vehicle, len(frames)))
+
+    def echoed(self, vehicle: str, n_frames: int) -> Any:
+        """Return the recorded outcome of a vehicle and so many frames."""
+        before, after = self._given[vehicle], self._given[vehicle] + n_frames
+        self._given[vehicle] = after
+        if after // self._window > before // self._window:
+            base, number = self._recorded.window, after // self._minute - 1
+        elif after // self._minute > before // self._minute:
+            base, number = self._recorded.minute, after // self._minute - 1
+        else:
+            base, number = replace(self._recorded.minute, events=()), 0
+        numbered = _numbered(base, number) if base.events else base
+        return replace(numbered, vehicle=vehicle, n_consumed=n_frames, state=base.state)
 
 
 class NoLink:
@@ -168,14 +287,16 @@ class NoLink:
         return True
 
 
-def here(folder: Path, workers: object, **watch: float) -> object:
+def here(
+    folder: Path, workers: object, *, clock: Any = time.time_ns, timer: Any = time.monotonic, **watch: float
+) -> Any:
     """Return a station in this process without a link."""
     from sprung.monitor import Site, Station
     from sprung.storage import open_store
 
     url = f"sqlite:///{folder}/here.sqlite"
     site = Site.model_validate({"store": url, "http": "127.0.0.1:0", "watch": watch})
-    station = Station(site, open_store(url), connect=NoLink, workers=workers)
+    station = Station(site, open_store(url), connect=NoLink, workers=workers, clock=clock, timer=timer)
     station.open()
     return station
 
@@ -197,61 +318,8 @@ def described(vehicle: str, prepared: Course) -> tuple[str, bytes]:
     return topic(vehicle, "meta"), message(document)
 
 
-def describe(station: object, prepared: Course, n_vehicles: int) -> None:
+def describe(station: Any, prepared: Course, n_vehicles: int) -> None:
     """Let vehicles announce themselves."""
+    topic, payload = described("car-0", prepared)
     for k in range(n_vehicles):
-        station.receive(*described(f"car-{k}", prepared))
-
-
-def intake(folder: Path, *, n_vehicles: int = 50, seconds: int = 100) -> float:
-    """Return CPU seconds per hour of the intake of a vehicle, where a frame of each of 50 comes at once."""
-    from sprung.monitor import Intake
-    from sprung.storage import open_store
-
-    prepared = course()
-    taking = Intake(open_store(f"sqlite:///{folder}/intake.sqlite"), lambda _topic, _payload: True)
-    taking.take([described(f"car-{k}", prepared) for k in range(n_vehicles)], now=1)
-    spent = 0.0
-    for seq in range(seconds):
-        batch = [(f"sprung/v1/car-{k}/raw", prepared.payload(f"car-{k}", 1, seq)) for k in range(n_vehicles)]
-        begin = time.process_time()
-        taking.take(batch, now=2 + seq)
-        spent += time.process_time() - begin
-    return spent * HOUR / n_vehicles / seconds
-
-
-def live(n_vehicles: int, folder: Path, *, seconds: float = 20.0) -> tuple[tuple[str, ...], list[float]]:
-    """Return cells, and CPU seconds per vehicle-hour of `sprung monitor` and its worker, while frames only come in."""
-    prepared, stopping, place = course(), threading.Event(), folder / f"live-{n_vehicles}"
-    place.mkdir()
-    with mosquitto(place) as broker:
-        monitor = Monitor(broker, place)
-        sender = publisher(broker)
-        for k in range(n_vehicles):
-            sender.publish(*described(f"car-{k}", prepared))
-
-        def send() -> None:
-            begun, seq = time.monotonic(), 0
-            while not stopping.wait(max(0.0, begun + seq - time.monotonic())):
-                for k in range(n_vehicles):
-                    sender.publish(f"sprung/v1/car-{k}/raw", prepared.payload(f"car-{k}", 1, seq))
-                seq += 1
-
-        sending = threading.Thread(target=send)
-        sending.start()
-        until(lambda: monitor.figures()["sprung_frames_total"] > 5 * n_vehicles, patience=120.0, every=0.5)
-        (worker,) = monitor.workers
-        pids = (monitor.pid, worker)
-        before, begin = [cpu(pid) for pid in pids], time.monotonic()
-        first = monitor.figures()
-        time.sleep(seconds)
-        spent = [cpu(pid) - at for pid, at in zip(pids, before, strict=True)]
-        lasted, last = time.monotonic() - begin, monitor.figures()
-        stopping.set()
-        sending.join()
-        sender.close()
-        monitor.close()
-    came = (last["sprung_frames_total"] - first["sprung_frames_total"]) / lasted
-    hourly = [each * HOUR / came / lasted for each in spent]
-    waiting = (f"{figures['sprung_backlog_frames']:.0f}" for figures in (first, last))
-    return (f"{came:.0f}", *waiting, *(f"{each:.2f}" for each in hourly), f"{sum(spent) / lasted:.0%}"), hourly
+        station.receive(topic.replace("car-0", f"car-{k}"), payload)

@@ -7,31 +7,36 @@ import sys
 from pathlib import Path
 
 from measuring import print_table
-from programs import Course, course, memory
+from programs import WINDOW, Course, course, memory
 
 
-def measure_memory(_given: argparse.Namespace, folder: Path) -> None:
+def measure_memory(given: argparse.Namespace, folder: Path) -> None:
     """Memory of watched vehicles, each number of them in a process of its own."""
+    sizes = memories(folder, quick=given.quick, length=given.frame_seconds)
+    print_table(
+        "Memory of vehicles (goal: below 1 MB of each)",
+        ("window", "MB of each vehicle"),
+        [(name, f"{size:.2f}") for name, size in sizes.items()],
+    )
+
+
+def memories(folder: Path, *, quick: bool, length: float) -> dict[str, float]:
+    """Return the memory of a vehicle in a worker by the fill of its window [MB]."""
     from sprung.vehicles import read_vehicle
     from sprung.vehicles.sensor_layout import quantities_of
 
-    prepared, file = course(), folder / "frames"
-    file.write_bytes(pickle.dumps((prepared.documents, quantities_of(prepared.first, read_vehicle("zafira").sensor))))
+    prepared, file = course(length=length), folder / "frames"
+    quantities = quantities_of(prepared.first, read_vehicle("zafira").sensor)
+    file.write_bytes(pickle.dumps((prepared.documents, quantities, length)))
 
     def measured(n_vehicles: int, seconds: int) -> float:
         command = [sys.executable, Path(__file__).parent, "--memory-of", str(n_vehicles), str(seconds), str(file)]
         return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
-    cases = [(0, 0), (50, 300), (200, 300), (200, 599)]
-    sizes = [measured(*case) for case in cases]
-    print_table(
-        "Memory of vehicles (goal: below 1 MB of each)",
-        ("vehicles", "of a window of 600 s", "MiB of the process", "MB of each vehicle"),
-        [
-            (str(n), f"{s} s" if n else "", f"{size:.0f}", f"{(size - sizes[0]) * 1.048576 / n:.2f}" if n else "")
-            for (n, s), size in zip(cases, sizes, strict=True)
-        ],
-    )
+    n = 50 if quick else 200
+    fills = {"half full": WINDOW // 2, "full": round(WINDOW - length)}
+    alone = measured(0, 0)
+    return {name: (measured(n, seconds) - alone) * 1.048576 / n for name, seconds in fills.items()}
 
 
 def memory_of(n_vehicles: int, seconds: int, file: Path) -> float:
@@ -40,13 +45,13 @@ def memory_of(n_vehicles: int, seconds: int, file: Path) -> float:
     from sprung.monitor import MonitorSettings, VehicleMonitor
     from sprung.vehicles import read_vehicle, vehicle_from_text, vehicle_text
 
-    documents, quantities = pickle.loads(file.read_bytes())
-    prepared, text = Course(documents, None, 0), vehicle_text(read_vehicle("zafira"))
+    documents, quantities, length = pickle.loads(file.read_bytes())
+    prepared, text = Course(documents, None, 0, length), vehicle_text(read_vehicle("zafira"))
     watched = []
     for k in range(n_vehicles):
         watched.append(
             VehicleMonitor(vehicle_from_text(text, source="car"), settings=MonitorSettings(identify_every=0))
         )
-        for seq in range(seconds):
+        for seq in range(round(seconds / length)):
             watched[-1].update(frame_block(decode(prepared.payload(f"car-{k}", 1, seq)), quantities))
     return memory()

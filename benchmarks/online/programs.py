@@ -9,13 +9,11 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 from measuring import ONE_THREAD
 
@@ -30,45 +28,6 @@ user {user}
 #: Seconds of an hour, and frames of a window, one a second.
 HOUR, WINDOW = 3600, 600
 _TICKS = os.sysconf("SC_CLK_TCK")
-
-
-@dataclass
-class Parts:
-    """CPU seconds of named parts of this process; what runs within another part counts for the inner one only."""
-
-    seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
-    _open: list[str] = field(default_factory=lambda: ["rest"])
-    _since: float = field(default_factory=time.process_time)
-
-    @contextmanager
-    def __call__(self, part: str) -> Iterator[None]:
-        self._count()
-        self._open.append(part)
-        try:
-            yield
-        finally:
-            self._count()
-            self._open.pop()
-
-    @contextmanager
-    def of(self, *places: tuple[Any, str, str]) -> Iterator[None]:
-        """Time what an owner has under a name as a part."""
-        with ExitStack() as stack:
-            for owner, name, part in places:
-                stack.enter_context(patch.object(owner, name, self._timed(getattr(owner, name), part)))
-            yield
-
-    def _timed(self, act: Callable[..., Any], part: str) -> Callable[..., Any]:
-        def timed(*given: Any, **named: Any) -> Any:
-            with self(part):
-                return act(*given, **named)
-
-        return timed
-
-    def _count(self) -> None:
-        now = time.process_time()
-        self.seconds[self._open[-1]] += now - self._since
-        self._since = now
 
 
 def cpu(pid: int) -> float:
@@ -184,7 +143,7 @@ class Monitor(Program):
 
 @dataclass(frozen=True)
 class Course:
-    """A drive over and over, as the maps of its frames, one of each second.
+    """A drive over and over, as the maps of its frames.
 
     Parameters
     ----------
@@ -194,22 +153,25 @@ class Course:
         The first block of samples.
     begin
         UTC ns.
+    length
+        Length of a frame [s].
     """
 
     documents: Sequence[dict[Any, Any]]
     first: Any
     begin: int
+    length: float = 1.0
 
     def payload(self, vehicle: str, boot: int, seq: int) -> bytes:
-        """Return the frame of a second as that of a vehicle."""
+        """Return the frame of a number as that of a vehicle."""
         from sprung.link import Key, message
 
-        start = self.begin + seq * 10**9
+        start = self.begin + round(seq * self.length * 1e9)
         own = {Key.VEHICLE: vehicle, Key.BOOT: boot, Key.SEQ: seq, Key.START: start}
         return message({**self.documents[seq % len(self.documents)], **own})
 
 
-def course(n_drives: int = 1) -> Course:
+def course(n_drives: int = 1, *, length: float = 1.0) -> Course:
     """Simulate ten minutes on a road of class C, or several times that: 4 accelerations and speed at 200 Hz."""
     from sprung.box import blocks_of
     from sprung.link import Frame, checked_map, encode, quantised
@@ -220,13 +182,13 @@ def course(n_drives: int = 1) -> Course:
     blocks = []
     for seed in range(n_drives):
         run = simulate_drive(car, RoadDrive(snr=50.0), seed=seed).recording
-        blocks += blocks_of(replace(run, start=begin + seed * 600 * 10**9), length=1.0)
+        blocks += blocks_of(replace(run, start=begin + seed * 600 * 10**9), length=length)
     documents = []
     for block in blocks:
         counts, scale, flags = quantised(block.samples)
         frame = Frame("car", 1, 0, begin, 5_000_000, block.names, scale, counts, 2, flags)
         documents.append(checked_map(encode(frame)))
-    return Course(documents, blocks[0], begin)
+    return Course(documents, blocks[0], begin, length)
 
 
 class Vehicle:

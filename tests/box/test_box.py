@@ -8,6 +8,7 @@ import pytest
 
 from sprung.box import Box, BoxSettings, blocks_of
 from sprung.box.onboard import Answers, OnBoard
+from sprung.errors import ParameterError
 from sprung.link import Address, Link, Spool, checked_map, decode, message, topic
 from sprung.recording import Channel, Recording
 from sprung.vehicles import read_vehicle, vehicle_text
@@ -229,3 +230,65 @@ def test_a_monitor_of_another_version_is_a_problem_that_is_said(broker, monitor,
     until(is_said, box)
     assert "version [2, 3]" in box.problem
     box.close()
+
+
+class Merging:
+    """A box without a broker that joins blocks into frames of ten seconds; its clock is played."""
+
+    def __init__(self, folder: Path) -> None:
+        self.now = 0.0
+        self.spool = Spool(folder / "spool", is_synced=False)
+        self.box = Box(
+            BoxSettings("car-1", "", frame_seconds=10.0),
+            self.spool,
+            Address("127.0.0.1", 1),
+            quantities=lambda block: {channel.name: channel.quantity for channel in block.channels},
+            clock=lambda: self.now,
+        )
+
+    def take(self, recording: Recording) -> None:
+        for block in blocks_of(recording):
+            self.box.take(block)
+
+    def frames(self) -> list[tuple[float, float]]:
+        """Return start and length of the frames in the spool [s], counted from that of `run`."""
+        frames = [decode(payload) for _, _, payload in self.spool.frames()]
+        return [((frame.start - 10**18) / 1e9, frame.n_samples * frame.interval / 1e9) for frame in frames]
+
+
+def test_blocks_become_frames_up_to_full_tens_of_seconds(tmp_path: Path) -> None:
+    """So that a box that continues after a stop sends the frames that it would have sent without one."""
+    one = Merging(tmp_path)
+    recording = run(25.0, start=10**18 + 3 * 10**9)
+    one.take(recording)
+    assert one.frames() == [(3.0, 7.0), (10.0, 10.0)]
+    one.box.close()
+    assert one.frames() == [(3.0, 7.0), (10.0, 10.0), (20.0, 8.0)]
+    samples = np.concatenate([decode(payload).samples for _, _, payload in one.spool.frames()], axis=1)
+    assert np.allclose(samples, recording.samples, atol=1e-3)
+
+
+def test_a_gap_or_other_channels_end_a_frame(tmp_path: Path) -> None:
+    one = Merging(tmp_path)
+    one.take(run(3.0))
+    one.take(run(2.0, start=10**18 + 4 * 10**9))
+    one.take(run(1.0, n_channels=3, start=10**18 + 6 * 10**9))
+    assert one.frames() == [(0.0, 3.0), (4.0, 2.0)]
+    assert not one.box.drain(timeout=0.0)
+    assert one.frames() == [(0.0, 3.0), (4.0, 2.0), (6.0, 1.0)]
+
+
+def test_a_source_that_stalls_keeps_no_samples_in_memory(tmp_path: Path) -> None:
+    one = Merging(tmp_path)
+    one.take(run(3.0))
+    one.now = 19.0
+    one.box.step()
+    assert one.frames() == []
+    one.now = 20.0
+    one.box.step()
+    assert one.frames() == [(0.0, 3.0)]
+
+
+def test_frames_have_a_sensible_length() -> None:
+    with pytest.raises(ParameterError, match="frame_seconds"):
+        BoxSettings("car-1", "", frame_seconds=61.0)

@@ -108,6 +108,7 @@ def test_frames_wait_for_the_description_of_their_vehicle(dispatch, workers, sto
     arrive(store, dispatch, "car-1", 0, 3)
     assert dispatch.give() == 0
     describe(store, "car-1")
+    dispatch.describe("car-1")
     assert dispatch.give() == 1
     assert workers.jobs == [("car-1", [b"0", b"1", b"2"], "")]
     assert workers.opened["car-1"].quantities == {"a": "speed"}
@@ -369,3 +370,26 @@ def test_a_learning_vehicle_is_opened_with_the_type_of_the_others(dispatch, work
         assert (of_type.name, of_type.n_vehicles) == ("zafira", 4)
         dispatch.settle(Outcome("car-0", 1, (WINDOW_EVENT,), b"state", VehicleStatus(is_learning=is_learning)))
         assert workers.is_open("car-0") is not is_learning
+
+
+def test_frames_in_memory_and_in_the_store_make_one_run(dispatch, workers, store) -> None:
+    """Those of a vehicle that cannot be analysed yet, and those analysed before, do not stay in memory."""
+    frames = [StoredFrame("car-1", 1, seq, NOW, b"%d" % seq) for seq in range(6)]
+
+    def take(numbers) -> None:
+        dispatch.add("car-1", 1, store.inbox.add_frames([frames[k] for k in numbers], now=NOW)["car-1", 1])
+
+    take([0, 1])
+    dispatch.hold(frames[:2])
+    assert dispatch.give() == 0
+    describe(store, "car-1")
+    dispatch.describe("car-1")
+    dispatch.hold(frames[2:4])
+    take([2, 3])
+    for expected in ([b"0", b"1", b"2", b"3"], [b"4", b"5"]):
+        assert dispatch.give() == 1
+        assert workers.jobs[-1] == ("car-1", expected, "")
+        dispatch.settle(done("car-1", len(expected), b"state"))
+        dispatch.hold(frames[:4])
+        assert dispatch._handover.n_bytes == 0
+        take([4, 5])

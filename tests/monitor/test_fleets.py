@@ -9,7 +9,7 @@ import pytest
 from sprung.diagnosis import Observation, learn, learn_type
 from sprung.documents import baseline_document, observation_document
 from sprung.monitor import MonitorSettings, Observed, VehicleMonitor, desk
-from sprung.monitor.fleets import has_type, rankings, type_of_others
+from sprung.monitor.fleets import VehicleTypes, rankings, type_of_others
 from sprung.recording import Channel, Recording
 from sprung.storage import Progress, StoredFrame, open_store
 from sprung.vehicles import Component, vehicle_text
@@ -70,8 +70,8 @@ def test_vehicles_of_one_file_are_one_type_whatever_their_names(store, car) -> N
     of_type = type_of_others(store, "van-9")
     assert of_type is not None
     assert (of_type.name, of_type.n_vehicles, of_type.n_windows) == ("zafira", 4, 12)
-    assert has_type(store, "van-9")
-    assert not has_type(store, "bus")
+    assert VehicleTypes(store).has_type("van-9")
+    assert not VehicleTypes(store).has_type("bus")
     assert type_of_others(store, "bus") is None
     assert type_of_others(store, "unknown") is None
 

@@ -4,6 +4,7 @@ import pytest
 
 from sprung.link import Key, message
 from sprung.monitor import Stream
+from sprung.monitor.streams import Handover, Queue
 from sprung.storage import Cursor, StoredFrame
 
 
@@ -92,3 +93,55 @@ def test_backlog_and_position() -> None:
     assert (stream.position, stream.backlog, stream.has_waiting) == ((3, 5), 4, True)
     stream.rewind({1: Cursor(4, 2), 3: Cursor(9, 0)}, 3)
     assert (stream.dispatched, stream.done) == ({1: 4, 3: 0}, {1: 2, 3: 0})
+
+
+def held(boot, *numbers, size=10):
+    return [StoredFrame("car-1", boot, seq, 0, bytes(size)) for seq in numbers]
+
+
+def test_frames_are_handed_over_in_unbroken_runs() -> None:
+    handover = Handover()
+    handover.hold(held(1, 0, 1, 3, 4) + held(2, 0))
+    assert handover.following("car-1", 1, after=-1, until=9, limit=9) == held(1, 0, 1)
+    assert handover.following("car-1", 1, after=-1, until=9, limit=1) == held(1, 0)
+    assert handover.following("car-1", 1, after=2, until=3, limit=9) == held(1, 3)
+    assert handover.following("car-1", 1, after=1, until=9, limit=9) == []
+    assert handover.following("car-2", 1, after=-1, until=9, limit=9) == []
+
+
+def test_what_is_handed_over_is_bounded_and_released() -> None:
+    handover = Handover(most_bytes=40)
+    handover.hold(held(1, 0, 1, 2, 3, 4))
+    assert handover.following("car-1", 1, after=-1, until=9, limit=9) == held(1, 0, 1, 2, 3)
+    handover.release("car-1", 1, 1)
+    assert handover.n_bytes == 20
+    handover.hold(held(2, 0, 0, size=15))
+    assert handover.n_bytes == 35
+    handover.release("car-1", 2, -1)
+    assert handover.n_bytes == 15
+    handover.release("car-1", 2, 0)
+    assert handover.n_bytes == 0
+    handover.hold(held(3, 0, 1))
+    handover.forget("car-1")
+    handover.forget("car-2")
+    assert handover.n_bytes == 0
+    assert handover.following("car-1", 3, after=-1, until=9, limit=9) == []
+
+
+def test_the_first_of_frames_with_one_number_is_handed_over() -> None:
+    handover = Handover()
+    first, second = (StoredFrame("car-1", 1, 0, 0, payload) for payload in (b"first", b"second"))
+    handover.hold([first, second])
+    assert handover.following("car-1", 1, after=-1, until=0, limit=9) == [first]
+
+
+def test_a_queue_is_in_order_of_waiting() -> None:
+    queue = Queue()
+    for vehicle, since in (("b", 5), ("a", 5), ("c", 3), ("b", 1)):
+        queue.add(vehicle, since)
+    assert list(queue) == ["c", "b", "a"]
+    queue.remove("b")
+    queue.remove("x")
+    assert "b" not in queue
+    queue.add("b", 9)
+    assert list(queue) == ["c", "a", "b"]

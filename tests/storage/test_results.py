@@ -1,9 +1,19 @@
 from dataclasses import replace
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from sprung.errors import ParameterError
 from sprung.storage import BaselineRow, Cursor, Entry, Progress, Snapshot, StoredFrame, StoreError
+from sprung.storage.schema import Packed
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=9), inner, max_size=4),
+    max_leaves=20,
+)
+documents = st.dictionaries(st.text(max_size=9), values, max_size=4)
 
 PROGRESS = Progress(
     "zafira",
@@ -126,3 +136,50 @@ def test_the_last_status_of_a_vehicle_is_kept(filled) -> None:
     for n_learnt in (1, 2):
         filled.results.commit(replace(PROGRESS, status={"n_learnt": n_learnt}))
     assert filled.results.status("zafira") == {"n_learnt": 2}
+
+
+def test_documents_of_earlier_programs_are_read(store) -> None:
+    """They are text in a column of its own, and stay."""
+    from sqlalchemy import insert
+
+    from sprung.storage.schema import OBSERVATIONS
+
+    row = {"vehicle": "zafira", "boot": 7, "number": 0, "t0": 100, "document": {"level": 0.5}, "stored": 1}
+    with store._database.writing() as connection:
+        connection.execute(insert(OBSERVATIONS), row)
+    store.results.commit(Progress("zafira", 7, done_seq=-1, observations=((0, 100, {}), (1, 200, {"level": 1.5}))))
+    assert [entry.document for entry in store.results.observations("zafira")] == [{"level": 0.5}, {"level": 1.5}]
+
+
+def test_documents_of_later_programs_are_refused(store) -> None:
+    from sqlalchemy import text
+
+    store.results.commit(Progress("zafira", 7, done_seq=-1, modes=((0, 100, {"modes": []}),)))
+    with store._database.writing() as connection:
+        connection.execute(text("UPDATE modes SET packed = :later"), {"later": b"\x09later"})
+    with pytest.raises(StoreError, match="install the newer sprung that wrote it"):
+        store.results.modes("zafira")
+
+
+@settings(max_examples=50)
+@given(documents)
+def test_packed_documents_come_back(document) -> None:
+    packed = Packed()
+    assert packed.process_result_value(packed.process_bind_param(document, None), None) == document
+
+
+def test_documents_of_a_vehicle_take_little() -> None:
+    """Three modes at four channels, with six digits."""
+    shape = {"real": [0.948875, 1.0, 0.190684, 0.241913], "imag": [-0.00452708, 0.0, -0.572947, -0.568215]}
+    mode = {
+        "natural_frequency": 1.58405,
+        "natural_frequency_std": 0.0286296,
+        "damping_ratio": 0.170005,
+        "damping_ratio_std": 0.0187829,
+        "mode_shape": shape,
+        "mode_shape_std": None,
+        "mpc": 0.29394,
+        "label": "bounce",
+        "stable_rate": 0.6,
+    }
+    assert len(Packed().process_bind_param({"modes": [mode], "reason": ""}, None) or b"") < 100

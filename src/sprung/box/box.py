@@ -5,11 +5,12 @@ import queue
 import resource
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+from sprung._checks import check_number
 from sprung.errors import FormatError, ParameterError
 from sprung.link import (
     MOST_LOSSES,
@@ -28,6 +29,7 @@ from sprung.link import (
     checked_map,
     common_name,
     encode,
+    joined,
     message,
     quantised,
     topic,
@@ -67,11 +69,14 @@ class BoxSettings:
         Time without progress after which everything is sent again [s].
     time_status
         Status of the time of its samples, as in `Frame`.
+    frame_seconds
+        Length of a frame of samples [s], up to 60: blocks that follow each other are joined up to the next multiple of
+        it in UTC, and until then are in memory only. 0: each block is a frame.
 
     Raises
     ------
     ParameterError
-        If the name of the vehicle is not valid.
+        If the name of the vehicle or the length of a frame is not valid.
     """
 
     vehicle: str
@@ -79,8 +84,10 @@ class BoxSettings:
     width: int = 2
     patience: float = 10.0
     time_status: int = TIME_SET
+    frame_seconds: float = 0.0
 
     def __post_init__(self) -> None:
+        check_number("frame_seconds", self.frame_seconds, at_least=0, at_most=60)
         check_vehicle(self.vehicle)
         if self.vehicle in RESERVED:
             raise ParameterError(f"vehicle {self.vehicle!r} has the name of a user of the broker: use another name")
@@ -141,6 +148,8 @@ class Box:
         self._reporting, self._examining = Every(_REPORT, clock), Every(_EXAMINE, clock)
         self._warning = Every(_EXAMINE, clock)
         self._problem = ""
+        self._blocks: list[Recording] = []
+        self._stalling = Every(2 * settings.frame_seconds, clock)
         self._lock = threading.Lock()
         self._link = connect(
             address,
@@ -205,12 +214,16 @@ class Box:
         """Handle what has arrived, and send what is due."""
         with self._lock:
             now = self._clock()
+            if self._blocks and self._stalling.is_due:
+                self._spool_blocks()
             self._receive(now)
             if self._link.is_connected:
                 self._send(now)
 
     def drain(self, *, timeout: float) -> bool:
         """Send what is left, and return whether all of it was acknowledged within a time [s]; not if it is refused."""
+        with self._lock:
+            self._spool_blocks()
         end = self._clock() + timeout
         while self._clock() < end:
             self.step()
@@ -223,6 +236,8 @@ class Box:
 
     def close(self) -> None:
         """Report that the vehicle is switched off and disconnect; what is in the spool stays there."""
+        with self._lock:
+            self._spool_blocks()
         self._report(is_leaving=True)
         self._link.close()
         self._spool.close()
@@ -232,13 +247,30 @@ class Box:
         if not self._announced:
             self._announced = dict(self._quantities(block))
             self._announce()
-        spool = self._spool if self._on_board is None else self._on_board.ring
+        if self._on_board is not None:
+            self._keep(block, self._on_board.ring)
+            for kind, document in self._on_board.take(block):
+                self._append({**document, Key.CONFIGURATION: self._settings.configuration, Key.KIND: kind})
+            return
+        if self._blocks and not _is_followed(self._blocks[-1], block):
+            self._spool_blocks()
+        if not self._blocks:
+            self._stalling.start()
+        self._blocks.append(block)
+        if _is_complete(self._blocks, self._settings.frame_seconds):
+            self._spool_blocks()
+
+    def _spool_blocks(self) -> None:
+        """Put the blocks of the present frame into the spool."""
+        blocks, self._blocks = self._blocks, []
+        if blocks:
+            self._keep(joined(blocks) if len(blocks) > 1 else blocks[0], self._spool)
+
+    def _keep(self, block: Recording, spool: Spool) -> None:
+        """Put a block into a spool, or a ring, as one or more frames."""
         most = _LARGEST_DATA // (len(block.names) * self._settings.width)
         for first in range(0, block.n_samples, most):
             spool.append(self._encoder(block.part(first, min(first + most, block.n_samples))))
-        if self._on_board is not None:
-            for kind, document in self._on_board.take(block):
-                self._append({**document, Key.CONFIGURATION: self._settings.configuration, Key.KIND: kind})
 
     def _encoder(self, block: Recording) -> Callable[[int, int], bytes]:
         """Return a function that encodes a block as the frame of a boot and a sequence number."""
@@ -404,3 +436,19 @@ class Box:
         """Publish a map on a topic of the vehicle."""
         whole = {Key.VERSION: VERSION, Key.VEHICLE: self._settings.vehicle, **document}
         self._link.publish(topic(self._settings.vehicle, what), message(whole), is_retained=is_retained)
+
+
+def _is_followed(block: Recording, by: Recording) -> bool:
+    """Return whether a block continues another one: the same channels and rate, without a gap."""
+    is_alike = (block.channels, block.sampling_rate) == (by.channels, by.sampling_rate)
+    return is_alike and block.start is not None and by.start is not None and not joined([block, by]).gaps
+
+
+def _is_complete(blocks: Sequence[Recording], length: float) -> bool:
+    """Return whether blocks reach the end of their frame: the next multiple of a length [s] in UTC."""
+    start, last = blocks[0].start, blocks[-1]
+    if not length or start is None or last.start is None:
+        return True
+    step = round(1e9 * length)
+    end = last.start + round(1e9 * (last.n_samples + 0.5) / last.sampling_rate)
+    return end // step > start // step

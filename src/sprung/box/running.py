@@ -16,6 +16,8 @@ from sprung.vehicles.sensor_layout import quantities_of
 if TYPE_CHECKING:
     from sprung.box.onboard import OnBoard
 
+#: Length of a frame of samples, unless stated otherwise [s].
+FRAME_SECONDS = 10.0
 #: Time between steps of the link while samples come in [s].
 _STEP = 0.05
 
@@ -76,6 +78,7 @@ def box_of(
     on_board: "OnBoard | None" = None,
     allow_missing: bool = False,
     time_status: int = TIME_SET,
+    frame_seconds: float = FRAME_SECONDS,
 ) -> Box:
     """Return the box of a vehicle.
 
@@ -95,6 +98,8 @@ def box_of(
         Whether the source may lack sensors of the vehicle file, which the monitor then reports.
     time_status
         Status of the time of its samples, as in `Frame`.
+    frame_seconds
+        Length of a frame, as in `BoxSettings`.
 
     Raises
     ------
@@ -106,7 +111,7 @@ def box_of(
     The channels of the first block that the box takes are compared with the sensors of the vehicle file.
     """
     return Box(
-        BoxSettings(name, vehicle_text(vehicle), time_status=time_status),
+        BoxSettings(name, vehicle_text(vehicle), time_status=time_status, frame_seconds=frame_seconds),
         spool,
         address,
         quantities=lambda block: quantities_of(block, vehicle.sensor, allow_missing=allow_missing),

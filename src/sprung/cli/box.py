@@ -40,6 +40,9 @@ def box(
     spool_megabytes: Annotated[
         float, option("MB", "Largest size of the spool; the oldest frames are dropped first.")
     ] = 256.0,
+    frame_seconds: Annotated[
+        float, option("S", "Length of a frame; at power-off at most as much is lost.", min=0, max=60)
+    ] = 10.0,
     channels: Annotated[str | None, option("A,B,..", "Channels or signals to send.")] = None,
     sampling_rate: SamplingRate = None,
     allow_missing: AllowMissing = False,
@@ -74,7 +77,15 @@ def box(
     stopping = stop_on_signals()
     frames = Spool(spool, most_bytes=round(1e6 * spool_megabytes), boot_from=time.time_ns() // 10**6)
     ring = _on_board(description, spool / "ring", ring_megabytes) if on_board else None
-    running = box_of(vehicle_id, description, frames, Address.parse(broker), on_board=ring, allow_missing=may_lack)
+    running = box_of(
+        vehicle_id,
+        description,
+        frames,
+        Address.parse(broker),
+        on_board=ring,
+        allow_missing=may_lack,
+        frame_seconds=frame_seconds,
+    )
     settings = SourceSettings(
         vehicle=description,
         folder=spool,

@@ -1,4 +1,4 @@
-"""Frames to workers, vehicle by vehicle in turn, and the outcomes of their jobs."""
+"""Frames to workers, the vehicle that has waited longest first, and the outcomes of their jobs."""
 
 import logging
 import time
@@ -10,12 +10,13 @@ from typing import Any
 
 from sprung.monitor.backoff import Backoff
 from sprung.monitor.engine import MonitorSettings, Observed
-from sprung.monitor.fleets import has_type, type_of_others
+from sprung.monitor.fleets import VehicleTypes, type_of_others
 from sprung.monitor.histories import history_of
 from sprung.monitor.jobs import Failure, Opening, Outcome, VehicleStatus
 from sprung.monitor.ledger import Ledger
+from sprung.monitor.overload import Overload
 from sprung.monitor.states import History
-from sprung.monitor.streams import Stream
+from sprung.monitor.streams import Handover, Queue, Stream
 from sprung.monitor.workers import Workers
 from sprung.storage import (
     CommandRow,
@@ -73,7 +74,11 @@ class Dispatch:
     timer
         Present time [s] of any clock that only goes forward.
     fence
-        Function that returns the context in which this monitor writes about a vehicle.
+        Function that returns the context in which this monitor writes about vehicles.
+    overload
+        Notices and reports that the analysis falls behind; None: nobody does.
+    clock
+        Present time, UTC ns.
 
     Notes
     -----
@@ -81,6 +86,12 @@ class Dispatch:
     it fails twice is set aside; if a later frame fails before a state is stored, it is the window that cannot be
     analysed, and its frames are set aside. A state that cannot be used is set aside, too: the vehicle begins anew with
     what the store holds. A vehicle that cannot be opened for another reason waits, longer after each attempt.
+
+    The next job is that of the vehicle whose oldest frame has waited longest since it arrived or, so that one vehicle
+    with hours of frames does not hold up the others, since its last job.
+
+    Frames are handed over from memory as they are stored; only others are read from the store. During an overload
+    jobs leave out the identifications within windows, never a window.
     """
 
     def __init__(
@@ -91,10 +102,15 @@ class Dispatch:
         settings: MonitorSettings,
         *,
         timer: Callable[[], float] = time.monotonic,
-        fence: Callable[[str], AbstractContextManager[None]] = lambda vehicle: nullcontext(),
+        fence: Callable[..., AbstractContextManager[None]] = lambda *vehicles: nullcontext(),
+        overload: Overload | None = None,
+        clock: Callable[[], int] = time.time_ns,
     ) -> None:
         self._store, self._workers, self._ledger, self._settings = store, workers, ledger, settings
-        self._fence = fence
+        self._fence, self._overload, self._clock = fence, overload, clock
+        self._handover, self._queue, self._types = Handover(), Queue(), VehicleTypes(store)
+        self._waiting_since: dict[str, int] = {}
+        self._job_since: dict[str, int] = {}
         self._descriptions: dict[str, tuple[str, list[Any]]] = {}
         self._newest = 0
         self._streams: dict[str, Stream] = {}
@@ -123,7 +139,8 @@ class Dispatch:
             **self._ledger.figures,
             **self._workers.figures,
             "sprung_vehicles": len(self._streams),
-            "sprung_backlog_frames": sum(stream.backlog for stream in list(self._streams.values())),
+            "sprung_backlog_frames": self._backlog,
+            "sprung_backlog_age_seconds": self._age,
             "sprung_failures_total": self._n_failures,
             "sprung_vehicles_waiting": self._backoff.n_waiting,
         }
@@ -148,7 +165,7 @@ class Dispatch:
             stream = self._streams.setdefault(vehicle, Stream())
             if boot not in stream.contiguous:
                 stream.dispatched[boot] = cursor.done
-            stream.arrived(boot, cursor.contiguous)
+            self.add(vehicle, boot, cursor.contiguous)
             self._newest = max(self._newest, cursor.updated)
 
     def leave(self, shards: Collection[int]) -> None:
@@ -162,7 +179,15 @@ class Dispatch:
 
     def add(self, vehicle: str, boot: int, contiguous: int) -> None:
         """Record that the frames of a boot arrived up to a sequence number."""
-        self._streams.setdefault(vehicle, Stream()).arrived(boot, contiguous)
+        stream = self._streams.setdefault(vehicle, Stream())
+        stream.arrived(boot, contiguous)
+        if stream.has_waiting:
+            self._waiting_since.setdefault(vehicle, self._clock())
+        self._enqueue(vehicle)
+
+    def hold(self, frames: Sequence[StoredFrame]) -> None:
+        """Hold frames that have just been stored, without repeats, so that they need not be read back."""
+        self._handover.hold(frames)
 
     def describe(self, vehicle: str) -> None:
         """Record that a vehicle sent a description: if it is new, frames are analysed again from the stored state."""
@@ -170,27 +195,32 @@ class Dispatch:
         if row is not None and self._descriptions.get(vehicle) != (row.description, row.channels):
             LOG.info("vehicle described", extra={"vehicle": vehicle})
             self._descriptions[vehicle] = (row.description, row.channels)
+            self._types.forget()
             self._workers.close_vehicle(vehicle)
             self._backoff.succeed(vehicle)
+            self._enqueue(vehicle)
 
     def relearn(self, command: CommandRow) -> None:
         """Let a vehicle learn a new baseline before its next frames; requests for one vehicle are queued."""
         self._learning.setdefault(command.vehicle, command)
+        if command.vehicle in self._streams:
+            self._enqueue(command.vehicle)
 
     def give(self) -> int:
-        """Give frames to workers, least recently served vehicle first, and return the number of jobs and reports.
+        """Give frames to workers, longest waiting vehicle first, and return the number of jobs and reports.
 
         Raises
         ------
         StoreError
             If the store cannot be used.
         """
+        if self._overload is not None and self._overload.is_due:
+            self._overload.update(self._age, n_frames=self._backlog, n_vehicles=len(self._waiting_since))
+            self._workers.skips_modes = self._overload.is_on
         n_given = 0
-        for vehicle, stream in list(self._streams.items()):
+        for vehicle in self._queue:
             if self._workers.is_busy:
                 break
-            if vehicle in self._jobs or not (stream.has_waiting or vehicle in self._learning):
-                continue
             try:
                 with self._fence(vehicle):
                     n_given += self._give(vehicle)
@@ -201,6 +231,25 @@ class Dispatch:
     def collect(self, *, timeout: float) -> list[Outcome]:
         """Return the available outcomes, waiting up to a time [s] for the first."""
         return self._workers.outcomes(timeout=timeout)
+
+    def flush(self) -> None:
+        """Store the results that wait to be stored together.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot write.
+        """
+        try:
+            with self._fence(*self._ledger.waiting):
+                self._ledger.flush()
+        except LeaseLostError:
+            for vehicle in self._ledger.waiting:
+                try:
+                    with self._fence(vehicle):
+                        self._ledger.flush(vehicle)
+                except LeaseLostError as error:
+                    self._lose(vehicle, error)
 
     def settle(self, outcome: Outcome) -> None:
         """Store the outcome of a job.
@@ -216,13 +265,22 @@ class Dispatch:
         except LeaseLostError as error:
             self._jobs.pop(outcome.vehicle, ())
             self._lose(outcome.vehicle, error)
+        except StoreError:
+            # The worker is ahead of the store.
+            self._workers.close_vehicle(outcome.vehicle)
+            raise
+        finally:
+            self._enqueue(outcome.vehicle)
 
     def _settle(self, outcome: Outcome) -> None:
         """Store the outcome of a job, unless its vehicle was left to another monitor meanwhile."""
         vehicle = outcome.vehicle
         frames = self._jobs.pop(vehicle, ())
+        since = self._job_since.pop(vehicle, None)
         if vehicle not in self._streams:
             return
+        if since is not None and outcome.n_consumed < len(frames):
+            self._waiting_since[vehicle] = since
         if outcome.error:
             self._fail(outcome, frames)
         elif self._workers.is_open(vehicle):  # otherwise it got a new description meanwhile
@@ -231,22 +289,58 @@ class Dispatch:
             except RefusedError as error:
                 place = max(outcome.n_consumed - 1, 0)
                 self._fail(replace(outcome, n_consumed=place, error=str(error), failure=Failure.FRAME), frames)
-            except StoreError:
-                # The worker is ahead of the store.
-                self._workers.close_vehicle(vehicle)
-                raise
+
+    @property
+    def _backlog(self) -> int:
+        """Number of frames that wait for a worker."""
+        return sum(stream.backlog for stream in list(self._streams.values()))
+
+    @property
+    def _age(self) -> float:
+        """Time since the oldest frame that waits for a worker arrived [s], or a little longer; 0 if none waits."""
+        return max(0.0, (self._clock() - min(self._waiting_since.copy().values(), default=self._clock())) / 1e9)
+
+    def _enqueue(self, vehicle: str) -> None:
+        """Let a vehicle wait for a worker if there is anything to give."""
+        if vehicle in self._jobs or vehicle not in self._streams:
+            return
+        if self._streams[vehicle].has_waiting:
+            self._waiting_since.setdefault(vehicle, self._clock())
+        else:
+            self._waiting_since.pop(vehicle, None)
+            if vehicle not in self._learning:
+                return
+        self._queue.add(vehicle, self._clock())
+
+    def _defer(self, vehicle: str) -> None:
+        """Let a vehicle wait for something else: earlier frames, or its description."""
+        self._queue.remove(vehicle)
+        self._waiting_since.pop(vehicle, None)
+        self._handover.forget(vehicle)
+
+    def _pending(self, vehicle: str, boot: int, *, after: int, limit: int) -> list[StoredFrame]:
+        """Return frames of a vehicle that follow a sequence number: those in memory, or else in the store."""
+        until = self._streams[vehicle].contiguous[boot]
+        held = self._handover.following(vehicle, boot, after=after, until=until, limit=limit)
+        return held or self._store.inbox.pending(vehicle, boot, after=after, limit=limit)
 
     def _give(self, vehicle: str) -> bool:
         """Give the next frames of a vehicle to its worker, or store the next report of its box."""
         stream, workers = self._streams[vehicle], self._workers
-        if not self._backoff.is_due(vehicle) or not workers.is_free(vehicle):
+        if not self._backoff.is_due(vehicle):
+            if vehicle in self._waiting_since:
+                self._waiting_since[vehicle] = self._clock()  # for itself, not for a worker
+            return False
+        if not workers.is_free(vehicle):
             return False
         if not (workers.is_open(vehicle) or self._open(vehicle)):
+            self._defer(vehicle)
             return False
-        frames = stream.next_frames(partial(self._store.inbox.pending, vehicle), _JOB)
+        frames = stream.next_frames(partial(self._pending, vehicle), _JOB)
         if frames and frames[0].kind != "raw":
             return self._give_report(stream, frames[0])
         if not frames and vehicle not in self._learning:
+            self._defer(vehicle)
             return False
         n_samples = next((k for k, frame in enumerate(frames) if frame.kind != "raw"), len(frames))
         self._submit(vehicle, frames[:n_samples])
@@ -264,15 +358,20 @@ class Dispatch:
                 self._ledger.set_frames_aside(vehicle, boot, seq, seq, reason=str(error))
                 self._ledger.complete(vehicle, boot, seq)
             stream.complete(report.boot, report.seq)
+            self._handover.release(report.vehicle, report.boot, report.seq)
+            self._queue.remove(report.vehicle)
+            self._enqueue(report.vehicle)
         return True
 
     def _submit(self, vehicle: str, frames: Sequence[StoredFrame]) -> None:
-        """Start a job, which without frames returns the state. The vehicle moves to the end of the queue."""
+        """Start a job, which without frames returns the state."""
         learn = self._learning.get(vehicle)
         reason = "" if learn is None else str(learn.detail or "maintenance")
         self._jobs[vehicle], self._learnt[vehicle] = frames, learn
         self._workers.submit(vehicle, [frame.payload for frame in frames], learn=reason)
-        self._streams[vehicle] = self._streams.pop(vehicle)
+        self._queue.remove(vehicle)
+        if len(frames) >= self._streams[vehicle].backlog:  # what arrives from here on waits from then
+            self._job_since[vehicle] = self._waiting_since.pop(vehicle, self._clock())
 
     def _open(self, vehicle: str) -> bool:
         """Give a vehicle to a worker with its stored state; return whether its description is known."""
@@ -292,7 +391,8 @@ class Dispatch:
         else:
             history = history_of(self._store, vehicle, most_windows=self._settings.most_windows)
         status = self._statuses.get(vehicle)
-        of_type = type_of_others(self._store, vehicle) if status is None or status.is_learning else None
+        is_learning = status is None or status.is_learning
+        of_type = type_of_others(self._store, vehicle, types=self._types) if is_learning else None
         self._workers.open(
             Opening(vehicle, row.description, dict(row.channels), state, self._settings, of_type, history)
         )
@@ -321,9 +421,10 @@ class Dispatch:
         self._statuses[vehicle] = outcome.status
         if taken:
             stream.dispatched[boot] = seq
+            self._handover.release(vehicle, boot, seq)
         is_window = any(isinstance(event, Observed) for event in outcome.events)
         # Opened again, from the state just stored, with the baseline of its type as it is now, or in another process.
-        is_learning = is_window and outcome.status.is_learning and has_type(self._store, vehicle)
+        is_learning = is_window and outcome.status.is_learning and self._types.has_type(vehicle)
         if is_learning or (outcome.state is not None and self._workers.is_misplaced(vehicle)):
             self._workers.close_vehicle(vehicle)
 
@@ -343,6 +444,8 @@ class Dispatch:
         """Forget a vehicle; the outcome of a job under way is dropped when it comes."""
         self._workers.close_vehicle(vehicle)
         self._backoff.succeed(vehicle)
+        self._defer(vehicle)
+        self._ledger.forget(vehicle)
         for memory in (self._streams, self._learning, self._learnt, self._strikes, self._statuses, self._descriptions):
             memory.pop(vehicle, None)
 
@@ -352,6 +455,7 @@ class Dispatch:
         if outcome.failure is Failure.QUOTA and frames:
             last = frames[max(outcome.n_consumed, 1) - 1]
             self._ledger.set_frames_aside(vehicle, last.boot, frames[0].seq, last.seq, reason=reason)
+            self._handover.forget(vehicle)
             self._streams[vehicle].dispatched[last.boot] = last.seq
             return
         self._n_failures += 1
@@ -380,4 +484,5 @@ class Dispatch:
         else:
             return
         self._ledger.set_frames_aside(vehicle, frame.boot, first, frame.seq, reason=reason)
+        self._handover.forget(vehicle)
         self._backoff.succeed(vehicle)

@@ -216,7 +216,7 @@ class VehicleMonitor:
         self._blocks: list[Block] = []
         self._n_samples = 0
         self._n_windows = 0
-        self._n_identified = 0
+        self._n_identified = self._n_thinned = 0
         self._learning: list[Observation] = []
         self._detector = None if baseline is None else self._new_detector(baseline)
         self._modes: tuple[dict[str, Any], ...] = ()
@@ -294,7 +294,12 @@ class VehicleMonitor:
         """Duration of the samples that arrived last and were analysed before [s]; 0 after new ones."""
         return self._repeats.repeated
 
-    def update(self, block: Block) -> tuple[Event, ...]:
+    @property
+    def n_thinned(self) -> int:
+        """Number of identifications left out since the monitor was made."""
+        return self._n_thinned
+
+    def update(self, block: Block, *, skips_modes: bool = False) -> tuple[Event, ...]:
         """Add samples and return the events that they complete.
 
         Parameters
@@ -302,6 +307,9 @@ class VehicleMonitor:
         block
             Samples of any length, a `Recording` or a `FrameBlock`. With other channels or another rate than before, a
             new window begins.
+        skips_modes
+            Whether to leave out identifications, except those of complete windows. They keep their numbers, and windows
+            their results.
 
         Returns
         -------
@@ -321,9 +329,14 @@ class VehicleMonitor:
             before = self._n_samples
             self._blocks.append(part)
             self._n_samples += part.n_samples
+            is_complete = self._n_samples == self._needed(part)
             if step and self._n_samples // step > before // step:
-                events.append(self._identify())
-            if self._n_samples == self._needed(part):
+                if skips_modes and not is_complete:
+                    self._n_identified += 1
+                    self._n_thinned += 1
+                else:
+                    events.append(self._identify())
+            if is_complete:
                 events.append(self._complete())
         return tuple(events)
 

@@ -28,18 +28,53 @@ def vehicles_by_type(store: Store) -> dict[str, list[str]]:
     return types
 
 
-def others_of_type(store: Store, vehicle: str) -> list[str]:
-    """Return the other vehicles of the type of a vehicle."""
-    group: list[str] = next((own for own in vehicles_by_type(store).values() if vehicle in own), [])
-    return [other for other in group if other != vehicle]
+class VehicleTypes:
+    """Types of the vehicles of a store, read again only when vehicles have been described or have come.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._of_type: dict[str, list[str]] = {}
+        self._type_of: dict[str, str] = {}
+        self._count: int | None = None
+
+    def forget(self) -> None:
+        """Read the vehicles again when next needed, as a description has changed."""
+        self._count = None
+
+    def others(self, vehicle: str) -> list[str]:
+        """Return the other vehicles of the type of a vehicle.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be used.
+        """
+        count = self._store.inbox.n_vehicles()
+        if count != self._count:
+            self._of_type = vehicles_by_type(self._store)
+            self._type_of = {own: text for text, group in self._of_type.items() for own in group}
+            self._count = count
+        group = self._of_type.get(self._type_of.get(vehicle, ""), [])
+        return [other for other in group[: _MOST_VEHICLES + 1] if other != vehicle]
+
+    def has_type(self, vehicle: str) -> bool:
+        """Return whether there are enough other vehicles of its type to learn a baseline of the type from.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be used.
+        """
+        return len(self.others(vehicle)) >= LEAST_VEHICLES
 
 
-def has_type(store: Store, vehicle: str) -> bool:
-    """Return whether there are enough other vehicles of its type to learn a baseline of the type from."""
-    return len(others_of_type(store, vehicle)) >= LEAST_VEHICLES
-
-
-def type_of_others(store: Store, vehicle: str) -> TypeBaseline | None:
+def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = None) -> TypeBaseline | None:
     """Return the baseline of the type of a vehicle, learnt from the other vehicles; None if there are too few.
 
     Parameters
@@ -48,13 +83,15 @@ def type_of_others(store: Store, vehicle: str) -> TypeBaseline | None:
         Store of the monitor.
     vehicle
         Name of the vehicle.
+    types
+        Types of the vehicles of the store; None: read for this once.
 
     Notes
     -----
     Each vehicle takes part with the windows that its own baseline was learnt from, so that a later change does not
     count as normal, or with its last windows before it has one.
     """
-    others = others_of_type(store, vehicle)[:_MOST_VEHICLES]
+    others = (types or VehicleTypes(store)).others(vehicle)[:_MOST_VEHICLES]
     if len(others) < LEAST_VEHICLES:
         return None
     try:

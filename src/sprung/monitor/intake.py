@@ -59,12 +59,15 @@ class Taken:
         Sequence number up to which nothing is missing, by vehicle and boot of the messages.
     described
         Vehicles with a description, which may be new to this monitor or to others only.
+    frames
+        Frames that were stored, without repeats.
     n_messages
         Number of messages.
     """
 
     arrived: dict[tuple[str, int], int] = field(default_factory=dict)
     described: set[str] = field(default_factory=set)
+    frames: list[StoredFrame] = field(default_factory=list)
     n_messages: int = 0
 
 
@@ -186,7 +189,7 @@ class Intake:
             except (FormatError, ParameterError, RefusedError) as error:
                 self._refuse(name, error)
         # Frames first: what arrived is not lost.
-        taken.arrived.update(self._add_frames(frames, now))
+        taken.arrived.update(self._add_frames(frames, taken.frames, now))
         taken.arrived.update(self._declare_lost(below, dropped, now))
         if self._seen and abs(now - self._noted) >= _NOTED_EVERY:
             self._store.inbox.seen(self._seen)
@@ -197,17 +200,19 @@ class Intake:
                 self._publish(topic(vehicle, "ack"), message(document))
         return taken
 
-    def _add_frames(self, frames: Sequence[StoredFrame], now: int) -> dict[tuple[str, int], int]:
-        """Store frames, without those that the store refuses, and return up to where nothing is missing."""
+    def _add_frames(
+        self, frames: Sequence[StoredFrame], new: list[StoredFrame], now: int
+    ) -> dict[tuple[str, int], int]:
+        """Store frames, without those that it refuses, add new ones to `new`, and return up to where none is missing."""
         try:
-            arrived = self._store.inbox.add_frames(frames, now=now)
+            arrived = self._store.inbox.add_frames(frames, new=new, now=now)
         except RefusedError as error:
             if len(frames) == 1:
                 self._refuse(topic(frames[0].vehicle, frames[0].kind), error)
                 return {}
             arrived = {}
             for part in _parts(frames, lambda frame: frame.vehicle):
-                arrived.update(self._add_frames(part, now))
+                arrived.update(self._add_frames(part, new, now))
             return arrived
         self._counts["frames"] += len(frames)
         return arrived

@@ -148,6 +148,8 @@ class Outcome:
         What failed, if there is a reason.
     seconds
         Time of the processor that the job took [s].
+    n_thinned
+        Number of identifications of modes that were left out.
     """
 
     vehicle: str
@@ -158,6 +160,7 @@ class Outcome:
     error: str = ""
     failure: Failure = Failure.FRAME
     seconds: float = 0.0
+    n_thinned: int = 0
 
 
 def failed(vehicle: str, reason: str, failure: Failure, *, n_consumed: int = 0) -> Outcome:
@@ -190,6 +193,7 @@ def analyse(
     frames: Sequence[bytes],
     *,
     learn: str = "",
+    skips_modes: bool = False,
     limits: Limits | None = None,
     report: Callable[[int], None] = lambda n_consumed: None,
 ) -> Outcome:
@@ -205,6 +209,8 @@ def analyse(
         Frames in order.
     learn
         As for `Workers.submit`.
+    skips_modes
+        Whether to leave out the identifications of modes within windows.
     limits
         Limits of the job; None: none.
     report
@@ -212,7 +218,7 @@ def analyse(
     """
     monitor, quantities = opened
     limits = limits or Limits()
-    begun = time.process_time()
+    begun, before = time.process_time(), monitor.n_thinned
     events: list[Event] = []
     consumed, is_changed = 0, bool(learn) or not frames
     try:
@@ -227,7 +233,7 @@ def analyse(
                     return failed(vehicle, excess, Failure.QUOTA, n_consumed=_n_alike(frames, block, quantities))
                 if excess:
                     break
-                events += monitor.update(block)
+                events += monitor.update(block, skips_modes=skips_modes)
                 consumed += 1
                 is_changed = is_changed or monitor.repeated > 0  # nothing else would ever remove these frames
                 if any(isinstance(event, Observed) for event in events):
@@ -251,7 +257,8 @@ def analyse(
         monitor.until,
         monitor.repeated,
     )
-    return Outcome(vehicle, consumed, tuple(events), state, status, seconds=time.process_time() - begun)
+    seconds, n_thinned = time.process_time() - begun, monitor.n_thinned - before
+    return Outcome(vehicle, consumed, tuple(events), state, status, seconds=seconds, n_thinned=n_thinned)
 
 
 def _reason(error: Exception, limits: Limits) -> str:

@@ -1,6 +1,5 @@
 """Storage of the analysis: results and progress in one transaction, samples in an archive, alerts."""
 
-import json
 import logging
 from collections.abc import Callable
 from typing import Any
@@ -13,12 +12,16 @@ from sprung.monitor.engine import Event, Identified, Observed
 from sprung.monitor.jobs import Outcome
 from sprung.monitor.on_board import archive_correlations, reported_modes
 from sprung.monitor.site import Site
-from sprung.storage import Progress, Store, StoredFrame, write_archive
+from sprung.storage import LeaseLostError, Progress, Store, StoredFrame, StoreError, write_archive
 
 LOG = logging.getLogger("sprung.monitor")
 
 #: Alerts about the analysis of a vehicle, which the next window clears.
 _TROUBLES = ("monitor:analysis", "monitor:state", "monitor:opening")
+#: Largest number of results that wait to be stored together.
+_MOST_WAITING = 1000
+#: Digits that people can make use of: of identified modes, and of the windows that diagnosis and types compare.
+_OF_MODES, _OF_WINDOWS = 6, 9
 
 
 class Ledger:
@@ -34,13 +37,19 @@ class Ledger:
         Alerts of all vehicles.
     clock
         Present time, UTC ns.
+
+    Notes
+    -----
+    Modes of an incomplete window wait to be stored with those of other vehicles, until `flush`. A restart before that
+    analyses their frames again, and stores the same.
     """
 
     def __init__(self, site: Site, store: Store, *, alerts: AlertBook, clock: Callable[[], int]) -> None:
         self._store, self._alerts, self._clock = store, alerts, clock
         self._warned: dict[tuple[str, str], str] = {}
+        self._waiting: list[Progress] = []
         self._samples, self._correlations = site.archive, site.correlations
-        self._n_windows = self._n_identifications = self._n_frames_aside = self._n_states_aside = 0
+        self._n_windows = self._n_identifications = self._n_thinned = self._n_frames_aside = self._n_states_aside = 0
 
     @property
     def figures(self) -> dict[str, float]:
@@ -48,12 +57,14 @@ class Ledger:
         return {
             "sprung_windows_total": self._n_windows,
             "sprung_identifications_total": self._n_identifications,
+            "sprung_identifications_thinned_total": self._n_thinned,
+            "sprung_identifications_thinned_ratio": self._n_thinned / max(1, self._n_thinned + self._n_identifications),
             "sprung_frames_set_aside_total": self._n_frames_aside,
             "sprung_states_set_aside_total": self._n_states_aside,
         }
 
     def commit(self, outcome: Outcome, boot: int, seq: int) -> bool:
-        """Store the events of a job: those of a window in one transaction with the state after it.
+        """Store the events of a job: those of a window in one transaction with the state after it, others at `flush`.
 
         Parameters
         ----------
@@ -73,31 +84,39 @@ class Ledger:
             If the store cannot write.
         """
         windows = [event for event in outcome.events if isinstance(event, Observed)]
-        modes = tuple(_modes(event) for event in outcome.events if isinstance(event, Identified))
+        identified = [event for event in outcome.events if isinstance(event, Identified)]
+        # Without modes nothing is kept: why a window has none is in its observation.
+        modes = tuple(_modes(event) for event in identified if event.modes)
         self._n_windows += len(windows)
-        self._n_identifications += len(modes)
+        self._n_identifications += len(identified)
+        self._n_thinned += outcome.n_thinned
         is_saved = outcome.state is not None
-        if not (modes or is_saved):
+        if not (identified or is_saved):
             return False
         now = self._clock()
         for event in windows:
             self._archive(outcome.vehicle, boot, event)
         done = seq if is_saved else -1
-        self._store.results.commit(
-            Progress(
-                outcome.vehicle,
-                boot,
-                done_seq=done,
-                delete_through_seq=done,
-                observations=tuple(_numbered(event, observation_document(event.observation)) for event in windows),
-                modes=modes,
-                findings=tuple(_numbered(event, finding) for event in windows for finding in _findings(event)),
-                baselines=tuple(baseline for event in windows for baseline in _baselines(event, now)),
-                snapshot=outcome.state,
-                status=outcome.status._asdict(),
-                now=now,
-            )
+        progress = Progress(
+            outcome.vehicle,
+            boot,
+            done_seq=done,
+            delete_through_seq=done,
+            observations=tuple(_numbered(event, observation_document(event.observation)) for event in windows),
+            modes=modes,
+            findings=tuple(_numbered(event, finding) for event in windows for finding in _findings(event)),
+            baselines=tuple(baseline for event in windows for baseline in _baselines(event, now)),
+            snapshot=outcome.state,
+            status=outcome.status._asdict(),
+            now=now,
         )
+        if not is_saved:
+            self._waiting.append(progress)
+            if len(self._waiting) >= _MOST_WAITING:
+                self.flush()
+            return False
+        self._store.results.commit(progress, *self._of(outcome.vehicle))
+        self._waiting = [each for each in self._waiting if each.vehicle != outcome.vehicle]
         for event in windows:
             if event.baseline is not None:
                 learnt = {"version": event.baseline.version, "windows": event.baseline.n_windows}
@@ -105,7 +124,43 @@ class Ledger:
             elif outcome.status.is_learning and outcome.status.note:
                 reason = {"reason": outcome.status.note}
                 LOG.info("window not learnt from", extra={"vehicle": outcome.vehicle, **reason})
-        return is_saved
+        return True
+
+    @property
+    def waiting(self) -> list[str]:
+        """Vehicles with results that wait to be stored."""
+        return list(dict.fromkeys(progress.vehicle for progress in self._waiting))
+
+    def forget(self, vehicle: str) -> None:
+        """Forget the results of a vehicle that wait: another monitor stores the same."""
+        self._waiting = [progress for progress in self._waiting if progress.vehicle != vehicle]
+
+    def flush(self, vehicle: str | None = None) -> None:
+        """Store the results of a vehicle, or of all, that wait, in one transaction.
+
+        Raises
+        ------
+        LeaseLostError
+            If another monitor has taken over one of the vehicles: they wait on.
+        StoreError
+            If the store cannot write: they wait on. Those that it refuses while it takes others are dropped.
+        """
+        waiting = self._waiting if vehicle is None else self._of(vehicle)
+        if not waiting:
+            return
+        try:
+            self._store.results.commit(waiting[-1], *waiting[:-1])
+        except LeaseLostError:
+            raise
+        except StoreError as error:
+            refused = [progress for progress in waiting if not self._is_stored(progress)]
+            if len(refused) == len(waiting):
+                self._waiting = self._waiting[-_MOST_WAITING:]
+                raise
+            vehicles = ", ".join(sorted({progress.vehicle for progress in refused}))
+            LOG.error("modes were not stored", extra={"vehicle": vehicles, "reason": str(error)})
+        stored = set(map(id, waiting))
+        self._waiting = [progress for progress in self._waiting if id(progress) not in stored]
 
     def update_alerts(self, vehicle: str, events: tuple[Event, ...]) -> None:
         """Raise, update and clear alerts according to windows, which clear those about the analysis.
@@ -213,6 +268,18 @@ class Ledger:
             )
         )
 
+    def _of(self, vehicle: str) -> list[Progress]:
+        """Return the results of a vehicle that wait."""
+        return [progress for progress in self._waiting if progress.vehicle == vehicle]
+
+    def _is_stored(self, progress: Progress) -> bool:
+        """Return whether results could be stored alone."""
+        try:
+            self._store.results.commit(progress)
+        except StoreError:
+            return False
+        return True
+
     def _archive(self, vehicle: str, boot: int, event: Observed) -> None:
         """Write the samples of a window to the archive; a failure is only logged."""
         recording = event.recording
@@ -235,13 +302,23 @@ class Ledger:
 
 def _numbered(event: Observed, document: dict[str, Any]) -> tuple[int, int, dict[str, Any]]:
     """Return number, time and a document of a window."""
-    return event.number, event.recording.start or 0, document
+    return event.number, event.recording.start or 0, rounded(document, _OF_WINDOWS)
 
 
 def _modes(event: Identified) -> tuple[int, int, dict[str, Any]]:
     """Return number, time and document of an identification."""
-    document = {"modes": list(event.modes), "reason": event.reason}
-    return event.number, event.start or 0, json.loads(json.dumps(document))
+    return event.number, event.start or 0, {"modes": rounded(list(event.modes), _OF_MODES), "reason": event.reason}
+
+
+def rounded(value: Any, digits: int) -> Any:
+    """Return plain values with all floats rounded to significant digits."""
+    if isinstance(value, float):
+        return float(f"{value:.{digits}g}")
+    if isinstance(value, dict):
+        return {name: rounded(own, digits) for name, own in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(own, digits) for own in value]
+    return value
 
 
 def _findings(event: Observed) -> list[dict[str, Any]]:

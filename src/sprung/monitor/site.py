@@ -49,6 +49,12 @@ class Watch(_Table):
     seconds_per_job: float = Field(
         180.0, gt=0, description="longest time of a job [s]; one that takes longer is stopped, which is an alert"
     )
+    overload_seconds: float = Field(
+        300.0,
+        gt=0,
+        description="age of the oldest frame that waits above which modes are identified once a window only, which is "
+        "an alert [s]",
+    )
 
     megabytes_per_vehicle: float = Field(
         100.0, gt=0, description="largest size of the samples of a window, and of the state, of one vehicle [MB]"

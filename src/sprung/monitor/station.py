@@ -17,6 +17,7 @@ from sprung.monitor.inflow import Inflow, vehicle_of
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.jobs import VehicleStatus
 from sprung.monitor.ledger import Ledger
+from sprung.monitor.overload import Overload
 from sprung.monitor.pictures import alert_picture
 from sprung.monitor.postman import PostOffice, senders_of
 from sprung.monitor.refusals import OVERLOAD, Refusals
@@ -39,6 +40,8 @@ _STILL, _STILL_POST, _LATE = 15.0, 300.0, 60.0
 _FOR_ALL = ("meta", "event")
 #: Time between looks for frames that other monitors took in: of what has changed, and of all [s].
 _FOLLOW, _COMPARE = 1.0, 60.0
+#: Longest time for which results wait to be stored together [s].
+_FLUSH = 1.0
 
 
 class Station:
@@ -98,7 +101,16 @@ class Station:
         ledger = Ledger(site, store, alerts=alerts, clock=clock)
         self._shards = Shards(store, patience=site.watch.takeover_seconds, timer=timer)
         self._following, self._comparing = Every(_FOLLOW, timer), Every(_COMPARE, timer)
-        self._dispatch = Dispatch(store, workers, ledger, site.watch.settings, timer=timer, fence=self._shards.fence)
+        self._dispatch = Dispatch(
+            store,
+            workers,
+            ledger,
+            site.watch.settings,
+            timer=timer,
+            fence=self._shards.fence,
+            overload=Overload(alerts, limit=site.watch.overload_seconds, clock=clock),
+            clock=clock,
+        )
         self._post = PostOffice(
             store,
             senders,
@@ -130,6 +142,7 @@ class Station:
         )
         self._examining = Every(_EXAMINE, timer)
         self._overloaded: set[str] = set()
+        self._flushing = Every(_FLUSH, timer)
         self._is_resting = False
 
     @property
@@ -195,6 +208,9 @@ class Station:
             self._examining.start()
             self._gate.guard(self._examine)
         self._is_resting = not (n_taken or n_given or outcomes)
+        if self._is_resting or self._flushing.is_due:
+            self._flushing.start()
+            self._gate.guard(self._dispatch.flush)
         if self._is_resting:
             time.sleep(0.005)
 
@@ -202,6 +218,7 @@ class Station:
         """Stop in good order."""
         self._post.close()
         self._link.close()
+        self._gate.guard(self._dispatch.flush)
         self._dispatch.close()
         if self._serving.is_open:
             self._serving.close()
@@ -285,6 +302,7 @@ class Station:
             return 0
         if taken.arrived or taken.described:
             self._gate.succeed()
+        self._dispatch.hold([frame for frame in taken.frames if self._shards.holds(frame.vehicle)])
         for (vehicle, boot), contiguous in taken.arrived.items():
             if self._shards.holds(vehicle):
                 self._dispatch.add(vehicle, boot, contiguous)

@@ -1,6 +1,7 @@
-"""Order in which the frames of a vehicle are analysed, independent of the order of arrival."""
+"""Order in which the frames of a vehicle are analysed, whatever the order of arrival, and which vehicle is next."""
 
-from collections.abc import Mapping
+from bisect import bisect_left, insort
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Protocol
@@ -11,6 +12,8 @@ from sprung.storage import Cursor, StoredFrame
 
 #: Largest number of boots that are read together: a box may have lost the frames of many.
 _MOST_READS = 32
+#: Largest size of the frames that are handed over without being read back, and of those of one vehicle [bytes].
+_HELD, _HELD_OF_ONE = 1 << 26, 1 << 21
 
 
 class Pending(Protocol):
@@ -122,3 +125,94 @@ class Stream:
         """Return whether all frames of the boot before were given to a worker, as far as a frame said which it is."""
         previous = self._previous.get(boot)
         return previous is None or previous[0] >= boot or self.dispatched.get(previous[0], -1) >= previous[1] - 1
+
+
+class Handover:
+    """Frames just stored, from where they are given to workers without being read back; bounded in size.
+
+    Parameters
+    ----------
+    most_bytes
+        Largest size of all payloads [bytes]; frames beyond it are read from the store.
+
+    Notes
+    -----
+    Of several frames with one number the first counts, as in the store.
+    """
+
+    def __init__(self, most_bytes: int = _HELD) -> None:
+        self._most = most_bytes
+        self._frames: dict[str, dict[int, dict[int, StoredFrame]]] = {}
+        self._sizes: dict[str, int] = {}
+        self._size = 0
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of all payloads held."""
+        return self._size
+
+    def hold(self, frames: Iterable[StoredFrame]) -> None:
+        """Hold frames that the store has."""
+        for frame in frames:
+            size, own = len(frame.payload), self._sizes.get(frame.vehicle, 0)
+            of_boot = self._frames.setdefault(frame.vehicle, {}).setdefault(frame.boot, {})
+            if frame.seq in of_boot or self._size + size > self._most or own + size > _HELD_OF_ONE:
+                continue
+            of_boot[frame.seq] = frame
+            self._sizes[frame.vehicle] = own + size
+            self._size += size
+
+    def following(self, vehicle: str, boot: int, *, after: int, until: int, limit: int) -> list[StoredFrame]:
+        """Return the unbroken run of frames that follows a sequence number, as far as it is held."""
+        of_boot = self._frames.get(vehicle, {}).get(boot, {})
+        run: list[StoredFrame] = []
+        while len(run) < limit and after < until and after + 1 in of_boot:
+            after += 1
+            run.append(of_boot[after])
+        return run
+
+    def release(self, vehicle: str, boot: int, seq: int) -> None:
+        """Forget the frames of a boot up to a sequence number, and of all boots before."""
+        boots = self._frames.get(vehicle, {})
+        for older in [number for number in boots if number <= boot]:
+            for number in [number for number in boots[older] if older < boot or number <= seq]:
+                size = len(boots[older].pop(number).payload)
+                self._sizes[vehicle] -= size
+                self._size -= size
+            if not boots[older]:
+                del boots[older]
+        if not boots:
+            self.forget(vehicle)
+
+    def forget(self, vehicle: str) -> None:
+        """Forget the frames of a vehicle, which the store has."""
+        self._frames.pop(vehicle, None)
+        self._size -= self._sizes.pop(vehicle, 0)
+
+
+class Queue:
+    """Vehicles that wait, the one that has waited longest first; of several since one time, the first that came."""
+
+    def __init__(self) -> None:
+        self._places: dict[str, tuple[int, int]] = {}
+        self._order: list[tuple[int, int, str]] = []
+        self._count = 0
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([vehicle for _, _, vehicle in self._order])
+
+    def __contains__(self, vehicle: object) -> bool:
+        return vehicle in self._places
+
+    def add(self, vehicle: str, since: int) -> None:
+        """Let a vehicle wait since a time, if it does not yet."""
+        if vehicle not in self._places:
+            self._count += 1
+            self._places[vehicle] = since, self._count
+            insort(self._order, (since, self._count, vehicle))
+
+    def remove(self, vehicle: str) -> None:
+        """Remove a vehicle, if it waits."""
+        place = self._places.pop(vehicle, None)
+        if place is not None:
+            del self._order[bisect_left(self._order, (*place, vehicle))]

@@ -67,7 +67,11 @@ class Workers:
     processor time. Slow vehicles share a process of their own, so that only they wait for each other. Among the others
     a job is stopped after a sixth of the limit of processor time, too; it is tried again in full among the slow ones.
     After three windows without a slow job a vehicle returns.
+
+    While `skips_modes` is set, jobs leave out the identifications within windows.
     """
+
+    skips_modes = False
 
     def __init__(
         self,
@@ -152,7 +156,7 @@ class Workers:
             Reason to learn a new baseline from these frames on; empty: the baseline stays.
         """
         worker = next(worker for worker in self._workers if vehicle in worker.vehicles)
-        self._send(worker, _Task("work", vehicle), ("work", vehicle, list(frames), learn))
+        self._send(worker, _Task("work", vehicle), ("work", vehicle, list(frames), learn, self.skips_modes))
 
     def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
         """Return the available outcomes, waiting up to a time [s] for the first."""

@@ -201,7 +201,8 @@ def _write(path: Path, table: Any, t0: int) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with part.open("wb") as file:
-                pq.write_table(table, file, compression="zstd")
+                # No dictionary: samples hardly repeat. Bytes of equal weight together compress well.
+                pq.write_table(table, file, compression="zstd", use_dictionary=False, use_byte_stream_split=True)
                 file.flush()
                 os.fsync(file.fileno())
             os.utime(part, ns=(t0, t0))

@@ -72,6 +72,11 @@ class Inbox:
             row = connection.execute(select(VEHICLES).where(VEHICLES.c.vehicle == vehicle)).mappings().first()
             return None if row is None else VehicleRow(**row)
 
+    def n_vehicles(self) -> int:
+        """Return the number of vehicles."""
+        with self._database.reading() as connection:
+            return connection.scalar(select(func.count()).select_from(VEHICLES)) or 0
+
     def last_seen(self) -> dict[str, int]:
         """Return when each vehicle was last seen."""
         with self._database.reading() as connection:
@@ -88,7 +93,9 @@ class Inbox:
         with self._database.writing() as connection:
             connection.execute(update(VEHICLES).where(VEHICLES.c.vehicle == vehicle).values(is_parked=is_parked))
 
-    def add_frames(self, frames: Sequence[StoredFrame], *, now: int) -> dict[Key, int]:
+    def add_frames(
+        self, frames: Sequence[StoredFrame], *, now: int, new: list[StoredFrame] | None = None
+    ) -> dict[Key, int]:
         """Put new frames into the inbox, and sync them to disk.
 
         Parameters
@@ -97,6 +104,8 @@ class Inbox:
             Frames in any order; of several with one number the first counts.
         now
             Present time, UTC ns.
+        new
+            List to which frames are added that follow the unbroken run of those before; None: none is wanted.
 
         Returns
         -------
@@ -119,14 +128,12 @@ class Inbox:
             return {}
         with self._database.writing() as connection:
             cursors = self._locked(connection, {key: max(batch) for key, batch in sorted(batches.items())}, now)
-            new = [
-                frame._asdict()
-                for key, batch in batches.items()
-                for seq, frame in batch.items()
-                if seq > cursors[key].contiguous
+            later = [
+                frame for key, batch in batches.items() for seq, frame in batch.items() if seq > cursors[key].contiguous
             ]
-            if new:
-                connection.execute(self._database.insert(FRAMES).on_conflict_do_nothing(), new)
+            if later:
+                rows = [frame._asdict() for frame in later]
+                connection.execute(self._database.insert(FRAMES).on_conflict_do_nothing(), rows)
             reached = {key: _run(batch, after=cursors[key].contiguous) for key, batch in batches.items()}
             for key in _followed(connection, reached):
                 reached[key] = _unbroken(connection, key, after=reached[key])
@@ -137,6 +144,8 @@ class Inbox:
             ]
             if moved:
                 connection.execute(_ADVANCE, moved)
+        if new is not None:
+            new.extend(later)
         return reached
 
     def declare_lost(self, below: Mapping[Key, int], *, now: int) -> dict[Key, tuple[Cursor, Cursor]]:

@@ -1,5 +1,6 @@
 """Results of analysis: observations, modes, findings, baselines, and the state to continue from."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import Connection, Table, and_, delete, func, not_, select, update
@@ -22,8 +23,15 @@ class Results:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def commit(self, progress: Progress) -> None:
-        """Store the results of analysis in one transaction; storing the same again has no effect.
+    def commit(self, progress: Progress, *before: Progress) -> None:
+        """Store results of analysis in one transaction; storing the same again has no effect.
+
+        Parameters
+        ----------
+        progress
+            Results of one vehicle.
+        before
+            Others that are stored first, of any vehicles.
 
         Raises
         ------
@@ -32,22 +40,24 @@ class Results:
         StoreError
             If the store cannot write; nothing is stored then.
         """
-        of_boot = {"vehicle": progress.vehicle, "boot": progress.boot, "stored": progress.now}
+        every = (*before, progress)
         with self._database.writing() as connection:
-            _mark_done(connection, progress)
-            self._add(connection, OBSERVATIONS, [of_boot | _numbered(entry) for entry in progress.observations])
-            self._add(connection, MODES, [of_boot | _numbered(entry) for entry in progress.modes])
-            self._add(connection, FINDINGS, [of_boot | row for row in _placed(progress.findings)])
+            for each in every:
+                _mark_done(connection, each)
+            self._add(connection, OBSERVATIONS, [row for each in every for row in _rows(each, each.observations)])
+            self._add(connection, MODES, [row for each in every for row in _rows(each, each.modes)])
+            self._add(connection, FINDINGS, [row for each in every for row in _placed(_rows(each, each.findings))])
             names = ("version", "created", "reason", "document")
             rows = [
-                {"vehicle": progress.vehicle, **dict(zip(names, baseline, strict=True))}
-                for baseline in progress.baselines
+                {"vehicle": each.vehicle, **dict(zip(names, baseline, strict=True))}
+                for each in every
+                for baseline in each.baselines
             ]
             self._add(connection, BASELINES, rows)
-            if progress.snapshot is not None:
-                self._put_snapshot(connection, progress, progress.snapshot)
-            if progress.status is not None:
-                self._put_status(connection, progress.vehicle, progress.status)
+            for each in every:
+                if each.snapshot is not None:
+                    self._put_snapshot(connection, each, each.snapshot)
+            self._put_statuses(connection, {each.vehicle: each.status for each in every if each.status is not None})
 
     def observations(
         self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
@@ -104,28 +114,32 @@ class Results:
         is_behind = and_(SNAPSHOTS.c.boot == progress.boot, SNAPSHOTS.c.seq > progress.done_seq)
         connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=values, where=not_(is_behind)))
 
-    def _put_status(self, connection: Connection, vehicle: str, document: Document) -> None:
-        """Store the progress of a vehicle."""
-        row = self._database.insert(STATUSES).values(vehicle=vehicle, document=document)
-        connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_={"document": document}))
+    def _put_statuses(self, connection: Connection, documents: Mapping[str, Document]) -> None:
+        """Store the progress of vehicles."""
+        if documents:
+            row = self._database.insert(STATUSES)
+            newer = row.on_conflict_do_update(index_elements=["vehicle"], set_={"document": row.excluded.document})
+            connection.execute(newer, [{"vehicle": name, "document": own} for name, own in sorted(documents.items())])
 
     def _entries(
         self, table: Table, vehicle: str, since: int | None, limit: int | None, *, until: int | None = None
     ) -> list[Entry]:
         """Return documents in order of time."""
         newest_first = (column.desc() for column in (table.c.t0, *reversed(table.primary_key.columns)))
-        columns = (table.c[name] for name in Entry.__dataclass_fields__)
+        columns = (table.c[name] for name in (*Entry.__dataclass_fields__, "packed"))
         query = select(*columns).where(table.c.vehicle == vehicle).order_by(*newest_first).limit(limit)
         if since is not None:
             query = query.where(table.c.t0 >= since)
         if until is not None:
             query = query.where(table.c.t0 <= until)
         with self._database.reading() as connection:
-            return [Entry(**row) for row in reversed(connection.execute(query).mappings().all())]
+            return [_entry(**row) for row in reversed(connection.execute(query).mappings().all())]
 
 
 def _mark_done(connection: Connection, progress: Progress) -> None:
     """Advance the cursor and delete the frames that are no longer needed."""
+    if progress.done_seq < 0:
+        return
     of_cursor = and_(CURSORS.c.vehicle == progress.vehicle, CURSORS.c.boot == progress.boot)
     of_frames = and_(FRAMES.c.vehicle == progress.vehicle, FRAMES.c.boot == progress.boot)
     query = select(func.coalesce(func.max(CURSORS.c.contiguous), -1)).where(of_cursor)
@@ -146,12 +160,18 @@ def _n_numbered(connection: Connection, table: Table, vehicle: str) -> int:
     return 0 if last is None else int(last) + 1
 
 
-def _numbered(entry: Numbered) -> dict[str, Any]:
-    """Return the columns of a document about a numbered window."""
-    return dict(zip(("number", "t0", "document"), entry, strict=True))
+def _rows(progress: Progress, entries: Sequence[Numbered]) -> list[dict[str, Any]]:
+    """Return the columns of documents about numbered windows."""
+    common = {"vehicle": progress.vehicle, "boot": progress.boot, "stored": progress.now, "document": {}}
+    return [common | {"number": number, "t0": t0, "packed": document} for number, t0, document in entries]
 
 
-def _placed(findings: tuple[Numbered, ...]) -> list[dict[str, Any]]:
+def _placed(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the columns of findings, counted within each window."""
-    numbers = [number for number, _, _ in findings]
-    return [_numbered(finding) | {"place": numbers[:k].count(finding[0])} for k, finding in enumerate(findings)]
+    numbers = [row["number"] for row in rows]
+    return [row | {"place": numbers[:k].count(row["number"])} for k, row in enumerate(rows)]
+
+
+def _entry(*, document: Document, packed: Document | None, **fields: Any) -> Entry:
+    """Return the document of a row, packed or as earlier programs stored it."""
+    return Entry(**fields, document=document if packed is None else packed)

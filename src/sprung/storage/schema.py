@@ -4,6 +4,7 @@ Times are UTC nanoseconds. `boot` counts the starts of a box, `seq` its frames s
 """
 
 import json
+import zlib
 from typing import Any
 
 from sqlalchemy import (
@@ -51,6 +52,49 @@ class Json(TypeDecorator[Any]):
         """Return what the text holds."""
         return None if value is None else json.loads(value)
 
+
+class Packed(TypeDecorator[Any]):
+    """JSON values as compressed text: a mark, and deflate with the words of most documents."""
+
+    impl = LargeBinary
+    cache_ok = True
+
+    def process_bind_param(self, value: Any, dialect: Any) -> bytes | None:
+        """Return the bytes to store; NULL for None."""
+        if value is None:
+            return None
+        text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+        packing = zlib.compressobj(9, zlib.DEFLATED, -_WINDOW_BITS, zdict=_WORDS)
+        return _MARK + packing.compress(text.encode()) + packing.flush()
+
+    def process_result_value(self, value: bytes | None, dialect: Any) -> Any:
+        """Return what the bytes hold."""
+        if value is None:
+            return None
+        if value[:1] != _MARK:
+            raise StoreError(f"a document is packed in the form {value[:1]!r}: install the newer sprung that wrote it")
+        return json.loads(zlib.decompressobj(-_WINDOW_BITS, zdict=_WORDS).decompress(value[1:]))
+
+
+_WINDOW_BITS = 13
+#: Form of packed documents, and the words that they refer to: for other words, take another mark and read both.
+_MARK = b"\x01"
+_WORDS = (
+    b'{"time":17,"components":["axle2_left.spring","axle2_left.damper","axle2_left.tyre","axle2_right.spring",'
+    b'"front_left.spring","front_left.damper","front_left.tyre","front_right.spring","front_right.damper",'
+    b'"front_right.tyre","rear_left.spring","rear_left.damper","rear_left.tyre","rear_right.spring",'
+    b'"rear_right.damper","rear_right.tyre"],"log_ratios":[0.00,-0.00],"covariance":[[0.00,0.00],[0.00,0.00]],'
+    b'"conditions":{"speed":1,"speed_std":0.,"rms":0.,"temperature":,"standing":0.0,"model_error":0.0,"segments":1,'
+    b'"roughness":1e-05,"payload":1},"modes":{"bounce":[1.,0.],"pitch":[1.,0.],"roll":[1.,0.]},"sensor_faults":'
+    b'[{"channel":"acc_fl","kind":"dead","detail":""}],"reason":"","missing":[],"notes":[]}'
+    b'{"modes":[],"reason":"","is_on_board":true}{"modes":[{"natural_frequency":1.5,"natural_frequency_std":0.0,'
+    b'"damping_ratio":0.2,"damping_ratio_std":0.0,"mode_shape":{"real":[0.9,1.0,-0.9,-1.0],"imag":[0.0,-0.0,0.0,'
+    b'-0.0]},"mode_shape_std":null,"mpc":0.9,"label":"wheel_hop","stable_rate":1.0},{"natural_frequency":1.,'
+    b'"mpc":0.99,"label":null,"stable_rate":0.9},{"natural_frequency":1.7,"mpc":0.9,"label":"bounce","stable_rate":'
+    b'0.8},{"natural_frequency":1.,"label":"pitch","stable_rate":0.7},{"natural_frequency":2.,"natural_frequency_std":'
+    b'0.0,"damping_ratio":0.1,"damping_ratio_std":0.0,"mode_shape":{"real":[1.0,0.9,0.'
+    b'],"imag":[0.0,-0.0]},"mode_shape_std":null,"mpc":0.9,"label":"roll","stable_rate":0.6}],"reason":""}'
+)
 
 METADATA = MetaData()
 
@@ -116,7 +160,7 @@ FORGOTTEN = Table("forgotten", METADATA, _key("vehicle", Text), Column("boot", _
 
 
 def _entries(name: str, *more: Column[object]) -> Table:
-    """Return a table of documents, each about a numbered stretch of time."""
+    """Return a table of documents, each about a numbered stretch of time: packed, or as text of earlier programs."""
     return Table(
         name,
         METADATA,
@@ -127,6 +171,7 @@ def _entries(name: str, *more: Column[object]) -> Table:
         Column("t0", _INTEGER, nullable=False),
         Column("document", Json, nullable=False),
         Column("stored", _INTEGER, nullable=False, server_default="0"),
+        Column("packed", Packed),
         Index(f"{name}_in_time", "vehicle", "t0"),
         Index(f"{name}_stored", "stored"),
     )

@@ -12,7 +12,7 @@ from sprung.storage.schema import COMPATIBILITY, StoreError
 
 #: Oldest revision whose programs can use a store of the newest one, at the same time as the present program. A step
 #: only adds columns with a default, tables and indices; one that does more sets this to its own revision.
-COMPATIBLE_SINCE = "0004"
+COMPATIBLE_SINCE = "0006"
 
 # Any number, but the same in every program that opens the store.
 _LOCK = 0x737072756E67
