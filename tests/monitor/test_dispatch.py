@@ -390,6 +390,5 @@ def test_frames_in_memory_and_in_the_store_make_one_run(dispatch, workers, store
         assert dispatch.give() == 1
         assert workers.jobs[-1] == ("car-1", expected, "")
         dispatch.settle(done("car-1", len(expected), b"state"))
-        dispatch.hold(frames[:4])
         assert dispatch._handover.n_bytes == 0
         take([4, 5])

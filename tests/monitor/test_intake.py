@@ -177,10 +177,10 @@ def test_what_the_store_refuses_all_the_same_is_left_out_alone(
 ) -> None:
     add_frames, declare_lost = store.inbox.add_frames, store.inbox.declare_lost
 
-    def add(frames, *, now):
+    def add(frames, *, now, new):
         if any((frame.vehicle, frame.seq) == ("car-2", 1) for frame in frames):
             raise RefusedError("the store cannot hold this: a number of 65 bits")
-        return add_frames(frames, now=now)
+        return add_frames(frames, now=now, new=new)
 
     def declare(below, *, now):
         if ("car-2", 5) in below:
@@ -207,7 +207,7 @@ def test_what_the_store_refuses_all_the_same_is_left_out_alone(
 
 
 def test_an_error_of_the_store_itself_is_none_of_the_message(intake, store, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(frames, *, now):
+    def fail(frames, **_):
         raise StoreError("the store does not answer")
 
     monkeypatch.setattr(store.inbox, "add_frames", fail)
@@ -235,7 +235,7 @@ def test_boots_that_are_analysed_make_room(intake, store, refusals, monkeypatch:
         intake.take([raw("car-1", boot, 0)], now=0)
         store.results.commit(Progress("car-1", boot, done_seq=0, delete_through_seq=0))
     assert refusals.counts == {}
-    assert len(store.inbox.cursors("car-1")) == 30
+    assert len(store.inbox.cursors(vehicle="car-1")) == 30
 
 
 def test_a_vehicle_has_at_most_a_thousand_boots_that_wait(intake, store, refusals, caplog) -> None:
@@ -255,3 +255,11 @@ def test_a_vehicle_has_at_most_a_thousand_boots_that_wait(intake, store, refusal
     store.results.commit(Progress("car-1", 0, done_seq=0, delete_through_seq=0))
     intake.take([raw("car-1", 1000, 0)], now=0)
     assert store.inbox.cursor("car-1", 1000).contiguous == 0
+
+
+def test_only_new_frames_are_handed_on(intake) -> None:
+    """A repeat of what was analysed long ago must not be analysed again from memory."""
+    first, second = raw("car-1", 1, 0), raw("car-1", 1, 1)
+    assert [frame.seq for frame in intake.take([first], now=0).frames] == [0]
+    assert [frame.seq for frame in intake.take([first, second], now=0).frames] == [1]
+    assert intake.take([first, second], now=0).frames == []

@@ -56,13 +56,6 @@ def test_a_state_replaces_the_frames_that_are_in_it(ledger, store) -> None:
     assert (snapshot.boot, snapshot.seq, snapshot.document) == (1, 2, b"state")
 
 
-def test_excluded_frames_are_an_alert(ledger, store) -> None:
-    ledger.exclude("car-1", 1, 3, n_frames=4, reason="the analysis failed")
-    (row,) = store.alerts.find(vehicle="car-1", is_active=True)
-    assert (row.cause, row.text) == ("monitor:analysis", "4 frames were excluded: the analysis failed")
-    assert waiting(store) == [4]
-
-
 @pytest.mark.parametrize(("modes", "n_stored"), [([{"natural_frequency": 1.4}], 1), ([float("nan")], 0)])
 def test_a_report_is_done_whether_it_can_be_stored_or_not(ledger, store, modes, n_stored) -> None:
     document = {Key.VERSION: 1, Key.BOOT: 1, Key.SEQ: 5, Key.START: NOW, Key.KIND: "modes", "number": 0}

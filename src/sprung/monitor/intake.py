@@ -203,7 +203,7 @@ class Intake:
     def _add_frames(
         self, frames: Sequence[StoredFrame], new: list[StoredFrame], now: int
     ) -> dict[tuple[str, int], int]:
-        """Store frames, without those that it refuses, add new ones to `new`, and return up to where none is missing."""
+        """Store frames that are not refused, add new ones to `new`, and return up to where none is missing."""
         try:
             arrived = self._store.inbox.add_frames(frames, new=new, now=now)
         except RefusedError as error:
