@@ -219,6 +219,13 @@ class Inline:
     def is_free(self, _vehicle: str) -> bool:
         return True
 
+    def is_misplaced(self, _vehicle: str) -> bool:
+        return False
+
+    @property
+    def figures(self) -> dict[str, float]:
+        return {}
+
     def open(self, opening: Any) -> None:
         from sprung.monitor.jobs import open_monitor
 
