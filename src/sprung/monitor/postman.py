@@ -113,9 +113,9 @@ class Postman:
         if row is None:
             return False
         if row.id not in self._results:
-            self._error = self._results[row.id] = self._attempt(row)
+            self._results[row.id] = self._attempt(row)
         self._settle(row, self._results[row.id], now)
-        del self._results[row.id]
+        self._error = self._results.pop(row.id)
         return True
 
     def _attempt(self, row: NotificationRow) -> str:
