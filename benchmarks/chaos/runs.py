@@ -105,7 +105,7 @@ class Rig:
     def _box_command(self, paths: list[Path], spool: Path) -> list[str]:
         names = [str(path) for path in paths]
         pace = [] if self.pace is None else ["--pace", f"{self.pace:.3f}"]
-        where = ["--broker", self.forwarders[0].url, "--spool", str(spool)]
+        where = ["--broker", self.forwarders[0].url, "--spool", str(spool), "--frame-seconds", "0"]
         return [*SPRUNG, "box", *names, "--vehicle", "zafira", "--vehicle-id", VEHICLE, *where, *pace]
 
     def kill(self, kind: str, generator: random.Random) -> None:

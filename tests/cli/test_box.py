@@ -39,7 +39,18 @@ def address(mosquitto):
 
 @pytest.fixture
 def words(address, tmp_path):
-    return ["--vehicle-id", "car-1", "--vehicle", "zafira", "--broker", address, "--spool", str(tmp_path / "spool")]
+    return [
+        "--vehicle-id",
+        "car-1",
+        "--vehicle",
+        "zafira",
+        "--broker",
+        address,
+        "--spool",
+        str(tmp_path / "spool"),
+        "--frame-seconds",
+        "0",
+    ]
 
 
 def test_the_end_of_the_source_is_logged(words, drive):
