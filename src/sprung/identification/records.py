@@ -223,6 +223,8 @@ class RunningRecords:
             If a setting does not suit the record, or it lacks a sensor of the vehicle file.
         """
         self._n_records += 1
+        if self._n_records == 1 and self._vehicle is not None:
+            self._remarks.layout.update(dict.fromkeys(plausibility_notes(self._vehicle)))
         try:
             usable_part, faults = self._usable(record)
             self._remarks.faults.append(faults)
@@ -240,8 +242,7 @@ class RunningRecords:
         vehicle = self._vehicle
         if vehicle is not None:
             check_present(record.names, vehicle.sensor, allow_missing=self._settings.allow_missing)
-            notes = (*plausibility_notes(vehicle), *layout_notes(record, vehicle))
-            self._remarks.layout.update(dict.fromkeys(notes))
+            self._remarks.layout.update(dict.fromkeys(layout_notes(record, vehicle)))
         outputs = [name for name in output_channels(record, vehicle) if name in record.names]
         living, faults = without_dead_parts(record, outputs) if outputs else (record, ())
         return usable(living, vehicle=vehicle, allow_missing=True), faults  # a dead channel is not missing
