@@ -78,7 +78,7 @@ def test_each_minute_is_a_record_of_the_modes_so_far(car, drive, alike) -> None:
     running = RunningSummary(
         "cov",
         settings=IdentificationSettings(
-            refine=False, has_road_modes=False, allow_missing=True, decimate_to=200 / 6, segment=10.0
+            refine=False, has_road_modes=False, allow_missing=True, decimate_to=40.0, segment=10.0
         ),
         vehicle=car,
         duration=600.0,

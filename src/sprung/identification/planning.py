@@ -35,7 +35,7 @@ _BELOW_LOWEST, _ABOVE_HIGHEST = 0.3, 1.5
 #: A given band may end just above its modes: heavily damped ones then need more margin.
 _RATE_OVER_BAND, _RATE_OVER_GIVEN_BAND = 3.0, 5.0
 #: Sampling rate over the highest plausible frequency of a mode of the body, where those modes alone are of interest.
-_RATE_OVER_BODY = 9.0
+_RATE_OVER_BODY = 11.0
 #: The lags span this many periods of the slowest motion, but no more than a multiple of the lag up to which most of the
 #: power of the cross-correlations lies (heavily damped motion decays before it has completed many periods), within
 #: these numbers of block rows and this size of matrix.
@@ -169,7 +169,7 @@ def rate_for_body(vehicle: AnyVehicle, sampling_rate: float) -> float:
     Returns
     -------
     float
-        Lowest integer submultiple of the sampling rate that is at least 9 times the highest plausible frequency of a
+        Lowest integer submultiple of the sampling rate that is at least 11 times the highest plausible frequency of a
         mode of the body (`sprung.vehicles.labels.body_range`), or that of `plan_preparation` if it is lower [Hz].
     """
     body = _RATE_OVER_BODY * body_range(structure(vehicle).modes())[1]

@@ -320,10 +320,11 @@ class VehicleMonitor:
             before = self._n_samples
             self._blocks.append(part)
             self._n_samples += part.n_samples
+            whole = joined(self._blocks) if self._n_samples == self._needed(part) else None
             if self._is_due(before, self._n_samples):
-                events.append(self._identify())
-            if self._n_samples == self._needed(part):
-                events.append(self._complete())
+                events.append(self._identify(whole))
+            if whole is not None:
+                events.append(self._complete(whole))
         return tuple(events)
 
     def learn_again(self, reason: str) -> None:
@@ -460,8 +461,8 @@ class VehicleMonitor:
         step = self._settings.identify_every * self._blocks[0].sampling_rate
         return bool(step) and after // step > before // step
 
-    def _identify(self) -> Identified:
-        """Identify the modes of the window so far."""
+    def _identify(self, whole: Recording | None) -> Identified:
+        """Identify the modes of the whole window, or of what there is of it."""
         self._n_identified += 1
         start = self._blocks[0].start
         modes: tuple[dict[str, Any], ...] = ()
@@ -470,17 +471,16 @@ class VehicleMonitor:
             reason = f"the window is shorter than {_SHORTEST:.0f} s"
         else:
             try:
-                is_complete = self._n_samples == self._needed(self._blocks[0])
-                modes = tuple(mode_documents(self._modes_of_window() if is_complete else self._modes_so_far()))
+                modes = tuple(mode_documents(self._modes_so_far() if whole is None else self._modes_of_window(whole)))
             except SprungError as error:
                 reason = str(error)
         self._modes = modes
         return Identified(self._n_identified - 1, start, modes, reason)
 
-    def _modes_of_window(self) -> Modes:
+    def _modes_of_window(self, recording: Recording) -> Modes:
         """Return the modes of the complete window, and keep the lines that it shows."""
         identify = METHODS[self._settings.method]
-        identification = identify(joined(self._blocks), settings=_IDENTIFICATION, vehicle=self._vehicle)
+        identification = identify(recording, settings=_IDENTIFICATION, vehicle=self._vehicle)
         self._harmonics = identification.harmonics
         return identification.modes
 
@@ -513,9 +513,8 @@ class VehicleMonitor:
                 record = []
         return records
 
-    def _complete(self) -> Observed:
+    def _complete(self, recording: Recording) -> Observed:
         """Process the complete window."""
-        recording = joined(self._blocks)
         self._begin_window()
         number = self._n_windows
         self._n_windows += 1
