@@ -10,7 +10,7 @@ from scipy import signal
 
 from sprung.errors import DataError, ParameterError
 from sprung.identification import BlockRowLadder, IdentificationSettings
-from sprung.identification.planning import disjoint_splits, make_plan, plan_preparation
+from sprung.identification.planning import disjoint_splits, make_plan, plan_preparation, rate_for_body
 from sprung.identification.preparation import prepare, search_harmonics
 from sprung.recording import Channel, Recording
 from sprung.signals.harmonics import Harmonic
@@ -255,3 +255,15 @@ def test_a_single_channel_cannot_be_split(n) -> None:
     with pytest.raises(ParameterError) as refusal:
         disjoint_splits(range(n))
     assert str(refusal.value) == "disjoint outputs and references need at least two channels"
+
+
+def test_the_body_alone_needs_a_lower_rate() -> None:
+    """The lowest submultiple of at least 11 x 1.6 times the highest mode of the body; the wheels move at 12 Hz."""
+    car = read_vehicle("zafira")
+    modes = structure(car).modes()
+    is_body = np.isin(np.array(modes.labels), ["bounce", "pitch", "roll"])
+    least = 11 * 1.6 * modes.natural_frequency[is_body].max()
+    rate = rate_for_body(car, 200.0)
+    assert rate == pytest.approx(40.0)
+    assert 200 / 6 < least < rate
+    assert rate_for_body(car, 20.0) == 20.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sprung.errors import DataError
-from sprung.identification import IdentificationSettings
+from sprung.identification import IdentificationSettings, RunningSummary, summarise
 from sprung.identification.records import correlate_records
 from sprung.simulation import simulate, usual_excitation
 from sprung.vehicles import chain
@@ -58,3 +58,21 @@ def test_without_a_usable_record_the_first_reason_is_raised() -> None:
         correlated([short, dead])
     with pytest.raises(DataError, match=r"^there is no recording to identify modes from"):
         correlated([])
+
+
+@pytest.mark.parametrize("method", ["cov", "coss"])
+def test_records_as_they_come_give_what_all_of_them_give(method) -> None:
+    records = [run(0), run(1, duration=30.0), run(2).part(0, 150), run(3, duration=30.0)]
+    settings = IdentificationSettings(harmonics=(), segment=5.0, refine=False)
+    running = RunningSummary(method, settings=settings, duration=sum(record.duration for record in records))
+    with pytest.raises(DataError, match="there is no recording"):
+        _ = running.summary
+    for record in records:
+        running.update(record)
+    assert running.n_records == 4
+    expected = summarise(method, records, settings=settings)
+    assert running.summary.plan == expected.plan
+    np.testing.assert_array_equal(running.summary.average.blocks, expected.average.blocks)
+    for (level, own), (expected_level, of_all) in zip(running.summary.subsets, expected.subsets, strict=True):
+        assert level == expected_level
+        np.testing.assert_array_equal(own.values, of_all.values)

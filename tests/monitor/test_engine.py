@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from sprung.diagnosis import Detection, Diagnosis, diagnose, observe_window
-from sprung.documents import diagnosis_document, finding_document, observation_document
+from sprung.documents import diagnosis_document, finding_document, mode_documents, observation_document
 from sprung.errors import ParameterError
+from sprung.identification import IdentificationSettings, RunningSummary, modes_of_summary
 from sprung.link import decode, frame_block, joined
 from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor
 from sprung.recording import Recording
@@ -58,6 +59,37 @@ def test_online_is_batch(car, drive, alike, seed) -> None:
     batch = observe_window(run, car, time=BEGUN / 1e9)
     assert alike(observation_document(window.observation), observation_document(batch))
     assert np.array_equal(window.recording.samples, run.samples)
+
+
+def identified(events: Iterable[Identified | Observed]) -> list[Identified]:
+    """Return the identifications among events."""
+    return [event for event in events if isinstance(event, Identified)]
+
+
+def test_each_minute_is_a_record_of_the_modes_so_far(car, drive, alike) -> None:
+    """The batch of the same records gives the same modes, and so does a monitor continued from its state."""
+    run = drive(0)
+    whole, stopped = (VehicleMonitor(car, settings=MonitorSettings()) for _ in range(2))
+    seconds = [run.part(200 * k, 200 * (k + 1)) for k in range(300)]
+    events = identified(event for second in seconds for event in whole.update(second))
+    assert [event.reason for event in events] == ["the window is shorter than 120 s", *[""] * 4]
+    assert [mode["label"] for mode in events[-1].modes] == ["bounce", "pitch"]
+    records = [run.part(0, 24_000), *(run.part(12_000 * k, 12_000 * (k + 1)) for k in range(2, 5))]
+    running = RunningSummary(
+        "cov",
+        settings=IdentificationSettings(
+            refine=False, has_road_modes=False, allow_missing=True, decimate_to=40.0, segment=10.0
+        ),
+        vehicle=car,
+        duration=600.0,
+    )
+    for record in records:
+        running.update(record)
+    assert alike(list(events[-1].modes), mode_documents(modes_of_summary(running.summary, vehicle=car)))
+    again = identified(event for second in seconds[:250] for event in stopped.update(second))
+    stopped = VehicleMonitor.from_state(car, cbor2.loads(cbor2.dumps(stopped.state())))
+    again += identified(event for second in seconds[250:] for event in stopped.update(second))
+    assert alike([event.modes for event in again], [event.modes for event in events])
 
 
 def test_a_channel_that_vanishes_is_a_failing_sensor(car, drive) -> None:

@@ -12,6 +12,7 @@ from sprung.signals.narrow_lines import (
     largest_family,
     multiples,
     narrow_lines,
+    searched,
 )
 
 
@@ -72,7 +73,11 @@ def test_noise_has_no_narrow_lines_at_the_rate_stated() -> None:
         recording = Recording(samples, 100.0, (Channel("a"), Channel("b")))
         found += len(
             narrow_lines(
-                recording, segment_length=4.0, prominence=0.1, false_alarm_rate=0.05, is_geometric=is_geometric
+                searched(recording),
+                segment_length=4.0,
+                prominence=0.1,
+                false_alarm_rate=0.05,
+                is_geometric=is_geometric,
             )
         )
     assert found <= stats.poisson.isf(1e-3, 2 * 100 * 0.05)
@@ -105,3 +110,19 @@ def test_the_chance_of_steadiness_of_independent_segments_is_a_power() -> None:
     chance = chance_of_steadiness(spectra, places, 500.0)
     assert chance == pytest.approx(2 * 51 * (1 - share) ** 5, rel=0.02)
     assert chance_of_steadiness(spectra[:4], places[:4], 500.0) == 1.0
+
+
+@pytest.mark.parametrize("is_geometric", [False, True])
+def test_a_band_holds_the_lines_of_the_whole_search(is_geometric) -> None:
+    """Noise with tones, 4 dB and more above it: the same lines to the last digit."""
+    t = np.arange(12_000) / 100
+    noise = np.random.default_rng(3).standard_normal((2, t.size))
+    tones = sum(0.3 * np.sin(2 * np.pi * f * t) for f in (3.3, 11.7, 12.4, 30.1))
+    recording = Recording(noise + tones, 100.0, (Channel("a"), Channel("b")))
+    options = {"segment_length": 8.0, "prominence": 4.0, "false_alarm_rate": 0.5, "is_geometric": is_geometric}
+    whole = narrow_lines(searched(recording), **options)
+    for band in ((11.0, 13.0), (0.0, 5.0), (29.0, 49.9)):
+        inside = [line for line in whole if band[0] <= line.frequency <= band[1]]
+        found = narrow_lines(searched(recording), band=band, **options)
+        assert [line for line in found if band[0] <= line.frequency <= band[1]] == inside
+        assert inside

@@ -21,7 +21,7 @@ from sprung.likelihood import (
     vehicle_model,
 )
 from sprung.likelihood.fitting import FitSetup
-from sprung.likelihood.spectra import segment_speeds, steady_segments
+from sprung.likelihood.spectra import delayed_speeds, segment_speeds, steady_segments
 from sprung.likelihood.speed_delay import DELAYS, speed_delay
 from sprung.likelihood.vehicle import Kind, usual_choices, with_sensors
 from sprung.vehicles import Vehicle, structure
@@ -93,8 +93,8 @@ def window_spectra(window: Window, settings: CornerSettings) -> WindowSpectra:
     if kind == "rig" or window.speed is None:
         return WindowSpectra(segments, layout, rigid, kind)
     setup = FitSetup(window.vehicle, window.structure, layout, settings, kind)
-    moving = np.array([segment_speeds([motion], window.speed, length, delay=delay) for delay in DELAYS])
-    late = speed_delay(segments, moving[:, 0], moving[:, 1], lambda speeds: setup.at_speeds(segments, speeds)).value
+    means, variations = delayed_speeds([motion], window.speed, length, DELAYS)
+    late = speed_delay(segments, means, variations, lambda speeds: setup.at_speeds(segments, speeds)).value
     speeds = segment_speeds([motion], window.speed, length, delay=late)
     return WindowSpectra(steady_segments(segments, *speeds), layout, rigid, kind)
 

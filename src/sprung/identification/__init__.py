@@ -4,6 +4,7 @@ from sprung.identification.ladders import BlockRowLadder, OrderLadder
 from sprung.identification.methods import (
     METHODS,
     SUBSPACE_METHODS,
+    RunningSummary,
     acs_ssi,
     coss_ssi,
     cov_ssi,
@@ -13,6 +14,7 @@ from sprung.identification.methods import (
     summarise,
 )
 from sprung.identification.picking import pick_modes
+from sprung.identification.planning import rate_for_body
 from sprung.identification.results import CorrelationSummary, Identification, RovingSetups, SetUp, SubsetModes
 from sprung.identification.settings import IdentificationSettings, Plan, PreparationPlan, as_in_thesis
 from sprung.identification.setups import identify_setups
@@ -30,6 +32,7 @@ __all__ = [
     "Plan",
     "PreparationPlan",
     "RovingSetups",
+    "RunningSummary",
     "SetUp",
     "SubsetModes",
     "acs_ssi",
@@ -41,5 +44,6 @@ __all__ = [
     "modes_of_summary",
     "pick_modes",
     "poly_lscf",
+    "rate_for_body",
     "summarise",
 ]

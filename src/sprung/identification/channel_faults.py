@@ -51,7 +51,7 @@ def without_dead_parts(recording: Recording, outputs: Sequence[str]) -> tuple[Re
         that are dead for more than half of it; and the faults of the outputs. A channel that is dead throughout stays
         as it is.
     """
-    facts = inspect(recording.select(list(outputs))).channels
+    facts = inspect(recording.select(list(outputs)), counts_odd_samples=False).channels
     samples, faults = recording.samples, []
     for fact in facts:
         if fact.is_dead or not (fact.is_clipped or fact.stuck or fact.n_values < recording.n_samples):

@@ -15,7 +15,7 @@ from sprung.identification.levels import LevelSet, level_sets
 from sprung.identification.merging import MergedModes, merge_modes, merged_deviations
 from sprung.identification.planning import disjoint_splits
 from sprung.identification.preparation import as_measured, without_lifter
-from sprung.identification.records import CorrelatedRecords, Progress, correlate_records
+from sprung.identification.records import CorrelatedRecords, Progress, RunningRecords, correlate_records
 from sprung.identification.refinement import Refinement, refine
 from sprung.identification.results import CorrelationSummary, Identification, SubsetModes, source_of
 from sprung.identification.road_modes import CombinedModes, combined_modes, has_road, kept_records
@@ -269,6 +269,73 @@ def summarise(
     given = _checked(recordings, vehicle)
     records = correlate_records(given, method=method, settings=settings, vehicle=vehicle, report=_no_report)
     return _summary(method, settings, records, _subset_levels(settings, records))[0]
+
+
+class RunningSummary:
+    """Correlations of records that come one after another, each of which is prepared and correlated once.
+
+    Parameters
+    ----------
+    method
+        "cov", "acs", "coss" or "plscf".
+    settings, vehicle
+        As for `cov_ssi`.
+    duration
+        Duration of all records together [s], as far as it is known.
+
+    Raises
+    ------
+    ParameterError
+        If `method` is none of these.
+
+    Notes
+    -----
+    After all records it comes to what `summarise` gives for the list of them, where that takes `duration` long.
+    """
+
+    def __init__(
+        self,
+        method: str,
+        *,
+        settings: IdentificationSettings | None = None,
+        vehicle: AnyVehicle | None = None,
+        duration: float | None = None,
+    ) -> None:
+        check_one_of("method", method, [name for name in METHODS if name != "fdd"])
+        self._method, self._settings = method, _suitable(method, settings or IdentificationSettings())
+        self._records = RunningRecords(method=method, settings=self._settings, vehicle=vehicle, total_duration=duration)
+
+    @property
+    def n_records(self) -> int:
+        """Number of records so far, with those that were left out."""
+        return self._records.n_records
+
+    @property
+    def summary(self) -> CorrelationSummary:
+        """Correlations of all usable records so far.
+
+        Raises
+        ------
+        DataError
+            If no record is usable, with the reason of the first.
+        """
+        records = self._records.correlated
+        return _summary(self._method, self._settings, records, _subset_levels(self._settings, records))[0]
+
+    def update(self, record: Recording) -> None:
+        """Prepare and correlate a record; one that is not usable is left out.
+
+        Parameters
+        ----------
+        record
+            Record as read.
+
+        Raises
+        ------
+        ParameterError
+            If a setting does not suit the record, or it lacks a sensor of the vehicle file.
+        """
+        self._records.update(record)
 
 
 def modes_of_summary(summary: CorrelationSummary, *, vehicle: AnyVehicle | None = None) -> Modes:

@@ -22,6 +22,7 @@ from sprung.signals.harmonics import Harmonic
 from sprung.signals.line_removal import subtract_lines
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 from sprung.vehicles import structure
+from sprung.vehicles.labels import body_range
 from sprung.vehicles.usable import AnyVehicle, speed_channel
 
 #: The band ends at this multiple of the frequency below which this share of the coherent power (per octave) lies.
@@ -33,6 +34,8 @@ _BELOW_LOWEST, _ABOVE_HIGHEST = 0.3, 1.5
 #: Smallest ratio of the sampling rate to the band's upper edge: decimation passes 0.8 of the new Nyquist frequency.
 #: A given band may end just above its modes: heavily damped ones then need more margin.
 _RATE_OVER_BAND, _RATE_OVER_GIVEN_BAND = 3.0, 5.0
+#: Sampling rate over the highest plausible frequency of a mode of the body, where those modes alone are of interest.
+_RATE_OVER_BODY = 11.0
 #: The lags span this many periods of the slowest motion, but no more than a multiple of the lag up to which most of the
 #: power of the cross-correlations lies (heavily damped motion decays before it has completed many periods), within
 #: these numbers of block rows and this size of matrix.
@@ -151,6 +154,26 @@ def plan_preparation(
         notes=tuple(notes),
         trend=trend,
     )
+
+
+def rate_for_body(vehicle: AnyVehicle, sampling_rate: float) -> float:
+    """Return a sampling rate at which the modes of the body are identified, if not those of the wheels.
+
+    Parameters
+    ----------
+    vehicle
+        Vehicle.
+    sampling_rate
+        Sampling rate of the recordings [Hz].
+
+    Returns
+    -------
+    float
+        Lowest integer submultiple of the sampling rate that is at least 11 times the highest plausible frequency of a
+        mode of the body (`sprung.vehicles.labels.body_range`), or that of `plan_preparation` if it is lower [Hz].
+    """
+    body = _RATE_OVER_BODY * body_range(structure(vehicle).modes())[1]
+    return _lowest_rate(sampling_rate, min(body, _RATE_OVER_BAND * _band_of_vehicle(vehicle, sampling_rate)[1]))
 
 
 def make_plan(

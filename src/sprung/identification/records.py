@@ -1,6 +1,6 @@
 """From recordings to the correlations of their segments, record by record."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
@@ -140,102 +140,143 @@ def correlate_records(
     """
     records = [recordings] if isinstance(recordings, Recording) else recordings
     total_duration = sum(record.duration for record in records) if isinstance(records, Sequence) else None
-    remarks = _Remarks()
-    moving = _usable_records(records, vehicle, report, remarks, allow_missing=settings.allow_missing)
-    plan, first = _first_record(
-        moving, method, settings, vehicle=vehicle, total_duration=total_duration, left_out=remarks.left_out
-    )
-    correlated = [first]
-    for number, recording in moving:
-        try:
-            _check_alive(remarks.faults[-1], plan)
-            prepared = prepare(recording, plan.preparation, lifter=settings.lifter)
-            harmonics = _harmonics(recording, plan.preparation, settings, vehicle)
-            correlated.append(_correlate(method, prepared, harmonics, plan, settings))
-        except DataError as error:
-            remarks.left_out[number] = error
-    levels = [record.levels for record in correlated if record.levels is not None]
-    edited = [record.edited_spectra for record in correlated if record.edited_spectra is not None]
-    lines = [record.lines for record in correlated if record.lines is not None]
-    return CorrelatedRecords(
-        plan=plan,
-        channels=first.channels,
-        segments=with_limited_power(join_segments([record.segments for record in correlated])),
-        counts=tuple(record.segments.n_segments for record in correlated),
-        levels=joined_levels(levels) if levels else None,
-        spectra=reduce(add, [record.spectra for record in correlated]),
-        edited_spectra=reduce(add, edited) if edited else None,
-        harmonics=_common_harmonics([record.harmonics for record in correlated]),
-        notes=remarks.notes,
-        lines=reduce(add, lines) if lines else None,
-    )
-
-
-def _usable_records(
-    records: Iterable[Recording],
-    vehicle: AnyVehicle | None,
-    report: Progress,
-    remarks: _Remarks,
-    *,
-    allow_missing: bool,
-) -> Iterator[tuple[int, Recording]]:
-    """Yield the number and the usable part of each record; remark on the others, on faults and on missing sensors."""
     n_records = len(records) if isinstance(records, Sequence) else 0
+    running = RunningRecords(method=method, settings=settings, vehicle=vehicle, total_duration=total_duration)
     for number, record in enumerate(records, start=1):
         report(f"correlating record {number}", 0.5 * (number - 1) / n_records if n_records else 0.0)
-        if vehicle is not None:
-            check_present(record.names, vehicle.sensor, allow_missing=allow_missing)
-            notes = (*plausibility_notes(vehicle), *layout_notes(record, vehicle))
-            remarks.layout.update(dict.fromkeys(notes))
+        running.update(record)
+    return running.correlated
+
+
+class RunningRecords:
+    """Correlations of the records of one condition, each of which is prepared and correlated once, as it comes.
+
+    Parameters
+    ----------
+    method, settings, vehicle
+        As for `correlate_records`.
+    total_duration
+        Duration of all records [s]; None: that of the first usable one.
+    """
+
+    def __init__(
+        self,
+        *,
+        method: str,
+        settings: IdentificationSettings,
+        vehicle: AnyVehicle | None,
+        total_duration: float | None = None,
+    ) -> None:
+        self._method, self._settings, self._vehicle = method, settings, vehicle
+        self._total_duration = total_duration
+        self._n_records = 0
+        self._plan: Plan | None = None
+        self._parts: list[_Correlated] = []
+        self._remarks = _Remarks()
+
+    @property
+    def n_records(self) -> int:
+        """Number of records so far, with those that were left out."""
+        return self._n_records
+
+    @property
+    def correlated(self) -> CorrelatedRecords:
+        """Correlations of all usable records so far.
+
+        Raises
+        ------
+        DataError
+            If there is no record, or no record is usable, with the reason of the first.
+        ParameterError
+            If records differ in channels or sampling rate.
+        """
+        if self._plan is None:
+            nothing = DataError("there is no recording to identify modes from: give at least one")
+            raise next(iter(self._remarks.left_out.values()), nothing)
+        levels = [record.levels for record in self._parts if record.levels is not None]
+        edited = [record.edited_spectra for record in self._parts if record.edited_spectra is not None]
+        lines = [record.lines for record in self._parts if record.lines is not None]
+        return CorrelatedRecords(
+            plan=self._plan,
+            channels=self._parts[0].channels,
+            segments=with_limited_power(join_segments([record.segments for record in self._parts])),
+            counts=tuple(record.segments.n_segments for record in self._parts),
+            levels=joined_levels(levels) if levels else None,
+            spectra=reduce(add, [record.spectra for record in self._parts]),
+            edited_spectra=reduce(add, edited) if edited else None,
+            harmonics=_common_harmonics([record.harmonics for record in self._parts]),
+            notes=self._remarks.notes,
+            lines=reduce(add, lines) if lines else None,
+        )
+
+    def update(self, record: Recording) -> None:
+        """Prepare and correlate a record, as planned from the first usable one; leave out one that is not usable.
+
+        Parameters
+        ----------
+        record
+            Record as read.
+
+        Raises
+        ------
+        ParameterError
+            If a setting does not suit the record, or it lacks a sensor of the vehicle file.
+        """
+        self._n_records += 1
+        if self._n_records == 1 and self._vehicle is not None:
+            self._remarks.layout.update(dict.fromkeys(plausibility_notes(self._vehicle)))
         try:
-            outputs = [name for name in output_channels(record, vehicle) if name in record.names]
-            living, found = without_dead_parts(record, outputs) if outputs else (record, ())
-            recording = usable(living, vehicle=vehicle, allow_missing=True)  # a dead channel is not missing
+            usable_part, faults = self._usable(record)
+            self._remarks.faults.append(faults)
+            if self._plan is None:
+                self._plan, part = self._first(usable_part)
+            else:
+                part = self._next(usable_part, faults, self._plan)
         except DataError as error:
-            remarks.left_out[number] = error
+            self._remarks.left_out[self._n_records] = error
         else:
-            remarks.faults.append(found)
-            yield number, recording
+            self._parts.append(part)
 
+    def _usable(self, record: Recording) -> tuple[Recording, tuple[ChannelFault, ...]]:
+        """Return the usable part of a record and the faults of its channels; remark on the layout of its sensors."""
+        vehicle = self._vehicle
+        if vehicle is not None:
+            check_present(record.names, vehicle.sensor, allow_missing=self._settings.allow_missing)
+            self._remarks.layout.update(dict.fromkeys(layout_notes(record, vehicle)))
+        outputs = [name for name in output_channels(record, vehicle) if name in record.names]
+        living, faults = without_dead_parts(record, outputs) if outputs else (record, ())
+        return usable(living, vehicle=vehicle, allow_missing=True), faults  # a dead channel is not missing
 
-def _first_record(
-    moving: Iterator[tuple[int, Recording]],
-    method: str,
-    settings: IdentificationSettings,
-    *,
-    vehicle: AnyVehicle | None,
-    total_duration: float | None,
-    left_out: dict[int, DataError],
-) -> tuple[Plan, _Correlated]:
-    """Return the plan from the first usable record, and the correlations of that record."""
-    for number, recording in moving:
-        try:
-            duration = total_duration or recording.duration
-            preparation = plan_preparation(recording, settings=settings, vehicle=vehicle)
-            harmonics = _harmonics(recording, preparation, settings, vehicle)
-            if harmonics and settings.band is None and settings.ladder is None and vehicle is None:
-                searched = highest_line(preparation)
-                preparation = plan_preparation(recording, settings=settings, harmonics=harmonics, searched=searched)
-            if method == "fdd":
-                preparation = with_long_segments(
-                    preparation, recording, total_duration=duration, segment=settings.segment
-                )
-            prepared = prepare(recording, preparation, lifter=settings.lifter)
-            plan = make_plan(
-                preparation,
-                prepared,
-                harmonics,
-                settings=settings,
-                method="cov" if _is_by_level(method, settings) else method,
-                total_duration=duration,
-            )
-            if plan.preparation.high_pass != preparation.high_pass:
-                prepared = without_slow_motion(prepared, plan.preparation.high_pass)
-            return plan, _correlate(method, prepared, harmonics, plan, settings)
-        except DataError as error:
-            left_out[number] = error
-    reasons = [*left_out.values(), DataError("there is no recording to identify modes from: give at least one")]
-    raise reasons[0]
+    def _first(self, recording: Recording) -> tuple[Plan, _Correlated]:
+        """Return the plan from the first usable record, and the correlations of that record."""
+        method, settings = self._method, self._settings
+        duration = self._total_duration or recording.duration
+        preparation = plan_preparation(recording, settings=settings, vehicle=self._vehicle)
+        harmonics = _harmonics(recording, preparation, settings, self._vehicle)
+        if harmonics and settings.band is None and settings.ladder is None and self._vehicle is None:
+            searched = highest_line(preparation)
+            preparation = plan_preparation(recording, settings=settings, harmonics=harmonics, searched=searched)
+        if method == "fdd":
+            preparation = with_long_segments(preparation, recording, total_duration=duration, segment=settings.segment)
+        prepared = prepare(recording, preparation, lifter=settings.lifter)
+        plan = make_plan(
+            preparation,
+            prepared,
+            harmonics,
+            settings=settings,
+            method="cov" if _is_by_level(method, settings) else method,
+            total_duration=duration,
+        )
+        if plan.preparation.high_pass != preparation.high_pass:
+            prepared = without_slow_motion(prepared, plan.preparation.high_pass)
+        return plan, _correlate(method, prepared, harmonics, plan, settings)
+
+    def _next(self, recording: Recording, faults: Sequence[ChannelFault], plan: Plan) -> _Correlated:
+        """Return the correlations of a record after the first."""
+        _check_alive(faults, plan)
+        prepared = prepare(recording, plan.preparation, lifter=self._settings.lifter)
+        harmonics = _harmonics(recording, plan.preparation, self._settings, self._vehicle)
+        return _correlate(self._method, prepared, harmonics, plan, self._settings)
 
 
 def _check_alive(faults: Sequence[ChannelFault], plan: Plan) -> None:

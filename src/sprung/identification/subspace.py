@@ -287,11 +287,13 @@ def poles_of_orders(realisation: Realisation, orders: Sequence[int]) -> Poles:
     n_channels = len(realisation.channels)
     O_up, O_down = realisation.observability[:-n_channels], realisation.observability[n_channels:]
     Q, R = np.linalg.qr(O_up)
+    # The leading block of the inverse of a triangular matrix is the inverse of its leading block.
+    S = linalg.solve_triangular(R, np.eye(len(R)), check_finite=False)
     X = Q.T @ O_down
     spectra = _conjugate_spectra(realisation.changes)
     rungs = []
     for order in orders:
-        rungs.append(_poles_of_order(realisation, Q[:, :order], R[:order, :order], X[:order, :order], spectra))
+        rungs.append(_poles_of_order(realisation, Q[:, :order], S[:order, :order], X[:order, :order], spectra))
     return stack_rungs(rungs, tuple(orders), realisation.channels)
 
 
@@ -302,18 +304,18 @@ def _conjugate_spectra(changes: Real) -> Complex:
 
 
 def _poles_of_order(
-    realisation: Realisation, Q: Real, R: Real, X: Real, spectra: Complex
+    realisation: Realisation, Q: Real, S: Real, X: Real, spectra: Complex
 ) -> tuple[Complex, Complex, Complex]:
-    """Return poles and shapes of one order, and the change of the poles with each block."""
-    order = len(R)
-    eigenvalues, psi = np.linalg.eig(linalg.solve_triangular(R, X, check_finite=False))
+    """Return poles and shapes of one order from S = R^-1, and the change of the poles with each block."""
+    order = len(S)
+    eigenvalues, psi = np.linalg.eig(S @ X)
     chosen = np.flatnonzero(eigenvalues.imag > 0)
     eigenvalues, right = eigenvalues[chosen], psi[:, chosen]
     poles = np.log(eigenvalues) * realisation.sampling_rate
     shapes = (realisation.observability[: len(realisation.channels), :order] @ right).T
     if not len(spectra) or not len(chosen):
         return poles, shapes, np.zeros((len(spectra), len(chosen)), dtype=np.complex128)
-    left = np.linalg.solve(R.T.astype(complex), np.linalg.inv(psi)[chosen].T)
+    left = S.T @ np.linalg.inv(psi)[chosen].T
     change = _eigenvalue_changes(realisation, spectra, eigenvalues, np.asarray(Q @ left, dtype=complex), right)
     return poles, shapes, change / eigenvalues * realisation.sampling_rate
 

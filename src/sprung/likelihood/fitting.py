@@ -20,6 +20,7 @@ from sprung.likelihood.spectra import (
     ClassSpectra,
     SegmentSpectra,
     class_spectra,
+    delayed_speeds,
     segment_spectra,
     segment_speeds,
     steady_segments,
@@ -227,8 +228,8 @@ def _prepare(
     setup = FitSetup(first.vehicle, first.structure, layout, settings, kind)
     if speed is None:
         return setup, segments, kind == "rig", None
-    moving = np.array([segment_speeds(records, speed, length, delay=delay) for delay in DELAYS])
-    delay = speed_delay(segments, moving[:, 0], moving[:, 1], lambda speeds: setup.at_speeds(segments, speeds))
+    means, variations = delayed_speeds(records, speed, length, DELAYS)
+    delay = speed_delay(segments, means, variations, lambda speeds: setup.at_speeds(segments, speeds))
     speeds, spreads = segment_speeds(records, speed, length, delay=delay.value)
     return setup, steady_segments(segments, speeds, spreads), True, delay
 

@@ -213,19 +213,52 @@ def segment_speeds(
     P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Transactions on Audio and
     Electroacoustics AU-15 (1967), 70-73.
     """
+    means, spreads = delayed_speeds(recordings, speed, segment_length, np.array([delay]))
+    return means[0], spreads[0]
+
+
+def delayed_speeds(
+    recordings: Iterable[Recording], speed: str, segment_length: float, delays: Real
+) -> tuple[Real, Real]:
+    """Return mean speeds and coefficients of variation as `segment_speeds`, for each of several delays.
+
+    Parameters
+    ----------
+    recordings, speed, segment_length
+        As for `segment_speeds`.
+    delays
+        Times by which the speed channel may be late [s], shape (delays,).
+
+    Returns
+    -------
+    ndarray, ndarray
+        Shape (delays, segments) each.
+
+    References
+    ----------
+    As for `segment_speeds`.
+    """
     means, spreads = [], []
     for recording, stretch in _stretches(recordings, segment_length):
         rate = recording.sampling_rate
         values = between_updates(recording.samples[recording.index(speed), stretch], rate)
-        late = np.arange(values.size) + delay * rate
-        moving = _windows(np.interp(late, np.arange(values.size), values), round(segment_length * rate))
-        weights = _hann(moving.shape[-1]) ** 2
+        n_samples = round(segment_length * rate)
+        weights = _hann(n_samples) ** 2
         weights /= weights.sum()
-        mean = moving @ weights
-        variance = np.maximum(moving**2 @ weights - mean**2, 0.0)
+        earlier = np.array([_earlier(values, delay * rate) for delay in delays])
+        mean = _windows(earlier, n_samples) @ weights
+        variance = np.maximum(_windows(earlier**2, n_samples) @ weights - mean**2, 0.0)
         means.append(mean)
         spreads.append(np.sqrt(variance) / np.maximum(np.abs(mean), 1e-9))
-    return np.concatenate(means), np.concatenate(spreads)
+    return np.concatenate(means, axis=1), np.concatenate(spreads, axis=1)
+
+
+def _earlier(values: Real, shift: float) -> Real:
+    """Return samples at times later by `shift` samples, on straight lines; the first and the last go on."""
+    whole = int(np.floor(shift))
+    part, places = shift - whole, np.arange(values.size + 1) + whole
+    held = values[np.clip(places, 0, values.size - 1)]
+    return np.asarray(held[:-1] + part * np.diff(held))
 
 
 def between_updates(values: Real, sampling_rate: float) -> Real:

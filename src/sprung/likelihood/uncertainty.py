@@ -86,10 +86,12 @@ def parameter_covariance(model: Model, parameters: Real, segments: SegmentSpectr
     W. K. Newey and K. D. West, A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
     covariance matrix, Econometrica 55 (1987), 703-708 (weight 1/2 of neighbours).
     """
-    information, prior = model.information(parameters), np.diag(1 / model.prior_std**2)
+    whitened = model.whitened_derivatives(parameters)
+    rows = whitened.reshape(parameters.size, -1)
+    information, prior = rows @ rows.T, np.diag(1 / model.prior_std**2)
     bread = np.linalg.inv(information + prior)
     expected = bread @ (OVERCOUNT * information + prior) @ bread
-    scores = _scores(model, parameters, segments)
+    scores = _scores(model, parameters, segments, whitened)
     observed = bread @ _score_covariance(scores) @ bread
     n, p = scores.shape
     share = n / (n + 2.0 * p)
@@ -202,11 +204,14 @@ def _whitened_segments(model: Model, parameters: Real, segments: SegmentSpectra,
     return np.einsum("sfij,sfj->sfi", factor[numbers], segments.values)
 
 
-def _scores(model: Model, parameters: Real, segments: SegmentSpectra) -> Real:
-    """Gradient of each segment's minus log likelihood, tr(S^-1 dS) - y^H S^-1 dS S^-1 y, (segments, parameters)."""
+def _scores(model: Model, parameters: Real, segments: SegmentSpectra, whitened: Real) -> Real:
+    """Gradient of each segment's minus log likelihood, tr(S^-1 dS) - y^H S^-1 dS S^-1 y, (segments, parameters).
+
+    `whitened` are the whitened derivatives of the model at the parameters.
+    """
     spectra = model.spectra
     of_one_segment = (np.sqrt(spectra.weights) / spectra.counts[:, None])[..., None]
-    whitened = model.whitened_derivatives(parameters) * of_one_segment
+    whitened = whitened * of_one_segment
     values = _whitened_segments(model, parameters, segments)
     excess = np.eye(values.shape[-1]) - values[..., :, None] * values[..., None, :].conj()
     coordinates = real_coordinates(excess)

@@ -30,8 +30,9 @@ from sprung.documents import (
     type_baseline_from_document,
 )
 from sprung.errors import DataError, ParameterError, SprungError
-from sprung.identification import METHODS, IdentificationSettings
+from sprung.identification import METHODS, IdentificationSettings, RunningSummary, modes_of_summary, rate_for_body
 from sprung.link import Block, joined
+from sprung.modal import Modes
 from sprung.monitor.completion import Completion
 from sprung.monitor.repeats import Repeats
 from sprung.monitor.states import (
@@ -52,6 +53,10 @@ from sprung.vehicles import Vehicle, vehicle_from_text, vehicle_text
 
 #: Shortest stretch of a window that modes are identified from [s].
 _SHORTEST = 120.0
+#: Length of the segments of a window that is not complete [s]: short enough for many of them after two minutes.
+_SEGMENT = 10.0
+#: Identification of a complete window, and what that of an incomplete one has in common with it.
+_IDENTIFICATION = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=True)
 #: Share of standing in a window above which that is why it is inconclusive.
 _MOST_STANDING = 0.5
 #: Note while a vehicle that deviates from its type is not learnt from.
@@ -174,8 +179,10 @@ class VehicleMonitor:
 
     Notes
     -----
-    Lines of wheels and engine are sought once per window, when it is complete; until then those of the previous window
-    are used.
+    Modes of a complete window are those of the batch method. Until then a cheaper identification serves: the samples
+    between one identification and the next are one record (`RunningSummary`), prepared and correlated once, at a rate
+    for the modes of the body alone (`rate_for_body`). Lines of wheels and engine are sought once per window, when it is
+    complete; until then those of the previous window are used.
 
     Windows hold a fixed number of samples in order of arrival, independent of the division into blocks, and are
     processed by the functions that process recordings: `observe_window`, `learn`, `ChangeDetector` and `diagnosis_of`.
@@ -215,6 +222,7 @@ class VehicleMonitor:
         self._reason = FIRST
         self._blocks: list[Block] = []
         self._n_samples = 0
+        self._running: RunningSummary | None = None
         self._n_windows = 0
         self._n_identified = self._n_thinned = 0
         self._learning: list[Observation] = []
@@ -320,8 +328,7 @@ class VehicleMonitor:
         if self._repeats.update(block):
             return ()
         if self._blocks and not _are_alike(block, self._blocks[-1]):
-            self._blocks, self._n_samples = [], 0
-        step = self._settings.identify_every * block.sampling_rate
+            self._begin_window()
         rest: Block | None = block
         while rest is not None:
             room = self._needed(rest) - self._n_samples
@@ -329,15 +336,15 @@ class VehicleMonitor:
             before = self._n_samples
             self._blocks.append(part)
             self._n_samples += part.n_samples
-            is_complete = self._n_samples == self._needed(part)
-            if step and self._n_samples // step > before // step:
-                if skips_modes and not is_complete:
+            whole = joined(self._blocks) if self._n_samples == self._needed(part) else None
+            if self._is_due(before, self._n_samples):
+                if skips_modes and whole is None:
                     self._n_identified += 1
                     self._n_thinned += 1
                 else:
-                    events.append(self._identify())
-            if is_complete:
-                events.append(self._complete())
+                    events.append(self._identify(whole))
+            if whole is not None:
+                events.append(self._complete(whole))
         return tuple(events)
 
     def learn_again(self, reason: str) -> None:
@@ -462,8 +469,17 @@ class VehicleMonitor:
         """Samples of a window."""
         return max(1, round(self._settings.window * block.sampling_rate))
 
-    def _identify(self) -> Identified:
-        """Identify the modes of the window so far."""
+    def _begin_window(self) -> None:
+        """Forget the samples of the window so far."""
+        self._blocks, self._n_samples, self._running = [], 0, None
+
+    def _is_due(self, before: int, after: int) -> bool:
+        """Return whether modes are identified where the window has grown from one number of samples to another."""
+        step = self._settings.identify_every * self._blocks[0].sampling_rate
+        return bool(step) and after // step > before // step
+
+    def _identify(self, whole: Recording | None) -> Identified:
+        """Identify the modes of the whole window, or of what there is of it."""
         self._n_identified += 1
         start = self._blocks[0].start
         modes: tuple[dict[str, Any], ...] = ()
@@ -472,26 +488,51 @@ class VehicleMonitor:
             reason = f"the window is shorter than {_SHORTEST:.0f} s"
         else:
             try:
-                is_complete = self._n_samples == self._needed(self._blocks[0])
-                known = IdentificationSettings(
-                    harmonics=None if is_complete else self._harmonics,
-                    has_road_modes=False,
-                    refine=False,
-                    allow_missing=True,
-                )
-                identify = METHODS[self._settings.method]
-                identification = identify(joined(self._blocks), settings=known, vehicle=self._vehicle)
-                modes = tuple(mode_documents(identification.modes))
-                self._harmonics = identification.harmonics if is_complete else self._harmonics
+                modes = tuple(mode_documents(self._modes_so_far() if whole is None else self._modes_of_window(whole)))
             except SprungError as error:
                 reason = str(error)
         self._modes = modes
         return Identified(self._n_identified - 1, start, modes, reason)
 
-    def _complete(self) -> Observed:
+    def _modes_of_window(self, recording: Recording) -> Modes:
+        """Return the modes of the complete window, and keep the lines that it shows."""
+        identify = METHODS[self._settings.method]
+        identification = identify(recording, settings=_IDENTIFICATION, vehicle=self._vehicle)
+        self._harmonics = identification.harmonics
+        return identification.modes
+
+    def _modes_so_far(self) -> Modes:
+        """Return the modes of the body from the samples between one identification and the next, as records."""
+        if self._running is None:
+            settings = replace(
+                _IDENTIFICATION,
+                harmonics=self._harmonics,
+                decimate_to=rate_for_body(self._vehicle, self._blocks[0].sampling_rate),
+                segment=_SEGMENT,
+            )
+            self._running = RunningSummary(
+                self._settings.method, settings=settings, vehicle=self._vehicle, duration=self._settings.window
+            )
+        for record in self._records()[self._running.n_records :]:
+            self._running.update(joined(record))
+        return modes_of_summary(self._running.summary, vehicle=self._vehicle)
+
+    def _records(self) -> list[list[Block]]:
+        """Return the blocks between one identification of the window and the next; a state holds no more of them."""
+        records: list[list[Block]] = []
+        record: list[Block] = []
+        after = 0
+        for block in self._blocks:
+            record.append(block)
+            before, after = after, after + block.n_samples
+            if after >= _SHORTEST * block.sampling_rate and self._is_due(before, after):
+                records.append(record)
+                record = []
+        return records
+
+    def _complete(self, recording: Recording) -> Observed:
         """Process the complete window."""
-        recording = joined(self._blocks)
-        self._blocks, self._n_samples = [], 0
+        self._begin_window()
         number = self._n_windows
         self._n_windows += 1
         time = recording.start / 1e9 if recording.start is not None else number * self._settings.window

@@ -3,7 +3,7 @@
 All functions work stretch by stretch: nothing is filtered, fitted or interpolated across a gap.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Literal
@@ -284,7 +284,14 @@ def while_moving(recording: Recording, speed: str, *, minimum_speed: float = 3.0
     )
 
 
-def over_distance(recording: Recording, speed: str, *, interval: float, minimum_speed: float = 3.0) -> Recording:
+def over_distance(
+    recording: Recording,
+    speed: str,
+    *,
+    interval: float,
+    minimum_speed: float = 3.0,
+    channels: Sequence[str] | None = None,
+) -> Recording:
     """Resample onto equal steps of distance, in which lines proportional to speed stand still.
 
     Parameters
@@ -297,6 +304,8 @@ def over_distance(recording: Recording, speed: str, *, interval: float, minimum_
         Distance between samples of the result [m].
     minimum_speed
         Speed below which parts are left out [m/s].
+    channels
+        Names of the channels of the result; None: all.
 
     Returns
     -------
@@ -321,15 +330,16 @@ def over_distance(recording: Recording, speed: str, *, interval: float, minimum_
     check_number("interval", interval, above=0)
     parts = moving_parts(recording, speed, minimum_speed=minimum_speed)
     distance = distance_travelled(recording, speed)
+    resampled = recording if channels is None else recording.select(channels)
     oversampling = int(np.ceil(interval * recording.sampling_rate / minimum_speed - 1e-9))
     pieces = []
     for part in parts:
         metres = distance[part]
         grid = np.arange(metres[0], metres[-1], interval / max(1, oversampling))
-        spline = make_interp_spline(np.arange(metres.size), recording.samples[:, part], k=5, axis=1)
+        spline = make_interp_spline(np.arange(metres.size), resampled.samples[:, part], k=5, axis=1)
         pieces.append((float(metres[0]), spline(np.interp(grid, metres, np.arange(metres.size)))))
     fine = _join_pieces(
-        recording,
+        resampled,
         pieces,
         step=f"resampled every {interval:g} m of distance; parts below {minimum_speed:g} m/s left out",
         sampling_rate=max(1, oversampling) / interval,

@@ -329,6 +329,8 @@ def repeated_samples(values: Real, sampling_rate: float) -> int:
     powers = _powers(_FACTOR, values.size)
     sums = np.concatenate([np.zeros(1, dtype=np.uint64), np.cumsum(bits * powers, dtype=np.uint64)])
     hashes = (sums[n:] - sums[:-n]) * _powers(np.uint64(pow(int(_FACTOR), -1, 2**64)), sums.size - n)
+    if not _has_twins(hashes):
+        return 0
     _, first, inverse = np.unique(hashes, return_index=True, return_inverse=True)
     changes = np.concatenate([[0], np.cumsum(np.diff(values) != 0)])
     is_lively = changes[n - 1 :] - changes[: changes.size - n + 1] >= _CHANGING * (n - 1)
@@ -340,6 +342,12 @@ def repeated_samples(values: Real, sampling_rate: float) -> int:
     np.add.at(edges, copies + n, -1)
     count = int(np.count_nonzero(np.cumsum(edges)[:-1]))
     return count if count < _PERIODIC * values.size else 0
+
+
+def _has_twins(values: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> bool:
+    """Return whether any value occurs twice, in a fraction of the time of finding which."""
+    ordered = np.sort(values)
+    return bool(np.any(ordered[1:] == ordered[:-1]))
 
 
 def _powers(factor: np.uint64, count: int) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:

@@ -20,6 +20,7 @@ from sprung.signals.narrow_lines import (
     NOISE_BANDWIDTH,
     Densities,
     Line,
+    Searched,
     largest_family,
     merge_peaks,
     multiples,
@@ -197,8 +198,10 @@ def find_harmonics(
     slow, low, middle, high, fast = (float(q) for q in np.quantile(v, (0.05, 0.25, 0.5, 0.75, 0.95)))
     if high - low < LEAST_SPREAD * middle:
         return constant
-    along = over_distance(moving, speed, interval=middle / recording.sampling_rate, minimum_speed=minimum_speed)
-    lines = _speed_lines(along.select(names), moving.select(names), (low, middle, high), prominence, false_alarm_rate)
+    along = over_distance(
+        moving, speed, interval=middle / recording.sampling_rate, minimum_speed=minimum_speed, channels=names
+    )
+    lines = _speed_lines(along, moving.select(names), (low, middle, high), prominence, false_alarm_rate)
     following = _as_harmonics(lines, names, "speed", (slow, fast))
     return tuple(line for line in constant if not _is_swept(line, following)) + following
 
@@ -457,16 +460,18 @@ def _speed_lines(
     """Return lines over distance that exceed every line over time at the frequencies of these quartiles of speed."""
     peaks: list[Line] = []
     longest = _longest_stretch(along)
+    samples, over_time = searched(along), searched(moving)
     for metres in octaves(min(along.duration / 3.5, longest), along):
         narrow = narrow_lines(
-            along,
+            samples,
             segment_length=metres,
             prominence=min(prominence, FAINTEST_MULTIPLE),
             false_alarm_rate=false_alarm_rate,
             is_geometric=True,
+            band=(CYCLES / metres, 2 * CYCLES / metres),
         )
         in_range = [peak for peak in narrow if CYCLES <= peak.frequency * metres < 2 * CYCLES]
-        peaks += _unexplained(in_range, moving, metres / speeds[1], speeds) if in_range else []
+        peaks += _unexplained(in_range, over_time, metres / speeds[1], speeds) if in_range else []
     lines = merge_peaks(peak for peak in peaks if peak.prominence >= prominence)
     faint = merge_peaks((peak for peak in peaks if peak.prominence < prominence), known=lines)
     families = [multiples(line.frequency, line.tolerance, faint) for line in lines]
@@ -475,16 +480,20 @@ def _speed_lines(
 
 
 def _unexplained(
-    peaks: list[Line], moving: Recording, segment_length: float, speeds: tuple[float, float, float]
+    peaks: list[Line], over_time: Searched, segment_length: float, speeds: tuple[float, float, float]
 ) -> list[Line]:
     """Return the peaks over distance that no line over time in the same channels explains."""
-    longest = _longest_stretch(moving)
+    longest = max(part.stop - part.start for part in over_time.stretches) / over_time.sampling_rate
+    segment_length = min(segment_length, longest)
+    reach = (NOISE_BANDWIDTH + 1) / segment_length
+    slow, fast = min(peak.frequency for peak in peaks) * speeds[0], max(peak.frequency for peak in peaks) * speeds[2]
     rivals = narrow_lines(
-        moving,
-        segment_length=min(segment_length, longest),
+        over_time,
+        segment_length=segment_length,
         prominence=min(peak.prominence for peak in peaks),
         false_alarm_rate=1.0 / 2,
         is_geometric=True,
+        band=(slow - reach, fast + reach),
     )
     return [
         replace(peak, tolerance=max(peak.tolerance, SLIP * peak.frequency))

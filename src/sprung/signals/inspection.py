@@ -139,13 +139,15 @@ class Inspection(Tabular, Savable):
         return in_short(head, f"faults: {faults}" if faults else "no faults of channels")
 
 
-def inspect(recording: Recording) -> Inspection:
+def inspect(recording: Recording, *, counts_odd_samples: bool = True) -> Inspection:
     """Return the facts about a recording.
 
     Parameters
     ----------
     recording
         Recording of any length, missing values as NaN.
+    counts_odd_samples
+        Whether spikes and copied stretches are counted, which takes most of the time; False: as if there were none.
 
     Returns
     -------
@@ -160,11 +162,11 @@ def inspect(recording: Recording) -> Inspection:
     (3.0, 0.6)
     """
     check_type("recording", recording, Recording)
-    return inspect_blocks([recording])
+    return inspect_blocks([recording], counts_odd_samples=counts_odd_samples)
 
 
-def inspect_blocks(blocks: Iterable[Recording]) -> Inspection:
-    """Return the facts about a recording from its blocks, in bounded memory.
+def inspect_blocks(blocks: Iterable[Recording], *, counts_odd_samples: bool = True) -> Inspection:
+    """Return the facts about a recording from its blocks, in bounded memory; parameters as `inspect`.
 
     Runs of equal samples are counted within each block.
 
@@ -178,7 +180,7 @@ def inspect_blocks(blocks: Iterable[Recording]) -> Inspection:
     for block in blocks:
         is_moving = moving_samples(block)
         rows = zip(block.samples, block.channels, strict=True)
-        added = [_tally(values, channel, block, is_moving) for values, channel in rows]
+        added = [_tally(values, channel, block, is_moving, counts_odd_samples) for values, channel in rows]
         tallies = [_merged(*pair) for pair in zip(tallies, added, strict=True)] if tallies else added
         total = _extended(total, block)
     if total is None:
@@ -231,7 +233,7 @@ class _Tally:
     n_spikes: int = 0
 
 
-def _tally(samples: Real, channel: Channel, block: Recording, is_moving: Booleans) -> _Tally:
+def _tally(samples: Real, channel: Channel, block: Recording, is_moving: Booleans, counts_odd_samples: bool) -> _Tally:
     """Return the sums over one channel of a block."""
     values = samples[~np.isnan(samples)]
     if values.size == 0:
@@ -250,8 +252,8 @@ def _tally(samples: Real, channel: Channel, block: Recording, is_moving: Boolean
         n_at_maximum=n_at_maximum,
         rest=rest_of(samples, block.sampling_rate, breaks=breaks),
         rest_moving=rest_of(samples, block.sampling_rate, breaks=breaks, is_moving=is_moving),
-        n_repeated=repeated_samples(samples, block.sampling_rate),
-        n_spikes=count_spikes(samples),
+        n_repeated=repeated_samples(samples, block.sampling_rate) if counts_odd_samples else 0,
+        n_spikes=count_spikes(samples) if counts_odd_samples else 0,
     )
 
 

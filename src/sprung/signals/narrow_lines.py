@@ -14,6 +14,8 @@ from sprung.recording import Recording
 
 #: Bins of the Hann window's main lobe on each side, and last bin of the neighbourhood that a line must exceed.
 MAIN_LOBE, NEIGHBOURHOOD = 2, 12
+#: Bins on either side of a band that are computed with it: a neighbourhood and a main lobe of a peak at its edge.
+_BESIDE = NEIGHBOURHOOD + 2 * MAIN_LOBE + 2
 #: Resolution of a Hann window (its noise bandwidth) in bins.
 NOISE_BANDWIDTH = 1.5
 #: Number of segments whose powers are compared at a time, and smallest number for any conclusion.
@@ -106,20 +108,21 @@ def octaves(longest: float, recording: Recording) -> list[float]:
 
 
 def narrow_lines(
-    recording: Recording,
+    samples: Searched,
     *,
     segment_length: float,
     prominence: float,
     false_alarm_rate: float,
     is_geometric: bool = False,
     least_damping: float | None = None,
+    band: tuple[float, float] = (0.0, math.inf),
 ) -> list[Line]:
     """Find the peaks of each channel's averaged periodogram that are as narrow as the window.
 
     Parameters
     ----------
-    recording
-        Recording without missing values.
+    samples
+        Samples of a recording, from `searched`.
     segment_length
         Length of the averaged segments [s].
     prominence
@@ -132,6 +135,8 @@ def narrow_lines(
     least_damping
         Smallest damping ratio of a mode: a peak may also be a line because it is narrower than any mode
         (`chance_of_narrowness`); None: only because it is regular (`chance_of_regularity`).
+    band
+        Lowest and highest frequency of interest, in the recording's unit; further lines need not be found.
 
     Returns
     -------
@@ -139,12 +144,13 @@ def narrow_lines(
         Lines of each channel; a line in several channels occurs in each.
     """
     return search_segments(
-        searched(recording),
+        samples,
         segment_length,
         prominence=prominence,
         false_alarm_rate=false_alarm_rate,
         is_geometric=is_geometric,
         least_damping=least_damping,
+        band=band,
     )[0]
 
 
@@ -168,6 +174,7 @@ def search_segments(
     lowest: float = 0.0,
     finer: Densities | None = None,
     most_segments: int | None = None,
+    band: tuple[float, float] = (0.0, math.inf),
 ) -> tuple[list[Line], Densities]:
     """Find the peaks of the averaged periodograms of half-overlapping Hann-windowed segments.
 
@@ -177,7 +184,7 @@ def search_segments(
         Samples.
     segment_length
         Length of a segment [s].
-    prominence, false_alarm_rate, is_geometric, least_damping
+    prominence, false_alarm_rate, is_geometric, least_damping, band
         As for `narrow_lines`.
     lowest, finer
         Frequency below which a peak may be regular or narrow only if it is wider than the resolution of these
@@ -188,7 +195,7 @@ def search_segments(
     Returns
     -------
     tuple
-        Lines of each channel, and the averaged periodograms.
+        Lines of each channel, and the averaged periodograms, 0 far from the band.
     """
     length = round(segment_length * searched.sampling_rate)
     starts = _starts(searched.stretches, length, most_segments)
@@ -199,15 +206,21 @@ def search_segments(
     may_be_line = starts.size >= (FEWEST_SEGMENTS if least_damping is None else 1)
     random = _random_height(starts.size, false_alarm_rate / (n_channels * n_bins), is_geometric)
     lines: list[Line] = []
-    densities = np.empty((n_channels, n_bins))
+    densities = np.zeros((n_channels, n_bins))
+    first = min(max(0, int(band[0] / bin_width) - _BESIDE), n_bins)
+    last = int(min(n_bins, band[1] / bin_width + _BESIDE))
     for row, samples in enumerate(searched.samples):
         segments = np.lib.stride_tricks.sliding_window_view(samples, length)[starts]
         spectra = fft.rfft(segments * window, axis=1, overwrite_x=True)
-        powers = spectra.real**2 + spectra.imag**2
-        densities[row] = powers.mean(axis=0)
-        density = _geometric_mean(powers.astype(np.float64)) if is_geometric else densities[row]
-        bins, heights = _peaks(density, max(prominence, random)) if may_be_line else (np.zeros(0, dtype=np.intp),) * 2
-        for k, height in zip(bins.tolist(), heights.tolist(), strict=True):
+        powers = np.zeros(spectra.shape, dtype=np.float32)
+        powers[:, first:last] = spectra.real[:, first:last] ** 2 + spectra.imag[:, first:last] ** 2
+        densities[row, first:last] = powers[:, first:last].mean(axis=0)
+        density = densities[row]
+        if is_geometric:
+            density = np.zeros(n_bins)
+            density[first:last] = _geometric_mean(powers[:, first:last].astype(np.float64))
+        bins, heights = _peaks(density[first:last], max(prominence, random) if may_be_line else math.inf)
+        for k, height in zip((bins + first).tolist(), heights.tolist(), strict=True):
             offset, level = _vertex(density[k - 1 : k + 2])
             line = Line(
                 frequency=(k + offset) * bin_width,

@@ -12,6 +12,7 @@ from sprung.vehicles import (
     Description,
     ExactModes,
     Outputs,
+    Structure,
     Vehicle,
     participation,
     sensor_outputs,
@@ -128,7 +129,8 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
     """
     if vehicle is not None and not isinstance(vehicle, Vehicle):
         return replace(modes, labels=_labels_by_frequency(modes, structure(vehicle).modes()))
-    mass = None if vehicle is None else structure(vehicle).mass[:3, :3]
+    exact = None if vehicle is None else structure(vehicle)
+    mass = None if exact is None else exact.mass[:3, :3]
     hops = np.zeros(0) if vehicle is None else wheel_hop_frequencies(vehicle)
     shares, explained = rigid_body_participation(modes, channels, mass=mass)
     is_twisted = (explained < _LEAST_EXPLAINED) & np.isfinite(shares).any() & _shows_twist(channels, vehicle)
@@ -136,7 +138,7 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
         MOTIONS[int(np.argmax(share))] if fit >= _LEAST_EXPLAINED and share.max() >= _LEAST_SHARE else None
         for share, fit in zip(shares, explained, strict=True)
     ]
-    lowest, highest = _plausible(modes, motions, vehicle)
+    lowest, highest = _plausible(modes, motions, exact)
     labels: list[str | None] = []
     for frequency, motion, twisted in zip(modes.natural_frequency, motions, is_twisted, strict=True):
         label = None
@@ -148,10 +150,10 @@ def labelled(modes: Modes, channels: Sequence[Channel], *, vehicle: Description 
     return replace(modes, labels=tuple(labels))
 
 
-def _plausible(modes: Modes, motions: Sequence[str | None], vehicle: Vehicle | None) -> tuple[float, float]:
+def _plausible(modes: Modes, motions: Sequence[str | None], exact: Structure | None) -> tuple[float, float]:
     """Return the lowest and the highest frequency [Hz] of modes of the body."""
-    if vehicle is not None:
-        return body_range(structure(vehicle).modes())
+    if exact is not None:
+        return body_range(exact.modes())
     rigid = [f for f, motion in zip(modes.natural_frequency, motions, strict=True) if motion is not None]
     return 0.0, _SPREAD * min(rigid, default=np.inf)
 
