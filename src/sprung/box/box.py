@@ -110,6 +110,10 @@ class Box:
         Present time [s] of any clock that only goes forward.
     sleep
         Function that waits for a time [s].
+    now
+        Present time, UTC ns.
+    connect
+        Function of address, name, topics and handlers that returns a link, such as `Link`.
     """
 
     def __init__(
@@ -122,11 +126,13 @@ class Box:
         on_board: "OnBoard | None" = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
+        now: Callable[[], int] = time.time_ns,
+        connect: Callable[..., Link] = Link,
     ) -> None:
         self._settings, self._spool = settings, spool
         self._sending = Sending(spool, patience=settings.patience)
         self._on_board = on_board
-        self._quantities, self._clock, self._sleep = quantities, clock, sleep
+        self._quantities, self._clock, self._sleep, self._now = quantities, clock, sleep, now
         self._address, self._user = address, common_name(address.cert) if address.cert else address.user
         self._received: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._announced: dict[str, str] = {}
@@ -134,7 +140,7 @@ class Box:
         self._warning = Every(_EXAMINE, clock)
         self._problem = ""
         self._lock = threading.Lock()
-        self._link = Link(
+        self._link = connect(
             address,
             f"sprung-box-{settings.vehicle}",
             topics=[topic(settings.vehicle, "ack"), topic(settings.vehicle, "cmd")],
@@ -355,7 +361,7 @@ class Box:
             "boots": [[boot, first, ends.get(boot, -1)] for boot, first in sorted(boots.items())],
             "dropped": self._spool.dropped,
             "spooled": self._spool.n_bytes,
-            "time": time.time_ns(),
+            "time": self._now(),
             "is_leaving": is_leaving,
         }
         self._publish("state", document)

@@ -1,8 +1,5 @@
 """The spool of a box: frames on disk until the monitor has them, in bounded space."""
 
-import fcntl
-import os
-import shutil
 import struct
 import zlib
 from collections import deque
@@ -13,6 +10,7 @@ from pathlib import Path
 
 from sprung._checks import check_number
 from sprung.errors import SprungError
+from sprung.link.disk import Disk
 
 _HEADER = struct.Struct("<2sQQI")
 _MARK = b"sp"
@@ -49,6 +47,8 @@ class Spool:
         Whether each append reaches the disk before it returns.
     boot_from
         Lowest number of this boot, such as the time in seconds, so that numbers still rise on a new disk.
+    disk
+        Disk of the folder; None: that of this machine.
 
     Raises
     ------
@@ -63,19 +63,27 @@ class Spool:
     cut off when the spool is opened.
     """
 
-    def __init__(self, folder: Path, *, most_bytes: int = 1 << 28, is_synced: bool = True, boot_from: int = 0) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        most_bytes: int = 1 << 28,
+        is_synced: bool = True,
+        boot_from: int = 0,
+        disk: Disk | None = None,
+    ) -> None:
         check_number("most_bytes", most_bytes, at_least=4096)
-        self._folder = folder
+        self._folder, self._disk = folder, disk or Disk()
         self._most = int(most_bytes)
         self._is_synced = is_synced
         self._dropped = 0
         self._acknowledged: dict[int, int] = {}
         self._handle: int | None = None
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _locked(folder / "lock")
-            paths = sorted(folder.glob(f"*{_SUFFIX}"))
-            self._files = [found for path in paths if (found := _scanned(path)) is not None]
+            self._disk.make_folder(folder)
+            self._lock = self._locked()
+            names = [name for name in self._disk.names(folder) if name.endswith(_SUFFIX)]
+            self._files = [found for name in names if (found := self._scanned(folder / name)) is not None]
             last, self._previous = self._boots_before()
             self._boot = max(last + 1, int(boot_from))
             self._write_boot()
@@ -111,7 +119,7 @@ class Spool:
     @property
     def free(self) -> int:
         """Free space on the disk of the spool [bytes]."""
-        return shutil.disk_usage(self._folder).free
+        return self._disk.free(self._folder)
 
     @property
     def boots(self) -> dict[int, int]:
@@ -122,7 +130,7 @@ class Spool:
 
     def last_frame(self) -> bytes | None:
         """Return the payload of the newest frame, of this boot or an earlier one; None if the spool is empty."""
-        newest = deque(_records(self._files[-1].path), maxlen=1) if self._files else ()
+        newest = deque(self._records(self._files[-1].path), maxlen=1) if self._files else ()
         return next((payload for _, _, payload in newest), None)
 
     def append(self, encoded: Callable[[int, int], bytes]) -> bool:
@@ -168,7 +176,7 @@ class Spool:
         for file in list(self._files):
             if (file.boot, file.last) <= (boot, after):
                 continue
-            for frame_boot, seq, payload in _records(file.path):
+            for frame_boot, seq, payload in self._records(file.path):
                 if (frame_boot, seq) > (boot, after) and seq > self._acknowledged.get(frame_boot, -1):
                     yield frame_boot, seq, payload
 
@@ -176,7 +184,7 @@ class Spool:
         """Close the file that is written, and release the spool."""
         self._close()
         if self._lock >= 0:
-            os.close(self._lock)
+            self._disk.close(self._lock)
             self._lock = -1
 
     def _write(self, record: bytes) -> None:
@@ -185,18 +193,18 @@ class Spool:
         if self._handle is None or newest is None or newest.size + len(record) > min(self._most // _FILES, _LARGEST):
             self._close()
             path = self._folder / f"{self._boot:016x}-{self._seq - 1:016x}{_SUFFIX}"
-            self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+            self._handle = self._disk.open(path)
             newest = _File(path, self._boot, self._seq - 1, self._seq - 1, 0)
             self._files.append(newest)
         written = 0
         try:
             while written < len(record):
-                written += os.write(self._handle, record[written:])
+                written += self._disk.write(self._handle, record[written:])
             if self._is_synced:
-                os.fdatasync(self._handle)
+                self._disk.sync(self._handle)
         except OSError:
             # A torn record would hide all that follow it in the file.
-            os.ftruncate(self._handle, newest.size)
+            self._disk.truncate(self._handle, newest.size)
             if newest.size == 0:
                 self._remove(newest)
             raise
@@ -215,12 +223,12 @@ class Spool:
         if file is self._files[-1]:
             self._close()
         self._files.remove(file)
-        file.path.unlink(missing_ok=True)
+        self._disk.remove(file.path)
 
     def _close(self) -> None:
         """Close the newest file."""
         if self._handle is not None:
-            os.close(self._handle)
+            self._disk.close(self._handle)
             self._handle = None
 
     def _boots_before(self) -> tuple[int, tuple[int, int] | None]:
@@ -228,7 +236,7 @@ class Spool:
         ends = [(file.boot, file.last + 1) for file in self._files[-1:]]
         last = max((boot for boot, _ in ends), default=-1)
         with suppress(FileNotFoundError, ValueError):
-            numbers = [int(word) for word in (self._folder / "boot").read_text(encoding="ascii").split()]
+            numbers = [int(word) for word in self._disk.read(self._folder / "boot").split()]
             last = max(last, numbers[0])
             ends += [(numbers[1], numbers[2])] if len(numbers) == 3 else []
         return last, max(ends, default=None)
@@ -236,22 +244,39 @@ class Spool:
     def _write_boot(self) -> None:
         """Write the number of this boot, and of the one before."""
         part = self._folder / "boot.part"
-        with part.open("w", encoding="ascii") as file:
-            file.write(" ".join(map(str, (self._boot, *(self._previous or ())))))
-            file.flush()
-            os.fsync(file.fileno())
-        part.rename(self._folder / "boot")
+        self._disk.remove(part)
+        handle = self._disk.open(part)
+        try:
+            self._disk.write(handle, " ".join(map(str, (self._boot, *(self._previous or ())))).encode())
+            self._disk.sync(handle)
+        finally:
+            self._disk.close(handle)
+        self._disk.rename(part, self._folder / "boot")
 
+    def _locked(self) -> int:
+        """Return a file that is locked by this process until it ends."""
+        handle = self._disk.lock(self._folder / "lock")
+        if handle is None:
+            raise SpoolError(f"the spool {self._folder} is in use by another box: stop it, or give another folder")
+        return handle
 
-def _locked(path: Path) -> int:
-    """Return a file that is locked by this process until it ends."""
-    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(handle)
-        raise SpoolError(f"the spool {path.parent} is in use by another box: stop it, or give another folder") from None
-    return handle
+    def _scanned(self, path: Path) -> _File | None:
+        """Return the contents of a file; one without an intact record is removed."""
+        records = [(boot, seq, len(payload)) for boot, seq, payload in self._records(path)]
+        if not records:
+            self._disk.remove(path)
+            return None
+        size = sum(_HEADER.size + 4 + length for _, _, length in records)
+        self._disk.truncate(path, size)
+        return _File(path, records[0][0], records[0][1], records[-1][1], size)
+
+    def _records(self, path: Path) -> Iterator[tuple[int, int, bytes]]:
+        """Yield the intact records of a file, up to the first incomplete one."""
+        try:
+            data = self._disk.read(path)
+        except FileNotFoundError:
+            return
+        yield from _intact(data)
 
 
 def _record(boot: int, seq: int, payload: bytes) -> bytes:
@@ -260,12 +285,8 @@ def _record(boot: int, seq: int, payload: bytes) -> bytes:
     return body + struct.pack("<I", zlib.crc32(body))
 
 
-def _records(path: Path) -> Iterator[tuple[int, int, bytes]]:
-    """Yield the intact records of a file, up to the first incomplete one."""
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        return
+def _intact(data: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """Yield the intact records of a file's content, up to the first incomplete one."""
     place = 0
     while place + _HEADER.size + 4 <= len(data):
         mark, boot, seq, length = _HEADER.unpack_from(data, place)
@@ -276,14 +297,3 @@ def _records(path: Path) -> Iterator[tuple[int, int, bytes]]:
             return
         yield boot, seq, data[place + _HEADER.size : end]
         place = end + 4
-
-
-def _scanned(path: Path) -> _File | None:
-    """Return the contents of a file; one without an intact record is removed."""
-    records = [(boot, seq, len(payload)) for boot, seq, payload in _records(path)]
-    if not records:
-        path.unlink(missing_ok=True)
-        return None
-    size = sum(_HEADER.size + 4 + length for _, _, length in records)
-    os.truncate(path, size)
-    return _File(path, records[0][0], records[0][1], records[-1][1], size)
