@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from sprung.link import Spool, SpoolError
+from sprung.link.disk import Disk
 
 
 def filled(folder, count, *, most_bytes=1 << 20, size=100):
@@ -105,3 +106,33 @@ def test_where_the_boot_before_ended_is_known(tmp_path: Path) -> None:
     third = filled(tmp_path, 2)
     third.close()
     assert Spool(tmp_path).previous == (3, 2)
+
+
+class Forgetful(Disk):
+    """A disk whose folder has, after a power cut, the names that it had when it was last synced."""
+
+    def __init__(self) -> None:
+        self.durable: dict[str, int] = {}
+
+    def sync_folder(self, folder: Path) -> None:
+        self.durable = {path.name: path.stat().st_ino for path in folder.iterdir()}
+
+    def cut_power(self, folder: Path) -> None:
+        for path in list(folder.iterdir()):
+            if self.durable.get(path.name) != path.stat().st_ino:
+                path.unlink()
+
+
+def test_a_power_cut_takes_neither_frames_nor_the_number_of_the_boot(tmp_path: Path) -> None:
+    """Without the names of its files a box would number new frames as those that the monitor already has."""
+    for boot in (0, 1):
+        disk = Forgetful()
+        spool = Spool(tmp_path, disk=disk)
+        assert spool.boot == boot
+        spool.append(lambda boot, seq: f"{boot}/{seq}".encode())
+        spool.acknowledge(boot, 0)
+        spool.close()
+        disk.cut_power(tmp_path)
+    again = Spool(tmp_path)
+    assert (again.boot, again.previous) == (2, (1, 1))
+    assert held(again) == [(0, 0), (1, 0)]

@@ -202,6 +202,8 @@ class Spool:
                 written += self._disk.write(self._handle, record[written:])
             if self._is_synced:
                 self._disk.sync(self._handle)
+                if newest.size == 0:
+                    self._disk.sync_folder(self._folder)  # the name of a new file is not on the disk otherwise
         except OSError:
             # A torn record would hide all that follow it in the file.
             self._disk.truncate(self._handle, newest.size)
@@ -252,6 +254,8 @@ class Spool:
         finally:
             self._disk.close(handle)
         self._disk.rename(part, self._folder / "boot")
+        # A number that a power cut takes back would be given twice, and the monitor drops frames that it knows.
+        self._disk.sync_folder(self._folder)
 
     def _locked(self) -> int:
         """Return a file that is locked by this process until it ends."""
