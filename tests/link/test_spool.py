@@ -136,3 +136,12 @@ def test_a_power_cut_takes_neither_frames_nor_the_number_of_the_boot(tmp_path: P
     again = Spool(tmp_path)
     assert (again.boot, again.previous) == (2, (1, 1))
     assert held(again) == [(0, 0), (1, 0)]
+
+
+def test_ends_of_earlier_boots_outlast_their_frames(tmp_path: Path) -> None:
+    """The monitor may have frames of later boots, which wait for those that the box has no more."""
+    for count in (2, 1, 3, 0):
+        filled(tmp_path, count).close()
+    for path in tmp_path.glob("*.spool"):
+        path.unlink()
+    assert Spool(tmp_path).boots == {0: 2, 1: 1, 2: 3, 4: 0}

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from sprung._checks import check_number
@@ -17,6 +18,8 @@ _MARK = b"sp"
 _SUFFIX = ".spool"
 #: Smallest number of files of a full spool, of which the oldest is dropped for new ones; largest file [bytes].
 _FILES, _LARGEST = 16, 1 << 20
+#: Number of earlier boots whose ends are declared although nothing of them may be left.
+_MOST_ENDS = 4
 
 
 class SpoolError(SprungError):
@@ -84,7 +87,7 @@ class Spool:
             self._lock = self._locked()
             names = [name for name in self._disk.names(folder) if name.endswith(_SUFFIX)]
             self._files = [found for name in names if (found := self._scanned(folder / name)) is not None]
-            last, self._previous = self._boots_before()
+            last, self._ends = self._boots_before()
             self._boot = max(last + 1, int(boot_from))
             self._write_boot()
         except OSError as error:
@@ -99,7 +102,7 @@ class Spool:
     @property
     def previous(self) -> tuple[int, int] | None:
         """Number of the last earlier boot with frames, and number of its frames; None if there is none."""
-        return self._previous
+        return max(self._ends.items(), default=None)
 
     @property
     def next_seq(self) -> int:
@@ -125,8 +128,7 @@ class Spool:
     def boots(self) -> dict[int, int]:
         """First sequence number of every boot that is still held or expected."""
         held = {file.boot: max(file.first, self._acknowledged.get(file.boot, -1) + 1) for file in reversed(self._files)}
-        before = {} if self._previous is None else {self._previous[0]: self._previous[1]}
-        return {**before, self._boot: self._seq, **held}
+        return {**self._ends, self._boot: self._seq, **held}
 
     def last_frame(self) -> bytes | None:
         """Return the payload of the newest frame, of this boot or an earlier one; None if the spool is empty."""
@@ -233,23 +235,24 @@ class Spool:
             self._disk.close(self._handle)
             self._handle = None
 
-    def _boots_before(self) -> tuple[int, tuple[int, int] | None]:
-        """Return the number of the last boot, -1 for none, and the last one with frames together with their number."""
-        ends = [(file.boot, file.last + 1) for file in self._files[-1:]]
-        last = max((boot for boot, _ in ends), default=-1)
+    def _boots_before(self) -> tuple[int, dict[int, int]]:
+        """Return the number of the last boot, -1 for none, and how many frames the last ones with frames had."""
+        numbers: list[int] = []
         with suppress(FileNotFoundError, ValueError):
             numbers = [int(word) for word in self._disk.read(self._folder / "boot").split()]
-            last = max(last, numbers[0])
-            ends += [(numbers[1], numbers[2])] if len(numbers) == 3 else []
-        return last, max(ends, default=None)
+        ends = dict(zip(numbers[1::2], numbers[2::2], strict=False))
+        ends |= {file.boot: file.last + 1 for file in self._files}
+        return max([*numbers[:1], *ends], default=-1), dict(sorted(ends.items())[-_MOST_ENDS:])
 
     def _write_boot(self) -> None:
-        """Write the number of this boot, and of the one before."""
+        """Write the number of this boot, and the ends of those before."""
         part = self._folder / "boot.part"
         self._disk.remove(part)
         handle = self._disk.open(part)
         try:
-            self._disk.write(handle, " ".join(map(str, (self._boot, *(self._previous or ())))).encode())
+            content = " ".join(map(str, (self._boot, *chain(*self._ends.items())))).encode()
+            while content:
+                content = content[self._disk.write(handle, content) :]
             self._disk.sync(handle)
         finally:
             self._disk.close(handle)

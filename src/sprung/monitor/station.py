@@ -45,6 +45,8 @@ class Station:
         Present time, UTC ns.
     timer
         Present time [s] of any clock that only goes forward.
+    sleep
+        Function that waits for a time [s].
     """
 
     def __init__(
@@ -56,8 +58,9 @@ class Station:
         workers: Workers,
         clock: Callable[[], int] = time.time_ns,
         timer: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self._site, self._clock = site, clock
+        self._site, self._clock, self._sleep = site, clock, sleep
         self._messages: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
         self._link = connect(
             topics=[topic("+", what) for what in UPWARDS],
@@ -139,7 +142,7 @@ class Station:
         self._upkeep.step()
         self._is_resting = not (n_taken or n_given or outcomes)
         if self._is_resting:
-            time.sleep(0.005)
+            self._sleep(0.005)
 
     def close(self) -> None:
         """Stop in good order."""
