@@ -1,19 +1,20 @@
 """Which frames a worker gets, and what happens where its jobs fail; the analysis itself is played by hand."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sprung.alerting import AlertSettings
-from sprung.diagnosis import Observation
+from sprung.diagnosis import Observation, SensorFault
 from sprung.documents import observation_document
 from sprung.monitor import AlertBook, MonitorSettings, Observed, Opening, Outcome, Site, VehicleStatus, Workers
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.ledger import Ledger
 from sprung.recording import Channel, Recording
-from sprung.storage import Progress, StoredFrame, open_store
+from sprung.storage import Progress, StoredFrame, StoreError, open_store
 from sprung.vehicles import Component, read_vehicle, vehicle_text
 
 NOW = 1_795_219_200_000_000_000
@@ -155,6 +156,44 @@ def test_a_request_to_learn_goes_with_the_next_job(dispatch, workers, store) -> 
     assert workers.jobs == [("car-1", [b"0"], "new dampers")]
     dispatch.settle(done("car-1", 1, b"state"))
     assert store.requests.open_commands() == []
+
+
+def test_a_request_to_learn_that_comes_during_a_job_waits_for_the_next(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dispatch.give()
+    number = store.requests.add_command("anna", "car-1", "learn", "new dampers", now=NOW)
+    dispatch.relearn(store.requests.command(number))
+    dispatch.settle(done("car-1", 1, b"state"))
+    assert [command.id for command in store.requests.open_commands()] == [number]
+    dispatch.give()
+    assert workers.jobs[-1] == ("car-1", [b"1"], "new dampers")
+    dispatch.settle(done("car-1", 1, b"state"))
+    assert store.requests.open_commands() == []
+
+
+def test_a_window_is_not_stored_without_its_alert(dispatch, workers, store, monkeypatch) -> None:
+    """A monitor that ended between the two would never raise the alert: its state is beyond the window."""
+
+    def fail(*_, **__):
+        raise StoreError("the store cannot write")
+
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    dead = replace(WINDOW, sensor_faults=(SensorFault("a", "dead", "it is constant"),))
+    event = Observed(0, Recording(np.zeros((1, 2)), 1.0, (Channel("a"),), NOW), dead, None, None)
+    outcome = Outcome("car-1", 2, (event,), b"state", VehicleStatus())
+    dispatch.give()
+    with monkeypatch.context() as patch:
+        patch.setattr(store.alerts, "put", fail)
+        with pytest.raises(StoreError):
+            dispatch.settle(outcome)
+    assert (store.results.observations("car-1"), store.results.snapshot("car-1")) == ([], None)
+    assert store.inbox.cursor("car-1", 1).done == -1
+    dispatch.give()
+    dispatch.settle(outcome)
+    assert [row.cause for row in store.alerts.find(vehicle="car-1", is_active=True)] == ["sensor:a"]
+    assert len(store.results.observations("car-1")) == 1
 
 
 def test_a_learning_vehicle_is_opened_with_the_type_of_the_others(dispatch, workers, store) -> None:

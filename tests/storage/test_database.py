@@ -34,6 +34,29 @@ def insert_and_break_down(database: Database) -> None:
         raise KeyError("broken")
 
 
+def insert_twice(database: Database, *, is_broken: bool) -> None:
+    with database.together():
+        for number in (1, 2):
+            with database.writing() as connection:
+                connection.execute(NUMBERS.insert().values(number=number))
+            assert count(database) == number
+        if is_broken:
+            raise KeyError("broken")
+
+
+def test_what_is_written_together_is_there_as_a_whole(database) -> None:
+    with pytest.raises(KeyError):
+        insert_twice(database, is_broken=True)
+    assert count(database) == 0
+    insert_twice(database, is_broken=False)
+    assert count(database) == 2
+    with pytest.raises(StoreError, match="refuses this"):
+        insert_twice(database, is_broken=False)
+    with database.writing() as connection:
+        connection.execute(NUMBERS.insert().values(number=3))
+    assert count(database) == 3
+
+
 def test_a_transaction_is_whole_or_not_there(database) -> None:
     with pytest.raises(KeyError):
         insert_and_break_down(database)

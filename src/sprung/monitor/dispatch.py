@@ -44,6 +44,7 @@ class Dispatch:
         self._streams: dict[str, Stream] = {}
         self._jobs: dict[str, Sequence[StoredFrame]] = {}
         self._learning: dict[str, CommandRow] = {}
+        self._learnt: dict[str, CommandRow | None] = {}
         self._strikes: dict[str, int] = {}
         self._statuses: dict[str, VehicleStatus] = {}
         self._n_failures = 0
@@ -160,7 +161,7 @@ class Dispatch:
         """Start a job, which without frames returns the state. The vehicle moves to the end of the queue."""
         learn = self._learning.get(vehicle)
         reason = "" if learn is None else str(learn.detail or "maintenance")
-        self._jobs[vehicle] = frames
+        self._jobs[vehicle], self._learnt[vehicle] = frames, learn
         self._workers.submit(vehicle, [frame.payload for frame in frames], learn=reason)
         self._streams[vehicle] = self._streams.pop(vehicle)
 
@@ -186,12 +187,18 @@ class Dispatch:
         vehicle = outcome.vehicle
         stream = self._streams[vehicle]
         boot, seq = (taken[-1].boot, taken[-1].seq) if taken else stream.position
-        if self._ledger.commit(outcome, boot, seq):
+        command = self._learnt.get(vehicle)
+        with self._store.together():  # no window is stored without what it says to people, whatever happens
+            is_saved = self._ledger.commit(outcome, boot, seq)
+            if is_saved:
+                self._ledger.update_alerts(vehicle, outcome.events)
+                if command is not None:
+                    self._ledger.finish_learning(command.id)
+        if is_saved:
             stream.done[boot] = seq
+            if command is not None:
+                self._learning.pop(vehicle, None)
             self._finish_boots(vehicle, boot)
-            self._ledger.update_alerts(vehicle, outcome.events)
-            if vehicle in self._learning:
-                self._ledger.finish_learning(self._learning.pop(vehicle).id)
             self._strikes.pop(vehicle, None)  # not before: a window that fails begins with jobs that do not
         self._statuses[vehicle] = outcome.status
         if taken:

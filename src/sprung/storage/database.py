@@ -3,8 +3,9 @@
 import os
 import shutil
 import sqlite3
+import threading
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ class Database:
     def __init__(self, url: URL, *, notices: tuple[str, ...] = ()) -> None:
         self.engine = _engine(url)
         self._writer = self.engine.execution_options(is_writing=True)
+        self._whole = _Whole()
         self.notices = notices
 
     @property
@@ -47,11 +49,33 @@ class Database:
 
     def reading(self) -> AbstractContextManager[Connection]:
         """Return a transaction that reads."""
-        return _transaction(self.engine)
+        joined = self._whole.connection
+        return _transaction(self.engine) if joined is None else nullcontext(joined)
 
     def writing(self) -> AbstractContextManager[Connection]:
         """Return a transaction that writes; other writers wait until it ends."""
-        return _transaction(self._writer)
+        whole = self._whole
+        if whole.stack is None:
+            return _transaction(self._writer)
+        if whole.connection is None:
+            whole.connection = whole.stack.enter_context(_transaction(self._writer))
+        return nullcontext(whole.connection)
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Make one transaction of all that this thread writes within, from the first write on.
+
+        Raises
+        ------
+        StoreError
+            If the database cannot write; nothing is stored then.
+        """
+        with ExitStack() as stack:
+            self._whole.stack = stack
+            try:
+                yield
+            finally:
+                self._whole.stack = self._whole.connection = None
 
     def insert(self, table: Table) -> sqlite.Insert | postgresql.Insert:
         """Return an INSERT that supports a clause for existing rows."""
@@ -94,6 +118,13 @@ class Database:
     def close(self) -> None:
         """Close all connections."""
         self.engine.dispose()
+
+
+class _Whole(threading.local):
+    """The transaction of a thread that others of it join."""
+
+    stack: ExitStack | None = None
+    connection: Connection | None = None
 
 
 def _engine(url: URL) -> Engine:

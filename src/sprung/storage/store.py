@@ -1,7 +1,7 @@
 """The store, and how it is opened."""
 
 import sqlite3
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
@@ -31,6 +31,8 @@ _DAMAGED = {
 
 class Store:
     """Results and state of the monitor; each method is one transaction, from any thread. Made by `open_store`.
+
+    Methods that are called within `together` are one transaction.
 
     Parameters
     ----------
@@ -85,6 +87,10 @@ class Store:
             If the store cannot write, or its disk has less than 1 MiB left.
         """
         self._database.check()
+
+    def together(self) -> AbstractContextManager[None]:
+        """Return a context in which all that this thread writes is one transaction, as `Database.together`."""
+        return self._database.together()
 
     def close(self) -> None:
         """Close all connections."""
