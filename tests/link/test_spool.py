@@ -1,5 +1,6 @@
 """The spool: nothing that was kept is lost before it is acknowledged, and never too many bytes."""
 
+import errno
 import shutil
 from pathlib import Path
 
@@ -145,3 +146,80 @@ def test_ends_of_earlier_boots_outlast_their_frames(tmp_path: Path) -> None:
     for path in tmp_path.glob("*.spool"):
         path.unlink()
     assert Spool(tmp_path).boots == {0: 2, 1: 1, 2: 3, 4: 0}
+
+
+class Broken(Disk):
+    """A disk on which some calls fail, after a part of what is to be written."""
+
+    def __init__(self) -> None:
+        self.failing: set[str] = set()
+
+    def _fail(self, call: str) -> None:
+        if call in self.failing:
+            raise OSError(errno.EROFS, "Read-only file system")
+
+    def write(self, handle: int, data: bytes) -> int:
+        if "write" in self.failing:
+            super().write(handle, data[: len(data) // 2])
+        self._fail("write")
+        return super().write(handle, data)
+
+    def read(self, path: Path) -> bytes:
+        self._fail("read")
+        return super().read(path)
+
+    def truncate(self, file: int | Path, size: int) -> None:
+        self._fail("truncate")
+        super().truncate(file, size)
+
+    def remove(self, path: Path) -> None:
+        self._fail("remove")
+        super().remove(path)
+
+
+@pytest.fixture
+def broken(tmp_path: Path):
+    disk = Broken()
+    spool = Spool(tmp_path, most_bytes=4096, disk=disk)
+    for _ in range(20):
+        assert spool.append(lambda boot, seq: f"{boot}/{seq}/".encode().ljust(100, b"."))
+    return spool, disk
+
+
+def test_a_disk_that_becomes_read_only_does_not_end_the_box(broken) -> None:
+    spool, disk = broken
+    disk.failing = {"write", "truncate", "remove"}
+    spool.acknowledge(0, 9)
+    assert [seq for _, seq in held(spool)] == list(range(10, 20))
+    for _ in range(3):
+        assert not spool.append(lambda *_: b"x")
+    disk.failing = set()
+    assert spool.append(lambda *_: b"x")
+    assert held(spool)[-1] == (0, 23)
+    spool.acknowledge(0, 19)
+    assert spool.boots == {0: 23}, "frames that were never written are not held"
+
+
+def test_what_a_torn_write_left_hides_no_frame(broken, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second attempt writes to a file of the same name."""
+    spool, disk = broken
+    disk.failing = {"write", "truncate"}
+    assert not spool.append(lambda *_: b"x" * 100)
+
+    def recovers(_path: Path) -> None:
+        disk.failing = set()
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    disk.failing = {"write", "truncate"}
+    monkeypatch.setattr(disk, "remove", recovers)
+    assert spool.append(lambda *_: b"y" * 100)
+    assert held(spool)[-1] == (0, 21)
+
+
+def test_frames_that_cannot_be_read_wait(broken) -> None:
+    spool, disk = broken
+    disk.failing = {"read"}
+    assert held(spool) == []
+    assert spool.last_frame() is None
+    disk.failing = set()
+    assert len(held(spool)) == 20

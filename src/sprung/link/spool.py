@@ -196,6 +196,7 @@ class Spool:
             self._close()
             path = self._folder / f"{self._boot:016x}-{self._seq - 1:016x}{_SUFFIX}"
             self._handle = self._disk.open(path)
+            self._disk.truncate(self._handle, 0)  # an attempt that failed may have left something in it
             newest = _File(path, self._boot, self._seq - 1, self._seq - 1, 0)
             self._files.append(newest)
         written = 0
@@ -207,8 +208,9 @@ class Spool:
                 if newest.size == 0:
                     self._disk.sync_folder(self._folder)  # the name of a new file is not on the disk otherwise
         except OSError:
-            # A torn record would hide all that follow it in the file.
-            self._disk.truncate(self._handle, newest.size)
+            # A torn record would hide all that follow it; if it stays, the next one goes into a new file.
+            with suppress(OSError):
+                self._disk.truncate(self._handle, newest.size)
             if newest.size == 0:
                 self._remove(newest)
             raise
@@ -223,11 +225,12 @@ class Spool:
         self._remove(oldest)
 
     def _remove(self, file: _File) -> None:
-        """Remove a file."""
+        """Remove a file; one that a failing disk keeps is sent again after the next start."""
         if file is self._files[-1]:
             self._close()
         self._files.remove(file)
-        self._disk.remove(file.path)
+        with suppress(OSError):
+            self._disk.remove(file.path)
 
     def _close(self) -> None:
         """Close the newest file."""
@@ -269,7 +272,7 @@ class Spool:
 
     def _scanned(self, path: Path) -> _File | None:
         """Return the contents of a file; one without an intact record is removed."""
-        records = [(boot, seq, len(payload)) for boot, seq, payload in self._records(path)]
+        records = [(boot, seq, len(payload)) for boot, seq, payload in _intact(self._disk.read(path))]
         if not records:
             self._disk.remove(path)
             return None
@@ -278,12 +281,9 @@ class Spool:
         return _File(path, records[0][0], records[0][1], records[-1][1], size)
 
     def _records(self, path: Path) -> Iterator[tuple[int, int, bytes]]:
-        """Yield the intact records of a file, up to the first incomplete one."""
-        try:
-            data = self._disk.read(path)
-        except FileNotFoundError:
-            return
-        yield from _intact(data)
+        """Yield the intact records of a file, up to the first incomplete one; none while it cannot be read."""
+        with suppress(OSError):
+            yield from _intact(self._disk.read(path))
 
 
 def _record(boot: int, seq: int, payload: bytes) -> bytes:
