@@ -8,6 +8,7 @@ from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from mutants import MUTANTS, broken
 from world import Report, run
 
 #: A folder in memory, where there is one: the durability of SQLite is not what is tested.
@@ -22,14 +23,38 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=1, help="first of many seeds")
     parser.add_argument("--faults", type=int, default=20_000, help="faults after which to stop")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="minutes after which to stop")
+    parser.add_argument("--mutant", default="", help="break the protocol on purpose: see --mutants")
+    parser.add_argument("--mutants", type=int, metavar="N", help="break it in every way, with up to N seeds each")
     given = parser.parse_args()
     with TemporaryDirectory(dir=_MEMORY) as folder:
         if given.seed is not None:
-            report = run(given.seed, given.steps, Path(folder), on_line=print)
+            with broken(given.mutant):
+                report = run(given.seed, given.steps, Path(folder), on_line=print)
             print(f"digest {report.digest}: {report.failure or 'every promise was kept'}")
             return int(bool(report.failure))
         logging.disable()
+        if given.mutants is not None:
+            return try_mutants(given, Path(folder))
         return many(given, Path(folder))
+
+
+def try_mutants(given: argparse.Namespace, folder: Path) -> int:
+    """Break the protocol in every way, print how soon the checker finds each, and return 1 if it misses one."""
+    n_missed = 0
+    print("| broken: the protocol ... | seeds | faults | found as |")
+    print("|---|---:|---:|---|")
+    for name in MUTANTS if not given.mutant else [given.mutant]:
+        n_faults, failure, seed = 0, "", given.first - 1
+        while not failure and seed < given.first + given.mutants - 1:
+            seed += 1
+            with broken(name):
+                report = run(seed, given.steps, folder)
+            n_faults += sum(report.faults.values())
+            failure = report.failure
+        n_missed += not failure
+        seeds = str(seed - given.first + 1) if failure else "none"
+        print(f"| {name} | {seeds} | {n_faults:,d} | {failure[:110] or 'not found'} |", flush=True)
+    return int(n_missed > 0)
 
 
 def many(given: argparse.Namespace, folder: Path) -> int:

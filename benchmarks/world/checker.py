@@ -201,7 +201,7 @@ class Checker:
 
     def ends(self, vehicle: str) -> dict[int, int]:
         """Return for each boot how many of its frames arrived or are lost."""
-        query = "SELECT boot, contiguous FROM cursors WHERE vehicle = ?"
+        query = "SELECT boot, contiguous FROM cursors WHERE vehicle = ? ORDER BY boot"
         return {boot: last + 1 for boot, last in self._reader.execute(query, (vehicle,)) if last >= 0}
 
     def _finish(self, vehicle: str, box: Box) -> list[Place]:
@@ -209,10 +209,13 @@ class Checker:
         sequence = [number for window in self._windows[vehicle] for number in window]
         row = self._one("SELECT document FROM snapshots WHERE vehicle = ?", vehicle)
         sequence += cbor2.loads(row[0])["samples"] if row else []
-        query = "SELECT boot, contiguous, lost FROM cursors WHERE vehicle = ?"
-        cursors = {boot: (last, lost) for boot, last, lost in self._reader.execute(query, (vehicle,))}
+        query = "SELECT boot, contiguous, lost, done FROM cursors WHERE vehicle = ?"
+        cursors = {boot: (last, lost, done) for boot, last, lost, done in self._reader.execute(query, (vehicle,))}
         query = "SELECT boot, seq FROM frames WHERE vehicle = ? ORDER BY boot, seq"
         waiting = [(boot, seq) for boot, seq in self._reader.execute(query, (vehicle,))]
+        behind = [(boot, seq) for boot, seq in waiting if seq <= cursors[boot][2]]
+        if behind:
+            self._fail(f"{vehicle}: frames {behind[:9]} are analysed, and still in the inbox")
         beyond = [(boot, seq) for boot, seq in waiting if seq > cursors[boot][0]]
         if beyond and box.is_synced:
             self._fail(f"{vehicle}: frames {beyond[:9]} wait for others that never come")
@@ -227,7 +230,7 @@ class Checker:
         missing = [place for place, fate in sorted(box.fates.items()) if fate == KEPT and place not in set(analysed)]
         if missing:
             self._fail(f"{vehicle}: frames {missing[:9]} were kept by its box, and are not analysed")
-        for boot, (last, lost) in cursors.items():
+        for boot, (last, lost, _) in cursors.items():
             count = sum(place[0] == boot for place in analysed)
             if count + lost != last + 1:
                 self._fail(f"{vehicle} {boot}: {count} frames analysed and {lost} lost of {last + 1}")

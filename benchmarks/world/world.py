@@ -224,13 +224,14 @@ class World:
             undisturbed.open()
             for vehicle, places in analysed.items():
                 undisturbed.receive(topic(vehicle, "meta"), message(_announcement()))
-                for place in places:
-                    undisturbed.receive(topic(vehicle, "raw"), payloads[vehicle, place])
-            _settle(undisturbed)
-            for vehicle in analysed:
-                ends = [[boot, end, -1] for boot, end in self.checker.ends(vehicle).items()]
-                undisturbed.receive(topic(vehicle, "state"), message({Key.VERSION: VERSION, "boots": ends}))
-            _settle(undisturbed)
+                for boot, end in self.checker.ends(vehicle).items():
+                    for place in places:
+                        if place[0] == boot:
+                            undisturbed.receive(topic(vehicle, "raw"), payloads[vehicle, place])
+                    _settle(undisturbed)  # frames first: what arrived is not lost
+                    state = {Key.VERSION: VERSION, "boots": [[boot, end, -1]]}
+                    undisturbed.receive(topic(vehicle, "state"), message(state))
+                    _settle(undisturbed)
         differing = different(self._folder / "store.sqlite", path)
         if differing:
             raise ViolationError(f"other than without faults: {differing}")
