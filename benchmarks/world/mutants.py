@@ -145,20 +145,25 @@ def accepts_torn_records() -> Patches:
 
 
 def writes_on_behind_a_torn_record() -> Patches:
-    append, close = Spool.append, Spool._close
+    write, close = Spool._write, Spool._close
+    torn: list[Spool] = []
 
-    def mutant(self: Spool, encoded: Any) -> bool:
-        with (
-            patch.object(Spool, "_close", lambda _self: None),
-            patch.object(self._disk, "truncate", lambda _file, _size: None),
-            patch.object(Spool, "_drop_oldest", lambda _self: None),
-        ):
-            newest = self._files[-1] if self._files else None
-            if newest is not None and newest.size > 1000:
-                close(self)
-            return append(self, encoded)
+    def mutant(self: Spool, record: bytes) -> None:
+        try:
+            with patch.object(self._disk, "truncate", lambda _file, _size: None):
+                write(self, record)
+        except OSError:
+            torn.append(self)
+            raise
 
-    yield patch.object(Spool, "append", mutant)
+    def stays_open(self: Spool) -> None:
+        if torn:
+            torn.clear()
+        else:
+            close(self)
+
+    yield patch.object(Spool, "_write", mutant)
+    yield patch.object(Spool, "_close", stays_open)
 
 
 def does_not_sync_the_folder() -> Patches:
