@@ -174,9 +174,13 @@ class SimulatedDisk(Disk):
     def remove(self, path: Path) -> None:
         if path.name not in self._files:
             return
-        self._call("remove")
-        if path.name.endswith(".spool"):
-            self._on_remove(self._files[path.name].cached)
+        content = self._files[path.name].cached if path.name.endswith(".spool") else b""
+        try:
+            self._call("remove")
+        except OSError:
+            self._on_remove(content)  # it stays, but the box holds it no more until it starts again
+            raise
+        self._on_remove(content)
         self._move(path.name, "", None)
         self._crash("remove")
 
