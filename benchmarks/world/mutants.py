@@ -145,25 +145,24 @@ def accepts_torn_records() -> Patches:
 
 
 def writes_on_behind_a_torn_record() -> Patches:
-    write, close = Spool._write, Spool._close
-    torn: list[Spool] = []
+    write = Spool._write
+    torn: set[str] = set()
 
     def mutant(self: Spool, record: bytes) -> None:
         try:
             with patch.object(self._disk, "truncate", lambda _file, _size: None):
                 write(self, record)
         except OSError:
-            torn.append(self)
+            torn.update(("_close", "_drop_oldest"))  # what follows a failure
             raise
 
-    def stays_open(self: Spool) -> None:
-        if torn:
-            torn.clear()
-        else:
-            close(self)
+    def kept(name: str) -> AbstractContextManager[Any]:
+        act = getattr(Spool, name)
+        return patch.object(Spool, name, lambda self: torn.discard(name) if name in torn else act(self))
 
     yield patch.object(Spool, "_write", mutant)
-    yield patch.object(Spool, "_close", stays_open)
+    yield kept("_close")
+    yield kept("_drop_oldest")
 
 
 def does_not_sync_the_folder() -> Patches:
