@@ -148,6 +148,18 @@ def test_ends_of_earlier_boots_outlast_their_frames(tmp_path: Path) -> None:
     assert Spool(tmp_path).boots == {0: 2, 1: 1, 2: 3, 4: 0}
 
 
+def test_a_boot_that_was_dropped_as_a_whole_is_known_after_a_restart(broken) -> None:
+    """Those of its frames that the monitor has wait for the others."""
+    spool, disk = broken
+    disk.failing = {"write of frames"}
+    assert not spool.append(lambda *_: b"x" * 100)
+    while held(spool):
+        assert not spool.append(lambda *_: b"x" * 100)
+    assert spool.previous is None
+    spool.close()
+    assert Spool(spool._folder).previous == (0, 20)
+
+
 class Broken(Disk):
     """A disk on which some calls fail, after a part of what is to be written."""
 
@@ -162,6 +174,8 @@ class Broken(Disk):
         if "write" in self.failing:
             super().write(handle, data[: len(data) // 2])
         self._fail("write")
+        if len(data) > 50:
+            self._fail("write of frames")
         return super().write(handle, data)
 
     def read(self, path: Path) -> bytes:

@@ -102,7 +102,7 @@ class Spool:
     @property
     def previous(self) -> tuple[int, int] | None:
         """Number of the last earlier boot with frames, and number of its frames; None if there is none."""
-        return max(self._ends.items(), default=None)
+        return max(((boot, end) for boot, end in self._ends.items() if boot < self._boot), default=None)
 
     @property
     def next_seq(self) -> int:
@@ -223,6 +223,10 @@ class Spool:
         first = max(oldest.first, self._acknowledged.get(oldest.boot, -1) + 1)
         self._dropped += max(0, oldest.last - first + 1)
         self._remove(oldest)
+        if not self._files:  # no file shows any more how many frames its boot had
+            self._ends[oldest.boot] = oldest.last + 1
+            with suppress(OSError):
+                self._write_boot()
 
     def _remove(self, file: _File) -> None:
         """Remove a file; one that a failing disk keeps is sent again after the next start."""
