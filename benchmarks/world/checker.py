@@ -217,9 +217,8 @@ class Checker:
         if behind:
             self._fail(f"{vehicle}: frames {behind[:9]} are analysed, and still in the inbox")
         beyond = [(boot, seq) for boot, seq in waiting if seq > cursors[boot][0]]
-        # A box may not know of a boot of which it has nothing left, if its disk failed until the end of that boot.
-        left = {boot for (boot, _), fate in box.fates.items() if fate in (KEPT, UNSURE)}
-        stuck = [place for place in beyond if box.is_synced and place[0] in left]
+        # A box does not know of a boot of which it has nothing left, if its disk failed until the end of that boot.
+        stuck = beyond if box.is_synced and not box.disk.n_errors else []
         if stuck:
             self._fail(f"{vehicle}: frames {stuck[:9]} wait for others that never come")
         sequence += [number for place in waiting if place not in beyond for number in box.samples.get(place, ())]
