@@ -148,6 +148,18 @@ def test_ends_of_earlier_boots_outlast_their_frames(tmp_path: Path) -> None:
     assert Spool(tmp_path).boots == {0: 2, 1: 1, 2: 3, 4: 0}
 
 
+def test_the_end_of_a_boot_stays_where_its_last_frame_is_torn(tmp_path: Path) -> None:
+    """The boot after it has said how many frames it had, and waits for them."""
+    filled(tmp_path, 2).close()
+    filled(tmp_path, 1).close()
+    oldest = min(tmp_path.glob("*.spool"))
+    oldest.write_bytes(oldest.read_bytes()[:-1])
+    spool = Spool(tmp_path)
+    assert spool.boots[0] == 0
+    spool.acknowledge(0, 0)
+    assert spool.boots[0] == 2
+
+
 def test_a_boot_that_was_dropped_as_a_whole_is_known_after_a_restart(broken) -> None:
     """Those of its frames that the monitor has wait for the others."""
     spool, disk = broken

@@ -127,7 +127,12 @@ class Spool:
     @property
     def boots(self) -> dict[int, int]:
         """First sequence number of every boot that is still held or expected."""
-        held = {file.boot: max(file.first, self._acknowledged.get(file.boot, -1) + 1) for file in reversed(self._files)}
+        known = self._acknowledged
+        held = {
+            file.boot: max(file.first, known.get(file.boot, -1) + 1)
+            for file in reversed(self._files)
+            if file.last > known.get(file.boot, -1)
+        }
         return {**self._ends, self._boot: self._seq, **held}
 
     def last_frame(self) -> bytes | None:
@@ -248,7 +253,8 @@ class Spool:
         with suppress(FileNotFoundError, ValueError):
             numbers = [int(word) for word in self._disk.read(self._folder / "boot").split()]
         ends = dict(zip(numbers[1::2], numbers[2::2], strict=False))
-        ends |= {file.boot: file.last + 1 for file in self._files}
+        for file in self._files:
+            ends[file.boot] = max(file.last + 1, ends.get(file.boot, 0))
         return max([*numbers[:1], *ends], default=-1), dict(sorted(ends.items())[-_MOST_ENDS:])
 
     def _write_boot(self) -> None:
