@@ -1,4 +1,4 @@
-# make demo | make test | make setup | make check | make bench | make chaos
+# make demo | make test | make setup | make check | make bench | make chaos | make world
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
@@ -7,7 +7,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Processes of the tests share what one of them compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo test fast check bench chaos clean
+.PHONY: setup demo test fast check bench chaos world clean
 
 setup: $(READY)
 
@@ -39,6 +39,11 @@ bench: $(READY)
 chaos: $(READY)
 	$(BIN)/python benchmarks/chaos --kills 1000 --minutes 240 --drives 24 --every 1.6 --seed 1
 	$(BIN)/python benchmarks/chaos/several.py
+
+# A million faults in a simulated world of boxes, broker and monitor: a night. FIRST is the first seed.
+FIRST ?= 1
+world: $(READY)
+	$(BIN)/python benchmarks/world --faults 1000000 --first $(FIRST)
 
 clean:
 	rm -rf $(VENV) benchmarks/.venv

@@ -1,11 +1,13 @@
 """The spool: nothing that was kept is lost before it is acknowledged, and never too many bytes."""
 
+import errno
 import shutil
 from pathlib import Path
 
 import pytest
 
 from sprung.link import Key, Loss, Spool, SpoolError, message
+from sprung.link.disk import Disk
 
 
 def filled(folder, count, *, most_bytes=1 << 20, size=100):
@@ -167,3 +169,145 @@ def test_a_frame_that_the_disk_refuses_is_a_loss(tmp_path: Path) -> None:
     shutil.rmtree(tmp_path)
     assert not spool.append(frame)
     assert spool.losses == (Loss(0, 0, 0, 1, 10**18, 10**18 + 10**9),)
+
+
+class Forgetful(Disk):
+    """A disk whose folder has, after a power cut, the names that it had when it was last synced."""
+
+    def __init__(self) -> None:
+        self.durable: dict[str, int] = {}
+
+    def sync_folder(self, folder: Path) -> None:
+        self.durable = {path.name: path.stat().st_ino for path in folder.iterdir()}
+
+    def cut_power(self, folder: Path) -> None:
+        for path in list(folder.iterdir()):
+            if self.durable.get(path.name) != path.stat().st_ino:
+                path.unlink()
+
+
+def test_a_power_cut_takes_neither_frames_nor_the_number_of_the_boot(tmp_path: Path) -> None:
+    """Without the names of its files a box would number new frames as those that the monitor already has."""
+    for boot in (0, 1):
+        disk = Forgetful()
+        spool = Spool(tmp_path, disk=disk)
+        assert spool.boot == boot
+        spool.append(lambda boot, seq: f"{boot}/{seq}".encode())
+        spool.acknowledge(boot, 0)
+        spool.close()
+        disk.cut_power(tmp_path)
+    again = Spool(tmp_path)
+    assert (again.boot, again.previous) == (2, (1, 1))
+    assert held(again) == [(0, 0), (1, 0)]
+
+
+def test_ends_of_earlier_boots_outlast_their_frames(tmp_path: Path) -> None:
+    """The monitor may have frames of later boots, which wait for those that the box has no more."""
+    for count in (2, 1, 3, 0):
+        filled(tmp_path, count).close()
+    for path in tmp_path.glob("*.spool"):
+        path.unlink()
+    assert Spool(tmp_path).boots == {0: 2, 1: 1, 2: 3, 4: 0}
+
+
+def test_the_end_of_a_boot_stays_where_its_last_frame_is_torn(tmp_path: Path) -> None:
+    """The boot after it has said how many frames it had, and waits for them."""
+    filled(tmp_path, 2).close()
+    filled(tmp_path, 1).close()
+    oldest = min(tmp_path.glob("*.spool"))
+    oldest.write_bytes(oldest.read_bytes()[:-1])
+    spool = Spool(tmp_path)
+    assert spool.boots[0] == 0
+    spool.acknowledge(0, 0)
+    assert spool.boots[0] == 2
+
+
+def test_a_boot_that_was_dropped_as_a_whole_is_known_after_a_restart(broken) -> None:
+    """Those of its frames that the monitor has wait for the others."""
+    spool, disk = broken
+    disk.failing = {"write of frames"}
+    assert not spool.append(lambda *_: b"x" * 100)
+    while held(spool):
+        assert not spool.append(lambda *_: b"x" * 100)
+    assert spool.previous is None
+    spool.close()
+    assert Spool(spool._folder).previous == (0, 20)
+
+
+class Broken(Disk):
+    """A disk on which some calls fail, after a part of what is to be written."""
+
+    def __init__(self) -> None:
+        self.failing: set[str] = set()
+
+    def _fail(self, call: str) -> None:
+        if call in self.failing:
+            raise OSError(errno.EROFS, "Read-only file system")
+
+    def write(self, handle: int, data: bytes) -> int:
+        if "write" in self.failing:
+            super().write(handle, data[: len(data) // 2])
+        self._fail("write")
+        if len(data) > 50:
+            self._fail("write of frames")
+        return super().write(handle, data)
+
+    def read(self, path: Path) -> bytes:
+        self._fail("read")
+        return super().read(path)
+
+    def truncate(self, file: int | Path, size: int) -> None:
+        self._fail("truncate")
+        super().truncate(file, size)
+
+    def remove(self, path: Path) -> None:
+        self._fail("remove")
+        super().remove(path)
+
+
+@pytest.fixture
+def broken(tmp_path: Path):
+    disk = Broken()
+    spool = Spool(tmp_path, most_bytes=4096, disk=disk)
+    for _ in range(20):
+        assert spool.append(lambda boot, seq: f"{boot}/{seq}/".encode().ljust(100, b"."))
+    return spool, disk
+
+
+def test_a_disk_that_becomes_read_only_does_not_end_the_box(broken) -> None:
+    spool, disk = broken
+    disk.failing = {"write", "truncate", "remove"}
+    spool.acknowledge(0, 9)
+    assert [seq for _, seq in held(spool)] == list(range(10, 20))
+    for _ in range(3):
+        assert not spool.append(lambda *_: b"x")
+    disk.failing = set()
+    assert spool.append(lambda *_: b"x")
+    assert held(spool)[-1] == (0, 23)
+    spool.acknowledge(0, 19)
+    assert spool.boots == {0: 23}, "frames that were never written are not held"
+
+
+def test_what_a_torn_write_left_hides_no_frame(broken, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second attempt writes to a file of the same name."""
+    spool, disk = broken
+    disk.failing = {"write", "truncate"}
+    assert not spool.append(lambda *_: b"x" * 100)
+
+    def recovers(_path: Path) -> None:
+        disk.failing = set()
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    disk.failing = {"write", "truncate"}
+    monkeypatch.setattr(disk, "remove", recovers)
+    assert spool.append(lambda *_: b"y" * 100)
+    assert held(spool)[-1] == (0, 21)
+
+
+def test_frames_that_cannot_be_read_wait(broken) -> None:
+    spool, disk = broken
+    disk.failing = {"read"}
+    assert held(spool) == []
+    assert spool.last_frame() is None
+    disk.failing = set()
+    assert len(held(spool)) == 20

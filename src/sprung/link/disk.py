@@ -43,6 +43,14 @@ class Disk:
         """Wait until the data of an open file are on the disk."""
         os.fdatasync(handle)
 
+    def sync_folder(self, folder: Path) -> None:
+        """Wait until the names of the files in a folder are on the disk."""
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
     def truncate(self, file: int | Path, size: int) -> None:
         """Cut a file to a size [bytes]."""
         os.truncate(file, size)

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from sprung._checks import check_number
@@ -18,6 +19,8 @@ _MARK = b"sp"
 _SUFFIX = ".spool"
 #: Smallest number of files of a full spool, of which the oldest is dropped for new ones; largest file [bytes].
 _FILES, _LARGEST = 16, 1 << 20
+#: Number of earlier boots whose ends are declared although nothing of them may be left.
+_MOST_ENDS = 4
 
 
 class SpoolError(SprungError):
@@ -86,7 +89,7 @@ class Spool:
             self._lock = self._locked()
             names = [name for name in self._disk.names(folder) if name.endswith(_SUFFIX)]
             self._files = [found for name in names if (found := self._scanned(folder / name)) is not None]
-            last, self._previous = self._boots_before()
+            last, self._ends = self._boots_before()
             self._boot = max(last + 1, int(boot_from))
             self._write_boot()
             self._losses = self._losses_before()
@@ -102,7 +105,7 @@ class Spool:
     @property
     def previous(self) -> tuple[int, int] | None:
         """Number of the last earlier boot with frames, and number of its frames; None if there is none."""
-        return self._previous
+        return max(((boot, end) for boot, end in self._ends.items() if boot < self._boot), default=None)
 
     @property
     def next_seq(self) -> int:
@@ -137,9 +140,13 @@ class Spool:
     @property
     def boots(self) -> dict[int, int]:
         """First sequence number of every boot that is still held or expected."""
-        held = {file.boot: max(file.first, self._acknowledged.get(file.boot, -1) + 1) for file in reversed(self._files)}
-        before = {} if self._previous is None else {self._previous[0]: self._previous[1]}
-        return {**before, self._boot: self._seq, **held}
+        known = self._acknowledged
+        held = {
+            file.boot: max(file.first, known.get(file.boot, -1) + 1)
+            for file in reversed(self._files)
+            if file.last > known.get(file.boot, -1)
+        }
+        return {**self._ends, self._boot: self._seq, **held}
 
     def last_frame(self) -> bytes | None:
         """Return the payload of the newest frame, of this boot or an earlier one; None if the spool is empty."""
@@ -211,6 +218,7 @@ class Spool:
             self._close()
             path = self._folder / f"{self._boot:016x}-{self._seq - 1:016x}{_SUFFIX}"
             self._handle = self._disk.open(path)
+            self._disk.truncate(self._handle, 0)  # an attempt that failed may have left something in it
             newest = _File(path, self._boot, self._seq - 1, self._seq - 1, 0)
             self._files.append(newest)
         written = 0
@@ -219,9 +227,12 @@ class Spool:
                 written += self._disk.write(self._handle, record[written:])
             if self._is_synced:
                 self._disk.sync(self._handle)
+                if newest.size == 0:
+                    self._disk.sync_folder(self._folder)  # the name of a new file is not on the disk otherwise
         except OSError:
-            # A torn record would hide all that follow it in the file.
-            self._disk.truncate(self._handle, newest.size)
+            # A torn record would hide all that follow it; if it stays, the next one goes into a new file.
+            with suppress(OSError):
+                self._disk.truncate(self._handle, newest.size)
             if newest.size == 0:
                 self._remove(newest)
             raise
@@ -239,6 +250,11 @@ class Spool:
         self._remove(oldest)
         if first <= oldest.last:
             self._write_losses()  # again, as there may have been no space for it before
+
+        if not self._files:  # no file shows any more how many frames its boot had
+            self._ends[oldest.boot] = oldest.last + 1
+            with suppress(OSError):
+                self._write_boot()
 
     def _lose(self, loss: Loss) -> None:
         """Remember dropped frames."""
@@ -266,11 +282,12 @@ class Spool:
         return losses
 
     def _remove(self, file: _File) -> None:
-        """Remove a file."""
+        """Remove a file; one that a failing disk keeps is sent again after the next start."""
         if file is self._files[-1]:
             self._close()
         self._files.remove(file)
-        self._disk.remove(file.path)
+        with suppress(OSError):
+            self._disk.remove(file.path)
 
     def _close(self) -> None:
         """Close the newest file."""
@@ -278,19 +295,19 @@ class Spool:
             self._disk.close(self._handle)
             self._handle = None
 
-    def _boots_before(self) -> tuple[int, tuple[int, int] | None]:
-        """Return the number of the last boot, -1 for none, and the last one with frames together with their number."""
-        ends = [(file.boot, file.last + 1) for file in self._files[-1:]]
-        last = max((boot for boot, _ in ends), default=-1)
+    def _boots_before(self) -> tuple[int, dict[int, int]]:
+        """Return the number of the last boot, -1 for none, and how many frames the last ones with frames had."""
+        numbers: list[int] = []
         with suppress(FileNotFoundError, ValueError):
             numbers = [int(word) for word in self._disk.read(self._folder / "boot").split()]
-            last = max(last, numbers[0])
-            ends += [(numbers[1], numbers[2])] if len(numbers) == 3 else []
-        return last, max(ends, default=None)
+        ends = dict(zip(numbers[1::2], numbers[2::2], strict=False))
+        for file in self._files:
+            ends[file.boot] = max(file.last + 1, ends.get(file.boot, 0))
+        return max([*numbers[:1], *ends], default=-1), dict(sorted(ends.items())[-_MOST_ENDS:])
 
     def _write_boot(self) -> None:
-        """Write the number of this boot, and of the one before."""
-        self._write_whole("boot", " ".join(map(str, (self._boot, *(self._previous or ())))))
+        """Write the number of this boot, and the ends of those before."""
+        self._write_whole("boot", " ".join(map(str, (self._boot, *chain(*self._ends.items())))))
 
     def _write_whole(self, name: str, text: str) -> None:
         """Write a file of the folder as a whole, so that a crash leaves the old or the new one."""
@@ -305,6 +322,8 @@ class Spool:
         finally:
             self._disk.close(handle)
         self._disk.rename(part, self._folder / name)
+        # A number that a power cut takes back would be given twice, and the monitor drops frames that it knows.
+        self._disk.sync_folder(self._folder)
 
     def _locked(self) -> int:
         """Return a file that is locked by this process until it ends."""
@@ -315,7 +334,7 @@ class Spool:
 
     def _scanned(self, path: Path) -> _File | None:
         """Return the contents of a file; one without an intact record is removed."""
-        records = [(boot, seq, len(payload)) for boot, seq, payload in self._records(path)]
+        records = [(boot, seq, len(payload)) for boot, seq, payload in _intact(self._disk.read(path))]
         if not records:
             self._disk.remove(path)
             return None
@@ -324,12 +343,9 @@ class Spool:
         return _File(path, records[0][0], records[0][1], records[-1][1], size)
 
     def _records(self, path: Path) -> Iterator[tuple[int, int, bytes]]:
-        """Yield the intact records of a file, up to the first incomplete one."""
-        try:
-            data = self._disk.read(path)
-        except FileNotFoundError:
-            return
-        yield from _intact(data)
+        """Yield the intact records of a file, up to the first incomplete one; none while it cannot be read."""
+        with suppress(OSError):
+            yield from _intact(self._disk.read(path))
 
 
 def _record(boot: int, seq: int, payload: bytes) -> bytes:

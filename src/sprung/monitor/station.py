@@ -61,6 +61,8 @@ class Station:
         Present time, UTC ns.
     timer
         Present time [s] of any clock that only goes forward.
+    sleep
+        Function that waits for a time [s].
     """
 
     def __init__(
@@ -72,8 +74,9 @@ class Station:
         workers: Workers,
         clock: Callable[[], int] = time.time_ns,
         timer: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        self._site, self._clock = site, clock
+        self._site, self._clock, self._sleep = site, clock, sleep
         self._inflow, self._refusals, self._timer, self._store = Inflow(), Refusals(), timer, store
         self._last_message: float | None = None
         self._last_window: float | None = None
@@ -212,7 +215,7 @@ class Station:
             self._flushing.start()
             self._gate.guard(self._dispatch.flush)
         if self._is_resting:
-            time.sleep(0.005)
+            self._sleep(0.005)
 
     def close(self) -> None:
         """Stop in good order."""

@@ -1,0 +1,134 @@
+"""A stand-in for the analysis of workers that is exact: a window says which samples it had, in order."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import cbor2
+import numpy as np
+from chance import Chance
+
+from sprung.diagnosis import Observation, SensorFault
+from sprung.link import decode
+from sprung.monitor.engine import Event, Identified, Observed
+from sprung.monitor.workers import Opening, Outcome, VehicleStatus
+from sprung.recording import Channel, Recording
+
+#: Samples of a window, and between identifications; a sensor seems to fail in alternating groups of samples.
+WINDOW, IDENTIFY, GROUP = 8, 5, 60
+
+
+class Analysis:
+    """Gathers the samples of one vehicle into windows.
+
+    Parameters
+    ----------
+    state
+        State to continue from, in CBOR; None: from scratch.
+    """
+
+    def __init__(self, state: bytes | None) -> None:
+        known: dict[str, Any] = {} if state is None else cbor2.loads(state)
+        self._samples: list[int] = known.get("samples", [])
+        self._start: int = known.get("start", 0)
+        self._n_windows: int = known.get("windows", 0)
+        self._n_identified: int = known.get("identified", 0)
+
+    def update(self, payload: bytes) -> list[Event]:
+        """Add a frame, and return what it completes."""
+        frame, events = decode(payload), list[Event]()
+        for number in np.rint(frame.samples[0]).astype(int).tolist():
+            self._start = self._start if self._samples else frame.start
+            self._samples.append(number)
+            if number % IDENTIFY == 0:
+                events.append(Identified(self._n_identified, frame.start, ({"natural_frequency": float(number)},)))
+                self._n_identified += 1
+            if len(self._samples) == WINDOW:
+                events.append(self._complete())
+        return events
+
+    def state(self) -> bytes:
+        """Return the state in CBOR."""
+        return cbor2.dumps(
+            {
+                "samples": self._samples,
+                "start": self._start,
+                "windows": self._n_windows,
+                "identified": self._n_identified,
+            }
+        )
+
+    def _complete(self) -> Observed:
+        samples, self._samples = self._samples, []
+        is_failing = samples[0] // GROUP % 2 == 1
+        observation = Observation(
+            time=float(samples[0]),
+            components=(),
+            log_ratios=np.zeros(0),
+            covariance=np.zeros((0, 0)),
+            conditions={f"{place}": float(number) for place, number in enumerate(samples)},
+            modes={},
+            sensor_faults=(SensorFault("acc_fl", "dead", "it is constant"),) if is_failing else (),
+        )
+        recording = Recording(
+            np.array([samples], dtype=np.float64), 1.0, (Channel("acc_fl", "acceleration"),), self._start
+        )
+        self._n_windows += 1
+        return Observed(self._n_windows - 1, recording, observation, None, None)
+
+
+class InlineWorkers:
+    """Workers in this process, as `sprung.monitor.workers.Workers`, which die and take their time as chance has it.
+
+    Parameters
+    ----------
+    chance
+        Decides when a worker dies or is slow.
+    """
+
+    is_busy = False
+
+    def __init__(self, chance: Chance) -> None:
+        self._chance = chance
+        self._opened: dict[str, Analysis] = {}
+        self._outcomes: list[Outcome] = []
+        #: Vehicles whose last job failed: frames of a job that fails twice in a row are given up.
+        self._failed: set[str] = set()
+
+    def is_open(self, vehicle: str) -> bool:
+        return vehicle in self._opened
+
+    def is_free(self, vehicle: str) -> bool:
+        return True
+
+    def open(self, opening: Opening) -> None:
+        self._opened[opening.vehicle] = Analysis(opening.state)
+
+    def close_vehicle(self, vehicle: str) -> None:
+        self._opened.pop(vehicle, None)
+
+    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
+        analysis, events, n_consumed = self._opened[vehicle], list[Event](), 0
+        if vehicle not in self._failed and self._chance.happens("worker dies", vehicle):
+            self._failed.add(vehicle)
+            self._outcomes.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "the process of its analysis died"))
+            return
+        is_changed = bool(learn) or not frames
+        for payload in frames:
+            events += analysis.update(payload)
+            n_consumed += 1
+            if any(isinstance(event, Observed) for event in events):
+                is_changed = True
+                break
+        if is_changed:
+            self._failed.discard(vehicle)
+        state = analysis.state() if is_changed else None
+        self._outcomes.append(Outcome(vehicle, n_consumed, tuple(events), state, VehicleStatus()))
+
+    def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
+        if self._outcomes and self._chance.happens("worker is slow"):
+            return []
+        outcomes, self._outcomes = self._outcomes, []
+        return outcomes
+
+    def close(self) -> None:
+        """Nothing to stop."""

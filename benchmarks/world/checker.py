@@ -1,0 +1,256 @@
+"""What must hold: the checker knows every sample, every acknowledgement and every message to people."""
+
+import json
+import sqlite3
+from collections import Counter, defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import cbor2
+import numpy as np
+from chance import Chance
+from disk import SimulatedDisk
+
+from sprung.alerting import Message
+from sprung.link import Key, checked_map, decode
+from sprung.link.spool import _intact
+
+#: Kept: the spool said so. Refused: it said that it dropped the frame. Unsure: the box ended before it said anything.
+#: Dropped: it kept the frame, and removed it for want of space. Cut: a power cut took it from a spool without sync.
+KEPT, REFUSED, UNSURE, DROPPED, CUT = "kept", "refused", "unsure", "dropped", "cut"
+Place = tuple[int, int]
+
+
+class ViolationError(AssertionError):
+    """A promise that was broken."""
+
+
+@dataclass(slots=True)
+class Box:
+    """What the checker knows of a vehicle."""
+
+    disk: SimulatedDisk
+    is_synced: bool
+    samples: dict[Place, tuple[int, ...]] = field(default_factory=dict)
+    fates: dict[Place, str] = field(default_factory=dict)
+    acknowledged: dict[int, int] = field(default_factory=dict)
+    appended: Place | None = None
+    n_bytes: Callable[[], int] = lambda: 0
+    record: int = 0
+    most: int = 0
+    n_errors: int = 0
+
+
+class Checker:
+    """Compares what the processes do with what they promise.
+
+    Parameters
+    ----------
+    path
+        File of the monitor's store.
+    chance
+        Source of the time, for the messages.
+    """
+
+    def __init__(self, path: Path, chance: Chance) -> None:
+        self._chance = chance
+        self._reader = sqlite3.connect(path, isolation_level=None)
+        self._boxes: dict[str, Box] = {}
+        self._last_row = 0
+        self._windows: dict[str, list[tuple[int, ...]]] = defaultdict(list)
+        self._delivered: Counter[tuple[str, str]] = Counter()
+        self._excused: Counter[tuple[str, str]] = Counter()
+        #: Payload of each frame, by vehicle and by boot and sequence number.
+        self.payloads: dict[tuple[str, Place], bytes] = {}
+        #: What the boxes do at present: "append", "step", "start", "stop".
+        self.phase = ""
+        self.n_acknowledgements = self.n_messages = 0
+
+    def close(self) -> None:
+        """Close the store."""
+        self._reader.close()
+
+    def add(self, vehicle: str, disk: SimulatedDisk, *, is_synced: bool) -> None:
+        """Watch a vehicle."""
+        self._boxes[vehicle] = Box(disk, is_synced)
+
+    # The box.
+
+    def record(self, vehicle: str, payload: bytes) -> None:
+        """A box is about to put a frame into its spool."""
+        box, frame = self._boxes[vehicle], decode(payload)
+        place = (frame.boot, frame.seq)
+        if place in box.samples:
+            self._fail(f"{vehicle} numbers a second frame {place}: the monitor would drop it as a duplicate")
+        box.samples[place] = tuple(np.rint(frame.samples[0]).astype(int).tolist())
+        box.fates[place] = UNSURE
+        self.payloads[vehicle, place] = payload
+        box.appended = place
+
+    def room(self, vehicle: str, n_bytes: Callable[[], int], record: int, most: int) -> None:
+        """A box is about to write a record of some bytes to a spool that holds `n_bytes`, and at most `most`."""
+        box = self._boxes[vehicle]
+        box.n_bytes, box.record, box.most, box.n_errors = n_bytes, record, most, box.disk.n_errors
+
+    def recorded(self, vehicle: str, *, is_kept: bool) -> None:
+        """A box has put a frame into its spool, or refused it."""
+        box = self._boxes[vehicle]
+        assert box.appended is not None
+        box.fates[box.appended] = KEPT if is_kept else REFUSED
+        if box.n_bytes() > box.most:
+            self._fail(f"the spool of {vehicle} says that it has {box.n_bytes()} bytes, more than {box.most}")
+
+    def removed(self, vehicle: str, content: bytes) -> None:
+        """A box removes a file of records."""
+        box = self._boxes[vehicle]
+        for boot, seq, _ in _intact(content):
+            if seq <= box.acknowledged.get(boot, -1):
+                continue
+            is_short = box.disk.n_errors > box.n_errors or box.n_bytes() + len(content) + box.record > box.most
+            if self.phase != "append" or not is_short:
+                self._fail(f"{vehicle} removes frame {boot, seq}, which nobody has acknowledged, without need")
+            box.fates[boot, seq] = DROPPED
+
+    def power_cut(self, vehicle: str) -> None:
+        """The power of a box failed: without sync its spool may have lost anything."""
+        box = self._boxes[vehicle]
+        if not box.is_synced:
+            left = {(boot, seq) for content in box.disk.contents() for boot, seq, _ in _intact(content)}
+            box.fates |= {place: CUT for place, fate in box.fates.items() if fate == KEPT and place not in left}
+
+    # The monitor.
+
+    def acknowledge(self, vehicle: str, payload: bytes) -> None:
+        """The monitor acknowledges: all that it says it has must be in the store, whatever happens next."""
+        self.n_acknowledgements += 1
+        document, box = checked_map(payload), self._boxes[vehicle]
+        boot, last = document[Key.BOOT], document[Key.SEQ]
+        first = box.acknowledged.get(boot, -1) + 1
+        if last < first:
+            return
+        row = self._one("SELECT contiguous, done, lost FROM cursors WHERE vehicle = ? AND boot = ?", vehicle, boot)
+        contiguous, done, n_lost = row or (-1, -1, 0)
+        if last > contiguous:
+            self._fail(f"{vehicle} {boot} is acknowledged up to {last}, but the store has it up to {contiguous}")
+        query = "SELECT seq FROM frames WHERE vehicle = ? AND boot = ? AND seq BETWEEN ? AND ?"
+        stored = {seq for (seq,) in self._reader.execute(query, (vehicle, boot, first, last))}
+        missing = [seq for seq in range(max(first, done + 1), last + 1) if seq not in stored]
+        wrong = [seq for seq in missing if box.fates.get((boot, seq)) == KEPT]
+        if wrong or len(missing) > n_lost:
+            self._fail(f"{vehicle} {boot} is acknowledged up to {last}, but the store has no frames {wrong or missing}")
+        box.acknowledged[boot] = last
+
+    def look(self) -> None:
+        """Compare the windows that the monitor has stored since the last call with the samples that there were."""
+        query = "SELECT rowid, vehicle, number, document FROM observations WHERE rowid > ? ORDER BY rowid"
+        for row, vehicle, number, document in self._reader.execute(query, (self._last_row,)):
+            self._last_row = row
+            conditions: dict[str, float] = json.loads(document)["conditions"]
+            samples = tuple(int(value) for value in conditions.values())
+            windows = self._windows[vehicle]
+            if number != len(windows):
+                self._fail(f"window {number} of {vehicle} comes after {len(windows)} windows")
+            self._in_order(vehicle, (windows[-1][-1:] if windows else ()) + samples)
+            windows.append(samples)
+
+    def delivered(self, sender: str, message: Message) -> None:
+        """People got a message."""
+        self.n_messages += 1
+        key = sender, _identity(message.document)
+        if self._delivered[key] > self._excused[key]:
+            self._fail(f"{sender} passes on {key[1]} again, though nothing went wrong")
+        self._delivered[key] += 1
+
+    def excuse(self, sender: str, message: Message) -> None:
+        """A sender says that it failed with a message that people got: it may come once more."""
+        self._excused[sender, _identity(message.document)] += 1
+
+    def monitor_ended(self) -> None:
+        """The monitor was killed: messages that it had not yet recorded as sent may come once more."""
+        rows = self._reader.execute("SELECT document FROM notifications WHERE sent IS NULL")
+        waiting = {_identity(json.loads(document)["document"]) for (document,) in rows}
+        for key, count in self._delivered.items():
+            if key[1] in waiting:
+                self._excused[key] = count
+
+    # The end.
+
+    def finish(self, senders: tuple[str, ...]) -> dict[str, list[Place]]:
+        """Check what must hold when all faults are over and everything is delivered, and return the frames analysed."""
+        self.look()
+        analysed = {vehicle: self._finish(vehicle, box) for vehicle, box in self._boxes.items()}
+        for document, sent in self._reader.execute("SELECT document, sent FROM notifications"):
+            identity = _identity(json.loads(document)["document"])
+            for sender in senders:
+                if not self._delivered[sender, identity]:
+                    self._fail(f"{sender} never passed on {identity} (recorded as sent: {sent is not None})")
+        return analysed
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers of frames, acknowledgements, windows and messages to people."""
+        return {
+            "frames": len(self.payloads),
+            "acknowledgements": self.n_acknowledgements,
+            "windows": sum(map(len, self._windows.values())),
+            "messages": self.n_messages,
+        }
+
+    def ends(self, vehicle: str) -> dict[int, int]:
+        """Return for each boot how many of its frames arrived or are lost."""
+        query = "SELECT boot, contiguous FROM cursors WHERE vehicle = ? ORDER BY boot"
+        return {boot: last + 1 for boot, last in self._reader.execute(query, (vehicle,)) if last >= 0}
+
+    def _finish(self, vehicle: str, box: Box) -> list[Place]:
+        """Check one vehicle, and return its frames that were analysed."""
+        sequence = [number for window in self._windows[vehicle] for number in window]
+        row = self._one("SELECT document FROM snapshots WHERE vehicle = ?", vehicle)
+        sequence += cbor2.loads(row[0])["samples"] if row else []
+        query = "SELECT boot, contiguous, lost, done FROM cursors WHERE vehicle = ?"
+        cursors = {boot: (last, lost, done) for boot, last, lost, done in self._reader.execute(query, (vehicle,))}
+        query = "SELECT boot, seq FROM frames WHERE vehicle = ? ORDER BY boot, seq"
+        waiting = [(boot, seq) for boot, seq in self._reader.execute(query, (vehicle,))]
+        behind = [(boot, seq) for boot, seq in waiting if seq <= cursors[boot][2]]
+        if behind:
+            self._fail(f"{vehicle}: frames {behind[:9]} are analysed, and still in the inbox")
+        beyond = [(boot, seq) for boot, seq in waiting if seq > cursors[boot][0]]
+        # A box does not know of a boot of which it has nothing left, if its disk failed until the end of that boot.
+        stuck = beyond if box.is_synced and not box.disk.n_errors else []
+        if stuck:
+            self._fail(f"{vehicle}: frames {stuck[:9]} wait for others that never come")
+        sequence += [number for place in waiting if place not in beyond for number in box.samples.get(place, ())]
+        self._in_order(vehicle, sequence)
+        have, known = set(sequence), {number for samples in box.samples.values() for number in samples}
+        if not have <= known:
+            self._fail(f"{vehicle}: samples {sorted(have - known)[:9]} are analysed, but no frame had them")
+        analysed = [place for place, samples in sorted(box.samples.items()) if have.issuperset(samples)]
+        if sum(len(box.samples[place]) for place in analysed) != len(have):
+            self._fail(f"{vehicle}: only a part of a frame is analysed")
+        missing = [place for place, fate in sorted(box.fates.items()) if fate == KEPT and place not in set(analysed)]
+        if missing:
+            self._fail(f"{vehicle}: frames {missing[:9]} were kept by its box, and are not analysed")
+        for boot, (last, lost, _) in cursors.items():
+            count = sum(place[0] == boot for place in analysed)
+            if count + lost != last + 1:
+                self._fail(f"{vehicle} {boot}: {count} frames analysed and {lost} lost of {last + 1}")
+        return analysed
+
+    def _in_order(self, vehicle: str, sequence: Any) -> None:
+        """Check that samples are analysed in order, each once."""
+        for before, after in pairwise(sequence):
+            if after <= before:
+                self._fail(f"{vehicle}: sample {after} is analysed after {before}")
+
+    def _one(self, query: str, *values: object) -> Any:
+        return self._reader.execute(query, values).fetchone()
+
+    def _fail(self, sentence: str) -> None:
+        raise ViolationError(f"{sentence} (at {self._chance.now:.2f} s)")
+
+
+def _identity(document: dict[str, Any]) -> str:
+    """Return what distinguishes a message to people from others."""
+    return f"{document['vehicle']} {document['cause']} {document['what']} {document['updated']}"

@@ -1,0 +1,249 @@
+"""The protocol broken on purpose, one way at a time: the checker must find each."""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import replace
+from typing import Any
+from unittest.mock import patch
+
+from disk import SimulatedDisk
+
+from sprung.link import Key, Sending, Spool, checked_map, message, parse_topic, topic
+from sprung.link import spool as spool_module
+from sprung.monitor.dispatch import Dispatch
+from sprung.monitor.intake import Intake
+from sprung.monitor.postman import Postman
+from sprung.monitor.streams import Stream
+from sprung.storage import Store, StoreError, inbox
+from sprung.storage.inbox import Inbox
+from sprung.storage.results import Results
+from sprung.storage.schema import FRAMES
+
+Patches = Iterator[AbstractContextManager[Any]]
+
+
+def acknowledges_before_it_stores() -> Patches:
+    take = Intake.take
+
+    def mutant(self: Intake, messages: Any, *, now: int) -> Any:
+        batch = list(messages)
+        for name, payload in batch:
+            vehicle, what = parse_topic(name)
+            if what == "raw":
+                document = checked_map(payload)
+                numbers = {Key.VERSION: 1, Key.BOOT: document[Key.BOOT], Key.SEQ: document[Key.SEQ]}
+                self._publish(topic(vehicle, "ack"), message(numbers))
+        return take(self, batch, now=now)
+
+    yield patch.object(Intake, "take", mutant)
+
+
+def acknowledges_one_too_many() -> Patches:
+    init = Intake.__init__
+
+    def mutant(self: Intake, store: Store, publish: Callable[[str, bytes], object], **options: Any) -> None:
+        def generous(name: str, payload: bytes) -> object:
+            document = checked_map(payload)
+            if name.endswith("/ack"):
+                document[Key.SEQ] += 1
+            return publish(name, message(document))
+
+        init(self, store, generous, **options)
+
+    yield patch.object(Intake, "__init__", mutant)
+
+
+def removes_what_the_broker_confirmed() -> Patches:
+    due = Sending.due
+
+    def mutant(self: Sending, now: float) -> Any:
+        for boot, seq, payload in due(self, now):
+            yield boot, seq, payload
+            self._spool.acknowledge(boot, seq)
+
+    yield patch.object(Sending, "due", mutant)
+
+
+def never_sends_again() -> Patches:
+    yield patch.object(Sending, "start_again", lambda _self, _now: None)
+
+
+def stores_duplicates_again() -> Patches:
+    add = Inbox.add_frames
+
+    def mutant(self: Inbox, frames: Any, *, now: int) -> Any:
+        reached = add(self, frames, now=now)
+        with self._database.writing() as connection:
+            rows = [frame._asdict() for frame in frames]
+            connection.execute(self._database.insert(FRAMES).on_conflict_do_nothing(), rows)
+        return reached
+
+    yield patch.object(Inbox, "add_frames", mutant)
+
+
+def passes_over_gaps() -> Patches:
+    yield patch.object(inbox, "_run", lambda batch, after: max([after, *batch]))
+
+
+def stores_the_state_before_the_window() -> Patches:
+    commit = Results.commit
+
+    def mutant(self: Results, progress: Any) -> None:
+        commit(self, replace(progress, observations=(), modes=(), findings=(), baselines=()))
+        commit(self, replace(progress, snapshot=None))
+
+    yield patch.object(Results, "commit", mutant)
+    yield patch.object(Store, "together", lambda _self: nullcontext())
+
+
+def removes_frames_before_it_stores_the_state() -> Patches:
+    commit = Results.commit
+
+    def mutant(self: Results, progress: Any) -> None:
+        commit(self, replace(progress, snapshot=None, observations=(), modes=()))
+        commit(self, progress)
+
+    yield patch.object(Results, "commit", mutant)
+    yield patch.object(Store, "together", lambda _self: nullcontext())
+
+
+def stores_alerts_after_the_window() -> Patches:
+    yield patch.object(Store, "together", lambda _self: nullcontext())
+
+
+def goes_on_with_a_worker_ahead_of_the_store() -> Patches:
+    settle = Dispatch.settle
+
+    def mutant(self: Dispatch, outcome: Any) -> None:
+        with patch.object(self._workers, "close_vehicle", lambda _vehicle: None) as _:
+            try:
+                settle(self, outcome)
+            except StoreError:
+                stream = self._streams[outcome.vehicle]
+                stream.dispatched |= {max(stream.contiguous): max(stream.contiguous.values())}
+                raise
+
+    yield patch.object(Dispatch, "settle", mutant)
+
+
+def does_not_wait_for_the_boot_before() -> Patches:
+    yield patch.object(Stream, "_is_ready", lambda _self, _first: True)
+
+
+def accepts_torn_records() -> Patches:
+    header = spool_module._HEADER
+
+    def mutant(data: bytes) -> Iterator[tuple[int, int, bytes]]:
+        place = 0
+        while place + header.size + 4 <= len(data):
+            _, boot, seq, length = header.unpack_from(data, place)
+            end = place + header.size + length
+            yield boot, seq, data[place + header.size : end]
+            place = end + 4
+
+    yield patch.object(spool_module, "_intact", mutant)
+
+
+def writes_on_behind_a_torn_record() -> Patches:
+    write = Spool._write
+    torn: set[str] = set()
+
+    def mutant(self: Spool, record: bytes) -> None:
+        try:
+            with patch.object(self._disk, "truncate", lambda _file, _size: None):
+                write(self, record)
+        except OSError:
+            torn.update(("_close", "_drop_oldest"))  # what follows a failure
+            raise
+
+    def kept(name: str) -> AbstractContextManager[Any]:
+        act = getattr(Spool, name)
+        return patch.object(Spool, name, lambda self: torn.discard(name) if name in torn else act(self))
+
+    yield patch.object(Spool, "_write", mutant)
+    yield kept("_close")
+    yield kept("_drop_oldest")
+
+
+def does_not_sync_the_folder() -> Patches:
+    yield patch.object(SimulatedDisk, "sync_folder", lambda _self, _folder: None)
+
+
+def does_not_sync_frames() -> Patches:
+    yield patch.object(SimulatedDisk, "sync", lambda _self, _handle: None)
+
+
+def declares_a_frame_too_many_lost() -> Patches:
+    boots = Spool.boots.fget
+    assert boots is not None
+    yield patch.object(Spool, "boots", property(lambda self: {boot: first + 1 for boot, first in boots(self).items()}))
+
+
+def takes_an_acknowledgement_for_all_boots() -> Patches:
+    acknowledge = Spool.acknowledge
+
+    def mutant(self: Spool, boot: int, seq: int) -> None:
+        for held in {file.boot for file in self._files} | {boot}:
+            acknowledge(self, held, seq)
+
+    yield patch.object(Spool, "acknowledge", mutant)
+
+
+def records_messages_as_sent_before_it_sends_them() -> Patches:
+    send = Postman.send
+
+    def mutant(self: Postman, *, now: int) -> None:
+        for row in self._store.alerts.due_notifications(100):
+            self._store.alerts.notification_sent(row.id, now)
+            with patch.object(self._store.alerts, "due_notifications", lambda _limit, row=row: [row]):
+                send(self, now=now)
+
+    yield patch.object(Postman, "send", mutant)
+
+
+def sends_messages_without_recording_it() -> Patches:
+    settle = Postman._settle
+
+    def mutant(self: Postman, row: Any, errors: Any, now: int) -> None:
+        if now // 10**7 % 3:
+            settle(self, row, errors, now)
+        else:
+            self._delivered.pop(row.id, None)
+
+    yield patch.object(Postman, "_settle", mutant)
+
+
+#: What the protocol does wrong, by the way in which it is broken.
+MUTANTS: dict[str, Callable[[], Patches]] = {
+    function.__name__.replace("_", " "): function
+    for function in (
+        acknowledges_before_it_stores,
+        acknowledges_one_too_many,
+        removes_what_the_broker_confirmed,
+        never_sends_again,
+        stores_duplicates_again,
+        passes_over_gaps,
+        stores_the_state_before_the_window,
+        removes_frames_before_it_stores_the_state,
+        stores_alerts_after_the_window,
+        goes_on_with_a_worker_ahead_of_the_store,
+        does_not_wait_for_the_boot_before,
+        accepts_torn_records,
+        writes_on_behind_a_torn_record,
+        does_not_sync_the_folder,
+        does_not_sync_frames,
+        declares_a_frame_too_many_lost,
+        takes_an_acknowledgement_for_all_boots,
+        records_messages_as_sent_before_it_sends_them,
+        sends_messages_without_recording_it,
+    )
+}
+
+
+@contextmanager
+def broken(name: str) -> Iterator[None]:
+    """Break the protocol in a way; empty: leave it as it is."""
+    with ExitStack() as stack:
+        for change in MUTANTS[name]() if name else ():
+            stack.enter_context(change)
+        yield
