@@ -49,7 +49,7 @@ TABLES = {
     f" ORDER BY 1, 2, notifications.id",
 }
 #: Parts of a message that depend on the clock and on the order of alerts of different vehicles.
-_CHANGING = {"time", "number", "raised", "cleared", "link", "since"}
+_CHANGING = {"time", "number", "raised", "updated", "cleared", "link"}
 _TIME = re.compile(r"\d{4}-\d\d-\d\d[T ][\d:.]+Z?")
 
 
