@@ -133,7 +133,8 @@ class Rig:
                 lines = answer.read().decode().splitlines()
         except OSError:
             return {}
-        return {name: float(value) for name, value in (line.split() for line in lines if not line.startswith("#"))}
+        figures = (line.rpartition(" ") for line in lines if not line.startswith("#"))
+        return {name: float(value) for name, _, value in figures}
 
     def is_finished(self) -> bool:
         """Return whether the box is done and the monitor idle."""

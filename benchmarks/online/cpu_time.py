@@ -109,7 +109,10 @@ def analysed(given: argparse.Namespace, folder: Path) -> tuple[dict[str, float],
     station.close()
     minutes = [outcome for outcome in inline.kept if len(outcome.events) == 1 and outcome.state is None]
     windows = [outcome for outcome in inline.kept if outcome.state is not None]
-    return sampler.per_hour(ANALYSIS, n_windows * WINDOW / HOUR), Recorded(minutes[-1], windows[-1])
+    hourly = sampler.per_hour(ANALYSIS, n_windows * WINDOW / HOUR)
+    if not any(hourly.values()) or len(windows) != n_windows:
+        raise SystemExit(f"{len(windows)} of {n_windows} windows were analysed in {sum(hourly.values()):g} s")
+    return hourly, Recorded(minutes[-1], windows[-1])
 
 
 def drive(station: Any, prepared: Course, numbers: Sequence[int]) -> None:

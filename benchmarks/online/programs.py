@@ -138,7 +138,8 @@ class Monitor(Program):
                 lines = answer.read().decode().splitlines()
         except OSError:
             return {}
-        return {name: float(value) for name, value in (line.split() for line in lines if not line.startswith("#"))}
+        figures = (line.rpartition(" ") for line in lines if not line.startswith("#"))
+        return {name: float(value) for name, _, value in figures}
 
 
 @dataclass(frozen=True)

@@ -13,35 +13,60 @@ from typing import Any
 Place = tuple[str, tuple[str, ...]]
 
 ANALYSIS, STATION, BENCHMARK = "analysis: ", "station: ", "benchmark"
+#: The modules in which a worker, and the station, begins.
+OF_WORKER, OF_MONITOR = "monitor/jobs.py", "monitor/station.py"
 #: Parts of the analysis by the innermost place on the stack.
 OF_ANALYSIS: tuple[Place, ...] = (
+    ("lines", ("signals/harmonics.py", "signals/narrow_lines.py", "identification/preparation.py:search_harmonics")),
     (
-        "lines",
-        ("signals/harmonics.py", "signals/narrow_lines.py", "preparation.py:search_harmonics", "_lines.py"),
+        "ladders, SVD, selection",
+        (
+            "identification/subspace.py",
+            "identification/stabilisation.py",
+            "identification/contribution.py",
+            "identification/scatter.py",
+            "identification/merging.py",
+            "identification/ladders.py",
+        ),
     ),
-    ("ladders, SVD, selection", ("subspace.py", "stabilisation.py", "contribution.py", "scatter.py", "merging.py")),
     ("sensor checks", ("diagnosis/sensors/",)),
     (
         "decimation, preparation",
-        ("conditioning.py", "identification/preparation.py", "vehicles/window.py", "blocks.py:joined", "running_"),
+        (
+            "signals/conditioning.py",
+            "identification/preparation.py",
+            "identification/decimation.py",
+            "vehicles/window.py",
+            "link/blocks.py:joined",
+        ),
     ),
-    ("correlations", ("correlation.py", "identification/records.py", "diagnosis/residuals.py")),
+    (
+        "correlations",
+        (
+            "identification/correlation.py",
+            "identification/records.py",
+            "identification/record_spectra.py",
+            "identification/levels.py",
+            "diagnosis/residuals.py",
+        ),
+    ),
     ("corner fit", ("sprung/likelihood/", "signals/spectrum.py")),
     ("frames decoded", ("link/frame.py", "link/messages.py")),
-    ("state", ("engine.py:state", "completion.py:state", "workers.py:_cbor")),
+    ("state", ("monitor/engine.py:state", "monitor/completion.py:state", "monitor/states.py")),
     ("learning", ("diagnosis/learning.py", "sprung/calibration/")),
     ("diagnosis", ("sprung/diagnosis/",)),
 )
 #: Parts of the station: the first one of which any place is on the stack.
 OF_STATION: tuple[Place, ...] = (
     ("archive", ("storage/archive.py",)),
-    ("alerts", ("alert_book.py",)),
-    ("insert", ("inbox.py:add_frames",)),
-    ("read back", ("inbox.py:pending", "inbox.py:pending_of")),
-    ("settle, commit", ("dispatch.py:settle", "dispatch.py:settle_all")),
-    ("upkeep", ("upkeep.py",)),
+    ("alerts", ("monitor/alert_book.py",)),
+    ("insert", ("storage/inbox.py:add_frames",)),
+    ("read back", ("storage/inbox.py:pending",)),
+    ("settle, commit", ("monitor/dispatch.py:settle", "monitor/dispatch.py:flush")),
+    ("upkeep", ("monitor/upkeep.py",)),
     ("receive, decode, acknowledge", ("monitor/intake.py",)),
-    ("give", ("dispatch.py:give",)),
+    ("give", ("monitor/dispatch.py:give",)),
+    ("leases, follow", ("monitor/station.py:_follow",)),
 )
 
 
@@ -89,9 +114,9 @@ def _part(stack: Sequence[str]) -> str:
     """Return the part that a stack belongs to: that of a worker, or of the station."""
     if any("cpu_time.py:echoed" in place for place in stack):
         return BENCHMARK
-    if any("monitor/workers.py" in place for place in stack):
+    if any(OF_WORKER in place for place in stack):
         return ANALYSIS + _first(stack, OF_ANALYSIS)
-    if any("monitor/station.py" in place for place in stack):
+    if any(OF_MONITOR in place for place in stack):
         parts = (name for name, belonging in OF_STATION if _first(stack, [(name, belonging)]) == name)
         return STATION + next(parts, "rest")
     return BENCHMARK
