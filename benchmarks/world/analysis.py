@@ -1,6 +1,6 @@
 """A stand-in for the analysis of workers that is exact: a window says which samples it had, in order."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import cbor2
@@ -8,9 +8,9 @@ import numpy as np
 from chance import Chance
 
 from sprung.diagnosis import Observation, SensorFault
-from sprung.link import decode
+from sprung.link import Header, checked_map, decode
 from sprung.monitor.engine import Event, Identified, Observed
-from sprung.monitor.workers import Opening, Outcome, VehicleStatus
+from sprung.monitor.jobs import Failure, Opening, Outcome, VehicleStatus, failed
 from sprung.recording import Channel, Recording
 
 #: Samples of a window, and between identifications; a sensor seems to fail in alternating groups of samples.
@@ -82,23 +82,32 @@ class InlineWorkers:
     Parameters
     ----------
     chance
-        Decides when a worker dies or is slow.
+        Decides when a worker dies or is slow, and which frames cannot be analysed.
+    on_failed
+        Function that receives vehicle, boot and sequence number of each frame that a job failed on.
     """
 
-    is_busy = False
+    is_busy = skips_modes = False
 
-    def __init__(self, chance: Chance) -> None:
-        self._chance = chance
+    def __init__(self, chance: Chance, *, on_failed: Callable[[str, int, int], None] = lambda *_: None) -> None:
+        self._chance, self._on_failed = chance, on_failed
         self._opened: dict[str, Analysis] = {}
         self._outcomes: list[Outcome] = []
-        #: Vehicles whose last job failed: frames of a job that fails twice in a row are given up.
-        self._failed: set[str] = set()
+        #: Vehicles whose worker died since their last state: a frame on which it dies twice is set aside.
+        self._died: set[str] = set()
+
+    @property
+    def figures(self) -> dict[str, float]:
+        return {}
 
     def is_open(self, vehicle: str) -> bool:
         return vehicle in self._opened
 
     def is_free(self, vehicle: str) -> bool:
         return True
+
+    def is_misplaced(self, vehicle: str) -> bool:
+        return self._chance.happens("vehicle moves to another worker", vehicle)
 
     def open(self, opening: Opening) -> None:
         self._opened[opening.vehicle] = Analysis(opening.state)
@@ -107,22 +116,7 @@ class InlineWorkers:
         self._opened.pop(vehicle, None)
 
     def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
-        analysis, events, n_consumed = self._opened[vehicle], list[Event](), 0
-        if vehicle not in self._failed and self._chance.happens("worker dies", vehicle):
-            self._failed.add(vehicle)
-            self._outcomes.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "the process of its analysis died"))
-            return
-        is_changed = bool(learn) or not frames
-        for payload in frames:
-            events += analysis.update(payload)
-            n_consumed += 1
-            if any(isinstance(event, Observed) for event in events):
-                is_changed = True
-                break
-        if is_changed:
-            self._failed.discard(vehicle)
-        state = analysis.state() if is_changed else None
-        self._outcomes.append(Outcome(vehicle, n_consumed, tuple(events), state, VehicleStatus()))
+        self._outcomes.append(self._done(vehicle, frames, is_changed=bool(learn) or not frames))
 
     def outcomes(self, *, timeout: float = 0.0) -> list[Outcome]:
         if self._outcomes and self._chance.happens("worker is slow"):
@@ -132,3 +126,29 @@ class InlineWorkers:
 
     def close(self) -> None:
         """Nothing to stop."""
+
+    def _done(self, vehicle: str, frames: Sequence[bytes], *, is_changed: bool) -> Outcome:
+        """Return the outcome of a job."""
+        analysis, events, n_consumed = self._opened[vehicle], list[Event](), 0
+        if self._chance.happens("worker of others dies", vehicle):
+            return failed(vehicle, "the process of its analysis was lost", Failure.VEHICLE)
+        if frames and vehicle not in self._died and self._chance.happens("worker dies", vehicle):
+            self._died.add(vehicle)
+            return self._failed(vehicle, frames, 0, "the process of its analysis died")
+        for payload in frames:
+            if self._chance.is_poisoned(payload, vehicle):
+                return self._failed(vehicle, frames, n_consumed, "its numbers cannot be analysed")
+            events += analysis.update(payload)
+            n_consumed += 1
+            if any(isinstance(event, Observed) for event in events):
+                is_changed = True
+                break
+        if is_changed:
+            self._died.discard(vehicle)
+        return Outcome(vehicle, n_consumed, tuple(events), analysis.state() if is_changed else None, VehicleStatus())
+
+    def _failed(self, vehicle: str, frames: Sequence[bytes], place: int, reason: str) -> Outcome:
+        """Return the outcome of a job that failed on a frame."""
+        header = Header.of(checked_map(frames[place]))
+        self._on_failed(vehicle, header.boot, header.seq)
+        return failed(vehicle, f"{reason} ({header.boot}, {header.seq})", Failure.FRAME, n_consumed=place)

@@ -35,7 +35,10 @@ RATES = {
     "commit done but reported as failed": 0.005,
     "disk of the store short": 0.002,
     "worker dies": 0.02,
+    "worker of others dies": 0.01,
     "worker is slow": 0.1,
+    "vehicle moves to another worker": 0.02,
+    "frame cannot be analysed": 0.002,
     "sender refuses": 0.1,
     "sender takes a message and fails": 0.05,
     "monitor killed as it sends": 0.02,
@@ -66,6 +69,7 @@ class Chance:
         self.counts: Counter[str] = Counter()
         self.is_on = True
         self.now = 0.0
+        self._poisoned: dict[bytes, bool] = {}
         self._on_line = on_line
         self._digest = hashlib.blake2b(digest_size=8)
 
@@ -81,6 +85,12 @@ class Chance:
         self.counts[fault] += 1
         self.note(f"FAULT {fault}", where)
         return True
+
+    def is_poisoned(self, payload: bytes, where: str) -> bool:
+        """Return whether a frame cannot be analysed, whenever it is tried."""
+        if payload not in self._poisoned:
+            self._poisoned[payload] = self.happens("frame cannot be analysed", where)
+        return self._poisoned[payload]
 
     def note(self, what: str, where: str = "") -> None:
         """Record what happened."""

@@ -3,7 +3,7 @@
 import json
 import sqlite3
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -15,8 +15,9 @@ from chance import Chance
 from disk import SimulatedDisk
 
 from sprung.alerting import Message
-from sprung.link import Key, checked_map, decode
+from sprung.link import Key, Loss, checked_map, decode
 from sprung.link.spool import _intact
+from sprung.storage.schema import Packed
 
 #: Kept: the spool said so. Refused: it said that it dropped the frame. Unsure: the box ended before it said anything.
 #: Dropped: it kept the frame, and removed it for want of space. Cut: a power cut took it from a spool without sync.
@@ -42,6 +43,15 @@ class Box:
     record: int = 0
     most: int = 0
     n_errors: int = 0
+    #: Since the present start of the box: acknowledgements that it got, losses that it remembered, frames it dropped.
+    told: dict[int, int] = field(default_factory=dict)
+    remembered: dict[int, int] = field(default_factory=dict)
+    dropped: dict[int, set[int]] = field(default_factory=dict)
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether its disk never failed, and keeps what was written."""
+        return self.is_synced and not self.disk.n_errors
 
 
 class Checker:
@@ -63,6 +73,9 @@ class Checker:
         self._windows: dict[str, list[tuple[int, ...]]] = defaultdict(list)
         self._delivered: Counter[tuple[str, str]] = Counter()
         self._excused: Counter[tuple[str, str]] = Counter()
+        #: How often the present monitor failed on a frame, by vehicle and place; frames that it has set aside.
+        self._failures: Counter[tuple[str, Place]] = Counter()
+        self._aside: dict[str, set[Place]] = defaultdict(set)
         #: Payload of each frame, by vehicle and by boot and sequence number.
         self.payloads: dict[tuple[str, Place], bytes] = {}
         #: What the boxes do at present: "append", "step", "start", "stop".
@@ -100,6 +113,8 @@ class Checker:
         box = self._boxes[vehicle]
         assert box.appended is not None
         box.fates[box.appended] = KEPT if is_kept else REFUSED
+        if not is_kept:
+            box.dropped.setdefault(box.appended[0], set()).add(box.appended[1])
         if box.n_bytes() > box.most:
             self._fail(f"the spool of {vehicle} says that it has {box.n_bytes()} bytes, more than {box.most}")
 
@@ -107,12 +122,50 @@ class Checker:
         """A box removes a file of records."""
         box = self._boxes[vehicle]
         for boot, seq, _ in _intact(content):
+            if (boot, seq) != box.appended and seq > box.told.get(boot, -1):
+                box.dropped.setdefault(boot, set()).add(seq)
             if seq <= box.acknowledged.get(boot, -1):
                 continue
             is_short = box.disk.n_errors > box.n_errors or box.n_bytes() + len(content) + box.record > box.most
             if self.phase != "append" or not is_short:
                 self._fail(f"{vehicle} removes frame {boot, seq}, which nobody has acknowledged, without need")
             box.fates[boot, seq] = DROPPED
+
+    def started(self, vehicle: str, losses: tuple[Loss, ...]) -> None:
+        """A box has started: it remembers the losses that the monitor may not have heard of."""
+        box = self._boxes[vehicle]
+        box.appended, box.told, box.dropped = None, {}, {}
+        for content in box.disk.contents():  # a power cut brings back what was removed just before
+            back = {(boot, seq) for boot, seq, _ in _intact(content)}
+            box.fates |= {place: UNSURE for place in back if box.fates.get(place) == DROPPED}
+        box.remembered = {loss.boot: loss.n_frames for loss in losses}
+        if not box.is_sound:
+            return
+        dropped: dict[int, list[int]] = defaultdict(list)
+        for (boot, seq), fate in box.fates.items():
+            if fate == DROPPED:
+                dropped[boot].append(seq)
+        for boot, numbers in dropped.items():
+            n_unheard = sum(seq > box.acknowledged.get(boot, -1) for seq in numbers)
+            if not n_unheard <= box.remembered.get(boot, 0) * (n_unheard > 0) <= len(numbers):
+                self._fail(f"{vehicle} dropped {len(numbers)} frames of {boot}, and remembers {box.remembered}")
+
+    def told(self, vehicle: str, boot: int, seq: int) -> None:
+        """A box got an acknowledgement."""
+        box = self._boxes[vehicle]
+        box.told[boot] = max(seq, box.told.get(boot, -1))
+
+    def stated(self, vehicle: str, losses: tuple[Loss, ...]) -> None:
+        """A box states which frames it has dropped: all of them, and no other."""
+        box = self._boxes[vehicle]
+        known = {loss.boot: loss for loss in losses}
+        for boot in known.keys() | box.dropped.keys():
+            numbers = box.dropped.get(boot, set())
+            loss, expected = known.get(boot), len(numbers) + box.remembered.get(boot, 0)
+            if loss is None or loss.n_frames != expected:
+                self._fail(f"{vehicle} states the loss {loss} of {boot}, and not that of {expected} frames")
+            if numbers and not (loss.first <= min(numbers) and max(numbers) <= loss.last):
+                self._fail(f"{vehicle} states {loss}, and dropped {sorted(numbers)[:9]}")
 
     def power_cut(self, vehicle: str) -> None:
         """The power of a box failed: without sync its spool may have lost anything."""
@@ -143,18 +196,43 @@ class Checker:
             self._fail(f"{vehicle} {boot} is acknowledged up to {last}, but the store has no frames {wrong or missing}")
         box.acknowledged[boot] = last
 
+    def failed(self, vehicle: str, boot: int, seq: int) -> None:
+        """A job of the monitor failed on a frame."""
+        self._failures[vehicle, (boot, seq)] += 1
+
     def look(self) -> None:
-        """Compare the windows that the monitor has stored since the last call with the samples that there were."""
-        query = "SELECT rowid, vehicle, number, document FROM observations WHERE rowid > ? ORDER BY rowid"
-        for row, vehicle, number, document in self._reader.execute(query, (self._last_row,)):
+        """Check what the monitor has stored since the last call."""
+        self._look_at_windows()
+        self._look_at_frames_aside()
+
+    def _look_at_windows(self) -> None:
+        """Compare new windows with the samples that there were."""
+        query = "SELECT rowid, vehicle, number, packed FROM observations WHERE rowid > ? ORDER BY rowid"
+        for row, vehicle, number, packed in self._reader.execute(query, (self._last_row,)):
             self._last_row = row
-            conditions: dict[str, float] = json.loads(document)["conditions"]
+            conditions: dict[str, float] = _unpacked(packed)["conditions"]
             samples = tuple(int(value) for value in conditions.values())
             windows = self._windows[vehicle]
             if number != len(windows):
                 self._fail(f"window {number} of {vehicle} comes after {len(windows)} windows")
             self._in_order(vehicle, (windows[-1][-1:] if windows else ()) + samples)
             windows.append(samples)
+
+    def _look_at_frames_aside(self) -> None:
+        """Check that new frames aside failed twice, or are those of a window from which one was set aside before."""
+        query = "SELECT vehicle, boot, seq FROM set_aside ORDER BY vehicle, boot, seq"
+        new: dict[tuple[str, int], list[int]] = defaultdict(list)
+        for vehicle, boot, seq in self._reader.execute(query):
+            if (boot, seq) not in self._aside[vehicle]:
+                new[vehicle, boot].append(seq)
+        for (vehicle, boot), numbers in new.items():
+            last, before = numbers[-1], self._aside[vehicle]
+            (done,) = self._one("SELECT done FROM cursors WHERE vehicle = ? AND boot = ?", vehicle, boot)
+            is_of_window = any(of == boot and done < seq < last for of, seq in before)
+            n_needed = 1 if is_of_window else 2
+            if self._failures[vehicle, (boot, last)] < n_needed or (len(numbers) > 1 and not is_of_window):
+                self._fail(f"{vehicle}: frames {numbers[:9]} of {boot} are set aside, which nothing failed on")
+            before.update((boot, seq) for seq in numbers)
 
     def delivered(self, sender: str, message: Message) -> None:
         """People got a message."""
@@ -169,11 +247,12 @@ class Checker:
         self._excused[sender, _identity(message.document)] += 1
 
     def monitor_ended(self) -> None:
-        """The monitor was killed: messages that it had not yet recorded as sent may come once more."""
-        rows = self._reader.execute("SELECT document FROM notifications WHERE sent IS NULL")
-        waiting = {_identity(json.loads(document)["document"]) for (document,) in rows}
+        """The monitor was killed: messages that it had not yet recorded as sent may come once more by that sender."""
+        self.look()
+        self._failures.clear()
+        recorded = set(self._settled())
         for key, count in self._delivered.items():
-            if key[1] in waiting:
+            if key not in recorded:
                 self._excused[key] = count
 
     # The end.
@@ -182,11 +261,13 @@ class Checker:
         """Check what must hold when all faults are over and everything is delivered, and return the frames analysed."""
         self.look()
         analysed = {vehicle: self._finish(vehicle, box) for vehicle, box in self._boxes.items()}
-        for document, sent in self._reader.execute("SELECT document, sent FROM notifications"):
+        settled = set(self._settled())
+        for (document,) in self._reader.execute("SELECT document FROM notifications"):
             identity = _identity(json.loads(document)["document"])
             for sender in senders:
                 if not self._delivered[sender, identity]:
-                    self._fail(f"{sender} never passed on {identity} (recorded as sent: {sent is not None})")
+                    is_recorded = (sender, identity) in settled
+                    self._fail(f"{sender} never passed on {identity} (recorded as sent: {is_recorded})")
         return analysed
 
     @property
@@ -229,14 +310,35 @@ class Checker:
         analysed = [place for place, samples in sorted(box.samples.items()) if have.issuperset(samples)]
         if sum(len(box.samples[place]) for place in analysed) != len(have):
             self._fail(f"{vehicle}: only a part of a frame is analysed")
-        missing = [place for place, fate in sorted(box.fates.items()) if fate == KEPT and place not in set(analysed)]
+        aside = self._aside[vehicle]
+        arrived = aside.union(analysed)
+        missing = [place for place, fate in sorted(box.fates.items()) if fate == KEPT and place not in arrived]
         if missing:
             self._fail(f"{vehicle}: frames {missing[:9]} were kept by its box, and are not analysed")
         for boot, (last, lost, _) in cursors.items():
             count = sum(place[0] == boot for place in analysed)
-            if count + lost != last + 1:
-                self._fail(f"{vehicle} {boot}: {count} frames analysed and {lost} lost of {last + 1}")
+            n_aside = sum(place[0] == boot for place in aside)
+            if count + n_aside + lost != last + 1:
+                self._fail(f"{vehicle} {boot}: {count} frames analysed, {n_aside} aside and {lost} lost of {last + 1}")
+            self._compare_losses(vehicle, box, boot, lost)
         return analysed
+
+    def _compare_losses(self, vehicle: str, box: Box, boot: int, lost: int) -> None:
+        """Check that the alert about lost frames counts those that the box dropped, and that are lost."""
+        row = self._one("SELECT document FROM alerts WHERE vehicle = ? AND cause = 'lost'", vehicle)
+        counted: dict[str, int] = json.loads(row[0])["evidence"]["boots"] if row else {}
+        number = counted.get(str(boot), 0)
+        if number > lost or (box.is_sound and number != lost):
+            self._fail(f"{vehicle} {boot}: {lost} frames are lost, and the alert counts {number}")
+
+    def _settled(self) -> Iterator[tuple[str, str]]:
+        """Yield sender and identity of the messages that are recorded as sent."""
+        query = (
+            "SELECT deliveries.sender, document FROM notifications JOIN deliveries ON notification = notifications.id"
+            " WHERE deliveries.sent IS NOT NULL"
+        )
+        for sender, document in self._reader.execute(query):
+            yield sender, _identity(json.loads(document)["document"])
 
     def _in_order(self, vehicle: str, sequence: Any) -> None:
         """Check that samples are analysed in order, each once."""
@@ -249,6 +351,12 @@ class Checker:
 
     def _fail(self, sentence: str) -> None:
         raise ViolationError(f"{sentence} (at {self._chance.now:.2f} s)")
+
+
+def _unpacked(packed: bytes) -> dict[str, Any]:
+    """Return a packed document."""
+    document: dict[str, Any] = Packed().process_result_value(packed, None)
+    return document
 
 
 def _identity(document: dict[str, Any]) -> str:

@@ -17,6 +17,7 @@ from vehicle import BEGUN
 
 from sprung.alerting import Message, SendError
 from sprung.monitor import Site, Station, station
+from sprung.monitor.postman import PostOffice
 from sprung.storage import Store, StoreError, open_store
 
 SENDERS = ("mail", "webhook")
@@ -40,8 +41,17 @@ class Unthreaded:
     def close(self) -> None: ...
 
 
+class Unhurried(PostOffice):
+    """Postmen without threads: the world lets them send."""
+
+    def open(self) -> None:
+        self.resume()
+
+
 class People:
     """A sender whose messages the checker counts; it refuses some, and fails after others."""
+
+    shows_pictures = False
 
     def __init__(self, name: str, chance: Chance, checker: Checker) -> None:
         self.name, self._chance, self._checker = name, chance, checker
@@ -123,7 +133,7 @@ class Monitor:
             self._store,
             url,
             connect=partial(SimulatedLink, self._broker, "monitor"),
-            workers=InlineWorkers(self._chance),
+            workers=InlineWorkers(self._chance, on_failed=self._checker.failed),
             senders=[People(name, self._chance, self._checker) for name in SENDERS],
             now=lambda: self._chance.now,
         )
@@ -131,7 +141,7 @@ class Monitor:
 
     def _post(self, running: Station) -> None:
         with suppress(StoreError):  # as the thread that does this otherwise
-            running._postman.send(now=BEGUN + round(1e9 * self._chance.now))
+            running._post.send()
 
     def _guarded(self, act: Callable[[], None]) -> None:
         """Do something that may end the monitor."""
@@ -148,7 +158,7 @@ def new_station(
 ) -> Station:
     """Return a station without threads."""
     with (
-        patch.object(station, "Posting", Unthreaded),
+        patch.object(station, "PostOffice", Unhurried),
         patch.object(station, "Serving", Unthreaded),
         patch.object(station, "senders_of", lambda *_: senders),
     ):

@@ -35,7 +35,12 @@ class LoggedSpool(Spool):
 
         is_kept = super().append(logged)
         self.checker.recorded(self.vehicle, is_kept=is_kept)
+        self.checker.stated(self.vehicle, self.losses)
         return is_kept
+
+    def acknowledge(self, boot: int, seq: int) -> None:
+        self.checker.told(self.vehicle, boot, seq)
+        super().acknowledge(boot, seq)
 
 
 class Vehicle:
@@ -72,8 +77,9 @@ class Vehicle:
 
     @property
     def is_drained(self) -> bool:
-        """Whether the box runs, and all its frames are acknowledged."""
-        return self._box is not None and self._box.n_waiting == 0
+        """Whether the box runs, and all its frames and losses are acknowledged."""
+        is_on = self._box is not None and self.spool is not None
+        return is_on and self._box.n_waiting == 0 and not self.spool.unreported_losses
 
     @property
     def now(self) -> int:
@@ -137,6 +143,7 @@ class Vehicle:
             connect=self._connected,
         )
         self.spool = spool
+        self._checker.started(self.name, spool.losses)
         self._chance.note(f"boot {spool.boot} after {spool.previous}", self.name)
         self._box.open()
 

@@ -198,7 +198,9 @@ class World:
 
     def _unsent(self) -> int:
         with sqlite3.connect(self._folder / "store.sqlite") as reader:
-            (count,) = reader.execute("SELECT count(*) FROM notifications WHERE sent IS NULL").fetchone()
+            (count,) = reader.execute(
+                "SELECT count(*) FROM notifications WHERE sent IS NULL AND given_up IS NULL"
+            ).fetchone()
         reader.close()
         return int(count)
 
@@ -255,16 +257,16 @@ def _announcement() -> dict[Any, Any]:
 
 
 _TABLES = {
-    "observations": "SELECT vehicle, boot, number, t0, document FROM observations ORDER BY vehicle, number",
-    "modes": "SELECT vehicle, boot, number, t0, document FROM modes ORDER BY vehicle, number",
-    "findings": "SELECT vehicle, boot, number, place, document FROM findings ORDER BY vehicle, number, place",
+    "observations": "SELECT vehicle, boot, number, t0, packed FROM observations ORDER BY vehicle, number",
+    "modes": "SELECT vehicle, boot, number, t0, packed FROM modes ORDER BY vehicle, number",
+    "findings": "SELECT vehicle, boot, number, place, packed FROM findings ORDER BY vehicle, number, place",
     "snapshots": "SELECT vehicle, boot, seq, document FROM snapshots ORDER BY vehicle",
     "frames": "SELECT frames.vehicle, frames.boot, seq FROM frames JOIN cursors ON cursors.vehicle = frames.vehicle"
     " AND cursors.boot = frames.boot WHERE seq <= contiguous ORDER BY frames.vehicle, frames.boot, seq",
     "alerts": "SELECT vehicle, cause, severity, text, is_active, is_acknowledged, count FROM alerts"
     " WHERE cause LIKE 'sensor:%' ORDER BY vehicle, cause",
     "history": "SELECT vehicle, cause, what FROM alert_history JOIN alerts ON alerts.id = alert"
-    " WHERE cause LIKE 'sensor:%' AND what NOT IN ('undelivered', 'delivered')"
+    " WHERE cause LIKE 'sensor:%' AND what NOT IN ('undelivered', 'delivered', 'abandoned')"
     " ORDER BY vehicle, cause, alert_history.id",
     "notifications": "SELECT vehicle, cause, json_extract(notifications.document, '$.what') FROM notifications"
     " JOIN alerts ON alerts.id = alert WHERE cause LIKE 'sensor:%' ORDER BY vehicle, cause, notifications.id",
