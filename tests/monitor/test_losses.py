@@ -146,7 +146,7 @@ def test_a_loss_is_named_after_a_restart_of_the_box(lossy, tmp_path: Path) -> No
 def test_an_alert_that_a_crash_left_out_is_made_up_for(lossy, tmp_path: Path) -> None:
     """The loss is in the store, and neither alert nor acknowledgement: the box states it again."""
     station, _, _ = lossy
-    station.store.inbox.declare_lost("car-1", 3, 10, now=0)
+    station.store.inbox.declare_lost({("car-1", 3): 10}, now=0)
     state = message({"boots": [[3, 10, -1]], "lost": [list(Loss(3, 0, 9, 10, 10**18, 2 * 10**18))]})
     for _ in range(3):
         station.link.on_message(topic("car-1", "state"), state)

@@ -62,7 +62,7 @@ def test_what_is_no_outcome_is_lost(pipe, monkeypatch: pytest.MonkeyPatch, messa
 
 
 def test_a_job_of_a_vehicle_that_could_not_be_opened_has_no_outcome_of_its_own() -> None:
-    assert answer(("work", "car-1", [b""], ""), {}, limits=Limits()) is None
+    assert answer(("work", "car-1", [b""], "", False), {}, limits=Limits()) is None
     assert answer(("close", "car-1"), {}) is None
 
 
