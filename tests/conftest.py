@@ -23,7 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: matrices are
 import pytest
 from hypothesis import settings
 
-settings.register_profile("same every time", derandomize=True)
+settings.register_profile("same every time", derandomize=True, deadline=None)  # no test asserts a time
 settings.load_profile("same every time")
 
 Value = TypeVar("Value")
