@@ -18,7 +18,7 @@ from vehicle import BEGUN
 from sprung.alerting import Message, SendError
 from sprung.monitor import Site, Station, station
 from sprung.monitor.postman import PostOffice
-from sprung.storage import Store, StoreError, open_store
+from sprung.storage import Store, StoreError, database, open_store
 
 SENDERS = ("mail", "webhook")
 _STATEMENT_FAULTS = {
@@ -27,6 +27,10 @@ _STATEMENT_FAULTS = {
     "store read-only": (sqlite3.SQLITE_READONLY, "attempt to write a readonly database"),
     "store fails to read or write": (sqlite3.SQLITE_IOERR, "disk I/O error"),
 }
+
+
+#: Engines are kept, as they keep compiled statements; when a store is closed, they close their connections.
+_ENGINE = cache(database._engine)
 
 
 class Unthreaded:
@@ -121,12 +125,13 @@ class Monitor:
             if link.name == "monitor":
                 link.close()
         if self._store is not None:
+            faultless(self._store)
             self._store.close()
         self._station = self._store = None
 
     def _start(self) -> None:
         url = f"sqlite:///{self._path}"
-        self._store = open_store(url)
+        self._store = opened(url)
         vars(self._store)["free"] = lambda: self.free
         faulty(self._store, self._chance)
         self._station = new_station(
@@ -140,6 +145,8 @@ class Monitor:
         self._station.open()
 
     def _post(self, running: Station) -> None:
+        for sender in SENDERS:
+            running._heartbeats.beat(f"post {sender}")
         with suppress(StoreError):  # as the thread that does this otherwise
             running._post.send()
 
@@ -177,6 +184,12 @@ def new_station(
 def site(url: str) -> Site:
     """Return the settings: no archive, a disk that is checked, alerts at the first window."""
     return Site.model_validate({"store": url, "keep": {"raw_days": 0}, "alerts": {"silent_after_minutes": 0.5}})
+
+
+def opened(url: str) -> Store:
+    """Return a store."""
+    with patch.object(database, "_engine", _ENGINE):
+        return open_store(url)
 
 
 @cache
@@ -228,3 +241,10 @@ def faulty(store: Store, chance: Chance) -> None:
             fail("store fails to read or write")
 
     vars(dialect).update(do_execute=do_execute, do_executemany=do_executemany, do_commit=do_commit)
+
+
+def faultless(store: Store) -> None:
+    """Let statements and commits of a store succeed again."""
+    dialect = store._database.engine.dialect
+    for name in ("do_execute", "do_executemany", "do_commit"):
+        vars(dialect).pop(name, None)

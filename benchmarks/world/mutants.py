@@ -7,14 +7,18 @@ from typing import Any
 from unittest.mock import patch
 
 from disk import SimulatedDisk
+from sqlalchemy import delete
 
 from sprung.link import Key, Sending, Spool, checked_map, message, parse_topic, topic
 from sprung.link import spool as spool_module
+from sprung.monitor import dispatch
+from sprung.monitor.alert_book import AlertBook
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.intake import Intake
 from sprung.monitor.postman import Postman
-from sprung.monitor.streams import Stream
-from sprung.storage import Store, StoreError, inbox
+from sprung.monitor.streams import Handover, Stream
+from sprung.storage import Store, StoredFrame, StoreError, inbox
+from sprung.storage.aside import Aside
 from sprung.storage.inbox import Inbox
 from sprung.storage.results import Results
 from sprung.storage.schema import FRAMES
@@ -71,8 +75,8 @@ def never_sends_again() -> Patches:
 def stores_duplicates_again() -> Patches:
     add = Inbox.add_frames
 
-    def mutant(self: Inbox, frames: Any, *, now: int) -> Any:
-        reached = add(self, frames, now=now)
+    def mutant(self: Inbox, frames: Any, **options: Any) -> Any:
+        reached = add(self, frames, **options)
         with self._database.writing() as connection:
             rows = [frame._asdict() for frame in frames]
             connection.execute(self._database.insert(FRAMES).on_conflict_do_nothing(), rows)
@@ -88,9 +92,9 @@ def passes_over_gaps() -> Patches:
 def stores_the_state_before_the_window() -> Patches:
     commit = Results.commit
 
-    def mutant(self: Results, progress: Any) -> None:
+    def mutant(self: Results, progress: Any, *before: Any) -> None:
         commit(self, replace(progress, observations=(), modes=(), findings=(), baselines=()))
-        commit(self, replace(progress, snapshot=None))
+        commit(self, replace(progress, snapshot=None), *before)
 
     yield patch.object(Results, "commit", mutant)
     yield patch.object(Store, "together", lambda _self: nullcontext())
@@ -99,8 +103,8 @@ def stores_the_state_before_the_window() -> Patches:
 def removes_frames_before_it_stores_the_state() -> Patches:
     commit = Results.commit
 
-    def mutant(self: Results, progress: Any) -> None:
-        commit(self, replace(progress, snapshot=None, observations=(), modes=()))
+    def mutant(self: Results, progress: Any, *before: Any) -> None:
+        commit(self, replace(progress, snapshot=None, observations=(), modes=()), *before)
         commit(self, progress)
 
     yield patch.object(Results, "commit", mutant)
@@ -190,13 +194,13 @@ def takes_an_acknowledgement_for_all_boots() -> Patches:
 
 
 def records_messages_as_sent_before_it_sends_them() -> Patches:
-    send = Postman.send
-
-    def mutant(self: Postman, *, now: int) -> None:
-        for row in self._store.alerts.due_notifications(100):
-            self._store.alerts.notification_sent(row.id, now)
-            with patch.object(self._store.alerts, "due_notifications", lambda _limit, row=row: [row]):
-                send(self, now=now)
+    def mutant(self: Postman, *, now: int) -> bool:
+        row = self._store.alerts.next_notification(self.name, now=now)
+        if row is None:
+            return False
+        self._settle(row, "", now)
+        self._attempt(row)
+        return True
 
     yield patch.object(Postman, "send", mutant)
 
@@ -204,13 +208,48 @@ def records_messages_as_sent_before_it_sends_them() -> Patches:
 def sends_messages_without_recording_it() -> Patches:
     settle = Postman._settle
 
-    def mutant(self: Postman, row: Any, errors: Any, now: int) -> None:
-        if now // 10**7 % 3:
-            settle(self, row, errors, now)
-        else:
-            self._delivered.pop(row.id, None)
+    def mutant(self: Postman, row: Any, error: str, now: int) -> None:
+        settle(self, row, error or ("" if now // 10**7 % 3 else "forgotten"), now)
 
     yield patch.object(Postman, "_settle", mutant)
+
+
+def hands_over_past_what_memory_lacks() -> Patches:
+    def mutant(self: Handover, vehicle: str, boot: int, *, after: int, until: int, limit: int) -> list[StoredFrame]:
+        of_boot = self._frames.get(vehicle, {}).get(boot, {})
+        return [frame for seq, frame in sorted(of_boot.items()) if after < seq <= until][:limit]
+
+    yield patch.object(Handover, "following", mutant)
+
+
+def hands_over_repeats() -> Patches:
+    def mutant(self: Handover, vehicle: str, boot: int, *, after: int, until: int, limit: int) -> list[StoredFrame]:
+        of_boot = self._frames.get(vehicle, {}).get(boot, {})
+        return [frame for seq, frame in sorted(of_boot.items()) if seq <= until][:limit]
+
+    yield patch.object(Handover, "following", mutant)
+    yield patch.object(Handover, "release", lambda *_: None)
+
+
+def forgets_losses_at_a_restart() -> Patches:
+    yield patch.object(Spool, "_write_losses", lambda _self: None)
+
+
+def conceals_losses_from_people() -> Patches:
+    yield patch.object(AlertBook, "report_lost", lambda *_, **__: None)
+
+
+def sets_frames_aside_at_the_first_failure() -> Patches:
+    yield patch.object(dispatch, "_STRIKES", 1)
+
+
+def forgets_frames_aside() -> Patches:
+    def mutant(self: Aside, vehicle: str, boot: int, first: int, last: int, **_: Any) -> int:
+        chosen = (FRAMES.c.vehicle == vehicle, FRAMES.c.boot == boot, FRAMES.c.seq.between(first, last))
+        with self._database.writing() as connection:
+            return connection.execute(delete(FRAMES).where(*chosen)).rowcount
+
+    yield patch.object(Aside, "put_frames", mutant)
 
 
 #: What the protocol does wrong, by the way in which it is broken.
@@ -236,6 +275,12 @@ MUTANTS: dict[str, Callable[[], Patches]] = {
         takes_an_acknowledgement_for_all_boots,
         records_messages_as_sent_before_it_sends_them,
         sends_messages_without_recording_it,
+        hands_over_past_what_memory_lacks,
+        hands_over_repeats,
+        forgets_losses_at_a_restart,
+        conceals_losses_from_people,
+        sets_frames_aside_at_the_first_failure,
+        forgets_frames_aside,
     )
 }
 

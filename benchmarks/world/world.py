@@ -13,10 +13,9 @@ from checker import Checker, Place, ViolationError
 from network import Broker, SimulatedLink
 from vehicle import CHANNEL, Vehicle, description
 
-from monitor import SENDERS, Monitor, empty_store, new_station
+from monitor import SENDERS, Monitor, empty_store, new_station, opened
 from sprung.link import VERSION, Key, message, topic
 from sprung.monitor import Station
-from sprung.storage import open_store
 
 #: Largest number of rounds without faults until all is delivered.
 _ROUNDS = 600
@@ -212,7 +211,7 @@ class World:
         path.write_bytes(empty_store())
         url = f"sqlite:///{path}"
         payloads = self.checker.payloads
-        with open_store(url) as store:
+        with opened(url) as store:
             quiet = Chance(0, rates=dict.fromkeys(RATES, 0.0))
             broker = Broker(quiet, on_acknowledgement=lambda _vehicle, _payload: None)
             undisturbed = new_station(

@@ -1,6 +1,7 @@
 """The spool: nothing that was kept is lost before it is acknowledged, and never too many bytes."""
 
 import errno
+import os
 import shutil
 from pathlib import Path
 
@@ -172,10 +173,15 @@ def test_a_frame_that_the_disk_refuses_is_a_loss(tmp_path: Path) -> None:
 
 
 class Forgetful(Disk):
-    """A disk whose folder has, after a power cut, the names that it had when it was last synced."""
+    """A disk whose folder has, after a power cut, the names and contents that it had when they were last synced."""
 
     def __init__(self) -> None:
         self.durable: dict[str, int] = {}
+        self.sizes: dict[int, int] = {}
+
+    def sync(self, handle: int) -> None:
+        status = os.fstat(handle)
+        self.sizes[status.st_ino] = status.st_size
 
     def sync_folder(self, folder: Path) -> None:
         self.durable = {path.name: path.stat().st_ino for path in folder.iterdir()}
@@ -184,6 +190,8 @@ class Forgetful(Disk):
         for path in list(folder.iterdir()):
             if self.durable.get(path.name) != path.stat().st_ino:
                 path.unlink()
+            else:
+                os.truncate(path, self.sizes.get(path.stat().st_ino, 0))
 
 
 def test_a_power_cut_takes_neither_frames_nor_the_number_of_the_boot(tmp_path: Path) -> None:
@@ -199,6 +207,46 @@ def test_a_power_cut_takes_neither_frames_nor_the_number_of_the_boot(tmp_path: P
     again = Spool(tmp_path)
     assert (again.boot, again.previous) == (2, (1, 1))
     assert held(again) == [(0, 0), (1, 0)]
+
+
+def test_a_power_cut_takes_no_frame_that_was_read_at_a_start(tmp_path: Path) -> None:
+    """Later boots say how many frames there were, and the monitor waits for all of them."""
+    disk = Forgetful()
+    for is_synced in (False, True):  # the first start ends before the disk has its frames
+        spool = Spool(tmp_path, is_synced=is_synced, disk=disk)
+        for _ in range(2):
+            spool.append(lambda *_: b"x" * 100)
+        spool.close()
+    disk.cut_power(tmp_path)
+    assert held(Spool(tmp_path)) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+
+
+def test_frames_that_were_there_at_a_start_and_are_gone_are_a_loss(tmp_path: Path) -> None:
+    for count in (3, 2):
+        filled(tmp_path, count).close()
+    oldest = min(tmp_path.glob("*.spool"))
+    oldest.write_bytes(oldest.read_bytes()[:-200])
+    for _ in range(2):
+        spool = Spool(tmp_path)
+        assert [tuple(loss)[:4] for loss in spool.unreported_losses] == [(0, 1, 2, 2)]
+        spool.close()
+
+
+def test_a_loss_behind_frames_that_are_held_is_known_after_a_restart(broken) -> None:
+    spool, disk = broken
+    disk.failing = {"write of frames"}
+    first = held(spool)[-1][1] + 1
+    assert not spool.append(lambda *_: b"x" * 100)
+    (loss,) = spool.losses
+    assert loss.last == first
+    left = [seq for _, seq in held(spool)]
+    assert left
+    assert spool.boots == {0: left[0]}
+    spool.close()
+    again = Spool(spool._folder)
+    assert again.losses == (loss,)
+    again.acknowledge(0, left[-1])
+    assert again.boots == {0: first + 1, 1: 0}
 
 
 def test_ends_of_earlier_boots_outlast_their_frames(tmp_path: Path) -> None:

@@ -96,6 +96,18 @@ def test_frames_that_a_box_no_longer_has_are_lost(intake, drive, frames_of) -> N
     assert not intake.is_parked("car-1")
 
 
+def test_frames_before_a_loss_that_a_box_still_has_are_not_lost(intake, store, drive, frames_of) -> None:
+    """A disk that refused one frame may hold those before it."""
+    lost = [[1, 4, 4, 1, 10**18, 10**18 + 10**9]]
+    intake.take([(topic("car-1", "state"), message({"boots": [[1, 0, 7]], "lost": lost}))], now=0)
+    assert store.inbox.cursor("car-1", 1).lost == 0
+    frames = [(topic("car-1", "raw"), payload) for place, payload in enumerate(frames_of(drive(0))[:7]) if place != 4]
+    intake.take(frames, now=1)
+    intake.take([(topic("car-1", "state"), message({"boots": [[1, 5, 7]], "lost": lost}))], now=2)
+    cursor = store.inbox.cursor("car-1", 1)
+    assert (cursor.contiguous, cursor.lost) == (6, 1)
+
+
 def test_the_last_thousand_answers_are_kept(intake) -> None:
     answers = [(topic("car-2", "event"), message({**ANSWER, "number": number})) for number in range(1100)]
     intake.take([*answers, (topic("car-2", "event"), message({"did": "something new"}))], now=0)

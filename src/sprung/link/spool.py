@@ -93,6 +93,7 @@ class Spool:
             self._boot = max(last + 1, int(boot_from))
             self._write_boot()
             self._losses = self._losses_before()
+            self._lose_vanished()
         except OSError as error:
             raise SpoolError(f"the spool {folder} cannot be used: {error.strerror}: give another folder") from None
         self._seq = 0
@@ -146,7 +147,8 @@ class Spool:
             for file in reversed(self._files)
             if file.last > known.get(file.boot, -1)
         }
-        return {**self._ends, self._boot: self._seq, **held}
+        beyond = {loss.boot: max(loss.last + 1, self._ends.get(loss.boot, 0)) for loss in self.losses}
+        return {**self._ends, **beyond, self._boot: self._seq, **held}
 
     def last_frame(self) -> bytes | None:
         """Return the payload of the newest frame, of this boot or an earlier one; None if the spool is empty."""
@@ -274,12 +276,22 @@ class Spool:
         with suppress(OSError, ValueError, TypeError):
             for line in self._disk.read(self._folder / "losses").splitlines():
                 loss = Loss(*map(int, line.split()))
-                held = min((file.first for file in self._files if file.boot == loss.boot), default=loss.last + 1)
-                last = min(loss.last, held - 1)
+                last = loss.last
+                for file in reversed(self._files):
+                    if file.boot == loss.boot and file.first <= last <= file.last:
+                        last = file.first - 1
                 if loss.first <= last:
                     n_kept = loss.last - last
                     losses[loss.boot] = loss._replace(last=last, n_frames=max(1, loss.n_frames - n_kept))
         return losses
+
+    def _lose_vanished(self) -> None:
+        """Remember the frames at the ends of boots that were there at an earlier start, and that the disk has lost."""
+        for boot, last in {file.boot: file.last for file in self._files}.items():
+            known = self._losses.get(boot)
+            first = last + 1 if known is None else max(last, known.last) + 1
+            if first < self._ends.get(boot, 0):
+                self._lose(loss_of(boot, first, self._ends[boot] - 1, ()))
 
     def _remove(self, file: _File) -> None:
         """Remove a file; one that a failing disk keeps is sent again after the next start."""
@@ -340,6 +352,11 @@ class Spool:
             return None
         size = sum(_HEADER.size + 4 + length for _, _, length in records)
         self._disk.truncate(path, size)
+        handle = self._disk.open(path)
+        try:
+            self._disk.sync(handle)  # a power cut must not take what is sent, and counted, from here on
+        finally:
+            self._disk.close(handle)
         return _File(path, records[0][0], records[0][1], records[-1][1], size)
 
     def _records(self, path: Path) -> Iterator[tuple[int, int, bytes]]:

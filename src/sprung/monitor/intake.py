@@ -322,8 +322,9 @@ class Intake:
         if not isinstance(boots, list):
             raise FormatError("a state without boots")
         first = dict(map(_first_frame, boots[:MOST_BOOTS]))
-        for loss in dropped.losses:
-            first[loss.boot] = max(first.get(loss.boot, 0), loss.last + 1)
+        if len(first) < MOST_BOOTS:  # otherwise frames of other boots may be left
+            for loss in dropped.losses:
+                first.setdefault(loss.boot, loss.last + 1)
         behind = sorted(boot for boot, seq in first.items() if seq > 0)
         for boot in behind:
             self._check_boot(vehicle, boot)
