@@ -64,7 +64,7 @@ def main() -> None:
     given = parser.parse_args()
     numbers = [(f"car-{number}", number) for number in range(given.vehicles)]
     frames = [(name, frame_of(name, number, seq)) for seq in range(1, given.frames + 1) for name, number in numbers]
-    plan = Plan(given.monitors, given.vehicles, 1, 0.0, 0.0, 30.0, 0.0, 0)
+    plan = Plan(given.monitors, given.vehicles, 0, 1, 0.0, 0.0, 30.0, 0.0, 0)
     for n_monitors in range(1, given.monitors + 1):
         with (
             tempfile.TemporaryDirectory() as folder,
