@@ -35,7 +35,7 @@ def driven(seconds: float) -> "np.ndarray[Any, np.dtype[np.float64]]":
 def driving_frame(vehicle: str, seq: int, n_frames: int) -> bytes:
     """Return a frame of a vehicle that drives, out of so many."""
     size = round(FRAME * DRIVING_RATE)
-    return _frame(vehicle, seq, driven(n_frames * FRAME)[:, seq * size : (seq + 1) * size], DRIVING_RATE)
+    return framed(vehicle, seq, driven(n_frames * FRAME)[:, seq * size : (seq + 1) * size], DRIVING_RATE)
 
 
 def frame_of(vehicle: str, number: int, seq: int) -> bytes:
@@ -44,13 +44,13 @@ def frame_of(vehicle: str, number: int, seq: int) -> bytes:
     samples[:4] = 0.3 * np.random.default_rng((number, seq)).standard_normal((4, samples.shape[1]))
     if number % 3 == 0 and seq // _PER_WINDOW % 3 == 1:
         samples[number % 4] = 0.0
-    return _frame(vehicle, seq, samples, RATE)
+    return framed(vehicle, seq, samples, RATE)
 
 
-def _frame(vehicle: str, seq: int, samples: "np.ndarray[Any, np.dtype[np.float64]]", rate: float) -> bytes:
-    """Return the frame of a number."""
+def framed(vehicle: str, seq: int, samples: "np.ndarray[Any, np.dtype[np.float64]]", rate: float) -> bytes:
+    """Return the frame of a number with samples, all of them equally long."""
     counts, scale, flags = quantised(samples)
-    start = BEGUN + seq * round(FRAME * 1e9)
+    start = BEGUN + seq * round(samples.shape[1] / rate * 1e9)
     return encode(Frame(vehicle, 1, seq, start, round(1e9 / rate), NAMES, scale, counts, 2, flags))
 
 

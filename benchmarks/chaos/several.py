@@ -112,7 +112,7 @@ class Rig:
         site.write_text(
             f'schema = "sprung.site/1"\nstore = "{self.database.url}"\nhttp = "127.0.0.1:{port}"\n'
             f'broker = "{self.url}"\n'
-            f"[watch]\nwindow_minutes = {WINDOW / 60}\nidentify_every_minutes = 1.0\nlearning_windows = 2\n"
+            f"[watch]\nwindow_minutes = {WINDOW / 60}\nidentify_every_minutes = {WINDOW / 60}\nlearning_windows = 2\n"
             f"takeover_seconds = {plan.takeover}\n"
             f"[alerts]\nclear_after_windows = 1\n[keep]\nraw_days = 0\n"
             f'[[send.webhook]]\nurl = "{self.mailbox.url}"\n'
