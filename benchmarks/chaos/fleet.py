@@ -4,20 +4,38 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
 
 import numpy as np
 from network import BEGUN
 
 from sprung.link import VERSION, Address, Frame, Key, Link, checked_map, encode, message, parse_topic, quantised, topic
-from sprung.vehicles import read_vehicle, vehicle_text
+from sprung.simulation import RoadDrive, simulate_drive
+from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
 
-#: Length of a frame [s], sampling rate [Hz], and length of a window [s].
-FRAME, RATE, WINDOW = 5.0, 50.0, 60.0
+#: Length of a frame [s], sampling rate of vehicles that stand and drive [Hz], and length of a window [s].
+FRAME, RATE, DRIVING_RATE, WINDOW = 5.0, 50.0, 200.0, 120.0
 NAMES = ("acc_fl", "acc_fr", "acc_rl", "acc_rr", "speed")
 QUANTITIES = {name: "speed" if name == "speed" else "acceleration" for name in NAMES}
 #: Time without progress after which a box sends everything again [s], and the most frames that it sends ahead.
 PATIENCE, AHEAD = 10.0, 12
 _PER_WINDOW = round(WINDOW / FRAME)
+
+
+@cache
+def driven(seconds: float) -> "np.ndarray[Any, np.dtype[np.float64]]":
+    """Return the samples of a drive, in the second half of which a spring is soft, shape (channels, samples)."""
+    car, halves = read_vehicle("zafira"), ((), (parse_fault("front_left.spring=-0.4"),))
+    settings = [RoadDrive(duration=seconds / 2, snr=50.0, faults=faults) for faults in halves]
+    runs = [simulate_drive(car, one, seed=seed).recording for seed, one in enumerate(settings)]
+    return np.concatenate([run.select(NAMES).samples for run in runs], axis=1)
+
+
+def driving_frame(vehicle: str, seq: int, n_frames: int) -> bytes:
+    """Return a frame of a vehicle that drives, out of so many."""
+    size = round(FRAME * DRIVING_RATE)
+    return framed(vehicle, seq, driven(n_frames * FRAME)[:, seq * size : (seq + 1) * size], DRIVING_RATE)
 
 
 def frame_of(vehicle: str, number: int, seq: int) -> bytes:
@@ -26,9 +44,14 @@ def frame_of(vehicle: str, number: int, seq: int) -> bytes:
     samples[:4] = 0.3 * np.random.default_rng((number, seq)).standard_normal((4, samples.shape[1]))
     if number % 3 == 0 and seq // _PER_WINDOW % 3 == 1:
         samples[number % 4] = 0.0
+    return framed(vehicle, seq, samples, RATE)
+
+
+def framed(vehicle: str, seq: int, samples: "np.ndarray[Any, np.dtype[np.float64]]", rate: float) -> bytes:
+    """Return the frame of a number with samples, all of them equally long."""
     counts, scale, flags = quantised(samples)
-    start = BEGUN + seq * round(FRAME * 1e9)
-    return encode(Frame(vehicle, 1, seq, start, round(1e9 / RATE), NAMES, scale, counts, 2, flags))
+    start = BEGUN + seq * round(samples.shape[1] / rate * 1e9)
+    return encode(Frame(vehicle, 1, seq, start, round(1e9 / rate), NAMES, scale, counts, 2, flags))
 
 
 @dataclass
@@ -46,14 +69,24 @@ class _Box:
 class Fleet:
     """Boxes that make frames at a pace, all on one connection.
 
-    `check` is called with vehicle and sequence number of every acknowledgement.
+    The first `driving` of them drive, the others stand. `check` is called with vehicle and sequence number of every
+    acknowledgement.
     """
 
     def __init__(
-        self, url: str, vehicles: int, *, windows: int, pace: float | None, check: Callable[[str, int], None]
+        self,
+        url: str,
+        vehicles: int,
+        *,
+        windows: int,
+        pace: float | None,
+        check: Callable[[str, int], None],
+        driving: int = 0,
     ) -> None:
         self.boxes = {f"car-{number}": _Box(f"car-{number}", number) for number in range(vehicles)}
-        self.n_frames, self._pace, self._check = windows * _PER_WINDOW, pace, check
+        self.n_frames, self._pace, self._check, self._driving = windows * _PER_WINDOW, pace, check, driving
+        if driving:
+            driven(self.n_frames * FRAME)
         self.acknowledgements = self.sent = 0
         self._lock = threading.Lock()
         self._is_over = threading.Event()
@@ -117,7 +150,7 @@ class Fleet:
         due = int(min(passed + box.number / len(self.boxes), self.n_frames))
         with self._lock:
             while box.n_made < due and len(box.waiting) < AHEAD:
-                box.waiting[box.n_made] = frame_of(box.vehicle, box.number, box.n_made)
+                box.waiting[box.n_made] = self._made(box)
                 box.n_made += 1
             if box.waiting and box.sent >= min(box.waiting) and now - box.progress > PATIENCE:
                 box.sent, box.progress = -1, now
@@ -126,6 +159,12 @@ class Fleet:
                 box.sent = frames[-1]
                 box.progress = max(box.progress, now - PATIENCE / 2)
             return [(topic(box.vehicle, "raw"), box.waiting[seq]) for seq in frames]
+
+    def _made(self, box: _Box) -> bytes:
+        """Return the next frame of a box."""
+        if box.number < self._driving:
+            return driving_frame(box.vehicle, box.n_made, self.n_frames)
+        return frame_of(box.vehicle, box.number, box.n_made)
 
     def _announce(self) -> None:
         """Publish the state of every box."""

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass, field
 
+#: Fewest acknowledgements of a storm that shows anything.
+LEAST_ACKNOWLEDGEMENTS = 100
+
 
 @dataclass
 class Result:
@@ -20,6 +23,7 @@ class Result:
     windows: int = 0
     findings: int = 0
     acknowledgements: int = 0
+    acknowledgements_in_storm: int = 0
     acknowledged_not_stored: int = 0
     frames_lost: int = 0
     frames_left: int = 0
@@ -32,8 +36,8 @@ class Result:
 
     @property
     def is_kept(self) -> bool:
-        """Whether every promise was kept."""
-        return self.is_equal and self.is_sound
+        """Whether every promise was kept, while frames came and were acknowledged."""
+        return self.is_equal and self.is_sound and self.acknowledgements_in_storm >= LEAST_ACKNOWLEDGEMENTS
 
     @property
     def is_sound(self) -> bool:

@@ -6,14 +6,14 @@ import time
 import urllib.request
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from network import BEGUN, PAUSE, Forwarder, Relay
 from processes import SPRUNG, Program, broker, free_port, is_alive, tail, until
-from results import Result
+from results import LEAST_ACKNOWLEDGEMENTS, Result
 from stores import VEHICLE, contents, cursors, rows
 
 from sprung.formats import write
@@ -50,10 +50,17 @@ class Plan:
         passed, rest = divmod((position - BEGUN) / 1e9, self.duration + PAUSE)
         return 60 * self.minutes - passed * self.duration - min(rest, self.duration)
 
-    def pace(self, position: int, n_kills: int) -> float:
-        """Return how fast a box must go from there on to come to the end with the last kill."""
-        left = max(self.kills - n_kills, 1) * self.every * UPTIME
+    def pace(self, position: int, n_kills: int, starting: float) -> float:
+        """Return how fast a box must go from there on to come to the end with the last kill.
+
+        `starting` is the time from the start of the programs to the first frame [s].
+        """
+        left = max(self.kills - n_kills, 1) * (self.every + starting) * UPTIME
         return max(self.ahead(position) / left, 0.1)
+
+    def least_acknowledgements(self, n_kills: int) -> float:
+        """Return how many acknowledgements there must be after a number of kills."""
+        return LEAST_ACKNOWLEDGEMENTS * n_kills / self.kills
 
 
 def drives(folder: Path, plan: Plan) -> list[Path]:
@@ -74,12 +81,14 @@ def drives(folder: Path, plan: Plan) -> list[Path]:
 class Rig:
     """Box, brokers, monitor and all between them, in a folder."""
 
-    def __init__(self, folder: Path, paths: list[Path], plan: Plan, result: Result, *, is_disturbed: bool) -> None:
+    def __init__(
+        self, folder: Path, paths: list[Path], plan: Plan, result: Result, *, starting: float | None = None
+    ) -> None:
         folder.mkdir()
         taken: set[int] = set()
         ports = [free_port(taken) for _ in range(5)]
         self.plan, self.result, self.store = plan, result, folder / "store.sqlite"
-        self.pace = plan.pace(BEGUN, 0) if is_disturbed else None
+        self.pace = None if starting is None else plan.pace(BEGUN, 0, starting)
         self._http = ports[4]
         site = folder / "site.toml"
         site.write_text(
@@ -99,7 +108,7 @@ class Rig:
             one.start()
         urls = [f"mqtt://127.0.0.1:{port}" for port in ports[:2]]
         self.relay = Relay(*urls, generator=random.Random(plan.seed), store=self.store, result=result)
-        self.relay.is_calm = not is_disturbed
+        self.relay.is_calm = starting is None
         self.orphans: set[int] = set()
 
     def _box_command(self, paths: list[Path], spool: Path) -> list[str]:
@@ -155,17 +164,21 @@ class Rig:
 
 
 @contextmanager
-def rig(folder: Path, paths: list[Path], plan: Plan, result: Result, *, is_disturbed: bool) -> Iterator[Rig]:
-    """Return a rig that is taken down in the end."""
-    made = Rig(folder, paths, plan, result, is_disturbed=is_disturbed)
+def rig(folder: Path, paths: list[Path], plan: Plan, result: Result, *, starting: float | None = None) -> Iterator[Rig]:
+    """Return a rig that is taken down in the end: undisturbed, or at a pace for the time of a start [s]."""
+    made = Rig(folder, paths, plan, result, starting=starting)
     try:
         yield made
     finally:
         made.close()
 
 
-def storm(one: Rig, generator: random.Random, say: Callable[[str], None]) -> None:
-    """Kill and cut at random, as often as planned."""
+def storm(one: Rig, generator: random.Random, starting: float, say: Callable[[str], None]) -> None:
+    """Kill and cut at random, as often as planned.
+
+    After every third kill the storm waits for the acknowledgements that belong to so many kills, so that frames come
+    and are stored between them on a busy machine, too; programs are killed while they start all the same.
+    """
     plan, result = one.plan, one.result
     until(lambda: one.relay.frames, timeout=60.0, what="the first frame")
     kinds = ["box", "broker", "monitor"]
@@ -175,27 +188,36 @@ def storm(one: Rig, generator: random.Random, say: Callable[[str], None]) -> Non
             generator.choice(one.forwarders).cut(generator.uniform(0.0, 1.5))
             result.cuts += 1
             time.sleep(generator.uniform(0.0, 0.3))
-        one.pace = plan.pace(one.relay.position, number)
+        one.pace = plan.pace(one.relay.position, number, starting)
         # The first of each kind come in turn, so that few kills, too, are of every kind.
         kind = kinds[number] if number < len(kinds) else generator.choice(kinds)
         one.kill(kind, generator)
+        if number % 3 == 2:
+            least = plan.least_acknowledgements(number + 1)
+            until(
+                lambda least=least: result.acknowledgements >= least or one.box.exit_code == 0,
+                timeout=plan.patience,
+                what=f"{least:.0f} acknowledgements after {number + 1} kills",
+            )
         if number % 25 == 24:
             ahead = plan.ahead(one.relay.position)
             say(f"{number + 1} kills, {len(one.relay.frames)} frames, {ahead:.0f} s to drive, kept: {result.is_sound}")
+    result.acknowledgements_in_storm = result.acknowledgements
 
 
 def run(plan: Plan, folder: Path, say: Callable[[str], None]) -> Result:
     """Run the drives undisturbed and through the storm, and compare."""
-    begun = time.monotonic()
     paths = drives(folder, plan)
+    begun = time.monotonic()
     result = Result(plan.seed)
     generator = random.Random(plan.seed + 1)
-    with (
-        rig(folder / "calm", paths, plan, Result(plan.seed), is_disturbed=False) as calm,
-        rig(folder / "storm", paths, plan, result, is_disturbed=True) as one,
-    ):
+    with ExitStack() as stack:
+        calm = stack.enter_context(rig(folder / "calm", paths, plan, Result(plan.seed)))
+        until(lambda: calm.relay.frames, timeout=120.0, what="the first frame")
+        starting = time.monotonic() - begun
+        one = stack.enter_context(rig(folder / "storm", paths, plan, result, starting=starting))
         try:
-            storm(one, generator, say)
+            storm(one, generator, starting, say)
             # What is left goes at once, and unharmed: every frame that is lost costs the box its patience.
             one.pace, one.relay.is_calm = None, True
             if one.box.exit_code is None:

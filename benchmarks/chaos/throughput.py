@@ -1,4 +1,4 @@
-"""Frames stored per second by one monitor and several on one PostgreSQL, and the processor time of each.
+"""Frames stored per second by one monitor and several on one PostgreSQL, and the processor time of a frame.
 
 The first frame of every vehicle is withheld, so that all others are stored and none is analysed or acknowledged.
 
@@ -11,7 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from fleet import frame_of
+from fleet import DRIVING_RATE, driven, framed
 from processes import until
 from servers import postgresql
 from several import Plan, Rig, rig
@@ -21,7 +21,9 @@ from sprung.link import Address, Link, topic
 #: Clock ticks of a second.
 _TICKS = os.sysconf("SC_CLK_TCK")
 #: Most frames that wait in the broker: it drops what a monitor leaves to it beyond that.
-_AHEAD = 4000
+_AHEAD = 2000
+#: Length of a frame [s]: four accelerations and speed at 200 Hz.
+_LENGTH = 10.0
 
 
 def n_frames(one: Rig) -> int:
@@ -34,37 +36,56 @@ def n_holders(one: Rig) -> int:
     return int(one.database.rows("SELECT count(DISTINCT holder) FROM leases")[0][0])
 
 
-def cpu_time(one: Rig) -> float:
-    """Return the processor time of the monitors, without those of their workers [s]."""
-    words = [Path(f"/proc/{program.pid}/stat").read_text().rpartition(") ")[2].split() for program in one.monitors]
-    return sum(int(word[11]) + int(word[12]) for word in words) / _TICKS
+def cpu_times(one: Rig, server: Path) -> dict[str, float]:
+    """Return the processor time of monitors, without their workers, of PostgreSQL and of the broker [s]."""
+    database = (server / "data" / "postmaster.pid").read_text().split()[0]
+    times = {int(path.parent.name): _times(path) for path in Path("/proc").glob("[0-9]*/stat")}
+    return {
+        "monitors": sum(times[program.pid][1] for program in one.monitors if program.pid is not None),
+        "PostgreSQL": sum(seconds for parent, seconds in times.values() if parent == int(database)),
+        "broker": sum(times[pid][1] for pid in (one.broker.pid,) if pid is not None),
+    }
 
 
-def flood(one: Rig, frames: list[tuple[str, bytes]]) -> tuple[float, float]:
-    """Send frames as fast as they are stored, and return the time and the processor time that it took [s]."""
+def _times(path: Path) -> tuple[int, float]:
+    """Return the parent and the processor time of a process [s]; 0 if it has just ended."""
+    try:
+        words = path.read_text(errors="replace").rpartition(") ")[2].split()
+    except OSError:
+        return 0, 0.0
+    return int(words[1]), (int(words[11]) + int(words[12])) / _TICKS
+
+
+def flood(one: Rig, server: Path, frames: list[tuple[str, bytes]]) -> tuple[float, dict[str, float]]:
+    """Send frames as fast as they are stored, and return the time and the processor times that it took [s]."""
     link = Link(Address.parse(one.url), "chaos-flood", topics=[], on_message=lambda name, payload: None)
     link.open(timeout=30.0)
-    begun, used = time.monotonic(), cpu_time(one)
+    begun, before = time.monotonic(), cpu_times(one, server)
     for start in range(0, len(frames), _AHEAD // 4):
         for vehicle, payload in frames[start : start + _AHEAD // 4]:
             link.publish(topic(vehicle, "raw"), payload)
         least = start - _AHEAD // 2
         until(lambda least=least: n_frames(one) >= least, timeout=120.0, what="frames stored")
     until(lambda: n_frames(one) == len(frames), timeout=120.0, what="all frames stored")
-    seconds, used = time.monotonic() - begun, cpu_time(one) - used
+    seconds, after = time.monotonic() - begun, cpu_times(one, server)
     link.close()
-    return seconds, used
+    return seconds, {name: after[name] - used for name, used in before.items()}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--monitors", type=int, default=3)
     parser.add_argument("--vehicles", type=int, default=300)
-    parser.add_argument("--frames", type=int, default=40, help="of each vehicle")
+    parser.add_argument("--frames", type=int, default=20, help="of each vehicle")
     given = parser.parse_args()
-    numbers = [(f"car-{number}", number) for number in range(given.vehicles)]
-    frames = [(name, frame_of(name, number, seq)) for seq in range(1, given.frames + 1) for name, number in numbers]
-    plan = Plan(given.monitors, given.vehicles, 1, 0.0, 0.0, 30.0, 0.0, 0)
+    drive, size = driven(_LENGTH * (given.frames + 1)), round(_LENGTH * DRIVING_RATE)
+    frames = [
+        (name, framed(name, seq, drive[:, seq * size : (seq + 1) * size], DRIVING_RATE))
+        for seq in range(1, given.frames + 1)
+        for name in (f"car-{number}" for number in range(given.vehicles))
+    ]
+    print(f"{len(frames)} frames of {sum(len(payload) for _, payload in frames) / len(frames):.0f} bytes", flush=True)
+    plan = Plan(given.monitors, given.vehicles, 0, 1, 0.0, 0.0, 30.0, 0.0, 0)
     for n_monitors in range(1, given.monitors + 1):
         with (
             tempfile.TemporaryDirectory() as folder,
@@ -73,9 +94,11 @@ def main() -> None:
         ):
             until(lambda one=one, n=n_monitors: n_holders(one) == n, timeout=120.0, what="the start of all")
             time.sleep(1.0)  # subscribed
-            seconds, used = flood(one, frames)
-        rate, cost = len(frames) / seconds, 1e6 * used / len(frames)
-        print(f"{n_monitors} monitors: {rate:6.0f} frames/s, {cost:5.0f} us of processor a frame", flush=True)
+            seconds, used = flood(one, server, frames)
+        costs = ", ".join(f"{name} {1e6 * cost / len(frames):.0f}" for name, cost in used.items())
+        print(
+            f"{n_monitors} monitors: {len(frames) / seconds:.0f} frames/s; us of processor a frame: {costs}", flush=True
+        )
 
 
 if __name__ == "__main__":

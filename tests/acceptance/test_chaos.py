@@ -20,9 +20,21 @@ pytest.importorskip("paho.mqtt.client")
 @pytest.mark.skipif(not POSTGRESQL, reason="no PostgreSQL: install Debian's package (scripts/system-packages)")
 def test_three_monitors_in_a_storm_store_what_one_does(tmp_path: Path) -> None:
     pytest.importorskip("psycopg")
-    command = [sys.executable, str(HARNESS / "several.py"), "--vehicles", "12", "--windows", "4", "--seconds", "20"]
-    command += ["--every", "5", "--takeover", "5", "--json", "--keep", str(tmp_path / "run")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
+    command = [sys.executable, str(HARNESS / "several.py"), "--vehicles", "8", "--driving", "1"]
+    command += [
+        "--windows",
+        "6",
+        "--seconds",
+        "20",
+        "--every",
+        "5",
+        "--takeover",
+        "5",
+        "--json",
+        "--keep",
+        str(tmp_path / "run"),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=560, check=False)
     assert done.stdout, done.stderr
     found = json.loads(done.stdout)
     assert found["failures"] == found["differs"] == []
@@ -31,7 +43,8 @@ def test_three_monitors_in_a_storm_store_what_one_does(tmp_path: Path) -> None:
     assert found["acknowledgements"] >= 100
     assert set(found["events"]) >= {"kill", "stop"}
     assert found["rows"]["observations"] == 48
-    assert found["rows"]["notifications"] == found["messages"] == 8
+    assert found["empty"] == []
+    assert found["rows"]["notifications"] == found["messages"]
 
 
 @pytest.mark.slow
@@ -39,7 +52,7 @@ def test_three_monitors_in_a_storm_store_what_one_does(tmp_path: Path) -> None:
 def test_a_dozen_kills_change_nothing(tmp_path: Path) -> None:
     command = [sys.executable, str(HARNESS), "--kills", "12", "--seed", "1", "--json"]
     command += ["--keep", str(tmp_path / "run")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=560, check=False)
     assert done.stdout, done.stderr
     found = json.loads(done.stdout)
     assert found["failures"] == []
@@ -47,7 +60,8 @@ def test_a_dozen_kills_change_nothing(tmp_path: Path) -> None:
     assert (found["windows_doubled"], found["orphans"], found["differs"]) == (0, 0, [])
     assert found["is_kept"]
     assert sum(found["kills"].values()) >= 12
-    assert min(found[name] for name in ("acknowledgements", "lost_on_the_way", "doubled_on_the_way", "damaged")) > 0
+    assert found["acknowledgements_in_storm"] >= 100
+    assert min(found[name] for name in ("lost_on_the_way", "doubled_on_the_way", "damaged")) > 0
     assert found["frames"] == 720
     assert found["windows"] == 6
     assert found["findings"] > 0
