@@ -140,6 +140,17 @@ def test_decimation_maps_gaps_and_keeps_the_time_of_each_stretch(new_rate) -> No
     np.testing.assert_allclose(decimated.samples[:, stretch], alone.samples, atol=1e-12)
 
 
+@pytest.mark.parametrize(("new_rate", "n_old"), [(50.0, 2), (40.0, 5), (20.0, 10), (97.0, 100)])
+def test_decimation_does_not_depend_on_where_a_stretch_begins(new_rate, n_old) -> None:
+    samples = np.random.default_rng(1).standard_normal((2, 4000))
+    whole = decimate(recorded(samples), new_rate).samples
+    for n_periods in (1, 7, 12):
+        later = decimate(recorded(samples[:, n_periods * n_old :]), new_rate).samples
+        shifted = whole[:, whole.shape[1] - later.shape[1] :]
+        inner = slice(200, -200)
+        assert np.abs(later - shifted)[:, inner].max() < 1e-13
+
+
 def test_decimation_refuses_to_raise_the_rate_and_missing_values() -> None:
     with pytest.raises(ParameterError, match="sampling_rate=200 must be above 0 and at most 100"):
         decimate(recorded(np.zeros(100)), 200.0)

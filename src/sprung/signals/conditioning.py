@@ -408,17 +408,40 @@ def _low_pass(pass_edge: Fraction, stop_edge: Fraction, ratio: Fraction) -> Real
 
 def _resample(samples: Real, ratio: Fraction, taps: Real) -> Real:
     """Filter and resample one stretch, so that the first new sample is at the first old one."""
+    up, down = ratio.numerator, ratio.denominator
+    padding = taps.size // 2 // up + 1
+    extended = np.pad(samples, ((0, 0), (padding, padding)), mode="reflect", reflect_type="odd")
+    n_new = -(-samples.shape[1] * up // down)
+    resample = _resample_in_blocks if down <= 2 * padding else _resample_by_phases
+    return resample(extended, ratio, taps, padding)[:, :n_new]
+
+
+def _resample_in_blocks(extended: Real, ratio: Fraction, taps: Real, padding: int) -> Real:
+    """Return at least the new samples of a padded stretch, as products of its blocks with one matrix of taps.
+
+    Twice to three times the multiplications of `_resample_by_phases`, ten times as fast.
+    """
+    n_periods = max(1, padding // ratio.denominator)
+    old, new = n_periods * ratio.denominator, n_periods * ratio.numerator
+    places = taps.size // 2 + np.arange(new) * ratio.denominator
+    places = places - np.arange(-padding, old + padding)[:, None] * ratio.numerator
+    matrix = np.where((places >= 0) & (places < taps.size), taps[places.clip(0, taps.size - 1)], 0.0)
+    n_channels, n_samples = extended.shape
+    n_blocks = -(-(n_samples - 2 * padding) // old)
+    whole = np.pad(extended, ((0, 0), (0, n_blocks * old + 2 * padding - n_samples)))
+    blocks = np.lib.stride_tricks.sliding_window_view(whole, len(matrix), axis=1)[:, ::old]
+    return np.asarray(np.ascontiguousarray(blocks) @ matrix, dtype=np.float64).reshape(n_channels, -1)
+
+
+def _resample_by_phases(extended: Real, ratio: Fraction, taps: Real, padding: int) -> Real:
+    """Return at least the new samples of a padded stretch, one by one: for ratios of large numbers."""
     from scipy.signal import upfirdn
 
     up, down = ratio.numerator, ratio.denominator
-    half = taps.size // 2
-    padding = half // up + 1
-    extended = np.pad(samples, ((0, 0), (padding, padding)), mode="reflect", reflect_type="odd")
-    delay = padding * up + half
+    delay = padding * up + taps.size // 2
     shifted = np.concatenate([np.zeros(-delay % down), taps])
     first = (delay + (-delay % down)) // down
-    n_new = -(-samples.shape[1] * up // down)
-    return np.asarray(upfirdn(shifted, extended, up, down)[:, first : first + n_new], dtype=np.float64)
+    return np.asarray(upfirdn(shifted, extended, up, down)[:, first:], dtype=np.float64)
 
 
 def _without_trend(samples: Real, degree: int) -> Real:
