@@ -147,18 +147,19 @@ class Model:
         whitening = congruence(factors)
         whitening *= np.sqrt(self.spectra.weights)[..., None, None]
         n_classes, n_frequencies, size = S.shape[:3]
-        on_grid = np.empty((parameters.size, n_classes, n_frequencies + 2, size**2))
+        on_grid = np.empty((n_classes, n_frequencies + 2, size**2))
+        derivatives = np.empty((parameters.size, n_classes, n_frequencies, size**2))
         by_block = (block.derivatives(own, response) for block, own in self.by_block(parameters))
         for row, derivative in enumerate(chain.from_iterable(by_block)):
-            on_grid[row] = real_coordinates(derivative)
-        derivatives = through_window(on_grid[..., None])[..., 0]
-        whitened = derivatives.transpose(1, 2, 0, 3) @ whitening.swapaxes(-1, -2)
-        return np.ascontiguousarray(whitened.transpose(2, 0, 1, 3))
+            on_grid[...] = real_coordinates(derivative)
+            derivatives[row] = through_window(on_grid[..., None])[..., 0]
+        # The parameters come last in memory, as the sums of products over all the others need them.
+        return np.moveaxis(whitening @ np.moveaxis(derivatives, 0, -1), -1, 0)
 
     def information(self, parameters: Real) -> Real:
         """Return the Fisher information without the prior: I_pq = sum n tr(S^-1 dS/dp S^-1 dS/dq)."""
-        whitened = self.whitened_derivatives(parameters).reshape(parameters.size, -1)
-        return whitened @ whitened.T
+        whitened = np.moveaxis(self.whitened_derivatives(parameters), 0, -1).reshape(-1, parameters.size)
+        return whitened.T @ whitened
 
 
 def minus_log_likelihood(matrices: Complex, spectra: ClassSpectra) -> tuple[float, Complex]:
