@@ -298,10 +298,9 @@ class Checker:
         if behind:
             self._fail(f"{vehicle}: frames {behind[:9]} are analysed, and still in the inbox")
         beyond = [(boot, seq) for boot, seq in waiting if seq > cursors[boot][0]]
-        # A box does not know of a boot of which it has nothing left, if its disk failed until the end of that boot.
-        stuck = beyond if box.is_synced and not box.disk.n_errors else []
-        if stuck:
-            self._fail(f"{vehicle}: frames {stuck[:9]} wait for others that never come")
+        # A box whose disk failed, or that does not sync, may forget a boot of which it has nothing left.
+        if beyond and box.is_sound:
+            self._fail(f"{vehicle}: frames {beyond[:9]} wait for others that never come")
         sequence += [number for place in waiting if place not in beyond for number in box.samples.get(place, ())]
         self._in_order(vehicle, sequence)
         have, known = set(sequence), {number for samples in box.samples.values() for number in samples}

@@ -78,8 +78,8 @@ def stores_duplicates_again() -> Patches:
     def mutant(self: Inbox, frames: Any, **options: Any) -> Any:
         reached = add(self, frames, **options)
         with self._database.writing() as connection:
-            rows = [frame._asdict() for frame in frames]
-            connection.execute(self._database.insert(FRAMES).on_conflict_do_nothing(), rows)
+            for frame in frames:
+                connection.execute(self._database.insert(FRAMES).values(frame._asdict()).on_conflict_do_nothing())
         return reached
 
     yield patch.object(Inbox, "add_frames", mutant)
