@@ -291,9 +291,14 @@ def drive(one: Rig, plan: Plan, pace: float | None, result: Result, disturb: Cal
         checking.close()
 
 
+def as_document(result: Result) -> dict[str, Any]:
+    """Return the fields of a result, with which `asdict` alone would make pairs of the counts of events."""
+    return asdict(result) | {"events": dict(result.events), "is_kept": result.is_kept}
+
+
 def table(result: Result) -> str:
     """Return the result as lines."""
-    fields = asdict(result) | {"events": dict(result.events), "is_kept": result.is_kept}
+    fields = as_document(result)
     return "\n".join(f"{name.replace('_', ' '):26} {value}" for name, value in fields.items())
 
 
@@ -318,7 +323,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("stopped"))
     with tempfile.TemporaryDirectory() as temporary:
         result = run(Plan(**given), keep or Path(temporary), lambda text: print(text, file=sys.stderr, flush=True))
-    print(json.dumps(asdict(result) | {"is_kept": result.is_kept}) if is_json else table(result))
+    print(json.dumps(as_document(result)) if is_json else table(result))
     return 0 if result.is_kept else 1
 
 
