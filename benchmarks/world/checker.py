@@ -147,7 +147,7 @@ class Checker:
                 dropped[boot].append(seq)
         for boot, numbers in dropped.items():
             n_unheard = sum(seq > box.acknowledged.get(boot, -1) for seq in numbers)
-            if not n_unheard <= box.remembered.get(boot, 0) * (n_unheard > 0) <= len(numbers):
+            if box.remembered.get(boot, 0) < n_unheard:  # more, where it did not get an acknowledgement
                 self._fail(f"{vehicle} dropped {len(numbers)} frames of {boot}, and remembers {box.remembered}")
 
     def told(self, vehicle: str, boot: int, seq: int) -> None:
@@ -227,8 +227,8 @@ class Checker:
                 new[vehicle, boot].append(seq)
         for (vehicle, boot), numbers in new.items():
             last, before = numbers[-1], self._aside[vehicle]
-            (done,) = self._one("SELECT done FROM cursors WHERE vehicle = ? AND boot = ?", vehicle, boot)
-            is_of_window = any(of == boot and done < seq < last for of, seq in before)
+            state = self._one("SELECT boot, seq FROM snapshots WHERE vehicle = ?", vehicle) or (-1, -1)
+            is_of_window = any(state < place < (boot, last) for place in before)
             n_needed = 1 if is_of_window else 2
             if self._failures[vehicle, (boot, last)] < n_needed or (len(numbers) > 1 and not is_of_window):
                 self._fail(f"{vehicle}: frames {numbers[:9]} of {boot} are set aside, which nothing failed on")

@@ -121,6 +121,10 @@ class Monitor:
         """End the monitor at once."""
         self._chance.note("killed", "monitor")
         self._checker.monitor_ended()
+        self.end()
+
+    def end(self) -> None:
+        """Forget the process."""
         for link in list(self._broker.links):
             if link.name == "monitor":
                 link.close()

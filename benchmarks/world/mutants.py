@@ -231,8 +231,8 @@ def hands_over_repeats() -> Patches:
     yield patch.object(Handover, "release", lambda *_: None)
 
 
-def forgets_losses_at_a_restart() -> Patches:
-    yield patch.object(Spool, "_write_losses", lambda _self: None)
+def forgets_losses() -> Patches:
+    yield patch.object(Spool, "_lose", lambda _self, _loss: None)
 
 
 def conceals_losses_from_people() -> Patches:
@@ -277,7 +277,7 @@ MUTANTS: dict[str, Callable[[], Patches]] = {
         sends_messages_without_recording_it,
         hands_over_past_what_memory_lacks,
         hands_over_repeats,
-        forgets_losses_at_a_restart,
+        forgets_losses,
         conceals_losses_from_people,
         sets_frames_aside_at_the_first_failure,
         forgets_frames_aside,

@@ -65,6 +65,7 @@ class Vehicle:
         self._most_bytes = random.choice((4096, 8192, 1 << 16))
         self._is_synced = random.random() < 0.8
         self._is_dated = random.random() < 0.5
+        self._channel = random.choice((CHANNEL, CHANNEL + 250 * "x"))  # of large frames few fill a spool
         self._n_samples = 0
         self._box: Box | None = None
         self.spool: LoggedSpool | None = None
@@ -97,7 +98,7 @@ class Vehicle:
         self._n_samples += n_samples
         if self._box is not None:
             values = np.arange(first, first + n_samples, dtype=np.float64)[None, :]
-            block = Recording(values, RATE, (Channel(CHANNEL, "acceleration"),), self.now)
+            block = Recording(values, RATE, (Channel(self._channel, "acceleration"),), self.now)
             self._guarded("append", partial(self._box.take, block))
 
     def step(self) -> None:
@@ -137,7 +138,7 @@ class Vehicle:
             BoxSettings(self.name, description(), width=4, patience=3.0),
             spool,
             Address("broker", 1883),
-            quantities=lambda block: {CHANNEL: "acceleration"},
+            quantities=lambda block: {self._channel: "acceleration"},
             clock=lambda: self._chance.now,
             now=lambda: self.now,
             connect=self._connected,

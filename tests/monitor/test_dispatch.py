@@ -165,6 +165,26 @@ def test_only_the_frame_that_fails_is_set_aside(dispatch, workers, store) -> Non
     assert [row.is_active for row in store.alerts.find(vehicle="car-1")] == [False]
 
 
+def test_a_frame_that_the_store_did_not_set_aside_costs_no_others(dispatch, workers, store, monkeypatch) -> None:
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 5)
+
+    def full(*_: object, **__: object) -> int:
+        raise StoreError("the store is full")
+
+    dispatch.give()
+    dispatch.settle(failed("car-1", 3))
+    dispatch.give()
+    with monkeypatch.context() as patched:
+        patched.setattr(store.aside, "put_frames", full)
+        with pytest.raises(StoreError, match="full"):
+            dispatch.settle(failed("car-1", 3))
+    dispatch._backoff.succeed("car-1")
+    dispatch.give()
+    dispatch.settle(failed("car-1", 3))
+    assert aside(store) == [("raw", 3)]
+
+
 def test_failures_in_different_places_set_nothing_aside(dispatch, workers, store, timer) -> None:
     """As of processes that are killed from outside: the frames are tried again, later each time."""
     describe(store, "car-1")

@@ -20,7 +20,7 @@ _SUFFIX = ".spool"
 #: Smallest number of files of a full spool, of which the oldest is dropped for new ones; largest file [bytes].
 _FILES, _LARGEST = 16, 1 << 20
 #: Number of earlier boots whose ends are declared although nothing of them may be left.
-_MOST_ENDS = 4
+_MOST_ENDS = 16
 
 
 class SpoolError(SprungError):

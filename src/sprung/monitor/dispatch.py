@@ -477,12 +477,14 @@ class Dispatch:
         strikes.place = place
         if strikes.n_left_out:
             first = self._streams[vehicle].done.get(frame.boot, -1) + 1
-            self._strikes.pop(vehicle)
         elif strikes.count >= _STRIKES:
             first = frame.seq
-            strikes.n_left_out += 1
         else:
             return
         self._ledger.set_frames_aside(vehicle, frame.boot, first, frame.seq, reason=reason)
+        if strikes.n_left_out:  # not before: the store may have refused
+            self._strikes.pop(vehicle)
+        else:
+            strikes.n_left_out += 1
         self._handover.forget(vehicle)
         self._backoff.succeed(vehicle)
