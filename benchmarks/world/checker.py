@@ -71,6 +71,8 @@ class Checker:
         self._boxes: dict[str, Box] = {}
         self._last_row = 0
         self._windows: dict[str, list[tuple[int, ...]]] = defaultdict(list)
+        #: Vehicles whose disks failed and whose boots changed places, which no undisturbed monitor would repeat.
+        self.reordered: set[str] = set()
         self._delivered: Counter[tuple[str, str]] = Counter()
         self._excused: Counter[tuple[str, str]] = Counter()
         #: How often the present monitor failed on a frame, by vehicle and place; frames that it has set aside.
@@ -351,6 +353,8 @@ class Checker:
         if not box.is_sound:
             boot_of = {number: boot for (boot, _), samples in box.samples.items() for number in samples}
             parts = [[n for n in numbers if boot_of.get(n) == boot] for boot in sorted({*boot_of.values()})]
+            if any(after <= before for before, after in pairwise(numbers)):
+                self.reordered.add(vehicle)
         for part in parts:
             for before, after in pairwise(part):
                 if after <= before:
