@@ -307,6 +307,9 @@ def run(seed: int, steps: int, folder: Path, *, on_line: Callable[[str], None] |
         if on_line is not None:
             raise
     finally:
-        world.close()
+        try:
+            world.close()
+        except ViolationError as violation:
+            failure = failure or str(violation)
     counts = world.checker.counts
     return Report(seed, steps, dict(world.chance.counts), world.chance.digest, failure, **counts)

@@ -127,6 +127,7 @@ def test_files_of_a_local_monitor_are_for_its_user_alone(tmp_path):
         "sprung.sqlite": "0o600",
         "sprung.sqlite-wal": "0o600",
         "sprung.sqlite-shm": "0o600",
+        "sprung.sqlite.lock": "0o600",
         "state": "0o700",
         "sprung": "0o700",
         f"broker-{port}": "0o600",

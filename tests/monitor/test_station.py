@@ -215,13 +215,15 @@ def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run
     def tried(vehicle, frames, *, learn=""):
         if run_frames[599] not in frames:
             return submit(vehicle, frames, learn=learn)
-        return inline.done.append(Outcome(vehicle, 0, (), None, VehicleStatus(), "it is poisoned"))
+        place = frames.index(run_frames[599])
+        return inline.done.append(Outcome(vehicle, place, (), None, VehicleStatus(), "it is poisoned"))
 
     inline.submit = tried
     one.send(run_frames[:1500])
-    (row,) = one.store.alerts.find(vehicle="car-1", is_active=True)
-    assert row.text == "600 frames were excluded: it is poisoned"
-    assert [entry.t0 for entry in one.store.results.observations("car-1")] == [BEGUN + 600 * 10**9]
+    assert [(row.kind, row.seq) for row in one.store.aside.find("car-1")] == [("raw", 599)]
+    (row,) = one.store.alerts.find(vehicle="car-1")
+    assert row.text == "frames could not be analysed and were set aside: it is poisoned"
+    assert [entry.t0 for entry in one.store.results.observations("car-1")][0] == BEGUN
     assert one.station.figures()["sprung_failures_total"] == 2
 
 
