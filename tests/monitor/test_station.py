@@ -223,7 +223,7 @@ def test_a_window_that_always_fails_is_left_out_though_it_begins_well(bench, run
     assert [(row.kind, row.seq) for row in one.store.aside.find("car-1")] == [("raw", 599)]
     (row,) = one.store.alerts.find(vehicle="car-1")
     assert row.text == "frames could not be analysed and were set aside: it is poisoned"
-    assert [entry.t0 for entry in one.store.results.observations("car-1")][0] == BEGUN
+    assert one.store.results.observations("car-1")[0].t0 == BEGUN
     assert one.station.figures()["sprung_failures_total"] == 2
 
 
