@@ -33,7 +33,7 @@ def driven(seconds: float) -> "np.ndarray[Any, np.dtype[np.float64]]":
 
 
 def driving_frame(vehicle: str, seq: int, n_frames: int) -> bytes:
-    """Return a frame of a vehicle that drives, out of so many."""
+    """Return a frame of a vehicle that drives, out of a number of them."""
     size = round(FRAME * DRIVING_RATE)
     return framed(vehicle, seq, driven(n_frames * FRAME)[:, seq * size : (seq + 1) * size], DRIVING_RATE)
 

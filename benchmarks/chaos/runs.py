@@ -176,7 +176,7 @@ def rig(folder: Path, paths: list[Path], plan: Plan, result: Result, *, starting
 def storm(one: Rig, generator: random.Random, starting: float, say: Callable[[str], None]) -> None:
     """Kill and cut at random, as often as planned.
 
-    After every third kill the storm waits for the acknowledgements that belong to so many kills, so that frames come
+    After every third kill the storm waits for its share of the acknowledgements, so that frames come
     and are stored between them on a busy machine, too; programs are killed while they start all the same.
     """
     plan, result = one.plan, one.result

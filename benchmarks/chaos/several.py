@@ -258,11 +258,11 @@ def run(plan: Plan, folder: Path, say: Callable[[str], None]) -> Result:
     result.rows = {name: len(rows) for name, rows in found.items()}
     result.empty = [name for name, n_rows in result.rows.items() if not n_rows and plan.driving and name != "frames"]
     result.differs = [name for name in TABLES if found[name] != expected[name]]
-    told = different(got)
-    result.messages = sum(told.values())
-    result.messages_missing = sum(((people - told) + (told - people)).values())
+    received = different(got)
+    result.messages = sum(received.values())
+    result.messages_missing = sum(((people - received) + (received - people)).values())
     result.messages_repeated = sum(got.values()) - len(got)
-    (folder / "messages.differs").write_text(f"{people - told}\n{told - people}")
+    (folder / "messages.differs").write_text(f"{people - received}\n{received - people}")
     for name in result.differs:
         (folder / f"{name}.differs").write_text(f"{set(expected[name]) ^ set(found[name])}")
     return result

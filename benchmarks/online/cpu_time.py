@@ -270,7 +270,7 @@ class Echo(Inline):
         self._outcomes.append(self.echoed(vehicle, len(frames)))
 
     def echoed(self, vehicle: str, n_frames: int) -> Any:
-        """Return the recorded outcome of a vehicle and so many frames."""
+        """Return the recorded outcome of a vehicle and a number of frames."""
         before, after = self._given[vehicle], self._given[vehicle] + n_frames
         self._given[vehicle] = after
         if after // self._window > before // self._window:

@@ -79,7 +79,7 @@ class Sampler:
 
     @contextmanager
     def running(self, *, every: float = 0.004) -> Iterator[None]:
-        """Sample within the context, after each so many seconds of CPU time."""
+        """Sample within the context, after each interval `every` of CPU time [s]."""
         before = signal.signal(signal.SIGPROF, self._count)
         self._since = time.process_time()
         signal.setitimer(signal.ITIMER_PROF, every, every)

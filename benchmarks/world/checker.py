@@ -44,7 +44,7 @@ class Box:
     most: int = 0
     n_errors: int = 0
     #: Since the present start of the box: acknowledgements that it got, losses that it remembered, frames it dropped.
-    told: dict[int, int] = field(default_factory=dict)
+    confirmed: dict[int, int] = field(default_factory=dict)
     remembered: dict[int, int] = field(default_factory=dict)
     dropped: dict[int, set[int]] = field(default_factory=dict)
 
@@ -124,7 +124,7 @@ class Checker:
         """A box removes a file of records."""
         box = self._boxes[vehicle]
         for boot, seq, _ in _intact(content):
-            if (boot, seq) != box.appended and seq > box.told.get(boot, -1):
+            if (boot, seq) != box.appended and seq > box.confirmed.get(boot, -1):
                 box.dropped.setdefault(boot, set()).add(seq)
             if seq <= box.acknowledged.get(boot, -1):
                 continue
@@ -136,7 +136,7 @@ class Checker:
     def started(self, vehicle: str, losses: tuple[Loss, ...]) -> None:
         """A box has started: it remembers the losses that the monitor may not have heard of."""
         box = self._boxes[vehicle]
-        box.appended, box.told, box.dropped = None, {}, {}
+        box.appended, box.confirmed, box.dropped = None, {}, {}
         for content in box.disk.contents():  # a power cut brings back what was removed just before
             back = {(boot, seq) for boot, seq, _ in _intact(content)}
             box.fates |= {place: UNSURE for place in back if box.fates.get(place) == DROPPED}
@@ -152,10 +152,10 @@ class Checker:
             if box.remembered.get(boot, 0) < n_unheard:  # more, where it did not get an acknowledgement
                 self._fail(f"{vehicle} dropped {len(numbers)} frames of {boot}, and remembers {box.remembered}")
 
-    def told(self, vehicle: str, boot: int, seq: int) -> None:
+    def confirm(self, vehicle: str, boot: int, seq: int) -> None:
         """A box got an acknowledgement."""
         box = self._boxes[vehicle]
-        box.told[boot] = max(seq, box.told.get(boot, -1))
+        box.confirmed[boot] = max(seq, box.confirmed.get(boot, -1))
 
     def stated(self, vehicle: str, losses: tuple[Loss, ...]) -> None:
         """A box states which frames it has dropped: all of them, and no other."""

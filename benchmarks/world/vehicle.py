@@ -39,7 +39,7 @@ class LoggedSpool(Spool):
         return is_kept
 
     def acknowledge(self, boot: int, seq: int) -> None:
-        self.checker.told(self.vehicle, boot, seq)
+        self.checker.confirm(self.vehicle, boot, seq)
         super().acknowledge(boot, seq)
 
 

@@ -30,7 +30,7 @@ def keep_secret(port: int) -> Iterator[str]:
     Notes
     -----
     The file is in the folder ``$XDG_STATE_HOME/sprung``, by default ``~/.local/state/sprung`` (mode 700), has mode 600,
-    and is locked: one that a killed program left is told from one in use.
+    and is locked: so one that a killed program left differs from one in use.
     """
     secret = secrets.token_urlsafe(32)
     try:
