@@ -15,7 +15,7 @@ from sprung.monitor import AlertBook, Failure, MonitorSettings, Observed, Openin
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.ledger import Ledger
 from sprung.recording import Channel, Recording
-from sprung.storage import Progress, RefusedError, StoredFrame, StoreError, open_store
+from sprung.storage import LeaseLostError, Progress, RefusedError, StoredFrame, StoreError, open_store
 from sprung.vehicles import Component, read_vehicle, vehicle_text
 
 NOW = 1_795_219_200_000_000_000
@@ -412,3 +412,20 @@ def test_frames_in_memory_and_in_the_store_make_one_run(dispatch, workers, store
         dispatch.settle(done("car-1", len(expected), b"state"))
         assert dispatch._handover.n_bytes == 0
         take([4, 5])
+
+
+def test_a_vehicle_lost_during_a_job_leaves_nothing_behind(dispatch, workers, store, monkeypatch) -> None:
+    """Or the time of that job would count as a wait, should the vehicle come back."""
+
+    def refuse(*_):
+        raise LeaseLostError("another monitor has taken over shard 1")
+
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2)
+    assert dispatch.give() == 1
+    monkeypatch.setattr(dispatch, "_fence", refuse)
+    dispatch.settle(done("car-1", 2, b"state"))
+    assert dispatch.figures["sprung_vehicles"] == 0
+    assert "car-1" not in dispatch._job_since
+    assert not workers.is_open("car-1")
+    assert store.results.snapshot("car-1") is None

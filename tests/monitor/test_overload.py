@@ -1,4 +1,4 @@
-"""A worker that is too slow for a while: what waits, what is left out, and what people are told; a clock is played."""
+"""A worker that is too slow for a while: what waits, what is left out, which alerts are raised; the clock is set."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path

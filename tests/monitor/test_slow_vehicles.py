@@ -22,7 +22,7 @@ WINDOW = Observed(
 
 
 class Played:
-    """A process that answers what it is told to, and openings and closings by itself if it is willing."""
+    """A process with prescribed answers to jobs, which answers openings and closings by itself if it is willing."""
 
     is_willing = True
 

@@ -446,7 +446,8 @@ class Dispatch:
         self._backoff.succeed(vehicle)
         self._defer(vehicle)
         self._ledger.forget(vehicle)
-        for memory in (self._streams, self._learning, self._learnt, self._strikes, self._statuses, self._descriptions):
+        memories = (self._streams, self._learning, self._learnt, self._strikes, self._statuses, self._descriptions)
+        for memory in (*memories, self._job_since):
             memory.pop(vehicle, None)
 
     def _fail(self, outcome: Outcome, frames: Sequence[StoredFrame]) -> None:
