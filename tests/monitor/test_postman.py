@@ -156,6 +156,28 @@ def test_what_was_passed_on_while_the_store_was_full_is_recorded_later(store, of
     assert store.alerts.n_open() == 0
 
 
+def test_an_outcome_whose_history_the_store_refuses_is_recorded_later_and_no_attempt_is_left_out(
+    store, office, clock, monkeypatch
+) -> None:
+    """A failure, then a success, of each of which only the entry in the history cannot be written at first."""
+    report(store)
+    sender = Sender("mail 1", failures=1)
+    opened, record = office(sender), store.alerts.record
+    for n_sent in (0, 1):
+        monkeypatch.setattr(store.alerts, "record", _full)
+        with pytest.raises(StoreError):
+            opened.send()
+        assert (sender.failures, len(sender.sent)) == (0, n_sent), "one attempt"
+        monkeypatch.setattr(store.alerts, "record", record)
+        opened.send()
+        assert (sender.failures, len(sender.sent)) == (0, n_sent), "no other attempt is due"
+        assert opened.figures["sprung_notifications_sent_total"] == n_sent
+        clock.now += 60 * SECOND
+    comments = [row.comment for row in store.alerts.history(1)]
+    assert comments[1:] == ["by mail 1: mail 1 is not there; it will be sent again", "by mail 1 at attempt 2"]
+    assert store.alerts.n_open() == 0
+
+
 def _full(*_, **__):
     raise StoreError("the store cannot write")
 

@@ -68,7 +68,7 @@ class Postman:
         self._store, self._sender, self._senders = store, sender, senders
         self._link, self._picture = link, picture
         self._backoff = Backoff()
-        self._results: dict[int, str] = {}
+        self._results: dict[tuple[int, int], str] = {}
         self._error = self._lasting_error = ""
         self._n_sent = self._n_given_up = 0
 
@@ -112,10 +112,16 @@ class Postman:
         row = self._store.alerts.next_notification(self.name, now=now)
         if row is None:
             return False
-        if row.id not in self._results:
-            self._results[row.id] = self._attempt(row)
-        self._settle(row, self._results[row.id], now)
-        self._error = self._results.pop(row.id)
+        attempt = row.id, row.delivery.attempts
+        if attempt not in self._results:
+            self._results[attempt] = self._attempt(row)
+        with self._store.together():  # progress and what is said of it, or nothing
+            self._settle(row, self._results[attempt], now)
+        self._error = self._results.pop(attempt)
+        if not self._error:
+            self._n_sent, self._lasting_error = self._n_sent + 1, ""
+        elif attempt[1] + 1 >= MOST_ATTEMPTS:
+            self._n_given_up, self._lasting_error = self._n_given_up + 1, self._error
         return True
 
     def _attempt(self, row: NotificationRow) -> str:
@@ -139,12 +145,10 @@ class Postman:
         attempts = row.delivery.attempts + 1
         if not error:
             self._put(row, Delivery(attempts, sent=now), now)
-            self._n_sent, self._lasting_error = self._n_sent + 1, ""
             if attempts > 1:
                 self._record(row, "delivered", f"by {self.name} at attempt {attempts}", now)
         elif attempts >= MOST_ATTEMPTS:
             self._put(row, Delivery(attempts, given_up=now, last_error=error), now)
-            self._n_given_up, self._lasting_error = self._n_given_up + 1, error
             self._record(row, "abandoned", f"by {self.name} after {attempts} attempts: {error}", now)
         else:
             next_attempt = self._backoff.next_attempt(attempts, now)
@@ -157,10 +161,10 @@ class Postman:
         self._store.alerts.put_delivery(row.id, self.name, delivery, senders=self._senders, now=now)
 
     def _record(self, row: NotificationRow, what: str, comment: str, now: int) -> None:
-        """Log what happened to a notification, and add it to the history of the alert."""
+        """Add what happened to a notification to the history of the alert, and log it."""
+        self._store.alerts.record(row.alert, what, comment, now=now)
         level = logging.INFO if what == "delivered" else logging.ERROR
         LOG.log(level, f"notification of alert {row.alert} was {_WORDS.get(what, what)} {comment}")
-        self._store.alerts.record(row.alert, what, comment, now=now)
 
 
 class PostOffice:
