@@ -292,3 +292,10 @@ def test_a_source_that_stalls_keeps_no_samples_in_memory(tmp_path: Path) -> None
 def test_frames_have_a_sensible_length() -> None:
     with pytest.raises(ParameterError, match="frame_seconds"):
         BoxSettings("car-1", "", frame_seconds=61.0)
+
+
+@pytest.mark.parametrize("name", ["monitor", "monitor-2", "viewer", "viewer-17"])
+def test_names_of_users_of_the_broker_are_no_vehicles(name) -> None:
+    with pytest.raises(ParameterError, match=rf"vehicle '{name}' has the name of a user of the broker"):
+        BoxSettings(name, "")
+    assert BoxSettings(f"{name}-bus", "").vehicle == f"{name}-bus"

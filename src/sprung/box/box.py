@@ -2,6 +2,7 @@
 
 import hashlib
 import queue
+import re
 import resource
 import threading
 import time
@@ -40,8 +41,8 @@ from sprung.recording import Recording
 if TYPE_CHECKING:
     from sprung.box.onboard import OnBoard, Request
 
-#: User names of the broker that are not vehicles.
-RESERVED = ("monitor", "viewer")
+#: User names of the broker that are not vehicles: monitors and viewers, also the second one and so on.
+RESERVED = re.compile(r"(monitor|viewer)(-[0-9]+)?")
 #: Time between reports of the spool, and of the box's health [s].
 _REPORT, _EXAMINE = 5.0, 60.0
 #: Time between checks of the link while the spool is drained [s].
@@ -89,7 +90,7 @@ class BoxSettings:
     def __post_init__(self) -> None:
         check_number("frame_seconds", self.frame_seconds, at_least=0, at_most=60)
         check_vehicle(self.vehicle)
-        if self.vehicle in RESERVED:
+        if RESERVED.fullmatch(self.vehicle):
             raise ParameterError(f"vehicle {self.vehicle!r} has the name of a user of the broker: use another name")
 
     @property
