@@ -1,12 +1,14 @@
 """The box on the vehicle: from a source of samples to frames that the monitor has acknowledged."""
 
 import hashlib
+import json
 import queue
 import re
 import resource
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -35,7 +37,7 @@ from sprung.link import (
     quantised,
     topic,
 )
-from sprung.link.messages import MOST_BOOTS, VEHICLE
+from sprung.link.messages import MOST_BOOTS, VEHICLE, checksum
 from sprung.recording import Recording
 
 if TYPE_CHECKING:
@@ -145,7 +147,10 @@ class Box:
         self._quantities, self._clock, self._sleep, self._now = quantities, clock, sleep, now
         self._address, self._user = address, common_name(address.cert) if address.cert else address.user
         self._received: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
-        self._announced: dict[str, str] = {}
+        self._announced = _quantities_in(spool.remembered)
+        self._has_samples = self._is_described = False
+        self._announcement = 0
+        self._announcing = Every(settings.patience, clock)
         self._reporting, self._examining = Every(_REPORT, clock), Every(_EXAMINE, clock)
         self._warning = Every(_EXAMINE, clock)
         self._problem = ""
@@ -245,9 +250,12 @@ class Box:
 
     def _take(self, block: Recording) -> None:
         """Put a block into the spool, or into the ring of a box that identifies on board."""
-        if not self._announced:
-            self._announced = dict(self._quantities(block))
-            self._announce()
+        if not self._has_samples:
+            quantities = dict(self._quantities(block))
+            self._has_samples = True
+            if quantities != self._announced:
+                self._announced = quantities
+                self._announce()
         if self._on_board is not None:
             self._keep(block, self._on_board.ring)
             for kind, document in self._on_board.take(block):
@@ -330,6 +338,8 @@ class Box:
         boot, seq = document.get(Key.BOOT), document.get(Key.SEQ)
         if name.endswith("/ack") and isinstance(boot, int) and isinstance(seq, int):
             self._sending.acknowledged(boot, seq, now)
+        elif name.endswith("/cmd") and document.get("do") == "described":
+            self._is_described |= document.get("checksum") == self._announcement
         elif name.endswith("/cmd") and document.get("do") == "speak":
             versions = document.get("versions")
             if isinstance(versions, list) and VERSION not in versions:
@@ -340,7 +350,9 @@ class Box:
                 self._publish("event", {"did": "raw", "number": number, **self._answer((number, begin, end))})
 
     def _send(self, now: float) -> None:
-        """Send reports and frames that are due."""
+        """Send reports and frames that are due, and the announcement until the monitor has it."""
+        if not self._is_described and self._announcing.is_due:
+            self._announce()
         if self._reporting.is_due:
             self._report()
         if self._examining.is_due:
@@ -379,16 +391,24 @@ class Box:
         }
 
     def _announce(self) -> None:
-        """Publish vehicle file and channels; the broker keeps them for monitors that connect later."""
-        if self._announced:
-            document = {
-                Key.CONFIGURATION: self._settings.configuration,
-                "description": self._settings.description,
-                "quantities": self._announced,
-                "program": version("sprung"),
-                "versions": [VERSION],
-            }
-            self._publish("meta", document, is_retained=True)
+        """Publish vehicle file and channels; the broker keeps them for monitors that connect later.
+
+        The channels are remembered in the spool: frames of an earlier start need them before there are new samples.
+        """
+        if not self._announced:
+            return
+        self._spool.remember(json.dumps(self._announced))
+        document = {
+            Key.CONFIGURATION: self._settings.configuration,
+            "description": self._settings.description,
+            "quantities": self._announced,
+            "program": version("sprung"),
+            "versions": [VERSION],
+        }
+        payload = self._message(document)
+        self._announcement, self._is_described = checksum(payload), False
+        self._announcing.start()
+        self._link.publish(topic(self._settings.vehicle, "meta"), payload, is_retained=True)
 
     def _report(self, *, is_leaving: bool = False) -> None:
         """Publish the contents of the spool, of many boots the oldest, and the number of dropped frames."""
@@ -433,10 +453,22 @@ class Box:
         previous = None if oldest is None else Header.of(checked_map(oldest[2])).previous
         return {} if previous is None else dict([previous])
 
-    def _publish(self, what: str, document: Mapping[Any, Any], *, is_retained: bool = False) -> None:
+    def _publish(self, what: str, document: Mapping[Any, Any]) -> None:
         """Publish a map on a topic of the vehicle."""
-        whole = {Key.VERSION: VERSION, Key.VEHICLE: self._settings.vehicle, **document}
-        self._link.publish(topic(self._settings.vehicle, what), message(whole), is_retained=is_retained)
+        self._link.publish(topic(self._settings.vehicle, what), self._message(document))
+
+    def _message(self, document: Mapping[Any, Any]) -> bytes:
+        """Return a map as a message of the vehicle."""
+        return message({Key.VERSION: VERSION, Key.VEHICLE: self._settings.vehicle, **document})
+
+
+def _quantities_in(text: str) -> dict[str, str]:
+    """Return the quantities of channels that an earlier start remembered; none if it is damaged."""
+    with suppress(ValueError):
+        quantities = json.loads(text)
+        if isinstance(quantities, dict) and all(isinstance(quantity, str) for quantity in quantities.values()):
+            return quantities
+    return {}
 
 
 def _is_followed(block: Recording, by: Recording) -> bool:

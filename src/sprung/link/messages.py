@@ -189,6 +189,11 @@ def message(document: Mapping[Any, Any]) -> bytes:
     return body + zlib.crc32(body).to_bytes(4, "little")
 
 
+def checksum(payload: bytes) -> int:
+    """Return the CRC-32 at the end of a message."""
+    return int.from_bytes(payload[-4:], "little")
+
+
 def count(document: Mapping[Any, Any], key: int | str, default: int | None = None) -> int:
     """Return a whole number from 0 to 2^63 - 1 of a message.
 

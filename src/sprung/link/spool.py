@@ -17,6 +17,8 @@ from sprung.link.losses import Loss, loss_of
 _HEADER = struct.Struct("<2sQQI")
 _MARK = b"sp"
 _SUFFIX = ".spool"
+#: File of the text that is remembered.
+_TEXT = "remembered"
 #: Smallest number of files of a full spool, of which the oldest is dropped for new ones; largest file [bytes].
 _FILES, _LARGEST = 16, 1 << 20
 #: Number of earlier boots whose ends are declared although nothing of them may be left.
@@ -97,6 +99,14 @@ class Spool:
         except OSError as error:
             raise SpoolError(f"the spool {folder} cannot be used: {error.strerror}: give another folder") from None
         self._seq = 0
+        self._remembered = ""
+        with suppress(OSError, ValueError):
+            self._remembered = self._disk.read(folder / _TEXT).decode()
+
+    @property
+    def remembered(self) -> str:
+        """Text that was remembered last, by this start of the box or an earlier one; empty if there is none."""
+        return self._remembered
 
     @property
     def boot(self) -> int:
@@ -186,6 +196,13 @@ class Spool:
         self._dropped += 1
         self._lose(loss_of(self._boot, self._seq - 1, self._seq - 1, [payload]))
         return False
+
+    def remember(self, text: str) -> None:
+        """Keep a text about the frames across restarts; on a disk that fails the one before is kept."""
+        if text != self._remembered:
+            with suppress(OSError):
+                self._write_whole(_TEXT, text)
+                self._remembered = text
 
     def acknowledge(self, boot: int, seq: int) -> None:
         """Forget the frames of a boot up to a sequence number."""

@@ -23,7 +23,7 @@ from sprung.link import (
     span_of,
     topic,
 )
-from sprung.link.messages import MOST_BOOTS, count, integer, text
+from sprung.link.messages import MOST_BOOTS, checksum, count, integer, text
 from sprung.monitor.inflow import vehicle_of
 from sprung.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
 from sprung.storage import Cursor, RefusedError, Store, StoredFrame
@@ -184,6 +184,9 @@ class Intake:
                     dropped[vehicle] = stated
                 else:
                     self._handle(vehicle, what, checked_map(payload), taken, now)
+                    if what == "meta":
+                        described = {Key.VERSION: VERSION, "do": "described", "checksum": checksum(payload)}
+                        self._publish(topic(vehicle, "cmd"), message(described))
                 # The broker retains descriptions, and sends them even if the vehicle is long gone.
                 self._seen |= {} if what == "meta" else {vehicle: now}
             except (FormatError, ParameterError, RefusedError) as error:
