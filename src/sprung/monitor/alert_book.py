@@ -1,9 +1,10 @@
 """From windows of vehicles, and problems of monitoring, to alerts in the store."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
+from functools import partial
 from typing import Any
 
 from sprung.alerting import (
@@ -40,10 +41,12 @@ class AlertBook:
         Store of the alerts.
     settings
         Hold-off, hysteresis and reminders.
+    monitor
+        Name of this monitor, among those that use the store.
     """
 
-    def __init__(self, store: Store, settings: AlertSettings) -> None:
-        self._store, self._settings = store, settings
+    def __init__(self, store: Store, settings: AlertSettings, *, monitor: str = "this monitor") -> None:
+        self._store, self._settings, self._monitor = store, settings, monitor
 
     def take_window(self, vehicle: str, event: Observed, *, now: int) -> None:
         """Raise, update and clear alerts according to a window."""
@@ -72,6 +75,20 @@ class AlertBook:
         if known is not None and known.is_active and known.text == text:
             return
         self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
+
+    def report_own(self, vehicle: str, cause: str, text: str, *, now: int) -> None:
+        """Raise an alert that each monitor sees for itself: it stays until each has cleared its own."""
+        self._change_sentences(vehicle, cause, lambda sentences: sentences | {self._monitor: text}, now)
+
+    def clear_own(self, vehicle: str, cause: str, *, now: int) -> None:
+        """Clear what this monitor reported by `report_own`, and the alert if no other monitor reports it."""
+        self._change_sentences(vehicle, cause, lambda sentences: _without(sentences, {self._monitor}), now)
+
+    def keep_reports_of(self, monitors: Collection[str], *, now: int) -> None:
+        """Clear what monitors that do not run any more reported by `report_own`: theirs are all but `monitors`."""
+        for row in self._store.alerts.find(is_active=True):
+            if gone := _sentences(alert_of(row)).keys() - set(monitors):
+                self._change_sentences(row.vehicle, row.cause, partial(_without, monitors=gone), now)
 
     def report_lost(self, vehicle: str, counts: Mapping[int, int], *, begin: int = 0, end: int = 0, now: int) -> None:
         """Raise or update the alert about lost frames of a vehicle, "lost".
@@ -139,6 +156,23 @@ class AlertBook:
         history = (transition.what, transition.who, transition.comment)
         self._store.alerts.put(row_of(transition.alert), history=history, notify=notify, now=now)
 
+    def _change_sentences(
+        self, vehicle: str, cause: str, change: Callable[[dict[str, str]], dict[str, str]], now: int
+    ) -> None:
+        """Raise, update or clear an alert by a change of the sentences of the monitors that report it."""
+        with self._store.alerts.locked(vehicle, cause) as row:
+            known = None if row is None else alert_of(row)
+            before = _sentences(known)
+            sentences = change(before)
+            if not sentences:
+                if known is not None and known.is_active:
+                    self.put(absent(known, self._at_once, now), now=now)
+            elif sentences != before:
+                named = [f"{monitor}: {text}" for monitor, text in sorted(sentences.items())]
+                text = "; ".join(named if len(named) > 1 else sentences.values())
+                report = Report(vehicle, cause, _MONITOR, text, {"monitors": sentences})
+                self.put(reported(known, report, self._at_once, now), now=now)
+
     @property
     def _at_once(self) -> AlertSettings:
         """Settings without hold-off and hysteresis."""
@@ -160,6 +194,16 @@ def row_of(alert: Alert) -> AlertRow:
     fields = asdict(alert)
     inner = {name: fields.pop(name) for name in _INNER}
     return AlertRow(**fields, document=json.loads(json.dumps(inner, default=str)))
+
+
+def _sentences(alert: Alert | None) -> dict[str, str]:
+    """Return the sentences of an active alert by the monitor that reports it; none of one that others raised."""
+    return dict(alert.evidence.get("monitors", {})) if alert is not None and alert.is_active else {}
+
+
+def _without(sentences: Mapping[str, str], monitors: Collection[str]) -> dict[str, str]:
+    """Return the sentences of other monitors."""
+    return {monitor: text for monitor, text in sentences.items() if monitor not in monitors}
 
 
 def _notification(transition: Transition) -> dict[str, Any]:

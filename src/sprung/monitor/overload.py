@@ -36,7 +36,7 @@ class Overload:
         self._looking = Every(_LOOK, lambda: clock() / 1e9)
         self._reporting = Every(_REPEAT, lambda: clock() / 1e9)
         self._calm = Every(_CALM * limit, lambda: clock() / 1e9)
-        self._is_on, self._is_reported = False, True  # by the monitor before, perhaps
+        self._is_on, self._is_reported = False, True  # by the release before, perhaps
 
     @property
     def is_on(self) -> bool:
@@ -69,7 +69,7 @@ class Overload:
             self._calm.start()
             self._report(age, n_frames, n_vehicles)
         elif self._is_reported and self._calm.is_due:
-            self._alerts.clear(MONITOR, OVERLOAD, now=self._clock())
+            self._alerts.clear_own(MONITOR, OVERLOAD, now=self._clock())
             self._is_reported = False
             self._reporting.reset()
 
@@ -83,6 +83,6 @@ class Overload:
             "workers, or fewer vehicles on this machine"
         )
         LOG.warning(sentence)
-        self._alerts.report(MONITOR, OVERLOAD, sentence, now=self._clock())
+        self._alerts.report_own(MONITOR, OVERLOAD, sentence, now=self._clock())
         self._is_reported = True
         self._reporting.start()

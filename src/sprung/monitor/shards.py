@@ -16,11 +16,12 @@ _RENEW = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Shards that a monitor has just gained and lost, and other monitors that have died."""
+    """Shards that a monitor has just gained and lost, monitors that have died, and whether others run than before."""
 
     gained: Collection[int] = ()
     lost: Collection[int] = ()
     dead: tuple[str, ...] = ()
+    is_other_crew: bool = False
 
 
 class Shards:
@@ -41,7 +42,7 @@ class Shards:
     def __init__(self, store: Store, *, patience: float, timer: Callable[[], float], name: str = "") -> None:
         self._leases, self._patience = store.leases, patience
         self._name = name or f"{socket.gethostname()}, process {os.getpid()}, start {secrets.token_hex(4)}"
-        self._holding = Holding({}, 1, ())
+        self._holding = Holding({}, (), ())
         self._renewing, self._expiring = Every(_RENEW, timer), Every(patience, timer)
 
     @property
@@ -63,9 +64,14 @@ class Shards:
         return self._holding.epochs.keys()
 
     @property
-    def n_monitors(self) -> int:
-        """Number of monitors, this one included."""
-        return self._holding.n_monitors
+    def name(self) -> str:
+        """Name of this monitor, different from all others that ever were."""
+        return self._name
+
+    @property
+    def monitors(self) -> Collection[str]:
+        """Names of the monitors that run, this one included."""
+        return {self._name, *self._holding.monitors}
 
     def open(self) -> None:
         """Reserve a file for this monitor.
@@ -94,7 +100,8 @@ class Shards:
         # A shard of another epoch was held by another monitor meanwhile: what is open of it is out of date.
         kept = before.epochs.items() & self._holding.epochs.items()
         gained, lost = (dict(holding.epochs.items() - kept) for holding in (self._holding, before))
-        return Change(gained.keys(), lost.keys(), self._holding.dead)
+        is_other_crew = before.monitors != self._holding.monitors
+        return Change(gained.keys(), lost.keys(), self._holding.dead, is_other_crew)
 
     def holds(self, vehicle: str) -> bool:
         """Return whether this monitor works for a vehicle, as far as it knows: the store decides."""
@@ -126,7 +133,7 @@ class Shards:
         """
         if self._renewing.started is not None:
             self._leases.release(self._name)
-        self._holding = Holding({}, 1, ())
+        self._holding = Holding({}, (), ())
         self._leases.unlock()
 
     def _holds(self, shard: int) -> bool:

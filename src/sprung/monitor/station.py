@@ -91,7 +91,8 @@ class Station:
         senders = senders_of(site.send, self._link.publish)
         loops = _loops(site.watch.seconds_per_job, [sender.name for sender in senders])
         self._heartbeats = Heartbeats(loops, timer)
-        alerts = self._alerts = AlertBook(store, site.alerts.settings)
+        self._shards = Shards(store, patience=site.watch.takeover_seconds, timer=timer)
+        alerts = self._alerts = AlertBook(store, site.alerts.settings, monitor=self._shards.name)
         self._gate = Gate(timer)
         self._intake = Intake(
             store,
@@ -102,7 +103,6 @@ class Station:
             ),
         )
         ledger = Ledger(site, store, alerts=alerts, clock=clock)
-        self._shards = Shards(store, patience=site.watch.takeover_seconds, timer=timer)
         self._following, self._comparing = Every(_FOLLOW, timer), Every(_COMPARE, timer)
         self._dispatch = Dispatch(
             store,
@@ -178,6 +178,8 @@ class Station:
             If another monitor uses the store, and it is a file.
         """
         self._shards.open()
+        if not self._shards.is_shared:
+            self._alerts.keep_reports_of(self._shards.monitors, now=self._clock())
         self._serving.open()
         self._upkeep.open()
         self._follow()
@@ -251,7 +253,7 @@ class Station:
             **{name: now - time for name, time in last.items() if time is not None},
             "sprung_queue_bytes": self._inflow.n_bytes,
             "sprung_link_connected": float(self._link.is_connected),
-            "sprung_monitors": self._shards.n_monitors,
+            "sprung_monitors": len(self._shards.monitors),
             "sprung_shards": len(self._shards.held) if self._shards.is_shared else N_SHARDS,
             "sprung_store_writable": float(not self._gate.trouble),
             **{labelled("sprung_heartbeat_age_seconds", loop=loop): age for loop, age in ages.items()},
@@ -284,8 +286,10 @@ class Station:
         self._dispatch.leave(change.lost)
         for monitor in change.dead:
             self._upkeep.report_dead(monitor)
+        if change.is_other_crew:
+            self._alerts.keep_reports_of(self._shards.monitors, now=self._clock())
         if change.gained or change.lost:
-            LOG.info("shards", extra={"held": len(self._shards.held), "monitors": self._shards.n_monitors})
+            LOG.info("shards", extra={"held": len(self._shards.held), "monitors": len(self._shards.monitors)})
             self._comparing.reset()
             self._following.reset()
         if not self._following.is_due or (self._comparing.started is not None and not self._shards.is_shared):
@@ -327,15 +331,15 @@ class Station:
                 return
 
     def _examine(self) -> None:
-        """Raise an alert for each vehicle that sent more than could wait since the last look; clear those of others."""
+        """Raise an alert for each vehicle that sent more than could wait since the last look; take back the others."""
         now = self._clock()
         overloaded, self._overloaded = self._overloaded, set()
         for vehicle in sorted(overloaded):
             sentence = f"{vehicle} sends more than the monitor takes in: messages are refused"
-            self._alerts.report(vehicle, "monitor:intake", sentence, now=now)
+            self._alerts.report_own(vehicle, "monitor:intake", sentence, now=now)
         for row in self._store.alerts.find(is_active=True):
             if row.cause == "monitor:intake" and row.vehicle not in overloaded:
-                self._alerts.clear(row.vehicle, row.cause, now=now)
+                self._alerts.clear_own(row.vehicle, row.cause, now=now)
 
 
 def _loops(seconds_per_job: float, senders: Sequence[str]) -> dict[str, Loop]:

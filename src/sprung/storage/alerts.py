@@ -1,6 +1,7 @@
 """Alerts with their history, and the outbox of notifications."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 
 from sqlalchemy import ColumnElement, Connection, Table, and_, case, func, not_, or_, select, update
@@ -36,6 +37,14 @@ class Alerts:
             query = query.where(ALERTS.c.is_active == is_active)
         with self._database.reading() as connection:
             return [AlertRow(**row) for row in connection.execute(query).mappings()]
+
+    @contextmanager
+    def locked(self, vehicle: str, cause: str) -> Iterator[AlertRow | None]:
+        """Yield an alert, None if there is none; what is stored in the context is one transaction, before any other."""
+        query = select(ALERTS).where(ALERTS.c.vehicle == vehicle, ALERTS.c.cause == cause).with_for_update()
+        with self._database.together(), self._database.writing() as connection:
+            row = connection.execute(query).mappings().first()
+            yield None if row is None else AlertRow(**row)
 
     def put(
         self, row: AlertRow, *, history: tuple[str, str, str], notify: Document | None = None, now: int

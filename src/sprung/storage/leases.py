@@ -45,14 +45,14 @@ class Holding:
     ----------
     epochs
         Epoch of each shard that the monitor holds.
-    n_monitors
-        Number of monitors that are heard of.
+    monitors
+        Names of the monitors that are heard of.
     dead
         Monitors that were not heard of for too long, first reported by this call.
     """
 
     epochs: dict[int, int]
-    n_monitors: int
+    monitors: tuple[str, ...]
     dead: tuple[str, ...]
 
 
@@ -119,8 +119,8 @@ class Leases:
             connection.execute(row.on_conflict_do_update(index_elements=["monitor"], set_={"seen": now}))
             dead = _bury(connection, alive)
             living = select(MONITORS.c.monitor).where(MONITORS.c.seen >= alive)
-            n_monitors = connection.scalar(select(func.count()).select_from(living.subquery())) or 1
-            share = -(-N_SHARDS // n_monitors)
+            monitors = tuple(connection.scalars(living.order_by(MONITORS.c.monitor)))
+            share = -(-N_SHARDS // max(len(monitors), 1))
             of_own = select(LEASES.c.shard).where(LEASES.c.holder == monitor).order_by(LEASES.c.shard)
             own = list(connection.scalars(of_own))
             is_free = or_(LEASES.c.holder.is_(None), LEASES.c.holder.not_in(living))
@@ -129,7 +129,7 @@ class Leases:
             _pass_on(connection, list(connection.scalars(free.with_for_update(skip_locked=True))), to=monitor)
             _pass_on(connection, own[share:], to=None)
             held = select(LEASES.c.shard, LEASES.c.epoch).where(LEASES.c.holder == monitor)
-            return Holding({row.shard: row.epoch for row in connection.execute(held)}, n_monitors, tuple(dead))
+            return Holding({row.shard: row.epoch for row in connection.execute(held)}, monitors, tuple(dead))
 
     def release(self, monitor: str) -> None:
         """Give up all shards of a monitor, which stops in good order."""
