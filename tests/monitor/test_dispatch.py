@@ -104,6 +104,21 @@ def timer():
     return Timer()
 
 
+@pytest.mark.parametrize("is_learning", [True, False])
+def test_after_a_restart_the_type_is_learnt_for_vehicles_that_learn_alone(
+    dispatch, workers, store, monkeypatch: pytest.MonkeyPatch, is_learning
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr("sprung.monitor.dispatch.type_of_others", lambda _store, vehicle, types: asked.append(vehicle))
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 3)
+    status = VehicleStatus(is_learning=is_learning)._asdict()
+    store.results.commit(Progress("car-1", 1, done_seq=1, delete_through_seq=1, snapshot=b"state", status=status))
+    dispatch.give()
+    assert list(workers.opened) == ["car-1"]
+    assert asked == (["car-1"] if is_learning else [])
+
+
 def test_frames_wait_for_the_description_of_their_vehicle(dispatch, workers, store) -> None:
     arrive(store, dispatch, "car-1", 0, 3)
     assert dispatch.give() == 0

@@ -87,6 +87,36 @@ def test_a_type_is_of_normal_windows_not_of_later_ones(store, car) -> None:
     assert of_type.mean[SPRING] == pytest.approx(0.0, abs=0.03)
 
 
+def test_windows_are_read_again_only_where_there_are_new_ones(store, car, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same baseline as from the store, for many vehicles that are opened one after the other."""
+    from sprung.storage.results import Results
+
+    for number in range(5):
+        put(store, f"van-{number}", car, drawn(number, 4))
+    put(store, "van-9", car, (), taught=drawn(9, 6))
+    types, read, observations = VehicleTypes(store), [], Results.observations
+
+    def counted(results, vehicle, **given):
+        read.append(vehicle)
+        return observations(results, vehicle, **given)
+
+    monkeypatch.setattr(Results, "observations", counted)
+    names = [f"van-{number}" for number in range(5)]
+    for vehicle in names * 3:
+        assert type_of_others(store, vehicle, types=types) is not None
+    assert sorted(read) == [*names, "van-9"]
+    read.clear()
+    later = [(4, NOW + 4, observation_document(drawn(2, 1, first=4)[0]))]
+    store.results.commit(Progress("van-2", 1, done_seq=-1, observations=tuple(later)))
+    learnt = type_of_others(store, "van-0", types=types)
+    assert read == ["van-2"]
+    anew = type_of_others(store, "van-0")
+    assert learnt is not None
+    assert anew is not None
+    assert learnt.n_windows == anew.n_windows == 3 * 4 + 5 + 6
+    assert np.array_equal(learnt.mean, anew.mean)
+
+
 def test_a_fleet_is_ranked_by_its_last_windows(store, car, check_document) -> None:
     fleet(store, car, 7)
     put(store, "van-8", car, drawn(8, 4, fault=-0.25))

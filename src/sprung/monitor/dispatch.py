@@ -390,14 +390,21 @@ class Dispatch:
             state = snapshot.document
         else:
             history = history_of(self._store, vehicle, most_windows=self._settings.most_windows)
-        status = self._statuses.get(vehicle)
-        is_learning = status is None or status.is_learning
+        is_learning = self._is_learning(vehicle, has_state=snapshot is not None)
         of_type = type_of_others(self._store, vehicle, types=self._types) if is_learning else None
         self._workers.open(
             Opening(vehicle, row.description, dict(row.channels), state, self._settings, of_type, history)
         )
         self._descriptions[vehicle] = (row.description, row.channels)
         return True
+
+    def _is_learning(self, vehicle: str, *, has_state: bool) -> bool:
+        """Return whether a vehicle learns a baseline, as far as is known."""
+        status = self._statuses.get(vehicle)
+        if status is not None:
+            return status.is_learning
+        stored = self._store.results.status(vehicle) if has_state else None
+        return stored is None or bool(stored.get("is_learning", True))
 
     def _commit(self, outcome: Outcome, taken: Sequence[StoredFrame]) -> None:
         """Store the results of a job, and the progress of its vehicle."""

@@ -4,6 +4,7 @@ Vehicles are of one type if their vehicle files say the same, apart from the nam
 values of the file, and compare only then.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -29,7 +30,7 @@ def vehicles_by_type(store: Store) -> dict[str, list[str]]:
 
 
 class VehicleTypes:
-    """Types of the vehicles of a store, read again only when vehicles have been described or have come.
+    """Types of the vehicles of a store, and their normal windows, read again only when there are others.
 
     Parameters
     ----------
@@ -42,6 +43,7 @@ class VehicleTypes:
         self._of_type: dict[str, list[str]] = {}
         self._type_of: dict[str, str] = {}
         self._count: int | None = None
+        self._windows: dict[str, tuple[tuple[int, int], list[Observation]]] = {}
 
     def forget(self) -> None:
         """Read the vehicles again when next needed, as a description has changed."""
@@ -73,6 +75,22 @@ class VehicleTypes:
         """
         return len(self.others(vehicle)) >= LEAST_VEHICLES
 
+    def normal_windows(self, vehicles: Sequence[str]) -> dict[str, list[Observation]]:
+        """Return the windows with which vehicles take part in the baseline of their type.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be used.
+        """
+        windows = {}
+        for vehicle, latest in self._store.results.latest(vehicles).items():
+            known = self._windows.get(vehicle)
+            if known is None or known[0] != latest:
+                known = self._windows[vehicle] = latest, _normal_windows(self._store, vehicle)
+            windows[vehicle] = known[1]
+        return windows
+
 
 def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = None) -> TypeBaseline | None:
     """Return the baseline of the type of a vehicle, learnt from the other vehicles; None if there are too few.
@@ -91,11 +109,12 @@ def type_of_others(store: Store, vehicle: str, *, types: VehicleTypes | None = N
     Each vehicle takes part with the windows that its own baseline was learnt from, so that a later change does not
     count as normal, or with its last windows before it has one.
     """
-    others = (types or VehicleTypes(store)).others(vehicle)[:_MOST_VEHICLES]
+    types = types or VehicleTypes(store)
+    others = types.others(vehicle)[:_MOST_VEHICLES]
     if len(others) < LEAST_VEHICLES:
         return None
     try:
-        return learn_type({other: _normal_windows(store, other) for other in others}, name=_name(store, vehicle))
+        return learn_type(types.normal_windows(others), name=_name(store, vehicle))
     except DataError:
         return None
 

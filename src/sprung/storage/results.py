@@ -8,7 +8,17 @@ from sqlalchemy import Connection, Table, and_, delete, func, not_, select, upda
 from sprung.errors import ParameterError
 from sprung.storage.database import Database
 from sprung.storage.rows import BaselineRow, Document, Entry, Numbered, Progress, Snapshot
-from sprung.storage.schema import BASELINES, CURSORS, FINDINGS, FRAMES, MODES, OBSERVATIONS, SNAPSHOTS, STATUSES
+from sprung.storage.schema import (
+    BASELINES,
+    CURSORS,
+    FINDINGS,
+    FRAMES,
+    MODES,
+    OBSERVATIONS,
+    SNAPSHOTS,
+    STATUSES,
+    VEHICLES,
+)
 
 
 class Results:
@@ -83,6 +93,17 @@ class Results:
         """Return the numbers that follow those of the observations and of the modes of a vehicle."""
         with self._database.reading() as connection:
             return _n_numbered(connection, OBSERVATIONS, vehicle), _n_numbered(connection, MODES, vehicle)
+
+    def latest(self, vehicles: Sequence[str]) -> dict[str, tuple[int, int]]:
+        """Return number of the last observation and version of the baseline of vehicles, -1 where there is none."""
+        ends = (
+            select(func.coalesce(func.max(column), -1)).where(column.table.c.vehicle == VEHICLES.c.vehicle)
+            for column in (OBSERVATIONS.c.number, BASELINES.c.version)
+        )
+        query = select(VEHICLES.c.vehicle, *(end.scalar_subquery() for end in ends))
+        with self._database.reading() as connection:
+            rows = connection.execute(query.where(VEHICLES.c.vehicle.in_(vehicles)).order_by(VEHICLES.c.vehicle))
+            return {vehicle: (number, version) for vehicle, number, version in rows}
 
     def status(self, vehicle: str) -> Document | None:
         """Return the progress of the analysis of a vehicle; None before the first."""
