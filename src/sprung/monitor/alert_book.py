@@ -143,8 +143,8 @@ class AlertBook:
         now
             Present time, UTC ns.
         """
-        for row in self._store.alerts.find():
-            if row.shelved_until is not None and row.shelved_until <= now and holds(row.vehicle):
+        for row in self._store.alerts.find(shelved_until=now):
+            if holds(row.vehicle):
                 with fence(row.vehicle):
                     self.put(shelf_ended(alert_of(row), now), now=now)
 

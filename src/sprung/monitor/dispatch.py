@@ -170,8 +170,9 @@ class Dispatch:
 
     def leave(self, shards: Collection[int]) -> None:
         """Leave the vehicles of shards to other monitors."""
-        for vehicle in [vehicle for vehicle in self._streams if shard_of(vehicle) in shards]:
-            self._leave(vehicle)
+        if shards:  # the question about every vehicle costs time, and shards are lost rarely
+            for vehicle in [vehicle for vehicle in self._streams if shard_of(vehicle) in shards]:
+                self._leave(vehicle)
 
     def close(self) -> None:
         """Stop the workers."""

@@ -56,7 +56,7 @@ class Shards:
 
         What it sends no transaction can refuse, so that it stops when it has not renewed its leases for too long.
         """
-        return self._holds(0) and not (self.is_shared and self._expiring.is_due)
+        return not self.is_shared or (0 in self._holding.epochs and not self._expiring.is_due)
 
     @property
     def held(self) -> Collection[int]:
@@ -105,7 +105,7 @@ class Shards:
 
     def holds(self, vehicle: str) -> bool:
         """Return whether this monitor works for a vehicle, as far as it knows: the store decides."""
-        return self._holds(shard_of(vehicle))
+        return not self.is_shared or shard_of(vehicle) in self._holding.epochs
 
     def fence(self, *vehicles: str) -> AbstractContextManager[None]:
         """Return a context that refuses to write about vehicles after a shard of theirs was lost.
@@ -135,7 +135,3 @@ class Shards:
             self._leases.release(self._name)
         self._holding = Holding({}, (), ())
         self._leases.unlock()
-
-    def _holds(self, shard: int) -> bool:
-        """Return whether a shard was held at the last renewal."""
-        return not self.is_shared or shard in self._holding.epochs

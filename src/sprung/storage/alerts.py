@@ -28,13 +28,17 @@ class Alerts:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def find(self, *, vehicle: str | None = None, is_active: bool | None = None) -> list[AlertRow]:
-        """Return alerts, the most severe first, then the oldest."""
+    def find(
+        self, *, vehicle: str | None = None, is_active: bool | None = None, shelved_until: int | None = None
+    ) -> list[AlertRow]:
+        """Return alerts, of a vehicle, active ones, or shelved at most until a time: severest first, then oldest."""
         query = select(ALERTS).order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id)
         if vehicle is not None:
             query = query.where(ALERTS.c.vehicle == vehicle)
         if is_active is not None:
             query = query.where(ALERTS.c.is_active == is_active)
+        if shelved_until is not None:
+            query = query.where(ALERTS.c.shelved_until <= shelved_until)
         with self._database.reading() as connection:
             return [AlertRow(**row) for row in connection.execute(query).mappings()]
 

@@ -41,14 +41,11 @@ class Database:
 
     def __init__(self, url: URL, *, notices: tuple[str, ...] = ()) -> None:
         self.engine = _engine(url)
+        #: Path of the SQLite file; None with a server.
+        self.path = Path(url.database or "") if url.get_backend_name() == "sqlite" else None
         self._writer = self.engine.execution_options(is_writing=True)
         self._whole = _Whole()
         self.notices = notices
-
-    @property
-    def path(self) -> Path | None:
-        """Path of the SQLite file; None with a server."""
-        return Path(self.engine.url.database or "") if self.engine.dialect.name == "sqlite" else None
 
     def reading(self) -> AbstractContextManager[Connection]:
         """Return a transaction that reads."""

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import IO, NamedTuple
 
@@ -25,6 +25,7 @@ N_SHARDS = 256
 _NOW = select(cast(func.extract("epoch", func.clock_timestamp()) * 1_000_000_000, BigInteger))
 
 
+@lru_cache(maxsize=1 << 16)
 def shard_of(vehicle: str) -> int:
     """Return the shard of a vehicle, from 0 to `N_SHARDS` - 1, the same on every machine and for ever."""
     return int.from_bytes(hashlib.blake2b(vehicle.encode(), digest_size=8).digest()) % N_SHARDS
