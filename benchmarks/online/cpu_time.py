@@ -13,7 +13,7 @@ from typing import Any
 
 from measuring import print_table
 from memory_use import measure_memory
-from programs import HOUR, WINDOW, Course, course, until
+from programs import HOUR, WINDOW, Course, course, memory, until
 from sampling import ANALYSIS, STATION, Sampler, reference
 
 #: Hours of driving of a vehicle in a year, and vehicles that a core is to serve.
@@ -59,15 +59,28 @@ def measure_station(given: argparse.Namespace, folder: Path) -> None:
 def measured_station(given: argparse.Namespace, recorded: "Recorded", folder: Path) -> dict[int, dict[str, float]]:
     """Print what the station costs; return CPU seconds of its parts per vehicle-hour by number of vehicles."""
     prepared = course(length=given.frame_seconds)
+    before = memory()
     loads = {n: station_load(prepared, recorded, n, folder, seconds=given.station_seconds) for n in live(given)}
-    named = {f"{n} vehicles": load for n, load in loads.items()}
+    named = {f"{n} vehicles": load.hourly for n, load in loads.items()}
+    print_table(
+        "The station beside what vehicles send",
+        ("", *named),
+        [
+            ("CPU to open a vehicle, ms", *(f"{1000 * load.opening / n:.1f}" for n, load in loads.items())),
+            ("longest of a second of driving, s of CPU", *(f"{load.longest:.2f}" for load in loads.values())),
+            (
+                "memory beyond that at the start, MiB",
+                *(f"{load.memory - before:.0f}" for load in loads.values()),
+            ),
+        ],
+    )
     print_parts(f"The station, s per vehicle-hour, frames of {given.frame_seconds:g} s", named)
     print_table(
         "Bytes of the store after the analysis (goal: 50 MB per vehicle-year of 2,000 h)",
         ("table or index", "bytes per vehicle-hour", "MB per vehicle-year"),
         [(name, f"{size:.0f}", f"{size * YEAR / 1e6:.1f}") for name, size in bytes_stored(recorded, folder).items()],
     )
-    return loads
+    return {n: load.hourly for n, load in loads.items()}
 
 
 def live(given: argparse.Namespace) -> list[int]:
@@ -126,10 +139,30 @@ def drive(station: Any, prepared: Course, numbers: Sequence[int]) -> None:
     until(lambda: station.step() or station.is_idle, patience=600.0, every=0.0)
 
 
-def station_load(
-    prepared: Course, recorded: Recorded, n_vehicles: int, folder: Path, *, seconds: float
-) -> dict[str, float]:
-    """Return CPU seconds per vehicle-hour of the parts of the station.
+@dataclass(frozen=True)
+class Load:
+    """What a number of vehicles costs the station.
+
+    Parameters
+    ----------
+    hourly
+        CPU seconds per vehicle-hour of its parts.
+    opening
+        CPU seconds until the first frame of each vehicle is analysed.
+    longest
+        CPU seconds of the second of driving that takes longest.
+    memory
+        Of this process at the end [MiB].
+    """
+
+    hourly: dict[str, float]
+    opening: float
+    longest: float
+    memory: float
+
+
+def station_load(prepared: Course, recorded: Recorded, n_vehicles: int, folder: Path, *, seconds: float) -> Load:
+    """Return what vehicles cost the station.
 
     A second at a time, by a clock that is played: frames and reports of vehicles are spread over their periods, and
     windows over ten minutes, so that the station has the same work all the time. Outcomes are recorded ones. Measured
@@ -138,6 +171,7 @@ def station_load(
     from sprung.link import message, topic
 
     sampler, n_frames = Sampler(), round(WINDOW / prepared.length)
+    opening, spent = 0.0, []
     echo = Echo(recorded, prepared.length, {f"car-{k}": k % n_frames for k in range(n_vehicles)})
     second = 0
     station = here(
@@ -157,12 +191,18 @@ def station_load(
         messages += [(topic(f"car-{k}", "state"), state) for k in reporting]
         if second == round(seconds):
             sampler.seconds.clear()
+            spent.clear()
+        begun = time.process_time()
         with sampler.running():
             for name, payload in messages:
                 station.receive(name, payload)
             until(lambda: station.step() or station.is_idle, patience=600.0, every=0.0)
+        spent.append(time.process_time() - begun)
+        if second == period - 1:
+            opening = sum(spent)
+    load = Load(sampler.per_hour(STATION, n_vehicles * round(seconds) / HOUR), opening, max(spent), memory())
     station.close()
-    return sampler.per_hour(STATION, n_vehicles * round(seconds) / HOUR)
+    return load
 
 
 def bytes_stored(recorded: Recorded, folder: Path, *, hours: int = 50) -> dict[str, float]:
