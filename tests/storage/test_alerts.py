@@ -46,9 +46,9 @@ def test_alerts_are_chosen_by_vehicle_and_state(store) -> None:
 def test_alerts_are_chosen_by_the_end_of_their_shelving(store) -> None:
     for cause, until in (("tyre", 100), ("damper", 101), ("spring", None)):
         store.alerts.put(replace(ALERT, cause=cause, shelved_until=until), history=RAISED, now=0)
-    assert store.alerts.find(shelved_until=99) == []
-    assert [alert.cause for alert in store.alerts.find(shelved_until=100)] == ["tyre"]
-    assert len(store.alerts.find(shelved_until=101)) == 2
+    assert store.alerts.shelved(until=99) == []
+    assert [alert.cause for alert in store.alerts.shelved(until=100)] == ["tyre"]
+    assert len(store.alerts.shelved(until=101)) == 2
 
 
 def test_each_sender_has_its_own_progress_with_a_notification(store) -> None:

@@ -143,7 +143,7 @@ class AlertBook:
         now
             Present time, UTC ns.
         """
-        for row in self._store.alerts.find(shelved_until=now):
+        for row in self._store.alerts.shelved(until=now):
             if holds(row.vehicle):
                 with fence(row.vehicle):
                     self.put(shelf_ended(alert_of(row), now), now=now)

@@ -28,27 +28,15 @@ class Alerts:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def find(
-        self, *, vehicle: str | None = None, is_active: bool | None = None, shelved_until: int | None = None
-    ) -> list[AlertRow]:
-        """Return alerts, of a vehicle, active ones, or shelved at most until a time: severest first, then oldest."""
+    def find(self, *, vehicle: str | None = None, is_active: bool | None = None) -> list[AlertRow]:
+        """Return alerts, the most severe first, then the oldest."""
         query = select(ALERTS).order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id)
         if vehicle is not None:
             query = query.where(ALERTS.c.vehicle == vehicle)
         if is_active is not None:
             query = query.where(ALERTS.c.is_active == is_active)
-        if shelved_until is not None:
-            query = query.where(ALERTS.c.shelved_until <= shelved_until)
         with self._database.reading() as connection:
             return [AlertRow(**row) for row in connection.execute(query).mappings()]
-
-    @contextmanager
-    def locked(self, vehicle: str, cause: str) -> Iterator[AlertRow | None]:
-        """Yield an alert, None if there is none; what is stored in the context is one transaction, before any other."""
-        query = select(ALERTS).where(ALERTS.c.vehicle == vehicle, ALERTS.c.cause == cause).with_for_update()
-        with self._database.together(), self._database.writing() as connection:
-            row = connection.execute(query).mappings().first()
-            yield None if row is None else AlertRow(**row)
 
     def put(
         self, row: AlertRow, *, history: tuple[str, str, str], notify: Document | None = None, now: int
@@ -98,6 +86,20 @@ class Alerts:
         query = select(ALERT_HISTORY).where(ALERT_HISTORY.c.alert == alert_id).order_by(ALERT_HISTORY.c.id)
         with self._database.reading() as connection:
             return [HistoryRow(**row) for row in connection.execute(query).mappings()]
+
+    def shelved(self, *, until: int) -> list[AlertRow]:
+        """Return the alerts whose shelving ends at a time at the latest."""
+        query = select(ALERTS).where(ALERTS.c.shelved_until <= until).order_by(ALERTS.c.id)
+        with self._database.reading() as connection:
+            return [AlertRow(**row) for row in connection.execute(query).mappings()]
+
+    @contextmanager
+    def locked(self, vehicle: str, cause: str) -> Iterator[AlertRow | None]:
+        """Yield an alert, None if there is none; what is stored in the context is one transaction, before any other."""
+        query = select(ALERTS).where(ALERTS.c.vehicle == vehicle, ALERTS.c.cause == cause).with_for_update()
+        with self._database.together(), self._database.writing() as connection:
+            row = connection.execute(query).mappings().first()
+            yield None if row is None else AlertRow(**row)
 
     def next_notification(self, sender: str, *, now: int) -> NotificationRow | None:
         """Return the notification that a sender is to send next; None if none is due.
