@@ -70,8 +70,9 @@ def test_a_description_is_reported_whenever_it_comes_as_others_may_have_stored_i
     text = vehicle_text(read_vehicle("zafira"))
     document = {Key.VERSION: 1, Key.CONFIGURATION: "c", "description": text, "quantities": {"acc_fl": "acceleration"}}
     meta = (topic("car-1", "meta"), message(document))
-    assert intake.take([meta], now=0).described == {"car-1"}
-    assert intake.take([meta], now=0).described == {"car-1"}
+    checksum = int.from_bytes(meta[1][-4:], "little")
+    assert intake.take([meta], now=0).described == {"car-1": checksum}
+    assert intake.take([meta], now=0).described == {"car-1": checksum}
 
 
 def test_a_frame_on_the_topic_of_another_vehicle_is_refused(intake, drive, frames_of, published) -> None:

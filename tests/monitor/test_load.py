@@ -2,7 +2,7 @@
 
 import pytest
 
-from sprung.link import message, topic
+from sprung.link import checked_map, message, topic
 from sprung.storage import StoreError
 
 WATCH = {"watch": {"learning_windows": 2, "window_minutes": 2, "identify_every_minutes": 0}, "keep": {"raw_days": 0}}
@@ -57,6 +57,30 @@ def test_health_says_that_the_loop_stands_still_though_it_hangs(bench) -> None:
     assert one.station.figures()['sprung_heartbeat_age_seconds{loop="station"}'] == 16.0
     one.station.step()
     assert one.station.troubles() == []
+
+
+def test_a_description_is_confirmed_once_the_station_goes_by_it(bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The store fails as the station reads the description: the box, which hears nothing, repeats it."""
+    one = bench(**WATCH)
+    one.work()
+    known = one.store.inbox.vehicle
+
+    def fails(vehicle):
+        if known(vehicle) is not None:
+            raise StoreError("the store does not answer")
+
+    monkeypatch.setattr(one.store.inbox, "vehicle", fails)
+    one.describe()
+    one.station.step()
+    assert one.link.published == []
+    assert one.station.troubles() == ["the store does not answer"]
+    monkeypatch.setattr(one.store.inbox, "vehicle", known)
+    one.seconds += 2.0
+    one.describe()
+    one.station.step()
+    ((name, payload),) = one.link.published
+    assert name == topic("car-1", "cmd")
+    assert checked_map(payload)["do"] == "described"
 
 
 def test_only_what_was_stored_shows_that_the_store_is_back(bench, drive, frames_of) -> None:

@@ -58,7 +58,7 @@ class Taken:
     arrived
         Sequence number up to which nothing is missing, by vehicle and boot of the messages.
     described
-        Vehicles with a description, which may be new to this monitor or to others only.
+        Checksum of the last description, which may be new to this monitor or to others only, by vehicle.
     frames
         Frames that were stored, without repeats.
     n_messages
@@ -66,7 +66,7 @@ class Taken:
     """
 
     arrived: dict[tuple[str, int], int] = field(default_factory=dict)
-    described: set[str] = field(default_factory=set)
+    described: dict[str, int] = field(default_factory=dict)
     frames: list[StoredFrame] = field(default_factory=list)
     n_messages: int = 0
 
@@ -146,6 +146,11 @@ class Intake:
         """Return the answer of a box to the request of a number; None before it answered."""
         return self._answers.get((vehicle, number))
 
+    def confirm(self, vehicle: str, checksum: int) -> None:
+        """Tell a box that the description of a checksum is known: until then it repeats it."""
+        document = {Key.VERSION: VERSION, "do": "described", "checksum": checksum}
+        self._publish(topic(vehicle, "cmd"), message(document))
+
     def take(self, messages: Iterable[tuple[str, bytes]], *, now: int) -> Taken:
         """Store the contents of messages, and acknowledge them.
 
@@ -183,10 +188,9 @@ class Intake:
                     below |= behind
                     dropped[vehicle] = stated
                 else:
-                    self._handle(vehicle, what, checked_map(payload), taken, now)
+                    self._handle(vehicle, what, checked_map(payload), now)
                     if what == "meta":
-                        described = {Key.VERSION: VERSION, "do": "described", "checksum": checksum(payload)}
-                        self._publish(topic(vehicle, "cmd"), message(described))
+                        taken.described[vehicle] = checksum(payload)
                 # The broker retains descriptions, and sends them even if the vehicle is long gone.
                 self._seen |= {} if what == "meta" else {vehicle: now}
             except (FormatError, ParameterError, RefusedError) as error:
@@ -269,11 +273,10 @@ class Intake:
             )
         known.add(boot)
 
-    def _handle(self, vehicle: str, what: str, document: dict[Any, Any], taken: Taken, now: int) -> None:
+    def _handle(self, vehicle: str, what: str, document: dict[Any, Any], now: int) -> None:
         """Handle a message that is neither a frame, a report nor a state; those of unknown kinds are ignored."""
         if what == "meta":
             self._describe(vehicle, document, now)
-            taken.described.add(vehicle)
         elif what == "health":
             self._free[vehicle] = _free_bytes(document)
         elif what == "event" and document.get("did") == "raw":

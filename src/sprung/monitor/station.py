@@ -313,10 +313,15 @@ class Station:
         for (vehicle, boot), contiguous in taken.arrived.items():
             if self._shards.holds(vehicle):
                 self._dispatch.add(vehicle, boot, contiguous)
-        for vehicle in taken.described:
+        for vehicle, checksum in taken.described.items():
             if self._shards.holds(vehicle):
-                self._dispatch.describe(vehicle)
+                self._gate.guard(partial(self._describe, vehicle, checksum))
         return taken.n_messages
+
+    def _describe(self, vehicle: str, checksum: int) -> None:
+        """Analyse a vehicle by its stored description, and let its box know."""
+        self._dispatch.describe(vehicle)
+        self._intake.confirm(vehicle, checksum)
 
     def _batch(self) -> Iterator[tuple[str, bytes]]:
         """Yield messages, vehicle by vehicle in turn, while their number, their bytes and the time allow it."""
