@@ -11,7 +11,7 @@ from sqlalchemy import delete
 
 from sprung.link import Key, Sending, Spool, checked_map, message, parse_topic, topic
 from sprung.link import spool as spool_module
-from sprung.monitor import dispatch
+from sprung.monitor import strikes
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.intake import Intake
 from sprung.monitor.postman import Postman
@@ -235,7 +235,7 @@ def forgets_losses() -> Patches:
 
 
 def sets_frames_aside_at_the_first_failure() -> Patches:
-    yield patch.object(dispatch, "_STRIKES", 1)
+    yield patch.object(strikes, "_MOST", 1)
 
 
 def forgets_frames_aside() -> Patches:

@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from sprung.monitor.ledger import Ledger
 from sprung.monitor.overload import Overload
 from sprung.monitor.states import History
 from sprung.monitor.streams import Handover, Queue, Stream
+from sprung.monitor.strikes import Strikes
 from sprung.monitor.workers import Workers
 from sprung.storage import (
     CommandRow,
@@ -35,27 +36,6 @@ LOG = logging.getLogger("sprung.monitor")
 _JOB = 300
 #: Largest difference between the clocks of monitors with which one learns at once what another took in [ns].
 _MARGIN = 3 * 10**9
-#: Failures in one place after which its frame is set aside.
-_STRIKES = 2
-
-
-@dataclass(slots=True)
-class _Strikes:
-    """Failures of a vehicle since its last stored state.
-
-    Parameters
-    ----------
-    place
-        Boot and sequence number of the frame of the last failure.
-    count
-        Number of failures there in a row.
-    n_left_out
-        Number of frames set aside.
-    """
-
-    place: tuple[int, int] = (-1, -1)
-    count: int = 0
-    n_left_out: int = 0
 
 
 class Dispatch:
@@ -116,7 +96,7 @@ class Dispatch:
         self._streams: dict[str, Stream] = {}
         self._jobs: dict[str, Sequence[StoredFrame]] = {}
         self._learning: dict[str, CommandRow] = {}
-        self._strikes: dict[str, _Strikes] = {}
+        self._strikes = Strikes()
         self._backoff = Backoff(timer)
         self._learnt: dict[str, CommandRow | None] = {}
         self._statuses: dict[str, VehicleStatus] = {}
@@ -424,7 +404,7 @@ class Dispatch:
             if command is not None:
                 self._learning.pop(vehicle, None)
             self._finish_boots(vehicle, boot)
-            self._strikes.pop(vehicle, None)  # not before: a window that fails begins with jobs that do not
+            self._strikes.forget(vehicle)  # not before: a window that fails begins with jobs that do not
             self._backoff.succeed(vehicle)
         self._statuses[vehicle] = outcome.status
         if taken:
@@ -454,7 +434,8 @@ class Dispatch:
         self._backoff.succeed(vehicle)
         self._defer(vehicle)
         self._ledger.forget(vehicle)
-        memories = (self._streams, self._learning, self._learnt, self._strikes, self._statuses, self._descriptions)
+        self._strikes.forget(vehicle)
+        memories = (self._streams, self._learning, self._learnt, self._statuses, self._descriptions)
         for memory in (*memories, self._job_since):
             memory.pop(vehicle, None)
 
@@ -480,20 +461,10 @@ class Dispatch:
 
     def _strike(self, vehicle: str, frame: StoredFrame, reason: str) -> None:
         """Set a frame aside on which jobs failed repeatedly, or the window in which one was set aside before."""
-        strikes = self._strikes.setdefault(vehicle, _Strikes())
-        place = frame.boot, frame.seq
-        strikes.count = strikes.count + 1 if place == strikes.place else 1
-        strikes.place = place
-        if strikes.n_left_out:
-            first = self._streams[vehicle].done.get(frame.boot, -1) + 1
-        elif strikes.count >= _STRIKES:
-            first = frame.seq
-        else:
+        first = self._strikes.add(vehicle, frame.boot, frame.seq, done=self._streams[vehicle].done.get(frame.boot, -1))
+        if first is None:
             return
         self._ledger.set_frames_aside(vehicle, frame.boot, first, frame.seq, reason=reason)
-        if strikes.n_left_out:  # not before: the store may have refused
-            self._strikes.pop(vehicle)
-        else:
-            strikes.n_left_out += 1
+        self._strikes.leave_out(vehicle)  # not before: the store may have refused
         self._handover.forget(vehicle)
         self._backoff.succeed(vehicle)
