@@ -19,9 +19,6 @@ from sprung.monitor import Station
 
 #: Largest number of rounds without faults until all is delivered.
 _ROUNDS = 600
-#: Round in which each vehicle drives again: a box announces its vehicle when it has samples, and a broker that crashed
-#: may have lost what it announced before.
-_DRIVING = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,8 +172,6 @@ class World:
             self.chance.now += 0.5 if number < _ROUNDS // 2 else 60.0
             self._recover(1.0)
             for vehicle in self.vehicles:
-                if number == _DRIVING:
-                    vehicle.produce()
                 vehicle.step()
             while self.broker.n_under_way:
                 self.broker.deliver()
