@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import create_engine, make_url, text
 
-from sprung.link import message, parse_topic, topic
+from sprung.link import checked_map, message, parse_topic, topic
 from sprung.monitor.shards import Shards
 from sprung.storage import LeaseLostError, StoreError, open_store
 from sprung.vehicles import vehicle_text
@@ -216,7 +216,11 @@ def test_commands_and_silence_are_left_to_the_holder(fleet, runs, car) -> None:
         first.store.requests.add_command("operator", vehicle, "raw", {"from": 0, "to": 1}, now=0)
     fleet.work()
     asked = [
-        [parse_topic(name)[0] for name, _ in monitor.link.published if name.endswith("cmd")]
+        [
+            parse_topic(name)[0]
+            for name, payload in monitor.link.published
+            if name.endswith("cmd") and checked_map(payload)["do"] == "raw"
+        ]
         for monitor in (first, second)
     ]
     assert asked == [VEHICLES[:2], VEHICLES[2:]]

@@ -33,7 +33,7 @@ def wishes(one):
     """What the box of car-1 was asked since the last time."""
     found = [checked_map(payload) for name, payload in one.link.published if name == topic("car-1", "cmd")]
     one.link.published.clear()
-    return found
+    return [wish for wish in found if wish["do"] != "described"]
 
 
 def say(one, what, vehicle="car-1", **document):
