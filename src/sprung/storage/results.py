@@ -118,8 +118,12 @@ class Results:
         """Store the progress of vehicles."""
         if documents:
             row = self._database.insert(STATUSES)
-            newer = row.on_conflict_do_update(index_elements=["vehicle"], set_={"document": row.excluded.document})
-            connection.execute(newer, [{"vehicle": name, "document": own} for name, own in sorted(documents.items())])
+            new = {name: row.excluded[name] for name in ("document", "is_learning")}
+            rows = [
+                {"vehicle": name, "document": own, "is_learning": bool(own.get("is_learning"))}
+                for name, own in sorted(documents.items())
+            ]
+            connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=new), rows)
 
     def _entries(
         self, table: Table, vehicle: str, since: int | None, limit: int | None, *, until: int | None = None
