@@ -5,7 +5,7 @@ from sprung._checks import missing_package
 try:
     from sprung.storage.accounts import AccountRow, TokenRow, VerdictRow
     from sprung.storage.archive import Retention, write_archive
-    from sprung.storage.fleet import FleetCounts, FleetFilter, FleetRow, Place
+    from sprung.storage.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
     from sprung.storage.leases import N_SHARDS, Holding, Lease, shard_of
     from sprung.storage.rows import (
         AlertRow,
@@ -35,6 +35,7 @@ __all__ = [
     "AsideRow",
     "AuditRow",
     "BaselineRow",
+    "ChangeRow",
     "CommandRow",
     "Cursor",
     "Delivery",
@@ -58,6 +59,7 @@ __all__ = [
     "TokenRow",
     "VehicleRow",
     "VerdictRow",
+    "WindowRow",
     "check_address",
     "open_store",
     "shard_of",

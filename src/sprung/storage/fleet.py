@@ -8,7 +8,7 @@ from sqlalchemy import ColumnElement, Select, Subquery, and_, case, exists, func
 
 from sprung.storage.database import Database
 from sprung.storage.rows import Document
-from sprung.storage.schema import ALERTS, BASELINES, STATUSES, VEHICLES
+from sprung.storage.schema import ALERT_HISTORY, ALERTS, BASELINES, OBSERVATIONS, STATUSES, VEHICLES
 
 #: Severities of a step: 1 to 200 are the first, 801 to 1000 the fifth.
 _STEP = 200
@@ -110,6 +110,24 @@ class FleetCounts:
     silent: int
 
 
+class ChangeRow(NamedTuple):
+    """Change of an alert: its number, and alert, vehicle and event."""
+
+    id: int
+    alert: int
+    vehicle: str
+    what: str
+
+
+class WindowRow(NamedTuple):
+    """Window that was analysed: when it was stored, UTC ns, and which."""
+
+    stored: int
+    vehicle: str
+    boot: int
+    number: int
+
+
 class Fleet:
     """The fleet for people.
 
@@ -186,6 +204,34 @@ class Fleet:
             n_learning = connection.scalar(select(func.count()).where(STATUSES.c.is_learning)) or 0
             n_silent = connection.scalar(select(func.count()).where(_is_silent(silent_before))) or 0
         return FleetCounts(n_vehicles, tuple(n_of.get(k, 0) for k in range(5)), n_learning, n_silent)
+
+    def newest(self) -> tuple[int, int]:
+        """Return the number of the last change of an alert, and when the last window was stored, UTC ns; 0: none."""
+        with self._database.reading() as connection:
+            change = connection.scalar(select(func.max(ALERT_HISTORY.c.id)))
+            return change or 0, connection.scalar(select(func.max(OBSERVATIONS.c.stored))) or 0
+
+    def since(self, change: int, stored: int, *, limit: int) -> tuple[list[ChangeRow], list[WindowRow]]:
+        """Return what was stored after a change of an alert and after a time [UTC ns], of each kind about `limit`."""
+        changes = (
+            select(ALERT_HISTORY.c.id, ALERT_HISTORY.c.alert, ALERTS.c.vehicle, ALERT_HISTORY.c.what)
+            .join(ALERTS, ALERTS.c.id == ALERT_HISTORY.c.alert)
+            .where(ALERT_HISTORY.c.id > change)
+            .order_by(ALERT_HISTORY.c.id)
+            .limit(limit)
+        )
+        columns = [OBSERVATIONS.c[name] for name in ("stored", "vehicle", "boot", "number")]
+        order = (OBSERVATIONS.c.stored, OBSERVATIONS.c.vehicle, OBSERVATIONS.c.boot, OBSERVATIONS.c.number)
+        is_new = OBSERVATIONS.c.stored > stored
+        # To the end of a moment: what was stored together comes together.
+        times = select(OBSERVATIONS.c.stored).where(is_new).order_by(OBSERVATIONS.c.stored).limit(limit).subquery()
+        is_within = OBSERVATIONS.c.stored <= select(func.max(times.c.stored)).scalar_subquery()
+        windows = select(*columns).where(is_new, is_within).order_by(*order)
+        with self._database.reading() as connection:
+            return (
+                [ChangeRow(*row) for row in connection.execute(changes)],
+                [WindowRow(*row) for row in connection.execute(windows)],
+            )
 
 
 def _worst() -> Subquery:

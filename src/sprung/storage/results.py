@@ -65,13 +65,17 @@ class Results:
         """Return the observations of a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
         return self._entries(OBSERVATIONS, vehicle, since, limit, until=until)
 
-    def modes(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
-        """Return the modes of a vehicle in order of time, from `since` on, at most the last `limit`."""
-        return self._entries(MODES, vehicle, since, limit)
+    def modes(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the modes of a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
+        return self._entries(MODES, vehicle, since, limit, until=until)
 
-    def findings(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
-        """Return the findings on a vehicle in order of time, from `since` on, at most the last `limit`."""
-        return self._entries(FINDINGS, vehicle, since, limit)
+    def findings(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the findings on a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
+        return self._entries(FINDINGS, vehicle, since, limit, until=until)
 
     def n_observations(self, vehicle: str) -> int:
         """Return the number of observations of a vehicle."""
