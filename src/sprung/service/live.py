@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from anyio import to_thread
+from starlette.concurrency import run_in_threadpool
 
 from sprung.errors import SprungError
 from sprung.storage import ChangeRow, Store, WindowRow
@@ -85,13 +85,13 @@ class Feed:
         """
         queue: asyncio.Queue[Happening | None] = asyncio.Queue(_MOST_WAITING)
         if self._task is None or self._task.done():
-            self._mark = await to_thread.run_sync(lambda: Mark(*self._store.fleet.newest()))
+            self._mark = await run_in_threadpool(lambda: Mark(*self._store.fleet.newest()))
             self._task = asyncio.create_task(self._run())
         reached = self._mark if after is None else after
         self._listeners.add(queue)
         try:
             yield f"retry: 3000\nid: {reached}\n\n"
-            while after is not None and (missed := await to_thread.run_sync(self._since, reached)):
+            while after is not None and (missed := await run_in_threadpool(self._since, reached)):
                 for happening in missed:
                     reached = happening.mark
                     yield happening.text
@@ -123,7 +123,7 @@ class Feed:
         while self._listeners:
             await asyncio.sleep(self._look)
             try:
-                happenings = await to_thread.run_sync(self._since, self._mark)
+                happenings = await run_in_threadpool(self._since, self._mark)
             except (SprungError, OSError):
                 continue  # the store does not answer: /health says so
             for happening in happenings:
