@@ -170,7 +170,6 @@ def new_station(
     """Return a station without threads."""
     with (
         patch.object(station, "PostOffice", Unhurried),
-        patch.object(station, "Serving", Unthreaded),
         patch.object(station, "senders_of", lambda *_: senders),
     ):
         return Station(

@@ -22,6 +22,7 @@ FLOORS = (
     ("plotting", "storage", "link", "alerting"),
     ("reports",),
     ("reproduce", "monitor", "box"),
+    ("service",),
     ("demo",),
     ("cli",),
 )
@@ -34,6 +35,7 @@ ONLY_IN = {
     "click": {"cli"},
     **{key: {"storage"} for key in ("sqlalchemy", "alembic", "psycopg", "sqlite3")},
     "paho": {"link"},
+    **{key: {"service"} for key in ("fastapi", "starlette", "uvicorn", "prometheus_client", "pwdlib")},
     "can": {"box"},
     **{key: {"formats"} for key in ("cantools", "asammdf", "nptdms", "idelib", "dwdatareader", "pymseed")},
 }

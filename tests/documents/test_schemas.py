@@ -44,7 +44,7 @@ def test_every_key_is_in_the_reference(name) -> None:
 
 
 def test_unknown_schemas_are_refused(tmp_path) -> None:
-    with pytest.raises(ParameterError, match=r"schema 'sprung.modes/1' is not one of sprung.alert-history/1, "):
+    with pytest.raises(ParameterError, match=r"schema 'sprung.modes/1' is not one of sprung.accounts/1, "):
         json_schema("sprung.modes/1")
     path = tmp_path / "document.json"
     for text, message in (

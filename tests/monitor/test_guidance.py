@@ -15,7 +15,8 @@ def test_a_monitor_without_settings() -> None:
     settings = Site()
     assert start_in_words(settings, Address("127.0.0.1", 1883), http=settings.http_address, n_vehicles=0) == [
         "boxes reach this monitor at mqtt://127.0.0.1:1883 (own broker, for programs of this user only)",
-        "health: http://127.0.0.1:8737/health, figures for Prometheus: http://127.0.0.1:8737/metrics",
+        "interface: http://127.0.0.1:8737/api/v1 (docs/monitor.md), health: http://127.0.0.1:8737/health, figures for "
+        "Prometheus: http://127.0.0.1:8737/metrics",
         "store: sqlite:///sprung-data/sprung.sqlite; samples of the last 2 days: sprung-data/raw",
         "alerts go to this log and to MQTT only: add [[send.mail]] or [[send.webhook]] to the site file",
         "next: connect a box (sprung box --help), or replay a recording: sprung replay FILE --vehicle-id ID "
@@ -45,7 +46,7 @@ def test_a_site_with_broker_server_and_recipients() -> None:
 
 def test_an_address_of_version_6_is_in_brackets() -> None:
     (_, page, *_) = start_in_words(Site(), Address("::1", 1883), http=("::1", 8737), n_vehicles=1)
-    assert page.startswith("health: http://[::1]:8737/health, ")
+    assert page.startswith("interface: http://[::1]:8737/api/v1 ")
 
 
 def test_a_store_that_others_can_read_is_named(tmp_path) -> None:

@@ -3,7 +3,7 @@
 import pytest
 from sqlalchemy import func, select
 
-from sprung.storage import AlertRow, Cursor, Delivery, Progress, StoredFrame
+from sprung.storage import AccountRow, AlertRow, Cursor, Delivery, Progress, StoredFrame
 from sprung.storage.retention import KEPT, Ages, conditions
 from sprung.storage.schema import METADATA
 
@@ -55,6 +55,8 @@ def test_old_rows_of_every_table_with_an_age_go_and_new_ones_stay(store) -> None
         number = store.alerts.next_notification("log", now=now).id
         store.alerts.put_delivery(number, "log", Delivery(1, sent=now), senders=["log"], now=now)
         store.requests.command_done(store.requests.add_command("eve", "car-1", "learn", now=now), now)
+        store.accounts.put(AccountRow(f"eve-{now}", "viewer", "hash", now))
+        store.accounts.add_session(f"digest-{now}", f"eve-{now}", now=0, expires=now)
     assert {count(store, name) for name in conditions(AGES)} == {2}
     store.delete_older(100)
     assert {name: count(store, name) for name in conditions(AGES)} == dict.fromkeys(conditions(AGES), 1)

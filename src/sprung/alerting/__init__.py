@@ -15,7 +15,7 @@ from sprung.alerting.alerts import (
 from sprung.alerting.delivery import Backoff, Sender, SendError, deliver
 from sprung.alerting.health import health_index
 from sprung.alerting.messages import Message, addressed, message_of, trial_message
-from sprung.alerting.people import acknowledged, assigned, commented, shelf_ended, shelved, unshelved
+from sprung.alerting.people import acknowledged, assigned, closed, commented, shelf_ended, shelved, unshelved
 from sprung.alerting.rounds import absent, assess, reported
 from sprung.alerting.senders import LogSender, MailSender, PublishSender, WebhookSender
 
@@ -40,6 +40,7 @@ __all__ = [
     "addressed",
     "assess",
     "assigned",
+    "closed",
     "commented",
     "deliver",
     "health_index",

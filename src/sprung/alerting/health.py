@@ -35,4 +35,4 @@ def _weight(cause: str) -> float:
     """Return the weight of a cause."""
     if is_of_suspension(cause):
         return 1.0
-    return 0.0 if cause in WATCHING else 1 / 3
+    return 0.0 if cause.partition(":")[0] in WATCHING else 1 / 3

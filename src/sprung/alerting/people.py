@@ -106,6 +106,21 @@ def commented(alert: Alert, who: str, now: int, comment: str) -> Transition:
     return Transition(replace(alert, updated=now), "commented", who, comment)
 
 
+def closed(alert: Alert, who: str, now: int, comment: str = "") -> Transition:
+    """Clear an active alert whose cause was removed, such as by a repair; the next report raises it again.
+
+    Raises
+    ------
+    ParameterError
+        If it is not active.
+    """
+    _check_who(alert, who, "close")
+    if not alert.is_active:
+        raise ParameterError(f"{_name(alert)} is not active: there is nothing to close")
+    gone = replace(alert, is_active=False, is_acknowledged=True, shelved_until=None, streak=0, cleared=now, updated=now)
+    return Transition(gone, "cleared", who, comment, is_notified=not alert.is_shelved)
+
+
 def _off_shelf(alert: Alert, now: int, who: str = "", comment: str = "") -> Transition:
     """End the shelving of an alert, and notify if it is active."""
     notified = now if alert.is_active else alert.notified

@@ -11,6 +11,7 @@ from typer.main import get_command
 
 from sprung import __version__
 from sprung.cli import (
+    accounts,
     alerts,
     baseline,
     box,
@@ -93,6 +94,8 @@ def _application() -> typer.Typer:
     application.add_typer(fleet.application, name="fleet")
     application.add_typer(alerts.application, name="alerts")
     application.add_typer(vehicles.application, name="vehicles")
+    application.add_typer(accounts.accounts_application, name="accounts")
+    application.add_typer(accounts.tokens_application, name="tokens")
     return application
 
 

@@ -44,7 +44,8 @@ def monitor(
         ),
     ] = None,
     http: Annotated[
-        str | None, option("HOST:PORT", "Address of /metrics and /health.", show_default="127.0.0.1:8737")
+        str | None,
+        option("HOST:PORT", "Address of the pages, of /metrics and /health.", show_default="127.0.0.1:8737"),
     ] = None,
     test_senders: Annotated[
         bool,
@@ -63,6 +64,7 @@ def monitor(
     from sprung.monitor import Site, Station, Workers, read_site
     from sprung.monitor.broker import open_broker
     from sprung.monitor.guidance import start_in_words
+    from sprung.service import Context, Server
     from sprung.storage import open_store
 
     log_to(log_format)
@@ -85,13 +87,16 @@ def monitor(
         )
         connect = partial(Link, address, f"sprung-monitor-{socket.gethostname()}-{os.getpid()}")
         station = Station(settings, opened, connect=connect, workers=workers)
+        server = Server(Context(opened, settings, figures=station.figures, troubles=station.troubles))
         stopping = stop_on_signals(within=_GRACE)
         try:
+            server.open()
             station.open()
-            for sentence in start_in_words(settings, address, http=station.http_address, n_vehicles=station.n_vehicles):
+            for sentence in start_in_words(settings, address, http=server.address, n_vehicles=station.n_vehicles):
                 LOG.info(sentence)
             station.run(stopping.is_set)
         finally:
+            server.close()
             station.close()
 
 

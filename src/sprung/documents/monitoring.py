@@ -70,6 +70,40 @@ class VehiclesDocument(Document):
     vehicles: tuple[VehicleEntry, ...]
 
 
+class AccountEntry(Document):
+    """A person who may log in."""
+
+    name: str
+    role: Literal["viewer", "engineer", "admin"]
+    created: int
+
+
+class AccountsDocument(Document):
+    """Accounts in the store of a monitor."""
+
+    schema_name: Literal["sprung.accounts/1"] = Field(alias="schema")
+    accounts: tuple[AccountEntry, ...]
+
+
+class TokenEntry(Document):
+    """A program that may use the interface; `secret` only of a token that was just made."""
+
+    number: int
+    name: str
+    role: Literal["viewer", "engineer", "admin"]
+    created: int
+    created_by: str
+    expires: int | None
+    secret: str = ""
+
+
+class TokensDocument(Document):
+    """Tokens in the store of a monitor."""
+
+    schema_name: Literal["sprung.tokens/1"] = Field(alias="schema")
+    tokens: tuple[TokenEntry, ...]
+
+
 class ReproductionDocument(Document):
     """Reports that `sprung reproduce` wrote."""
 

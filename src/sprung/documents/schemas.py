@@ -15,13 +15,21 @@ from sprung.documents.diagnosis import DiagnosisDocument
 from sprung.documents.document import Document, checked, read_fields, schema_of
 from sprung.documents.fleet import FleetDocument
 from sprung.documents.identification import IdentificationDocument
-from sprung.documents.monitoring import AlertHistoryDocument, AlertsDocument, ReproductionDocument, VehiclesDocument
+from sprung.documents.monitoring import (
+    AccountsDocument,
+    AlertHistoryDocument,
+    AlertsDocument,
+    ReproductionDocument,
+    TokensDocument,
+    VehiclesDocument,
+)
 from sprung.documents.recordings import InspectionDocument, TruthDocument
 from sprung.documents.tracking import TrackingDocument
 from sprung.documents.type_baseline import TypeBaselineDocument
 from sprung.errors import FormatError, ParameterError
 
 _KINDS: tuple[type[Document], ...] = (
+    AccountsDocument,
     AlertHistoryDocument,
     AlertsDocument,
     BaselineDocument,
@@ -32,6 +40,7 @@ _KINDS: tuple[type[Document], ...] = (
     IdentificationDocument,
     InspectionDocument,
     ReproductionDocument,
+    TokensDocument,
     TrackingDocument,
     TruthDocument,
     TypeBaselineDocument,

@@ -3,10 +3,10 @@
 from sprung.monitor.alert_book import AlertBook, alert_of, row_of
 from sprung.monitor.broker import EmbeddedBroker
 from sprung.monitor.engine import Event, Identified, MonitorSettings, Observed, VehicleMonitor
+from sprung.monitor.figures import FIGURES
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.jobs import Failure, Opening, Outcome, VehicleStatus
 from sprung.monitor.postman import PostOffice
-from sprung.monitor.serving import FIGURES, Serving, exposition
 from sprung.monitor.site import Site, embedded_port, read_site
 from sprung.monitor.station import Station
 from sprung.monitor.streams import Stream
@@ -26,7 +26,6 @@ __all__ = [
     "Opening",
     "Outcome",
     "PostOffice",
-    "Serving",
     "Site",
     "Station",
     "Stream",
@@ -35,7 +34,6 @@ __all__ = [
     "Workers",
     "alert_of",
     "embedded_port",
-    "exposition",
     "read_site",
     "row_of",
 ]

@@ -16,6 +16,7 @@ from sprung.alerting import (
     Transition,
     acknowledged,
     assigned,
+    closed,
     commented,
     health_index,
     severity_step,
@@ -28,9 +29,11 @@ from sprung.errors import ParameterError
 from sprung.monitor.alert_book import AlertBook, alert_of
 from sprung.monitor.fleets import rankings
 from sprung.monitor.jobs import VehicleStatus
-from sprung.storage import AlertRow, Store
+from sprung.storage import AlertRow, Store, VerdictRow
 from sprung.tables import alert_history_table, counted, time_in_words
 
+#: What the workshop can find on an alert.
+VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
 #: What to do where no vehicle has sent.
 NO_VEHICLES = (
     "no vehicles yet: start sprung box on a vehicle, or sprung replay FILE --vehicle-id ID --vehicle V.toml, with "
@@ -50,12 +53,10 @@ def alerts_document(store: Store, *, vehicle: str | None = None, is_complete: bo
     is_complete
         Whether alerts that are normal again are included.
     """
-    alerts = []
-    for row in store.alerts.find(vehicle=vehicle):
-        state = state_name(alert_of(row))
-        if row.count and (is_complete or state != "normal"):
-            alerts.append(_entry(row, state))
-    return {"schema": "sprung.alerts/1", "alerts": alerts}
+    rows = [row for row in store.alerts.find(vehicle=vehicle) if row.count]
+    entries = [alert_entry(row) for row in rows]
+    shown = [entry for entry in entries if is_complete or entry["state"] != "normal"]
+    return {"schema": "sprung.alerts/1", "alerts": shown}
 
 
 def history_document(store: Store, number: int) -> dict[str, Any]:
@@ -74,7 +75,7 @@ def history_document(store: Store, number: int) -> dict[str, Any]:
 
 def alert_in_words(store: Store, number: int) -> str | None:
     """Return an alert, its history and what can be done as lines of text; None if there is no alert of that number."""
-    row = next((row for row in store.alerts.find() if row.id == number), None)
+    row = store.alerts.row(number)
     if row is None:
         return None
     history = alert_history_table(history_document(store, number)).rows
@@ -164,6 +165,80 @@ def add_comment(store: Store, number: int, *, who: str, comment: str, now: int) 
     _act(store, number, "comment", commented, who=who, comment=comment, now=now)
 
 
+def close(store: Store, number: int, *, who: str, comment: str = "", now: int) -> None:
+    """Clear an active alert whose cause was removed; parameters as for `acknowledge`.
+
+    Raises
+    ------
+    ParameterError
+        If no alert has that number, or it is not active.
+    """
+    _act(store, number, "close", closed, who=who, comment=comment, now=now)
+
+
+def add_verdict(
+    store: Store,
+    number: int,
+    *,
+    verdict: str,
+    part: str = "",
+    action: str = "",
+    is_new_baseline: bool = False,
+    who: str,
+    now: int,
+) -> int | None:
+    """Store what the workshop found on an alert, and request a new baseline in the same act if that is wanted.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    number
+        Alert number.
+    verdict
+        One of `VERDICTS`.
+    part
+        Part that was found instead, with the verdict "another part".
+    action
+        What was done.
+    is_new_baseline
+        Whether a new baseline is learnt, as after a repair; the alert is cleared then, and otherwise acknowledged.
+    who
+        Name of the operator.
+    now
+        Present time, UTC ns.
+
+    Returns
+    -------
+    int or None
+        Number of the request for a new baseline; None: none was wanted.
+
+    Raises
+    ------
+    ParameterError
+        If no alert has that number, the verdict is unknown, or the part is missing or not wanted.
+    """
+    row = _alert_row(store, number)
+    if verdict not in VERDICTS:
+        raise ParameterError(f"verdict {verdict!r} is unknown: give {', '.join(VERDICTS)}")
+    if bool(part.strip()) != (verdict == "another part"):
+        raise ParameterError(f"part={part!r} must be given with the verdict 'another part', and with no other")
+    words = "; ".join(text for text in (f"verdict: {verdict}", part.strip(), action.strip()) if text)
+    with store.together():
+        request = None
+        if is_new_baseline:
+            request = relearn(store, row.vehicle, reason=action.strip() or words, who=who, now=now)
+        stored = VerdictRow(number, now, who, verdict, part.strip(), action.strip(), row.raised, request)
+        store.verdicts.add(stored)
+        if is_new_baseline and row.is_active:
+            close(store, number, who=who, comment=words, now=now)
+        elif not row.is_acknowledged and verdict != "not looked at":
+            acknowledge(store, number, who=who, comment=words, now=now)
+        else:
+            add_comment(store, number, who=who, comment=words, now=now)
+    return request
+
+
 def relearn(store: Store, vehicle: str, *, reason: str, who: str, now: int) -> int:
     """Request a new baseline of a vehicle, such as after maintenance, and return the number of the request.
 
@@ -242,6 +317,22 @@ def vehicle_summary(store: Store, vehicle: str, last_seen: int) -> dict[str, Any
     }
 
 
+def alert_entry(row: AlertRow) -> dict[str, Any]:
+    """Return an alert as in `sprung.alerts/1`."""
+    return {
+        "number": row.id,
+        "vehicle": row.vehicle,
+        "cause": row.cause,
+        "severity": row.severity,
+        "state": state_name(alert_of(row)),
+        "raised": row.raised,
+        "count": row.count,
+        "assignee": row.assignee,
+        "shelved_until": row.shelved_until,
+        "text": row.text,
+    }
+
+
 def _doing(status: VehicleStatus | None, *, n_reports: int, is_new: bool) -> str:
     """Return what the monitor does with the data of a vehicle; empty where it assesses them as usual."""
     if n_reports:
@@ -249,22 +340,6 @@ def _doing(status: VehicleStatus | None, *, n_reports: int, is_new: bool) -> str
     if status is not None:
         return status.in_words
     return "learning: no samples analysed yet" if is_new else ""
-
-
-def _entry(row: AlertRow, state: str) -> dict[str, Any]:
-    """Return an alert as in `sprung.alerts/1`."""
-    return {
-        "number": row.id,
-        "vehicle": row.vehicle,
-        "cause": row.cause,
-        "severity": row.severity,
-        "state": state,
-        "raised": row.raised,
-        "count": row.count,
-        "assignee": row.assignee,
-        "shelved_until": row.shelved_until,
-        "text": row.text,
-    }
 
 
 def _act(
@@ -279,7 +354,7 @@ def _act(
 
 def _alert_row(store: Store, number: int) -> AlertRow:
     """Return the row of an alert."""
-    row = next((row for row in store.alerts.find() if row.id == number), None)
+    row = store.alerts.row(number)
     if row is None:
         raise ParameterError(f"unknown alert {number}: sprung alerts list --all shows all alerts")
     return row

@@ -114,7 +114,7 @@ class Dispatch:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.monitor.serving.FIGURES` about vehicles, jobs and their results."""
+        """Figures of `sprung.monitor.figures.FIGURES` about vehicles, jobs and their results."""
         return {
             **self._ledger.figures,
             **self._workers.figures,

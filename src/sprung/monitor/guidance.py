@@ -27,7 +27,7 @@ def start_in_words(site: Site, broker: Address, *, http: tuple[str, int], n_vehi
     where = f" --store {store}" if site.store != Site().store else ""
     return [
         f"boxes reach this monitor at {broker}{' (own broker, for programs of this user only)' if is_embedded else ''}",
-        f"health: {page}/health, figures for Prometheus: {page}/metrics",
+        f"interface: {page}/api/v1 (docs/monitor.md), health: {page}/health, figures for Prometheus: {page}/metrics",
         f"store: {store}; {_samples(site)}",
         *_exposed(site),
         _recipients(site),

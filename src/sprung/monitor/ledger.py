@@ -53,7 +53,7 @@ class Ledger:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.monitor.serving.FIGURES` about results."""
+        """Figures of `sprung.monitor.figures.FIGURES` about results."""
         return {
             "sprung_windows_total": self._n_windows,
             "sprung_identifications_total": self._n_identifications,

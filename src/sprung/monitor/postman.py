@@ -230,7 +230,7 @@ class PostOffice:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.monitor.serving.FIGURES` about notifications."""
+        """Figures of `sprung.monitor.figures.FIGURES` about notifications."""
         return {
             "sprung_notifications_sent_total": sum(one.n_sent for one in self._postmen),
             "sprung_notifications_given_up_total": sum(one.n_given_up for one in self._postmen),

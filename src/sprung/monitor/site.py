@@ -186,6 +186,22 @@ class Send(_Table):
     mail: list[Mail] = []
 
 
+class Web(_Table):
+    """How browsers reach the pages."""
+
+    certificate: str | None = Field(None, description="file with the certificate of this server; left out: no TLS")
+    key: str | None = Field(None, description="file with its private key")
+    behind_proxy: bool = Field(
+        False, description="whether a proxy on this machine or network provides TLS and passes requests on"
+    )
+
+    @model_validator(mode="after")
+    def _has_both(self) -> Self:
+        if (self.certificate is None) != (self.key is None):
+            raise ParameterError("a certificate needs its key, and a key its certificate: give both, or neither")
+        return self
+
+
 class Site(_Table):
     """Settings of a monitor (`sprung.site/1`); docs/monitor.md has the table of all fields."""
 
@@ -196,7 +212,7 @@ class Site(_Table):
     store: str = Field(
         "sqlite:///sprung-data/sprung.sqlite", description="sqlite:///FILE or postgresql://USER@HOST/NAME"
     )
-    http: str = Field("127.0.0.1:8737", description="address of /metrics, /health and /alerts/NUMBER")
+    http: str = Field("127.0.0.1:8737", description="address of the pages, of /api/v1, /metrics and /health")
     url: str | None = Field(
         None,
         description="address at which people reach this monitor, such as https://sprung.example.org, for the links in "
@@ -206,6 +222,7 @@ class Site(_Table):
     alerts: Alerts = Alerts()
     keep: Keep = Keep()
     send: Send = Send()
+    web: Web = Web()
 
     @field_validator("broker")
     @classmethod
@@ -237,6 +254,11 @@ class Site(_Table):
     def alert_url(self, number: int) -> str:
         """Return the address of an alert; empty where the site has none."""
         return "" if self.url is None else f"{self.url.rstrip('/')}/alerts/{number}"
+
+    @property
+    def url_host(self) -> str:
+        """Name by which people reach this monitor; empty where the site has none."""
+        return urlsplit(self.url or "").hostname or ""
 
     @property
     def archive(self) -> Path | None:

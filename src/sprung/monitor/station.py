@@ -8,9 +8,9 @@ from functools import partial
 
 from sprung.link import UPWARDS, VERSION, Every, Key, Link, message, shared_topic, topic
 from sprung.monitor.alert_book import AlertBook
-from sprung.monitor.desk import alert_in_words
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.engine import Observed
+from sprung.monitor.figures import labelled
 from sprung.monitor.gate import Gate
 from sprung.monitor.heartbeats import Heartbeats, Loop
 from sprung.monitor.inflow import Inflow, vehicle_of
@@ -21,7 +21,6 @@ from sprung.monitor.overload import Overload
 from sprung.monitor.pictures import alert_picture
 from sprung.monitor.postman import PostOffice, senders_of
 from sprung.monitor.refusals import OVERLOAD, Refusals
-from sprung.monitor.serving import Serving, labelled
 from sprung.monitor.shards import Shards
 from sprung.monitor.site import Site
 from sprung.monitor.upkeep import Upkeep
@@ -136,28 +135,15 @@ class Station:
             clock=clock,
             timer=timer,
         )
-        self._serving = Serving(
-            site.http_address,
-            figures=self.figures,
-            troubles=self.troubles,
-            stored=self.stored_figures,
-            alert=partial(alert_in_words, store),
-        )
         self._examining = Every(_EXAMINE, timer)
         self._overloaded: set[str] = set()
         self._flushing = Every(_FLUSH, timer)
-        self._is_resting = False
+        self._is_resting = self._is_open = False
 
     @property
     def statuses(self) -> Mapping[str, VehicleStatus]:
         """Status of each vehicle after its last job."""
         return self._dispatch.statuses
-
-    @property
-    def http_address(self) -> tuple[str, int]:
-        """Host and port at which the open station answers."""
-        host, port = self._site.http_address
-        return host, self._serving.port or port
 
     @property
     def n_vehicles(self) -> int:
@@ -180,8 +166,8 @@ class Station:
         self._shards.open()
         if not self._shards.is_shared:
             self._alerts.keep_reports_of(self._shards.monitors, now=self._clock())
-        self._serving.open()
         self._upkeep.open()
+        self._is_open = True
         self._follow()
         self._post.open()
         self._link.open(timeout=timeout)
@@ -225,8 +211,8 @@ class Station:
         self._link.close()
         self._gate.guard(self._dispatch.flush)
         self._dispatch.close()
-        if self._serving.is_open:
-            self._serving.close()
+        if self._is_open:
+            self._is_open = False
             self._upkeep.close()
             LOG.info("stopped")
         with suppress(StoreError):  # others take over later
@@ -262,17 +248,6 @@ class Station:
                 for (vehicle, reason), n_messages in refusals.items()
             },
         }
-
-    def stored_figures(self) -> dict[str, float]:
-        """Return the figures of `FIGURES` that the store has.
-
-        Raises
-        ------
-        StoreError
-            If it cannot be read.
-        """
-        n_active = len(self._store.alerts.find(is_active=True))
-        return {"sprung_alerts_active": n_active, "sprung_store_bytes": self._store.size()}
 
     def troubles(self) -> list[str]:
         """Return sentences about problems of the monitor itself."""

@@ -98,7 +98,7 @@ class Workers:
 
     @property
     def figures(self) -> dict[str, float]:
-        """Figures of `sprung.monitor.serving.FIGURES` about processes and slow vehicles."""
+        """Figures of `sprung.monitor.figures.FIGURES` about processes and slow vehicles."""
         return {"sprung_vehicles_slow": len(self._slow), "sprung_workers_replaced_total": self._n_replaced}
 
     @property

@@ -3,7 +3,9 @@
 from sprung._checks import missing_package
 
 try:
+    from sprung.storage.accounts import AccountRow, TokenRow, VerdictRow
     from sprung.storage.archive import Retention, write_archive
+    from sprung.storage.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
     from sprung.storage.leases import N_SHARDS, Holding, Lease, shard_of
     from sprung.storage.rows import (
         AlertRow,
@@ -28,19 +30,25 @@ except ImportError as error:
 
 __all__ = [
     "N_SHARDS",
+    "AccountRow",
     "AlertRow",
     "AsideRow",
     "AuditRow",
     "BaselineRow",
+    "ChangeRow",
     "CommandRow",
     "Cursor",
     "Delivery",
     "Entry",
+    "FleetCounts",
+    "FleetFilter",
+    "FleetRow",
     "HistoryRow",
     "Holding",
     "Lease",
     "LeaseLostError",
     "NotificationRow",
+    "Place",
     "Progress",
     "RefusedError",
     "Retention",
@@ -48,7 +56,10 @@ __all__ = [
     "Store",
     "StoreError",
     "StoredFrame",
+    "TokenRow",
     "VehicleRow",
+    "VerdictRow",
+    "WindowRow",
     "check_address",
     "open_store",
     "shard_of",

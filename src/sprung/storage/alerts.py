@@ -1,6 +1,6 @@
 """Alerts with their history, and the outbox of notifications."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 
@@ -37,6 +37,26 @@ class Alerts:
             query = query.where(ALERTS.c.is_active == is_active)
         with self._database.reading() as connection:
             return [AlertRow(**row) for row in connection.execute(query).mappings()]
+
+    def row(self, number: int) -> AlertRow | None:
+        """Return the alert of a number; None if there is none."""
+        with self._database.reading() as connection:
+            row = connection.execute(select(ALERTS).where(ALERTS.c.id == number)).mappings().first()
+            return None if row is None else AlertRow(**row)
+
+    def n_active(self) -> int:
+        """Return the number of active alerts."""
+        with self._database.reading() as connection:
+            return connection.scalar(select(func.count()).where(ALERTS.c.is_active)) or 0
+
+    def of_vehicles(self, vehicles: Sequence[str]) -> dict[str, list[AlertRow]]:
+        """Return the active alerts of some vehicles, the most severe first, by vehicle."""
+        found: dict[str, list[AlertRow]] = {}
+        query = select(ALERTS).where(ALERTS.c.vehicle.in_(vehicles), ALERTS.c.is_active)
+        with self._database.reading() as connection:
+            for row in connection.execute(query.order_by(ALERTS.c.severity.desc(), ALERTS.c.id)).mappings():
+                found.setdefault(row["vehicle"], []).append(AlertRow(**row))
+        return found
 
     def put(
         self, row: AlertRow, *, history: tuple[str, str, str], notify: Document | None = None, now: int

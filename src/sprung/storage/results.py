@@ -75,13 +75,17 @@ class Results:
         """Return the observations of a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
         return self._entries(OBSERVATIONS, vehicle, since, limit, until=until)
 
-    def modes(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
-        """Return the modes of a vehicle in order of time, from `since` on, at most the last `limit`."""
-        return self._entries(MODES, vehicle, since, limit)
+    def modes(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the modes of a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
+        return self._entries(MODES, vehicle, since, limit, until=until)
 
-    def findings(self, vehicle: str, *, since: int | None = None, limit: int | None = None) -> list[Entry]:
-        """Return the findings on a vehicle in order of time, from `since` on, at most the last `limit`."""
-        return self._entries(FINDINGS, vehicle, since, limit)
+    def findings(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the findings on a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
+        return self._entries(FINDINGS, vehicle, since, limit, until=until)
 
     def n_observations(self, vehicle: str) -> int:
         """Return the number of observations of a vehicle."""
@@ -139,8 +143,12 @@ class Results:
         """Store the progress of vehicles."""
         if documents:
             row = self._database.insert(STATUSES)
-            newer = row.on_conflict_do_update(index_elements=["vehicle"], set_={"document": row.excluded.document})
-            connection.execute(newer, [{"vehicle": name, "document": own} for name, own in sorted(documents.items())])
+            new = {name: row.excluded[name] for name in ("document", "is_learning")}
+            rows = [
+                {"vehicle": name, "document": own, "is_learning": bool(own.get("is_learning"))}
+                for name, own in sorted(documents.items())
+            ]
+            connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=new), rows)
 
     def _entries(
         self, table: Table, vehicle: str, since: int | None, limit: int | None, *, until: int | None = None

@@ -20,6 +20,7 @@ from sprung.storage.schema import (
     MODES,
     NOTIFICATIONS,
     OBSERVATIONS,
+    SESSIONS,
     SET_ASIDE,
     SNAPSHOTS,
 )
@@ -33,6 +34,9 @@ KEPT = {
     "alerts": "one for each vehicle and cause",
     "deliveries": "with their notification",
     "forgotten": "one for each vehicle",
+    "verdicts": "few, and the site's precision is counted from all of them",
+    "accounts": "one for each person",
+    "tokens": "one for each program, until it is revoked",
     "leases": "one for each shard",
     "monitors": "one for each monitor that runs",
     "compatibility": "one for each schema",
@@ -92,6 +96,7 @@ def conditions(ages: Ages) -> Mapping[str, ColumnElement[bool]]:
         "set_aside": SET_ASIDE.c.stored < ages.results,
         "alert_history": and_(ALERT_HISTORY.c.time < ages.audit, not_(is_of_active_alert)),
         "audit": AUDIT.c.time < ages.audit,
+        "sessions": SESSIONS.c.expires < ages.results,
         "cursors": and_(CURSORS.c.updated < ages.boots, _is_finished()),
     }
 

@@ -216,7 +216,13 @@ SET_ASIDE = Table(
 )
 
 #: Progress of the analysis of each vehicle, for people.
-STATUSES = Table("statuses", METADATA, _key("vehicle", Text), Column("document", Json, nullable=False))
+STATUSES = Table(
+    "statuses",
+    METADATA,
+    _key("vehicle", Text),
+    Column("document", Json, nullable=False),
+    Column("is_learning", Boolean, nullable=False, server_default=false()),
+)
 
 ALERTS = Table(
     "alerts",
@@ -236,6 +242,7 @@ ALERTS = Table(
     Column("assignee", Text),
     Column("document", Json, nullable=False),
     UniqueConstraint("vehicle", "cause", name="alerts_by_cause"),
+    Index("alerts_active", "is_active", "vehicle"),
 )
 
 ALERT_HISTORY = Table(
@@ -310,6 +317,55 @@ COMMANDS = Table(
     Column("detail", Json),
     Column("done", _INTEGER),
     Index("commands_done", "done"),
+)
+
+#: What the workshop found on an alert, and what was done.
+VERDICTS = Table(
+    "verdicts",
+    METADATA,
+    _identity(),
+    _of_alert(),
+    Column("time", _INTEGER, nullable=False),
+    Column("who", Text, nullable=False),
+    Column("verdict", Text, nullable=False),
+    Column("part", Text, nullable=False),
+    Column("action", Text, nullable=False),
+    Column("raised", _INTEGER, nullable=False),
+    Column("request", _INTEGER),
+    Index("verdicts_of_alert", "alert"),
+)
+
+#: People who may log in; the password only as a salted hash.
+ACCOUNTS = Table(
+    "accounts",
+    METADATA,
+    _key("name", Text),
+    Column("role", Text, nullable=False),
+    Column("password", Text, nullable=False),
+    Column("created", _INTEGER, nullable=False),
+)
+
+#: Browsers that are logged in, by the hash of their secret.
+SESSIONS = Table(
+    "sessions",
+    METADATA,
+    _key("digest", Text),
+    Column("account", Text, ForeignKey("accounts.name", ondelete="CASCADE"), nullable=False),
+    Column("created", _INTEGER, nullable=False),
+    Column("expires", _INTEGER, nullable=False),
+)
+
+#: Programs that may use the interface, by the hash of their secret.
+TOKENS = Table(
+    "tokens",
+    METADATA,
+    _identity(),
+    Column("digest", Text, nullable=False, unique=True),
+    Column("name", Text, nullable=False),
+    Column("role", Text, nullable=False),
+    Column("created", _INTEGER, nullable=False),
+    Column("created_by", Text, nullable=False),
+    Column("expires", _INTEGER),
 )
 
 #: Monitors that run, and when each was last heard of, by the clock of the database.

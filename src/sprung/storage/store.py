@@ -10,9 +10,11 @@ from sqlalchemy import URL, make_url
 from sqlalchemy.exc import ArgumentError
 
 from sprung.errors import ParameterError
+from sprung.storage.accounts import Accounts, Verdicts
 from sprung.storage.alerts import Alerts
 from sprung.storage.aside import Aside
 from sprung.storage.database import PATIENCE, Database
+from sprung.storage.fleet import Fleet
 from sprung.storage.inbox import Inbox
 from sprung.storage.leases import Leases
 from sprung.storage.requests import Requests
@@ -56,6 +58,12 @@ class Store:
         Commands for the monitor, and the audit trail.
     leases
         Which monitor works for which vehicles.
+    fleet
+        The fleet in order of urgency, for people.
+    accounts
+        People and programs that may use the interface.
+    verdicts
+        What the workshop found on alerts.
     notices
         Sentences about problems found when the store was opened.
     """
@@ -64,7 +72,8 @@ class Store:
         self._database = database
         self.inbox, self.results, self.aside = Inbox(database), Results(database), Aside(database)
         self.alerts, self.requests = Alerts(database), Requests(database)
-        self.leases = Leases(database)
+        self.leases, self.fleet = Leases(database), Fleet(database)
+        self.accounts, self.verdicts = Accounts(database), Verdicts(database)
         self.notices = database.notices
 
     def __enter__(self) -> Self:

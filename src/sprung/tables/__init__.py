@@ -27,12 +27,13 @@ from sprung.tables.identification import (
     why_none,
 )
 from sprung.tables.inspection import inspection_in_words, inspection_table, true_modes_table
-from sprung.tables.monitoring import alert_history_table, alerts_table, vehicles_table
+from sprung.tables.monitoring import accounts_table, alert_history_table, alerts_table, tokens_table, vehicles_table
 from sprung.tables.table import Table, age_in_words, span_in_words, time_in_words, with_deviation
 from sprung.tables.tracking import tracks_in_words, tracks_notes, tracks_table
 
 __all__ = [
     "Table",
+    "accounts_table",
     "age_in_words",
     "alert_history_table",
     "alerts_table",
@@ -62,6 +63,7 @@ __all__ = [
     "span_in_words",
     "subsets_table",
     "time_in_words",
+    "tokens_table",
     "tracks_in_words",
     "tracks_notes",
     "tracks_table",

@@ -78,3 +78,25 @@ def _state_in_words(state: str, shelved_until: int | None) -> str:
     """Return a state or event, with the end of the shelf where it is one."""
     is_shelf = state == "shelved" and shelved_until is not None
     return f"shelved until {time_in_words(shelved_until or 0)} UTC" if is_shelf else state
+
+
+def accounts_table(document: Mapping[str, Any]) -> Table:
+    """Return accounts of `sprung.accounts/1` as a table."""
+    rows = tuple((entry["name"], entry["role"], time_in_words(entry["created"])) for entry in document["accounts"])
+    return Table("", ("name", "role", "created (UTC)"), rows, n_words=2)
+
+
+def tokens_table(document: Mapping[str, Any]) -> Table:
+    """Return tokens of `sprung.tokens/1` as a table."""
+    rows = tuple(
+        (
+            str(entry["number"]),
+            entry["name"],
+            entry["role"],
+            time_in_words(entry["created"]),
+            entry["created_by"],
+            "never" if entry["expires"] is None else time_in_words(entry["expires"]),
+        )
+        for entry in document["tokens"]
+    )
+    return Table("", ("number", "name", "role", "created (UTC)", "by", "expires (UTC)"), rows, n_words=5)

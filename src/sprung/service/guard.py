@@ -1,0 +1,167 @@
+"""What every request passes first: limits of rate, size and time, and headers that browsers enforce."""
+
+import asyncio
+import math
+from collections import OrderedDict
+from collections.abc import Awaitable, Callable, MutableMapping
+from typing import Any, TypeAlias
+
+Scope: TypeAlias = MutableMapping[str, Any]
+Message: TypeAlias = MutableMapping[str, Any]
+Receive: TypeAlias = Callable[[], Awaitable[Message]]
+Send: TypeAlias = Callable[[Message], Awaitable[None]]
+App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+#: Largest body of a request [bytes]; longest time for it, and for a part of an answer to be taken [s].
+LARGEST_BODY, _BODY_SECONDS, _SEND_SECONDS = 65536, 10.0, 20.0
+#: Addresses whose rate is remembered.
+_MOST_ADDRESSES = 10_000
+
+#: What a page may load and do: only what this server serves. Plots set styles of their own.
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "connect-src 'self'; font-src 'self'; form-action 'self'; frame-ancestors 'none'; base-uri 'none'"
+)
+HEADERS = (
+    (b"content-security-policy", POLICY.encode()),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"same-origin"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"permissions-policy", b"camera=(), microphone=(), geolocation=()"),
+)
+
+
+class RateLimit:
+    """A bucket of tokens for each address.
+
+    Parameters
+    ----------
+    rate
+        Requests per second in the long run.
+    burst
+        Requests at once.
+    timer
+        Present time [s] of any clock that only goes forward.
+    """
+
+    def __init__(self, rate: float, burst: float, timer: Callable[[], float]) -> None:
+        self._rate, self._burst, self._timer = rate, burst, timer
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def wait(self, address: str) -> float:
+        """Take a token, and return 0; or the time until there is one [s]."""
+        now = self._timer()
+        left, since = self._buckets.pop(address, (self._burst, now))
+        left = min(self._burst, left + self._rate * (now - since))
+        is_allowed = left >= 1
+        self._buckets[address] = (left - is_allowed, now)
+        if len(self._buckets) > _MOST_ADDRESSES:
+            self._buckets.popitem(last=False)
+        return 0.0 if is_allowed else (1 - left) / self._rate
+
+
+class Guard:
+    """Limits and headers around an application.
+
+    Parameters
+    ----------
+    app
+        Application.
+    limit
+        Rate of requests of each address.
+    hosts
+        Names by which browsers may call this server; None: any. Without it, a page of another site could reach a server
+        that asks for no password by giving its own name this machine's address.
+    is_secure
+        Whether browsers reach this server by TLS only.
+    """
+
+    def __init__(self, app: App, *, limit: RateLimit, hosts: frozenset[str] | None, is_secure: bool) -> None:
+        self._app, self._limit, self._hosts = app, limit, hosts
+        secure = (b"strict-transport-security", b"max-age=31536000")
+        self._headers = [*HEADERS, *([secure] if is_secure else [])]
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        given = dict(scope["headers"])
+        send = self._with_headers(send)
+        wait = self._limit.wait(scope["client"][0] if scope.get("client") else "")
+        if wait:
+            after = (b"retry-after", str(math.ceil(wait)).encode())
+            await _refuse(send, 429, "too many requests: try again later", after)
+            return
+        if self._hosts is not None and _host(given.get(b"host", b"")) not in self._hosts:
+            await _refuse(send, 421, "this server does not answer to that name: set url in the site file to allow it")
+            return
+        length = given.get(b"content-length", b"0")
+        if not length.isdigit() or int(length) > LARGEST_BODY:
+            await _refuse(send, 413, f"the request is larger than {LARGEST_BODY} bytes")
+            return
+        body = await _body(receive)
+        if body is None:
+            await _refuse(send, 408, f"the request took longer than {_BODY_SECONDS:g} s, or is too large")
+            return
+        await self._app(scope, _replay(body, receive), send)
+
+    def _with_headers(self, send: Send) -> Send:
+        """Return a function that sends, with the headers, and gives up on a client that takes nothing."""
+
+        async def sending(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", []), *self._headers]
+            async with asyncio.timeout(_SEND_SECONDS):
+                await send(message)
+
+        return sending
+
+
+async def _body(receive: Receive) -> bytes | None:
+    """Return the body of a request; None if it is too slow or too large."""
+    parts, n_bytes = [], 0
+    try:
+        async with asyncio.timeout(_BODY_SECONDS):
+            while True:
+                message = await receive()
+                if message["type"] == "http.disconnect":
+                    return None
+                parts.append(message.get("body", b""))
+                n_bytes += len(parts[-1])
+                if n_bytes > LARGEST_BODY:
+                    return None
+                if not message.get("more_body"):
+                    return b"".join(parts)
+    except TimeoutError:
+        return None
+
+
+def _replay(body: bytes, receive: Receive) -> Receive:
+    """Return a function that gives a body first, and then waits for the end of the connection."""
+    is_given = False
+
+    async def replayed() -> Message:
+        nonlocal is_given
+        if not is_given:
+            is_given = True
+            return {"type": "http.request", "body": body, "more_body": False}
+        return await receive()
+
+    return replayed
+
+
+async def _refuse(send: Send, status: int, sentence: str, *headers: tuple[bytes, bytes]) -> None:
+    """Answer with a sentence."""
+    body = sentence.encode() + b"\n"
+    kind = (b"content-type", b"text/plain; charset=utf-8")
+    length = (b"content-length", str(len(body)).encode())
+    await send({"type": "http.response.start", "status": status, "headers": [kind, length, *headers]})
+    await send({"type": "http.response.body", "body": body})
+
+
+def _host(header: bytes) -> str:
+    """Return the name in a host header, without its port."""
+    text = header.decode("latin-1").lower()
+    return text.partition("]")[0] + "]" if text.startswith("[") else text.partition(":")[0]

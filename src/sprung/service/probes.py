@@ -1,0 +1,99 @@
+"""/health for whoever restarts the monitor, and /metrics for Prometheus."""
+
+import asyncio
+import re
+import threading
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+
+from fastapi import APIRouter, Request
+from fastapi.responses import JSONResponse, Response
+from prometheus_client import CollectorRegistry
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.registry import Collector
+
+from sprung.errors import SprungError
+from sprung.monitor import FIGURES
+from sprung.service.access import Viewer
+from sprung.service.context import Context, Shared, context_of
+
+router = APIRouter(tags=["site"])
+
+#: Longest time for an answer of the store [s], and largest number of requests that wait for one.
+_PATIENCE, _MOST_ASKING = 2.0, 4
+_ASKING = threading.Semaphore(_MOST_ASKING)
+
+
+@router.get("/health")
+async def health(request: Request) -> JSONResponse:
+    """Whether the monitor is healthy, and what is not; it needs no store and no log-in."""
+    troubles = context_of(request).troubles()
+    return JSONResponse({"healthy": not troubles, "troubles": troubles}, 503 if troubles else 200)
+
+
+@router.get("/metrics")
+async def metrics(context: Shared, _: Viewer) -> Response:
+    """Figures for Prometheus; those of the store are left out if it fails or takes too long."""
+    stored = await _stored(context)
+    figures = {**context.figures(), **({"sprung_store_writable": 0.0} if stored is None else stored)}
+    return Response(exposition(figures), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+
+
+class _Figures(Collector):
+    """Figures as Prometheus collects them; a name may be followed by labels in braces."""
+
+    def __init__(self, figures: Mapping[str, float]) -> None:
+        self._figures = figures
+
+    def collect(self) -> Iterable[Metric]:
+        """Yield each kind of figure with its samples."""
+        families: dict[str, CounterMetricFamily | GaugeMetricFamily] = {}
+        for key, value in self._figures.items():
+            name, _, braced = key.partition("{")
+            labels = dict(re.findall(r'(\w+)="([^"]*)"', braced))
+            if name not in families:
+                kind, meaning = FIGURES[name]
+                family = CounterMetricFamily if kind == "counter" else GaugeMetricFamily
+                families[name] = family(name, meaning, labels=list(labels))
+            families[name].add_metric(list(labels.values()), value)
+        yield from (families[name] for name in FIGURES if name in families)
+
+
+def exposition(figures: Mapping[str, float]) -> bytes:
+    """Return figures in the text format of Prometheus."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Figures(figures))
+    return generate_latest(registry)
+
+
+async def _stored(context: Context) -> Mapping[str, float] | None:
+    """Return the figures of the store; None if it fails, takes too long, or many others ask."""
+    if not _ASKING.acquire(blocking=False):
+        return None
+    loop, answer = asyncio.get_running_loop(), asyncio.get_running_loop().create_future()
+
+    def put(figures: Mapping[str, float] | None) -> None:
+        if not answer.done():
+            answer.set_result(figures)
+
+    def ask() -> None:
+        figures: Mapping[str, float] | None = None
+        try:
+            figures = {
+                "sprung_alerts_active": float(context.store.alerts.n_active()),
+                "sprung_store_bytes": float(context.store.size()),
+            }
+        except (SprungError, OSError):
+            pass
+        finally:
+            _ASKING.release()
+        with suppress(RuntimeError):  # the server has stopped
+            loop.call_soon_threadsafe(put, figures)
+
+    # A thread of its own: those of the other requests may all wait for the same store.
+    threading.Thread(target=ask, name="metrics", daemon=True).start()
+    try:
+        return await asyncio.wait_for(answer, _PATIENCE)
+    except TimeoutError:
+        return None

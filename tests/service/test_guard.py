@@ -1,0 +1,107 @@
+"""Limits of rate, size and time, and headers, around any application; and a real server with slow clients."""
+
+import asyncio
+import http.client
+import socket
+
+import pytest
+
+from sprung.monitor import Site
+from sprung.service import Context, Server, guard, server
+from sprung.service.guard import LARGEST_BODY, POLICY, Guard, RateLimit
+
+
+def test_a_bucket_fills_again() -> None:
+    now = [0.0]
+    limit = RateLimit(2.0, 3.0, lambda: now[0])
+    assert [limit.wait("a") for _ in range(4)] == [0, 0, 0, 0.5]
+    assert limit.wait("b") == 0
+    now[0] = 0.5
+    assert [limit.wait("a") for _ in range(2)] == [0, 0.5]
+    now[0] = 60.0
+    assert [limit.wait("a") > 0 for _ in range(4)] == [False, False, False, True]
+
+
+def test_addresses_are_forgotten_beyond_a_number(monkeypatch) -> None:
+    monkeypatch.setattr(guard, "_MOST_ADDRESSES", 2)
+    limit = RateLimit(1.0, 1.0, lambda: 0.0)
+    assert [limit.wait(address) for address in ("a", "b", "c", "a")] == [0, 0, 0, 0]
+
+
+async def _echo(scope, receive, send):
+    """Answer with the body."""
+    body = (await receive())["body"]
+    await send({"type": "http.response.start", "status": 200, "headers": []})
+    await send({"type": "http.response.body", "body": body})
+
+
+def asked(messages, *, headers=(), rate=1e9, hosts=None):
+    """Status, headers and body of a request that comes in parts; None is a part that never comes."""
+    sent = []
+
+    async def receive():
+        if messages[0] is None:
+            await asyncio.sleep(60.0)
+        return {"type": "http.request", "body": messages.pop(0), "more_body": bool(messages)}
+
+    async def send(message):
+        sent.append(message)
+
+    app = Guard(_echo, limit=RateLimit(rate, 1.0, lambda: 0.0), hosts=hosts, is_secure=False)
+    scope = {"type": "http", "headers": list(headers), "client": ("127.0.0.1", 1)}
+    asyncio.run(app(scope, receive, send))
+    return sent[0]["status"], dict(sent[0]["headers"]), sent[1]["body"]
+
+
+def test_a_request_in_parts_passes_with_headers() -> None:
+    status, headers, body = asked([b"one ", b"two"])
+    assert (status, body) == (200, b"one two")
+    assert headers[b"content-security-policy"] == POLICY.encode()
+    assert "script-src 'self';" in POLICY
+    assert "unsafe-eval" not in POLICY
+
+
+@pytest.mark.parametrize(
+    ("messages", "headers", "status"),
+    [
+        ([b""], [(b"content-length", str(LARGEST_BODY + 1).encode())], 413),
+        ([b""], [(b"content-length", b"-1")], 413),
+        ([b"x" * LARGEST_BODY, b"x"], [], 408),
+        ([b"x", None], [], 408),
+    ],
+)
+def test_large_and_slow_bodies_are_refused(monkeypatch, messages, headers, status) -> None:
+    monkeypatch.setattr(guard, "_BODY_SECONDS", 0.05)
+    found, own, _ = asked(messages, headers=headers)
+    assert found == status
+    assert b"content-security-policy" in own
+
+
+@pytest.fixture
+def running(store):
+    one = Server(Context(store, Site(http="127.0.0.1:0"), figures=dict, troubles=list))
+    one.open()
+    yield one.address
+    one.close()
+
+
+def test_a_client_that_sends_no_request_is_cut_off(running, monkeypatch) -> None:
+    monkeypatch.setattr(server, "_HEAD", 0.05)
+    with socket.create_connection(running, timeout=20.0) as slow:
+        slow.sendall(b"GET / HT")
+        assert slow.recv(100) == b""
+
+
+def test_a_large_head_is_refused(running) -> None:
+    with socket.create_connection(running, timeout=20.0) as large:
+        large.sendall(b"GET /health HTTP/1.1\r\nX-Long: " + b"x" * 40_000)
+        assert large.recv(100).startswith(b"HTTP/1.1 400")
+
+
+def test_requests_of_one_connection_follow_each_other(running) -> None:
+    connection = http.client.HTTPConnection(running[0], running[1], timeout=20.0)
+    for _ in range(3):
+        connection.request("GET", "/health")
+        answer = connection.getresponse()
+        assert (answer.status, answer.read()) == (200, b'{"healthy":true,"troubles":[]}')
+    connection.close()
