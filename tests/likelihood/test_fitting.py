@@ -9,6 +9,7 @@ from sprung.errors import DataError
 from sprung.excitation import Lines, Sum, SurfaceMotion, random_speed, road_class
 from sprung.identification import cov_ssi
 from sprung.likelihood import CornerSettings, fit_corners, fitting
+from sprung.likelihood.search import minimised
 from sprung.recording import Channel
 from sprung.simulation import (
     FEW_POTHOLES,
@@ -282,11 +283,11 @@ def test_lines_of_the_nominal_spectra_are_left_out_of_the_first_fit(car, monkeyp
     samples = run.samples.copy()
     tone = np.sin(2 * np.pi * 11.0 * np.arange(run.n_samples) / run.sampling_rate)
     samples[:4] += 0.5 * samples[:4].std(axis=1, keepdims=True) * tone
-    searches, search = [], fitting.minimised
+    searches = []
 
     def counted(model, start, **options):
         searches.append(options)
-        return search(model, start, **options)
+        return minimised(model, start, **options)
 
     monkeypatch.setattr(fitting, "minimised", counted)
     fit = fit_corners(replace(run, samples=samples), car)
