@@ -92,13 +92,9 @@ class FitSetup:
         """Return the model of the vehicle with the spectra that it is to explain."""
         return vehicle_model(spectra, self.layout, self.vehicle, self.nominal, settings=self.settings, kind=self.kind)
 
-    def tempered(
-        self, segments: SegmentSpectra, *, width: float, tempering: float, lines: tuple[SpectralLine, ...] = ()
-    ) -> Model:
-        """Return the model with segments averaged in speed classes of a relative width, tempered and without lines."""
-        spectra = class_spectra(segments, width=width)
-        weights = tempering * spectra.weights * without_lines(spectra, lines)
-        return self.model(replace(spectra, weights=weights))
+    def at_classes(self, segments: SegmentSpectra, *, width: float) -> Model:
+        """Return the model with segments averaged in speed classes of a relative width."""
+        return self.model(class_spectra(segments, width=width))
 
     def at_speeds(self, segments: SegmentSpectra, speeds: Real) -> Model:
         """Return the model at the frequencies of segments with a class of each speed [m/s] and no data."""
@@ -313,9 +309,9 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
         last_lines, last_power = lines, power
         limited = _with_limited_amplitudes(segments, model, parameters)
         lines = _lines(model, parameters, setup)
-        untempered = setup.tempered(limited, width=CLASS_WIDTH, tempering=1.0, lines=lines)
+        untempered = _weighted(setup.at_classes(limited, width=CLASS_WIDTH), tempering=1.0, lines=lines)
         power = tempering(untempered, parameters)
-        model = setup.tempered(limited, width=CLASS_WIDTH, tempering=power, lines=lines)
+        model = _weighted(untempered, tempering=power, lines=lines)
         if lines == last_lines and abs(power - last_power) < _SETTLED * last_power:
             break
         parameters = minimised(model, parameters)
@@ -324,11 +320,12 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
 
 def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> tuple[Model, Real]:
     """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
-    nominal = setup.tempered(segments, width=_COARSE, tempering=_FIRST)
-    lines = _lines(nominal, nominal.scaled_start(), setup)
-    rough = setup.tempered(segments, width=_COARSE, tempering=_FIRST, lines=lines)
-    end = _rough_fit(rough, setup.tempered(segments, width=_COARSE, tempering=1.0, lines=lines), starts)
-    model = setup.tempered(segments, width=CLASS_WIDTH, tempering=_FIRST, lines=lines)
+    coarse = setup.at_classes(segments, width=_COARSE)
+    lines = _lines(coarse, coarse.scaled_start(), setup)
+    untempered = _weighted(coarse, tempering=1.0, lines=lines)
+    rough = _weighted(coarse, tempering=_FIRST, lines=lines)
+    end = _rough_fit(rough, untempered, starts)
+    model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=_FIRST, lines=lines)
     parameters = _carried_over(rough, end, model)
     if model.objective(parameters)[0] == TOO_FAR:
         return model, model.scaled_start()
@@ -348,6 +345,13 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
     if tempering(untempered, end) >= _DOUBTFUL:
         return end
     return min((end, fit(_broken_springs(rough))), key=misfit)
+
+
+def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...]) -> Model:
+    """Return the model with a tempered likelihood and without lines; its blocks do not depend on these weights."""
+    spectra = model.spectra
+    weights = tempering * spectra.counts[:, None] * without_lines(spectra, lines)
+    return replace(model, spectra=replace(spectra, weights=weights))
 
 
 def _with_limited_amplitudes(segments: SegmentSpectra, model: Model, parameters: Real) -> SegmentSpectra:
