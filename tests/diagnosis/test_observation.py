@@ -16,9 +16,11 @@ from sprung.diagnosis import (
     windows,
     with_missing_as_faults,
 )
+from sprung.diagnosis import observation as observation_module
 from sprung.errors import ParameterError
+from sprung.likelihood import fit_corners
 from sprung.recording import Channel, Recording
-from sprung.simulation import RoadConditions, RoadDrive, dead, simulate_drive
+from sprung.simulation import RailDrive, RoadConditions, RoadDrive, dead, simulate_drive
 from sprung.vehicles import read_vehicle, window
 from sprung.vehicles.sensor_layout import with_layout
 
@@ -179,6 +181,46 @@ def test_windows_follow_each_other_and_keep_the_rest() -> None:
     assert [part.n_samples for _, part in parts] == [600, 700, 600, 700]
     dated = replace(run, start=10**18)
     assert [time for time, _ in windows([dated, replace(dated, start=10**18 + 10**13)], length=2000.0)] == [0.0, 10**4]
+
+
+@pytest.fixture
+def fitted_as(car, run, monkeypatch):
+    """Return a function from a share of lines and a model error to the observation of a window with such a fit."""
+
+    def observed(share, model_error):
+        window = run.part(0, run.n_samples // 5)
+        fit = fit_corners(window, car)
+        weights = fit.model.spectra.weights.copy()
+        weights[:, : round(share * weights.shape[1])] = 0.0
+        model = replace(fit.model, spectra=replace(fit.model.spectra, weights=weights))
+        poor = replace(fit, model=model, model_error=model_error)
+        monkeypatch.setattr(observation_module, "fit_windows", lambda *_, **__: poor)
+        return observe_window(window, car)
+
+    return observed
+
+
+@pytest.mark.parametrize(("share", "model_error"), [(0.2, 0.6), (0.3, 0.2)])
+def test_a_window_that_is_explained_but_for_lines_is_conclusive(fitted_as, share, model_error) -> None:
+    assert fitted_as(share, model_error).is_conclusive
+
+
+@pytest.mark.parametrize(
+    ("share", "model_error", "lines"), [(0.0, 1.1, ""), (0.3, 0.3, " with 30 % of the spectra left out for lines")]
+)
+def test_a_window_that_is_explained_badly_is_inconclusive(fitted_as, share, model_error, lines) -> None:
+    """Misfit that is called lines explains nothing: the fit has chosen its data."""
+    badly = f"the vehicle file explains the window badly: model error {100 * model_error:.0f} %"
+    assert fitted_as(share, model_error).reason == badly + lines
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3, 7])
+def test_a_window_of_another_vehicle_is_inconclusive_whatever_its_rounding(car, seed) -> None:
+    """A wagon with the file of a car: the fit has many optima, and rounding chooses one with a third of the data."""
+    run = simulate_drive(read_vehicle("y25"), RailDrive(snr=50.0), seed=200).recording
+    rounding = 1 + 1e-12 * np.random.default_rng(seed).standard_normal(run.samples.shape)
+    assert not observe_window(replace(run, samples=run.samples * rounding), car).is_conclusive
 
 
 def test_conditions_of_an_inconclusive_window(car) -> None:

@@ -40,8 +40,9 @@ CONDITION_UNITS = {
     "payload_y_moment": "kg m",
     "payload_product": "kg m^2",
 }
-#: Model error above which a window is inconclusive.
-_MOST_ERROR = 1.0
+#: Model error above which a window is inconclusive; share of the spectra left out for lines above which the fit may
+#: have chosen what it explains, and model error above which such a window is inconclusive.
+_MOST_ERROR, _MANY_LINES, _MOST_ERROR_BETWEEN_LINES = 1.0, 0.25, 0.25
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -244,7 +245,10 @@ def observe_window(
     -----
     Failing channels are left out and the others are fitted; a wrong speed is replaced by the one that the delay between
     the axles gives. An inconclusive window states its reason. A window whose sensors contradict each other is
-    inconclusive: the baseline assumes one sensor layout, and exchanged channels leave no valid data.
+    inconclusive: the baseline assumes one sensor layout, and exchanged channels leave no valid data. So is a window
+    that the vehicle file explains badly: with a model error above 1, or above 0.25 where more than a quarter of the
+    spectra are left out for lines. Most of that is misfit, as of another vehicle than the file's; the fit to what is
+    left has many optima, between which rounding chooses.
     """
     check_type("recording", recording, Recording)
     check_type("vehicle", vehicle, Vehicle)
@@ -275,8 +279,11 @@ def _reason(fit: CornerFit, disagreement: float) -> str:
         return f"{apart}: check signs, gains, places and delays"
     if fit.n_segments < FEWEST_SEGMENTS:
         return f"{fit.n_segments} segments of steady speed are too few"
-    if fit.model_error > _MOST_ERROR:
-        return f"the vehicle file explains the window badly: model error {100 * fit.model_error:.0f} %"
+    has_many_lines = fit.share_of_lines > _MANY_LINES
+    if fit.model_error > (_MOST_ERROR_BETWEEN_LINES if has_many_lines else _MOST_ERROR):
+        badly = f"the vehicle file explains the window badly: model error {100 * fit.model_error:.0f} %"
+        lines = f" with {100 * fit.share_of_lines:.0f} % of the spectra left out for lines"
+        return f"{badly}{lines if has_many_lines else ''}"
     return ""
 
 

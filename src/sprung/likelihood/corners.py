@@ -101,6 +101,12 @@ class CornerFit(Tabular, Savable, Drawable):
         return self.log_ratios_std < IDENTIFIABLE * self.model.prior_std[self.model.rows("components")]
 
     @property
+    def share_of_lines(self) -> float:
+        """Share of the spectra, weighted by their segments, that the fit leaves out for lines."""
+        spectra = self.model.spectra
+        return 1.0 - float(spectra.counts @ np.mean(spectra.weights > 0, axis=1)) / spectra.n_segments
+
+    @property
     def implausible_axles(self) -> dict[str, float]:
         """Springs and tyres that are implausible on both sides of an axle, such as "front tyres": value over nominal.
 

@@ -148,13 +148,13 @@ class SurfaceInputs(ParameterBlock):
 
     def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
         """Return the derivatives of the spectral matrix."""
-        form = self.form(parameters[1:-1])
-        across = self._is_across()
-        changes: list[Real | Complex] = [np.ones(1)]
-        for density, coherence in zip(form.density_derivatives, form.coherence_derivatives, strict=True):
-            changes.append(density[..., None, None] + coherence[..., None, None] * across)
-        changes.append(self._delay_derivative(parameters))
-        return [response.change_by_inputs(response.terms.inputs * change) for change in changes]
+        form, inputs = self.form(parameters[1:-1]), response.terms.inputs
+        whole, across = response.change_by_inputs(inputs), response.change_by_inputs(inputs * self._is_across())
+        by_form = [
+            density[..., None, None] * whole + coherence[..., None, None] * across
+            for density, coherence in zip(form.density_derivatives, form.coherence_derivatives, strict=True)
+        ]
+        return [whole, *by_form, response.change_by_inputs(inputs * self._delay_derivative(parameters))]
 
     def values(self, parameters: Real) -> dict[str, float]:
         """Return roughness [m^3], waviness, coherence or bends, and the ratio of the delays."""
