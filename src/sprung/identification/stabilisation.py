@@ -14,7 +14,7 @@ from sprung._display import Tabular, counted, in_short
 from sprung.identification.contribution import contributions, excesses
 from sprung.identification.correlation import Correlations
 from sprung.identification.scatter import deviation_of_mean
-from sprung.identification.subspace import frequency_and_damping_changes
+from sprung.identification.subspace import frequency_and_damping_changes, with_deviations
 from sprung.modal import Modes, Poles, PoleStatus, mac, mpc, unit_shapes
 
 #: Two poles of one shape are one mode if they lie within this multiple of their half-power half-bandwidth (between
@@ -191,7 +191,8 @@ def stabilise(
     Parameters
     ----------
     poles
-        Poles of all rungs; NaN as standard deviation leaves the criterion `uncertainty` out.
+        Poles of all rungs; NaN as standard deviation leaves the criterion `uncertainty` out. Those that are stable get
+        their standard deviations where these are not yet computed.
     criteria
         Criteria; default: `StabilityCriteria()`.
     band
@@ -215,6 +216,7 @@ def stabilise(
     stable = np.flatnonzero(status == PoleStatus.SELECTED)
     alignments = np.full(len(status), -1)
     alignments[stable] = align(poles.poles[stable], poles.mode_shapes[stable])
+    poles = with_deviations(poles, alignments >= 0)
     for alignment in range(alignments.max(initial=-1) + 1):
         members = np.flatnonzero(alignments == alignment)
         status[members] = _verdict(poles, members, criteria)

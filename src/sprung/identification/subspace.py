@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, linalg
 
-from sprung._arrays import Complex, Real
+from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
@@ -284,56 +284,109 @@ def poles_of_orders(realisation: Realisation, orders: Sequence[int]) -> Poles:
     E. Reynders, R. Pintelon and G. De Roeck (2008), Uncertainty bounds on modal parameters obtained from stochastic
     subspace identification, Mechanical Systems and Signal Processing 22, 948-969 (standard deviations).
     """
+    return with_deviations(undetermined_poles(realisation, orders))
+
+
+def undetermined_poles(realisation: Realisation, orders: Sequence[int]) -> Poles:
+    """Return the poles of every model order, whose standard deviations `with_deviations` adds.
+
+    Parameters
+    ----------
+    realisation, orders
+        As for `poles_of_orders`.
+
+    Returns
+    -------
+    Poles
+        Poles of all orders without changes; `ladder` is `orders`.
+    """
     n_channels = len(realisation.channels)
     O_up, O_down = realisation.observability[:-n_channels], realisation.observability[n_channels:]
     Q, R = np.linalg.qr(O_up)
     # The leading block of the inverse of a triangular matrix is the inverse of its leading block.
     S = linalg.solve_triangular(R, np.eye(len(R)), check_finite=False)
     X = Q.T @ O_down
-    spectra = _conjugate_spectra(realisation.changes)
-    rungs = []
-    for order in orders:
-        rungs.append(_poles_of_order(realisation, Q[:, :order], S[:order, :order], X[:order, :order], spectra))
-    return stack_rungs(rungs, tuple(orders), realisation.channels)
+    systems = [_system(S[:order, :order] @ X[:order, :order]) for order in orders]
+    starts = np.cumsum([0, *(len(eigenvalues) for eigenvalues, _, _ in systems)])
+    first = realisation.observability[:n_channels]
+    n_blocks = len(realisation.changes)
+
+    def changes_of(rows: Indices) -> Complex:
+        if not len(rows):
+            return np.zeros((n_blocks, 0), dtype=np.complex128)
+        left = np.zeros((len(Q), len(rows)), dtype=np.complex128)
+        right = np.zeros((len(R), len(rows)), dtype=np.complex128)
+        for order, start, (eigenvalues, psi, chosen) in zip(orders, starts, systems, strict=False):
+            columns = np.flatnonzero((rows >= start) & (rows < start + len(eigenvalues)))
+            if len(columns):
+                own = chosen[rows[columns] - start]
+                left[:, columns] = Q[:, :order] @ (S[:order, :order].T @ np.linalg.inv(psi)[own].T)
+                right[:order, columns] = psi[:, own]
+        own_values = np.concatenate([eigenvalues for eigenvalues, _, _ in systems])[rows]
+        return _eigenvalue_changes(realisation, own_values, left, right) / own_values * realisation.sampling_rate
+
+    deviation = np.full(starts[-1], np.inf if n_blocks else np.nan)
+    return Poles(
+        poles=np.log(np.concatenate([eigenvalues for eigenvalues, _, _ in systems])) * realisation.sampling_rate,
+        mode_shapes=np.concatenate([(first[:, : len(psi)] @ psi[:, chosen]).T for _, psi, chosen in systems]),
+        rungs=np.repeat(np.arange(len(systems)), np.diff(starts)),
+        ladder=tuple(orders),
+        channels=realisation.channels,
+        natural_frequency_std=deviation,
+        damping_ratio_std=deviation,
+        changes=np.zeros((0, starts[-1]), dtype=np.complex128),
+        changes_of=changes_of if n_blocks else None,
+    )
 
 
-def _conjugate_spectra(changes: Real) -> Complex:
-    """Return the Fourier transforms over lags that turn convolutions into sums; (blocks, frequencies, l, r)."""
-    n_fft = fft.next_fast_len(changes.shape[-1])
-    return np.ascontiguousarray(np.moveaxis(fft.fft(changes, n_fft).conj() / n_fft, -1, 1))
+def with_deviations(poles: Poles, chosen: Booleans | None = None) -> Poles:
+    """Return poles with the changes of those that need them, and with their standard deviations.
+
+    Parameters
+    ----------
+    poles
+        Poles of a ladder; standard deviations that are not infinite stay as they are.
+    chosen
+        Which poles need them, shape (poles,); None: all.
+    """
+    if poles.changes_of is None:
+        return poles
+    rows = np.arange(len(poles.poles)) if chosen is None else np.flatnonzero(chosen)
+    of_rows = poles.changes_of(rows)
+    changes = np.full((len(of_rows), len(poles.poles)), np.nan + 1j * np.nan)
+    changes[:, rows] = of_rows
+    deviations = np.full((2, len(poles.poles)), np.nan)
+    for deviation, change in zip(deviations, frequency_and_damping_changes(poles.poles[rows], of_rows), strict=True):
+        deviation[rows] = np.sqrt(np.sum(change**2, axis=0))
+    stated = (poles.natural_frequency_std, poles.damping_ratio_std)
+    known = [np.where(np.isinf(old), new, old) for old, new in zip(stated, deviations, strict=True)]
+    return replace(
+        poles, natural_frequency_std=known[0], damping_ratio_std=known[1], changes=changes, changes_of=None
+    )
 
 
-def _poles_of_order(
-    realisation: Realisation, Q: Real, S: Real, X: Real, spectra: Complex
-) -> tuple[Complex, Complex, Complex]:
-    """Return poles and shapes of one order from S = R^-1, and the change of the poles with each block."""
-    order = len(S)
-    eigenvalues, psi = np.linalg.eig(S @ X)
+def _system(state_matrix: Real) -> tuple[Complex, Complex, Indices]:
+    """Return the eigenvalues with positive imaginary part, all eigenvectors, and the places of those eigenvalues."""
+    eigenvalues, psi = np.linalg.eig(state_matrix)
     chosen = np.flatnonzero(eigenvalues.imag > 0)
-    eigenvalues, right = eigenvalues[chosen], psi[:, chosen]
-    poles = np.log(eigenvalues) * realisation.sampling_rate
-    shapes = (realisation.observability[: len(realisation.channels), :order] @ right).T
-    if not len(spectra) or not len(chosen):
-        return poles, shapes, np.zeros((len(spectra), len(chosen)), dtype=np.complex128)
-    left = S.T @ np.linalg.inv(psi)[chosen].T
-    change = _eigenvalue_changes(realisation, spectra, eigenvalues, np.asarray(Q @ left, dtype=complex), right)
-    return poles, shapes, change / eigenvalues * realisation.sampling_rate
+    return eigenvalues[chosen].astype(np.complex128), psi, chosen
 
 
-def _eigenvalue_changes(
-    realisation: Realisation, spectra: Complex, eigenvalues: Complex, left: Complex, right: Complex
-) -> Complex:
+def _eigenvalue_changes(realisation: Realisation, eigenvalues: Complex, left: Complex, right: Complex) -> Complex:
     """Return left_k^T (dO_down - eigenvalue_k dO_up) right_k for every block and pole, shape (blocks, poles).
 
     A block Hankel matrix between two vectors is the sum over lags of the correlations times the convolution of both.
     """
-    n_blocks, n_fft, n_channels, _ = spectra.shape
-    nothing = np.zeros((n_channels, len(eigenvalues)))
+    changes = realisation.changes
+    n_channels, n_poles, n_lags = len(realisation.channels), len(eigenvalues), changes.shape[-1]
+    n_fft = fft.next_fast_len(n_lags)
+    nothing = np.zeros((n_channels, n_poles))
     before = np.concatenate([nothing, left]) - np.concatenate([eigenvalues * left, nothing])
-    before = fft.fft(before.reshape(-1, n_channels, len(eigenvalues)), n_fft, axis=0)
-    after = fft.fft(realisation.right_factor[..., : len(right)] @ right, n_fft, axis=0)
-    convolution = before[:, :, None] * after[:, None]
-    return spectra.reshape(n_blocks, -1) @ convolution.reshape(-1, len(eigenvalues))
+    before = fft.fft(before.reshape(-1, n_channels, n_poles), n_fft, axis=0)
+    after = fft.fft(realisation.right_factor @ right, n_fft, axis=0)
+    convolution = fft.ifft(before[:, :, None] * after[:, None], axis=0, overwrite_x=True)[:n_lags]
+    weights = np.ascontiguousarray(np.moveaxis(convolution, 0, 2)).reshape(-1, n_poles)
+    return np.asarray(changes.reshape(len(changes), -1) @ weights.view(np.float64)).view(np.complex128)
 
 
 def eigenvalue_weights(realisation: Realisation, order: int, eigenvalue: complex) -> tuple[Complex, Complex]:
