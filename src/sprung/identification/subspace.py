@@ -17,6 +17,8 @@ from sprung.modal import Poles
 #: Smallest eigenvalue of the outputs' covariance over the largest: without it, the little noise of nearly noise-free
 #: records would dominate.
 _WHITENING_FLOOR = 3e-3
+#: Eigenvalue of the Gram matrix at the largest order over the largest, above which it stands for the matrix itself.
+_SQUARED = 1e-4
 
 
 def block_toeplitz(values: Real, block_rows: int) -> Real:
@@ -166,8 +168,8 @@ def realise(
         left = right = None
     weighted = _apply(left, matrix)
     weighted = weighted if right is None else weighted @ right
-    _, S, Vt = _svd(weighted)
-    Z = Vt[:max_order].T / np.sqrt(S[:max_order])
+    S, V = _right_singular(weighted, max_order)
+    Z = V / np.sqrt(S[:max_order])
     Z = Z if right is None else right @ Z
     right_factor = with_rising_lags(Z)
     n_lags = block_rows + len(right_factor) - 1
@@ -241,6 +243,19 @@ def _whitening(correlations: Correlations, block_rows: int) -> tuple[Real | None
 def _apply(left: Real | None, matrix: Real) -> Real:
     """Return left @ matrix, or the matrix itself without a left factor."""
     return matrix if left is None else np.asarray(left @ matrix)
+
+
+def _right_singular(matrix: Real, rank: int) -> tuple[Real, Real]:
+    """Return the singular values, falling, and the right singular vectors of the largest ones, (columns, rank).
+
+    From the eigenvalues of the Gram matrix, in half the time, where squaring leaves the vectors exact to rounding:
+    correlations of measurements, after whitening.
+    """
+    eigenvalues, vectors = np.linalg.eigh(matrix.T @ matrix)
+    if len(matrix) >= len(vectors) and eigenvalues[-rank] > _SQUARED * eigenvalues[-1]:
+        return np.sort(np.linalg.norm(matrix @ vectors, axis=0))[::-1], vectors[:, : -rank - 1 : -1]
+    _, S, Vt = _svd(matrix)
+    return S, Vt[:rank].T
 
 
 def _svd(matrix: Real) -> tuple[Real, Real, Real]:
@@ -360,9 +375,7 @@ def with_deviations(poles: Poles, chosen: Booleans | None = None) -> Poles:
         deviation[rows] = np.sqrt(np.sum(change**2, axis=0))
     stated = (poles.natural_frequency_std, poles.damping_ratio_std)
     known = [np.where(np.isinf(old), new, old) for old, new in zip(stated, deviations, strict=True)]
-    return replace(
-        poles, natural_frequency_std=known[0], damping_ratio_std=known[1], changes=changes, changes_of=None
-    )
+    return replace(poles, natural_frequency_std=known[0], damping_ratio_std=known[1], changes=changes, changes_of=None)
 
 
 def _system(state_matrix: Real) -> tuple[Complex, Complex, Indices]:
@@ -380,13 +393,15 @@ def _eigenvalue_changes(realisation: Realisation, eigenvalues: Complex, left: Co
     changes = realisation.changes
     n_channels, n_poles, n_lags = len(realisation.channels), len(eigenvalues), changes.shape[-1]
     n_fft = fft.next_fast_len(n_lags)
-    nothing = np.zeros((n_channels, n_poles))
-    before = np.concatenate([nothing, left]) - np.concatenate([eigenvalues * left, nothing])
-    before = fft.fft(before.reshape(-1, n_channels, n_poles), n_fft, axis=0)
-    after = fft.fft(realisation.right_factor @ right, n_fft, axis=0)
-    convolution = fft.ifft(before[:, :, None] * after[:, None], axis=0, overwrite_x=True)[:n_lags]
-    weights = np.ascontiguousarray(np.moveaxis(convolution, 0, 2)).reshape(-1, n_poles)
-    return np.asarray(changes.reshape(len(changes), -1) @ weights.view(np.float64)).view(np.complex128)
+    before = np.zeros((n_poles, n_channels, len(left) // n_channels + 1), dtype=np.complex128)
+    rows = left.T.reshape(n_poles, -1, n_channels).swapaxes(1, 2)
+    before[..., 1:] = rows
+    before[..., :-1] -= eigenvalues[:, None, None] * rows
+    after = np.moveaxis(realisation.right_factor @ right, (0, 1), (2, 1))
+    product = fft.fft(before, n_fft)[:, :, None] * fft.fft(after, n_fft)[:, None]
+    weights = fft.ifft(product, overwrite_x=True)[..., :n_lags].reshape(n_poles, -1)
+    flat = changes.reshape(len(changes), -1)
+    return np.asarray(flat @ weights.real.T + 1j * (flat @ weights.imag.T))
 
 
 def eigenvalue_weights(realisation: Realisation, order: int, eigenvalue: complex) -> tuple[Complex, Complex]:

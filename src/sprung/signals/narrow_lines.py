@@ -211,7 +211,8 @@ def search_segments(
     last = int(min(n_bins, band[1] / bin_width + _BESIDE))
     for row, samples in enumerate(searched.samples):
         segments = np.lib.stride_tricks.sliding_window_view(samples, length)[starts]
-        spectra = fft.rfft(segments * window, axis=1, overwrite_x=True)
+        segments *= window
+        spectra = fft.rfft(segments, axis=1, overwrite_x=True)
         powers = spectra.real[:, first:last] ** 2 + spectra.imag[:, first:last] ** 2
         densities[row, first:last] = powers.mean(axis=0)
         density = densities[row]
