@@ -96,7 +96,7 @@ def spiking(channels: Channels) -> dict[int, str]:
             continue
         jump = np.abs(bend[places]) / samples[row].std()
         if peers:
-            largest = np.abs(every_size[np.ix_(peers, places)]).max(axis=0)
+            largest = np.abs(every_size[:, places][peers]).max(axis=0)
             is_alone = (largest < 0.5 * np.abs(size[places])) & (jump > _MATTERS)
         else:
             is_alone = jump > NO_BODY
