@@ -1,6 +1,6 @@
 """Poles and modes, and measures of their shapes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
@@ -126,10 +126,14 @@ class Poles:
     channels
         Names of the channels.
     natural_frequency_std, damping_ratio_std
-        Standard deviations from the spread of the blocks, shape (poles,); NaN where the correlations have one block.
+        Standard deviations from the spread of the blocks, shape (poles,); NaN where the correlations have one block,
+        and of poles without `changes`; infinite while these can still be computed.
     changes
         First-order change of each pole with each block [rad/s], scaled so that the squares add up to the variance of
-        independent blocks, shape (blocks, poles); no blocks where they are unknown.
+        independent blocks, shape (blocks, poles); no blocks where they are unknown, NaN for poles outside alignments.
+    changes_of
+        Function that returns the changes of poles by their indices, where they are computed only for those that need
+        them (`sprung.identification.subspace.with_deviations`); None: `changes` holds them.
 
     Raises
     ------
@@ -145,6 +149,7 @@ class Poles:
     natural_frequency_std: Real
     damping_ratio_std: Real
     changes: Complex = field(default_factory=lambda: np.zeros((0, 0), dtype=np.complex128))
+    changes_of: Callable[[Indices], Complex] | None = None
 
     def __post_init__(self) -> None:
         freeze(self, poles=1, dtype=np.complex128)

@@ -7,7 +7,7 @@ from sprung.errors import ParameterError
 from sprung.identification import OrderLadder
 from sprung.identification.correlation import exact_correlations
 from sprung.identification.decimation import PASSED, STOPPED, decimate_correlations, filter_half_width
-from sprung.identification.subspace import poles_of_orders, realise
+from sprung.identification.subspace import poles_of_orders, realise, with_deviations
 from sprung.modal import mac
 
 
@@ -65,6 +65,21 @@ def test_a_ladder_of_several_strides_holds_each_mode_once(known) -> None:
     assert errors.min(axis=0).max() < 1e-4
     assert ((errors < 0.01).sum(axis=0) == 1).all()
     assert ladder.span == 360
+
+
+def test_joined_strides_keep_the_deviations_of_their_own_poles(measured) -> None:
+    ladder = OrderLadder(8, 8, (1, 2))
+    correlations = measured(seed=2, n_lags=ladder.n_lags)
+    joined = with_deviations(ladder.poles(correlations))
+    parts = [
+        poles_of_orders(
+            realise(decimate_correlations(correlations, stride, n_lags=16), block_rows=8, max_order=8), range(2, 9, 2)
+        )
+        for stride in ladder.strides
+    ]
+    of_parts = {pole: std for part in parts for pole, std in zip(part.poles, part.natural_frequency_std, strict=True)}
+    assert len({pole in parts[0].poles for pole in joined.poles}) == 2
+    np.testing.assert_allclose(joined.natural_frequency_std, [of_parts[pole] for pole in joined.poles], rtol=1e-9)
 
 
 @pytest.mark.parametrize("strides", [(), (2,), (1, 1), (1, 9, 3)])

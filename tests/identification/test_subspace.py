@@ -17,6 +17,8 @@ from sprung.identification.subspace import (
     join_ladders,
     poles_of_orders,
     realise,
+    undetermined_poles,
+    with_deviations,
 )
 from sprung.modal import mac
 
@@ -257,3 +259,37 @@ def test_ladder_over_block_rows_of_one_channel() -> None:
     poles = block_row_ladder(correlations, range(6, 12))
     assert poles.ladder == (6, 7, 8, 9, 10, 11)
     assert np.abs(poles.poles - (-0.1 + 0.5j)).min() < 1e-9
+
+
+def test_deviations_of_chosen_poles_are_those_among_all(measured) -> None:
+    """Computed for some poles alone they are the same; of the others they stay unknown."""
+    realised = realise(measured(seed=5), block_rows=12, max_order=12)
+    orders = range(2, 13, 2)
+    every, alone = poles_of_orders(realised, orders), undetermined_poles(realised, orders)
+    chosen = np.arange(len(every.poles)) % 3 == 1
+    some = with_deviations(alone, chosen)
+    np.testing.assert_array_equal(some.poles, every.poles)
+    for name in ("natural_frequency_std", "damping_ratio_std"):
+        np.testing.assert_allclose(getattr(some, name)[chosen], getattr(every, name)[chosen], rtol=1e-9)
+        assert np.isnan(getattr(some, name)[~chosen]).all()
+    np.testing.assert_allclose(some.changes[:, chosen], every.changes[:, chosen], rtol=1e-9)
+    assert some.changes_of is None
+
+
+def test_deviations_that_are_known_or_withheld_stay(measured) -> None:
+    poles = undetermined_poles(realise(measured(seed=5), block_rows=12, max_order=6), [6])
+    withheld = replace(poles, natural_frequency_std=np.full(len(poles.poles), np.nan))
+    found = with_deviations(withheld)
+    assert np.isnan(found.natural_frequency_std).all()
+    assert np.isfinite(found.damping_ratio_std).all()
+    assert with_deviations(found) is found
+
+
+def test_the_gram_matrix_of_noisy_correlations_has_their_singular_vectors(measured) -> None:
+    """The subspace of the largest singular values is that of numpy's decomposition."""
+    correlations = measured(seed=6)
+    realised = realise(correlations, block_rows=10, max_order=8, is_weighted=False)
+    U, S, _ = np.linalg.svd(block_toeplitz(correlations.values, 10))
+    np.testing.assert_allclose(realised.singular_values, S, atol=1e-12 * S[0])
+    outside = U[:, 8:].T @ realised.observability
+    assert np.abs(outside).max() < 1e-9 * np.sqrt(S[0])

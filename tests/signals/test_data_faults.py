@@ -11,7 +11,9 @@ from sprung.signals.data_faults import (
     count_spikes,
     equal_runs,
     filler,
+    has_runs,
     missing_share,
+    plateaus,
     repeated_samples,
     rest_of,
     stuck_runs,
@@ -115,3 +117,22 @@ def test_healthy_noise_has_no_fault(seed, gain, offset, decimals) -> None:
     assert repeated_samples(values, 100.0) == 0
     assert count_spikes(values) == 0
     assert not rest_of(values, 100.0).is_fault(100.0)
+
+
+@given(st.lists(st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan]), min_size=1, max_size=60))
+def test_a_channel_without_runs_is_neither_stuck_nor_clipped(drawn) -> None:
+    """Against the runs themselves, at any sampling rate; and a missing value is a reason to look closer."""
+    values = np.array(drawn)
+    if has_runs(values):
+        return
+    assert not np.isnan(values).any()
+    assert stuck_runs(values, 1.0)[0].size == 0
+    assert plateaus(values, values.min(), values.max()) == (0, 0)
+
+
+def test_runs_within_the_range_that_are_short_are_none() -> None:
+    rising = np.arange(30.0)
+    assert not has_runs(np.concatenate([[-1.0], np.repeat(rising, 9), [40.0]]))
+    assert has_runs(np.concatenate([rising, np.full(10, 12.5), rising]))
+    assert has_runs(np.concatenate([rising, [29.0, 29.0]]))
+    assert has_runs(np.concatenate([[0.0, 0.0], rising]))

@@ -421,7 +421,7 @@ def _candidate(
     deviations = np.sqrt(np.diagonal(covariances[best]))
     return Candidate(
         hypothesis,
-        float(logsumexp(logs) - np.log(len(times))),
+        float(np.logaddexp.reduce(logs) - np.log(len(times))),
         float(table.explained[best, column]),
         tuple(
             size_of(change.component, float(size), float(deviation), model_error)
@@ -453,6 +453,6 @@ def size_of(kind: str, size: float, deviation: float, model_error: float) -> Siz
 
 def _onset_interval(logs: Real, times: Real) -> tuple[float, float]:
     """Return the 95 % interval of the onset, which may lie anywhere after the start of the window before."""
-    weights = np.exp(logs - logsumexp(logs))
+    weights = np.exp(logs - np.logaddexp.reduce(logs))
     first, last = np.searchsorted(np.cumsum(weights), [0.025, 0.975])
     return float(times[max(min(first, len(times) - 1) - 1, 0)]), float(times[min(last, len(times) - 1)])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sprung.recording import Recording
-from sprung.signals.data_faults import REST_DURATION, REST_RUN_SHARE, stuck_runs
+from sprung.signals.data_faults import REST_DURATION, REST_RUN_SHARE, has_runs, stuck_runs
 from sprung.signals.inspection import ChannelFacts, inspect
 
 #: A channel that is dead for more than this share of a record is left out, and of others only the dead parts.
@@ -51,7 +51,8 @@ def without_dead_parts(recording: Recording, outputs: Sequence[str]) -> tuple[Re
         that are dead for more than half of it; and the faults of the outputs. A channel that is dead throughout stays
         as it is.
     """
-    facts = inspect(recording.select(list(outputs)), counts_odd_samples=False).channels
+    doubtful = [name for name in outputs if has_runs(recording.samples[recording.index(name)])]
+    facts = inspect(recording.select(doubtful), counts_odd_samples=False).channels if doubtful else ()
     samples, faults = recording.samples, []
     for fact in facts:
         if fact.is_dead or not (fact.is_clipped or fact.stuck or fact.n_values < recording.n_samples):

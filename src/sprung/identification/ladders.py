@@ -1,18 +1,19 @@
 """Ladders: over model orders, over numbers of block rows as in the thesis, or over orders of polynomials (pLSCF)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sprung._arrays import Booleans, Complex, Indices
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.identification.correlation import Correlations
 from sprung.identification.decimation import PASSED, decimate_correlations, filter_half_width
 from sprung.identification.plscf import PolynomialLadder
-from sprung.identification.subspace import block_row_ladder, poles_of_orders, realise
+from sprung.identification.subspace import block_row_ladder, realise, undetermined_poles
 from sprung.modal import Poles
 
 #: Time constants within the lags after which a pole has decayed.
@@ -73,13 +74,13 @@ class OrderLadder:
         return self.lags_per_row * self.block_rows * self.strides[-1]
 
     def poles(self, correlations: Correlations) -> Poles:
-        """Return the poles of all orders."""
+        """Return the poles of all orders, without their standard deviations (`with_deviations`)."""
         orders = range(2, self.max_order + 1, 2)
         parts = []
         for stride in self.strides:
             decimated = decimate_correlations(correlations, stride, n_lags=self.lags_per_row * self.block_rows)
             realisation = realise(decimated, block_rows=self.block_rows, max_order=self.max_order)
-            parts.append(poles_of_orders(realisation, orders))
+            parts.append(undetermined_poles(realisation, orders))
         if len(parts) == 1:
             return parts[0]
         rate = correlations.sampling_rate
@@ -159,10 +160,27 @@ def _join_rungs(parts: Sequence[Poles], edges: Sequence[float], spans: Sequence[
         rungs=rungs[order],
         natural_frequency_std=joined("natural_frequency_std"),
         damping_ratio_std=joined("damping_ratio_std"),
-        changes=np.concatenate([part.changes[:, rows] for part, rows in zip(parts, taken, strict=True)], axis=1)[
-            :, order
-        ],
+        changes=np.zeros((0, len(order)), dtype=np.complex128),
+        changes_of=_joined_changes(parts, taken, order),
     )
+
+
+def _joined_changes(
+    parts: Sequence[Poles], taken: Sequence[Booleans], order: Indices
+) -> Callable[[Indices], Complex] | None:
+    """Return the function for the changes of joined poles; None where the changes are unknown."""
+    functions = [part.changes_of for part in parts if part.changes_of is not None]
+    if not functions:
+        return None
+    owners = np.repeat(np.arange(len(parts)), [np.count_nonzero(rows) for rows in taken])[order]
+    places = np.concatenate([np.flatnonzero(rows) for rows in taken])[order]
+
+    def changes_of(rows: Indices) -> Complex:
+        own = [owners[rows] == k for k in range(len(parts))]
+        changes = [function(places[rows[is_own]]) for function, is_own in zip(functions, own, strict=True)]
+        return np.concatenate(changes, axis=1)[:, np.argsort(np.argsort(owners[rows], kind="stable"))]
+
+    return changes_of
 
 
 Ladder = OrderLadder | BlockRowLadder | PolynomialLadder

@@ -323,18 +323,7 @@ class RunningSummary:
         return _summary(self._method, self._settings, records, _subset_levels(self._settings, records))[0]
 
     def update(self, record: Recording) -> None:
-        """Prepare and correlate a record; one that is not usable is left out.
-
-        Parameters
-        ----------
-        record
-            Record as read.
-
-        Raises
-        ------
-        ParameterError
-            If a setting does not suit the record, or it lacks a sensor of the vehicle file.
-        """
+        """Add a record, as `RunningRecords.update`."""
         self._records.update(record)
 
 

@@ -14,7 +14,7 @@ from sprung._display import Tabular, counted, in_short
 from sprung.identification.contribution import contributions, excesses
 from sprung.identification.correlation import Correlations
 from sprung.identification.scatter import deviation_of_mean
-from sprung.identification.subspace import frequency_and_damping_changes
+from sprung.identification.subspace import frequency_and_damping_changes, with_deviations
 from sprung.modal import Modes, Poles, PoleStatus, mac, mpc, unit_shapes
 
 #: Two poles of one shape are one mode if they lie within this multiple of their half-power half-bandwidth (between
@@ -191,7 +191,8 @@ def stabilise(
     Parameters
     ----------
     poles
-        Poles of all rungs; NaN as standard deviation leaves the criterion `uncertainty` out.
+        Poles of all rungs; NaN as standard deviation leaves the criterion `uncertainty` out. Those that are stable get
+        their standard deviations where these are not yet computed.
     criteria
         Criteria; default: `StabilityCriteria()`.
     band
@@ -215,6 +216,7 @@ def stabilise(
     stable = np.flatnonzero(status == PoleStatus.SELECTED)
     alignments = np.full(len(status), -1)
     alignments[stable] = align(poles.poles[stable], poles.mode_shapes[stable])
+    poles = with_deviations(poles, alignments >= 0)
     for alignment in range(alignments.max(initial=-1) + 1):
         members = np.flatnonzero(alignments == alignment)
         status[members] = _verdict(poles, members, criteria)
@@ -237,24 +239,35 @@ def _compare_with_rung_below(poles: Poles, criteria: StabilityCriteria, status: 
     unstable = np.full(len(status), PoleStatus.FREQUENCY_CHANGED, dtype=np.int8)
     damping_change = np.where(np.isnan(poles.damping_ratio_std), criteria.unknown_damping, criteria.damping)
     damping_change = damping_change * np.abs(damping)
-    starts = np.searchsorted(poles.rungs, np.arange(len(poles.ladder) + 1))
-    for below, here, end in zip(starts[:-2], starts[1:-1], starts[2:], strict=True):
-        old, new = slice(below, here), slice(here, end)
-        tolerance = np.maximum(criteria.frequency, criteria.bandwidth * damping[new]) * frequency[new]
-        is_near = np.abs(frequency[new, None] - frequency[old]) <= tolerance[:, None]
-        same_damping = np.abs(damping[new, None] - damping[old]) <= damping_change[new, None]
-        same_shape = 1 - mac(poles.mode_shapes[new], poles.mode_shapes[old]) <= criteria.shape
-        unstable[new] = np.select(
-            [
-                (is_near & same_damping & same_shape).any(axis=1),
-                (is_near & same_damping).any(axis=1),
-                is_near.any(axis=1),
-            ],
-            [PoleStatus.SELECTED, PoleStatus.SHAPE_CHANGED, PoleStatus.DAMPING_CHANGED],
-            PoleStatus.FREQUENCY_CHANGED,
-        )
+    tolerance = np.maximum(criteria.frequency, criteria.bandwidth * damping) * frequency
+    new, old = _near_pairs(poles, frequency, tolerance)
+    same_damping = np.abs(damping[new] - damping[old]) <= damping_change[new]
+    same_shape = 1 - _mac_of_pairs(poles.mode_shapes[new], poles.mode_shapes[old]) <= criteria.shape
+    # A pole of several pairs has the status of the one that meets most criteria.
+    unstable[new] = PoleStatus.DAMPING_CHANGED
+    unstable[new[same_damping]] = PoleStatus.SHAPE_CHANGED
+    unstable[new[same_damping & same_shape]] = PoleStatus.SELECTED
     undecided = status == PoleStatus.SELECTED
     status[undecided] = unstable[undecided]
+
+
+def _near_pairs(poles: Poles, frequency: Real, tolerance: Real) -> tuple[Indices, Indices]:
+    """Return the poles, and those of the rungs below them, whose frequencies agree within the tolerance."""
+    starts = np.searchsorted(poles.rungs, np.arange(len(poles.ladder) + 1))
+    new, old = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
+    for below, here, end in zip(starts[:-2], starts[1:-1], starts[2:], strict=True):
+        is_near = np.abs(frequency[here:end, None] - frequency[below:here]) <= tolerance[here:end, None]
+        rows, columns = np.nonzero(is_near)
+        new.append(rows + here)
+        old.append(columns + below)
+    return np.concatenate(new), np.concatenate(old)
+
+
+def _mac_of_pairs(shapes: Complex, others: Complex) -> Real:
+    """Return the modal assurance criterion of each shape with the other shape of its pair."""
+    norms = np.sum(np.abs(shapes) ** 2, axis=1) * np.sum(np.abs(others) ** 2, axis=1)
+    products = np.abs(np.sum(shapes.conj() * others, axis=1)) ** 2
+    return np.asarray(products / np.maximum(norms, np.finfo(float).tiny))
 
 
 def align(poles: Complex, mode_shapes: Complex, *, has_free_damping: bool = False) -> Indices:

@@ -323,21 +323,25 @@ def over_distance(
     Notes
     -----
     Distance is the integral of speed (trapezoidal rule). A spline of degree 5 through the samples is evaluated at steps
-    fine enough to avoid aliasing at `minimum_speed`, and the result is decimated to `interval`.
-    """
-    from scipy.interpolate import make_interp_spline
+    fine enough to avoid aliasing at the lowest speed of these parts, and the result is decimated to `interval`.
 
+    References
+    ----------
+    M. Unser (1999), Splines: a perfect fit for signal and image processing, IEEE Signal Processing Magazine 16, 22-38.
+    """
     check_number("interval", interval, above=0)
     parts = moving_parts(recording, speed, minimum_speed=minimum_speed)
     distance = distance_travelled(recording, speed)
     resampled = recording if channels is None else recording.select(channels)
-    oversampling = int(np.ceil(interval * recording.sampling_rate / minimum_speed - 1e-9))
+    v = recording.samples[recording.index(speed)]
+    slowest = min((float(v[part].min()) for part in parts), default=minimum_speed)
+    oversampling = int(np.ceil(interval * recording.sampling_rate / slowest - 1e-9))
     pieces = []
     for part in parts:
         metres = distance[part]
         grid = np.arange(metres[0], metres[-1], interval / max(1, oversampling))
-        spline = make_interp_spline(np.arange(metres.size), resampled.samples[:, part], k=5, axis=1)
-        pieces.append((float(metres[0]), spline(np.interp(grid, metres, np.arange(metres.size)))))
+        places = np.interp(grid, metres, np.arange(metres.size))
+        pieces.append((float(metres[0]), _spline_values(resampled.samples[:, part], places)))
     fine = _join_pieces(
         resampled,
         pieces,
@@ -347,6 +351,16 @@ def over_distance(
         advice=f"no part reaches {minimum_speed:g} m/s: lower minimum_speed",
     )
     return decimate(fine, 1 / interval) if oversampling > 1 else fine
+
+
+def _spline_values(samples: Real, places: Real) -> Real:
+    """Return the values of the spline of degree 5 through samples, which goes on as their mirror image, at places."""
+    from scipy import interpolate, ndimage
+
+    n_samples = samples.shape[1]
+    coefficients = np.pad(ndimage.spline_filter1d(samples, 5, axis=1, mode="mirror"), ((0, 0), (2, 3)), mode="reflect")
+    spline = interpolate.BSpline.construct_fast(np.arange(-5.0, n_samples + 6), coefficients.T, 5)
+    return np.ascontiguousarray(spline(places).T)
 
 
 def _stretches_with_onset(recording: Recording) -> list[tuple[float, slice]]:

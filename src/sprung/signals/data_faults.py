@@ -108,6 +108,31 @@ def stuck_runs(values: Real, sampling_rate: float, *, breaks: Sequence[int] = ()
     return starts[is_long], lengths[is_long]
 
 
+def has_runs(values: Real) -> bool:
+    """Return whether a channel has missing values, a plateau at its largest or smallest value, or may be stuck.
+
+    Parameters
+    ----------
+    values
+        Samples of one channel, shape (samples,).
+
+    Notes
+    -----
+    Without any of these it has no `stuck_runs` and no `plateaus` at all, for any breaks.
+    """
+    if values.size < _PLATEAU or np.isnan(values).any():
+        return True
+    is_same = values[1:] == values[:-1]
+    heads = np.flatnonzero(is_same[1:] & is_same[:-1])
+    if not heads.size:
+        return False
+    is_stuck = (heads[_STUCK_RUN - _PLATEAU :] - heads[: max(heads.size - _STUCK_RUN + _PLATEAU, 0)]) == (
+        _STUCK_RUN - _PLATEAU
+    )
+    plateaus = values[heads]
+    return bool(is_stuck.any() or (plateaus == values.min()).any() or (plateaus == values.max()).any())
+
+
 @dataclass(frozen=True, slots=True)
 class Rest:
     """Runs of one value of a second or more in a channel.
@@ -209,8 +234,12 @@ def constant_value(values: Real, *, tolerance: float = 0.0) -> float | None:
     tolerance
         Largest difference of any two values, relative to the largest magnitude, that counts as constant.
     """
-    finite = values[np.isfinite(values)]
-    if finite.size == 0 or np.ptp(finite) > tolerance * np.abs(finite).max():
+    is_known = np.isfinite(values)
+    finite = values if is_known.all() else values[is_known]
+    if finite.size == 0:
+        return None
+    low, high = finite.min(), finite.max()
+    if high - low > tolerance * max(abs(low), abs(high)):
         return None
     return float(finite[0])
 
@@ -233,8 +262,10 @@ def bends(values: Real) -> tuple[Real, Real]:
     bend = values[..., 1:-1] - (values[..., 2:] + values[..., :-2]) / 2
     size = np.abs(bend)
     scale = 1.4826 * np.median(size, axis=-1, keepdims=True)
-    smallest = np.min(size, axis=-1, keepdims=True, where=size > 0, initial=np.inf)
-    return bend, bend / np.where(scale > 0, scale, smallest)
+    if not (scale > 0).all():
+        smallest = np.min(size, axis=-1, keepdims=True, where=size > 0, initial=np.inf)
+        scale = np.where(scale > 0, scale, smallest)
+    return bend, bend / scale
 
 
 def returns(sizes: Real) -> Booleans:

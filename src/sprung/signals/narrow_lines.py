@@ -211,14 +211,14 @@ def search_segments(
     last = int(min(n_bins, band[1] / bin_width + _BESIDE))
     for row, samples in enumerate(searched.samples):
         segments = np.lib.stride_tricks.sliding_window_view(samples, length)[starts]
-        spectra = fft.rfft(segments * window, axis=1, overwrite_x=True)
-        powers = np.zeros(spectra.shape, dtype=np.float32)
-        powers[:, first:last] = spectra.real[:, first:last] ** 2 + spectra.imag[:, first:last] ** 2
-        densities[row, first:last] = powers[:, first:last].mean(axis=0)
+        segments *= window
+        spectra = fft.rfft(segments, axis=1, overwrite_x=True)
+        powers = spectra.real[:, first:last] ** 2 + spectra.imag[:, first:last] ** 2
+        densities[row, first:last] = powers.mean(axis=0)
         density = densities[row]
         if is_geometric:
             density = np.zeros(n_bins)
-            density[first:last] = _geometric_mean(powers[:, first:last].astype(np.float64))
+            density[first:last] = _geometric_mean(powers.astype(np.float64))
         bins, heights = _peaks(density[first:last], max(prominence, random) if may_be_line else math.inf)
         for k, height in zip((bins + first).tolist(), heights.tolist(), strict=True):
             offset, level = _vertex(density[k - 1 : k + 2])
@@ -231,7 +231,7 @@ def search_segments(
                 level=level,
             )
             if least_damping is None:
-                chance = chance_of_regularity(powers[:, k].astype(np.float64))
+                chance = chance_of_regularity(powers[:, k - first].astype(np.float64))
             else:
                 places = starts / length
                 decay = 2 * np.pi * least_damping * (k + offset)
@@ -239,7 +239,7 @@ def search_segments(
                 if line.frequency >= lowest or (finer is not None and has_own_width(line, finer)):
                     bandwidth = 2 * least_damping * (k + offset)
                     narrowness = n_channels * n_bins * chance_of_narrowness(density, k, bandwidth, starts.size)
-                    chance = min(chance, chance_of_regularity(powers[:, k].astype(np.float64)), narrowness)
+                    chance = min(chance, chance_of_regularity(powers[:, k - first].astype(np.float64)), narrowness)
             lines.append(replace(line, chance=chance))
     return lines, Densities(densities, bin_width)
 

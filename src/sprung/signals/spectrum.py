@@ -122,16 +122,18 @@ def spectral_matrix(recording: Recording, *, segment_length: float, overlap: flo
     """
     n_per_segment = _n_per_segment(recording, segment_length)
     n_channels = len(recording.channels)
-    total = np.zeros((n_per_segment // 2 + 1, n_channels, n_channels), dtype=np.complex128)
+    total = np.zeros((n_channels, n_channels, n_per_segment // 2 + 1), dtype=np.complex128)
     n_segments = 0
     for block in short_time_spectra(recording, segment_length=segment_length, overlap=overlap):
-        by_frequency = block.transpose(2, 0, 1)
-        total += by_frequency @ by_frequency.conj().swapaxes(1, 2)
+        for p, spectra in enumerate(block):
+            # Products with the channels from this one on: the other half of the matrix is their conjugate.
+            total[p, p:] += np.sum(spectra * block[p:].conj(), axis=1)
         n_segments += block.shape[1]
+    below, above = np.tril_indices(n_channels, -1)
+    total[below, above] = total[above, below].conj()
     frequencies = np.arange(n_per_segment // 2 + 1, dtype=np.float64)
     frequencies *= recording.sampling_rate / n_per_segment
-    matrix = np.ascontiguousarray(total.transpose(1, 2, 0)) / n_segments
-    return SpectralMatrix(frequencies, matrix, recording.names, segment_length, n_segments)
+    return SpectralMatrix(frequencies, total / n_segments, recording.names, segment_length, n_segments)
 
 
 def short_time_spectra(recording: Recording, *, segment_length: float, overlap: float = 0.5) -> Iterator[Complex]:

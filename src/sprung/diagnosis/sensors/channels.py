@@ -8,7 +8,7 @@ import numpy as np
 
 from sprung._arrays import Booleans, Real
 from sprung.recording import Recording
-from sprung.signals.data_faults import MOVING
+from sprung.signals.data_faults import MOVING, has_runs
 from sprung.signals.spectrum import SpectralMatrix, spectral_matrix
 from sprung.vehicles import Sensor
 from sprung.vehicles.window import Window
@@ -46,14 +46,21 @@ class Channels:
         return self.recording.sampling_rate
 
     @cached_property
+    def have_runs(self) -> tuple[bool, ...]:
+        """Whether each channel may be stuck or clipped, or has missing values."""
+        return tuple(map(has_runs, self.recording.samples))
+
+    @cached_property
     def samples(self) -> Real:
         """Samples on the move, gaps closed, shape (channels, samples)."""
-        return self.recording.samples[:, self.is_moving]
+        return self.recording.samples if self.is_moving.all() else self.recording.samples[:, self.is_moving]
 
     @cached_property
     def complete(self) -> Real:
         """Samples on the move with missing values on a straight line between their neighbours, 0 without any values."""
         is_known = np.isfinite(self.samples)
+        if is_known.all():
+            return self.samples
         complete = np.where(is_known, self.samples, 0.0)
         for values, known in zip(complete, is_known, strict=True):
             if known.any() and not known.all():

@@ -49,6 +49,8 @@ def stuck(channels: Channels) -> dict[int, str]:
 def _rest(channels: Channels, row: int) -> Rest | None:
     """Return the runs of one value of a second or more on the move; None if they are no fault."""
     recording = channels.recording
+    if not channels.have_runs[row]:
+        return None
     breaks = [gap.index for gap in recording.gaps]
     rest = rest_of(recording.samples[row], channels.sampling_rate, breaks=breaks, is_moving=channels.is_moving)
     return rest if rest.is_fault(channels.sampling_rate) else None
@@ -66,7 +68,10 @@ def _rest_in_words(rest: Rest) -> str:
 def clipped(channels: Channels) -> dict[int, str]:
     """Find channels that are cut off at their limits, also while the vehicle stands."""
     breaks = [gap.index for gap in channels.recording.gaps]
-    shares = [clipped_share(values, breaks=breaks) for values in channels.recording.samples]
+    shares = [
+        clipped_share(values, breaks=breaks) if has_runs else 0.0
+        for values, has_runs in zip(channels.recording.samples, channels.have_runs, strict=True)
+    ]
     return {
         row: f"{100 * share:.2g} % of its samples at the limit"
         for row, share in enumerate(shares)
@@ -86,12 +91,16 @@ def spiking(channels: Channels) -> dict[int, str]:
     for row, (bend, size) in enumerate(zip(every_bend, every_size, strict=True)):
         peers = channels.peers(row)
         # A pothole moves all sensors; without another of its quantity, only a jump that no body performs is a spike.
-        jump = np.abs(bend[1:-1]) / samples[row].std()
+        places = np.flatnonzero((np.abs(size[1:-1]) > SPIKE) & returns(size)) + 1
+        if not places.size:
+            continue
+        jump = np.abs(bend[places]) / samples[row].std()
         if peers:
-            is_alone = (np.abs(every_size[peers, 1:-1]).max(axis=0) < 0.5 * np.abs(size[1:-1])) & (jump > _MATTERS)
+            largest = np.abs(every_size[:, places][peers]).max(axis=0)
+            is_alone = (largest < 0.5 * np.abs(size[places])) & (jump > _MATTERS)
         else:
             is_alone = jump > NO_BODY
-        count = count_apart(np.flatnonzero((np.abs(size[1:-1]) > SPIKE) & returns(size) & is_alone))
+        count = count_apart(places[is_alone])
         if count >= FEWEST_SPIKES:
             details[row] = f"{count} spikes"
     return details
