@@ -28,7 +28,7 @@ def finish(store, boot, n_frames, *, vehicle="car-1", now=0):
 
 
 def test_every_table_has_a_rule() -> None:
-    rules = conditions(AGES)
+    rules = conditions()
     assert not set(rules) & set(KEPT)
     assert set(rules) | set(KEPT) == set(METADATA.tables)
 
@@ -55,9 +55,9 @@ def test_old_rows_of_every_table_with_an_age_go_and_new_ones_stay(store) -> None
         number = store.alerts.next_notification("log", now=now).id
         store.alerts.put_delivery(number, "log", Delivery(1, sent=now), senders=["log"], now=now)
         store.requests.command_done(store.requests.add_command("eve", "car-1", "learn", now=now), now)
-    assert {count(store, name) for name in conditions(AGES)} == {2}
+    assert {count(store, name) for name in conditions()} == {2}
     store.delete_older(100)
-    assert {name: count(store, name) for name in conditions(AGES)} == dict.fromkeys(conditions(AGES), 1)
+    assert {name: count(store, name) for name in conditions()} == dict.fromkeys(conditions(), 1)
     assert count(store, "deliveries") == 1
     assert store.delete_older(100) == 0
 

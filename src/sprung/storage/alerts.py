@@ -111,7 +111,7 @@ class Alerts:
     def n_open(self) -> int:
         """Return the number of notifications that are neither sent nor given up."""
         with self._database.reading() as connection:
-            return connection.scalar(select(func.count()).where(_is_open(NOTIFICATIONS))) or 0
+            return connection.scalar(_N_OPEN) or 0
 
     def put_delivery(
         self, notification: int, sender: str, delivery: Delivery, *, senders: Collection[str], now: int
@@ -119,10 +119,9 @@ class Alerts:
         """Store the progress of a sender with a notification, which is closed once all `senders` have settled it."""
         values = asdict(delivery)
         put = self._database.insert(DELIVERIES).values(notification=notification, sender=sender, **values)
-        count = {"attempts": NOTIFICATIONS.c.attempts + 1, "last_error": delivery.last_error}
         with self._database.writing() as connection:
             # First, as it locks the row: of two senders that settle at the same time the second sees the first.
-            connection.execute(update(NOTIFICATIONS).where(NOTIFICATIONS.c.id == notification).values(count))
+            connection.execute(_COUNTED, {"counted": notification, "last_error": delivery.last_error})
             connection.execute(put.on_conflict_do_update(index_elements=["notification", "sender"], set_=values))
             values = {"senders": list(senders), "n_senders": len(senders), "now": now, "closed": notification}
             connection.execute(_closed(is_one=True), values)
@@ -135,16 +134,8 @@ class Alerts:
 
     def given_up(self) -> dict[str, str]:
         """Return the reason of the last failure by name of each sender that gave up what it settled last."""
-        latest = (
-            select(DELIVERIES.c.sender, func.max(DELIVERIES.c.given_up).label("given_up"))
-            .group_by(DELIVERIES.c.sender)
-            .having(func.max(DELIVERIES.c.given_up) > func.coalesce(func.max(DELIVERIES.c.sent), -1))
-            .subquery()
-        )
-        is_latest = and_(DELIVERIES.c.sender == latest.c.sender, DELIVERIES.c.given_up == latest.c.given_up)
-        query = select(DELIVERIES.c.sender, DELIVERIES.c.last_error).join(latest, is_latest)
         with self._database.reading() as connection:
-            return {row.sender: row.last_error or "" for row in connection.execute(query)}
+            return {row.sender: row.last_error or "" for row in connection.execute(_given_up())}
 
 
 def _is_open(table: Table) -> ColumnElement[bool]:
@@ -153,6 +144,12 @@ def _is_open(table: Table) -> ColumnElement[bool]:
 
 
 # Statements are built once: building one takes longer than running it.
+_COUNTED = (
+    update(NOTIFICATIONS)
+    .where(NOTIFICATIONS.c.id == bindparam("counted"))
+    .values(attempts=NOTIFICATIONS.c.attempts + 1, last_error=bindparam("last_error"))
+)
+_N_OPEN = select(func.count()).where(_is_open(NOTIFICATIONS))
 
 
 @cache
@@ -177,6 +174,19 @@ def _next() -> Select[Any]:
         .order_by(attempts, NOTIFICATIONS.c.id)
         .limit(1)
     )
+
+
+@cache
+def _given_up() -> Select[Any]:
+    """Return the query for senders that gave up what they settled last, with the reasons."""
+    latest = (
+        select(DELIVERIES.c.sender, func.max(DELIVERIES.c.given_up).label("given_up"))
+        .group_by(DELIVERIES.c.sender)
+        .having(func.max(DELIVERIES.c.given_up) > func.coalesce(func.max(DELIVERIES.c.sent), -1))
+        .subquery()
+    )
+    is_latest = and_(DELIVERIES.c.sender == latest.c.sender, DELIVERIES.c.given_up == latest.c.given_up)
+    return select(DELIVERIES.c.sender, DELIVERIES.c.last_error).join(latest, is_latest)
 
 
 @cache
