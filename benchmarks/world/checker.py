@@ -42,9 +42,9 @@ class Box:
     n_bytes: Callable[[], int] = lambda: 0
     record: int = 0
     most: int = 0
-    #: Errors of its disk before the present append, and before the present start.
+    #: Errors of its disk before the present append, and before the attempts to start; None: it has started.
     n_errors: int = 0
-    n_errors_at_start: int = 0
+    n_errors_at_start: int | None = None
     #: Dropped frames that it remembers on its disk: the append that dropped the last of them met no error.
     recorded: set[Place] = field(default_factory=set)
     is_dropping: bool = False
@@ -123,9 +123,8 @@ class Checker:
         box.fates[box.appended] = KEPT if is_kept else REFUSED
         if not is_kept:
             box.dropped.setdefault(box.appended[0], set()).add(box.appended[1])
-        dropped = {place for place, fate in box.fates.items() if fate == DROPPED}
         if box.is_dropping and box.disk.n_errors == box.n_errors:
-            box.recorded = dropped
+            box.recorded |= {(boot, seq) for boot, numbers in box.dropped.items() for seq in numbers}
         if box.n_bytes() > box.most:
             self._fail(f"the spool of {vehicle} says that it has {box.n_bytes()} bytes, more than {box.most}")
 
@@ -144,9 +143,10 @@ class Checker:
             box.is_dropping = True
 
     def starting(self, vehicle: str) -> None:
-        """A box is about to start."""
+        """A box is about to try to start."""
         box = self._boxes[vehicle]
-        box.n_errors_at_start = box.disk.n_errors
+        if box.n_errors_at_start is None:
+            box.n_errors_at_start = box.disk.n_errors
 
     def started(self, vehicle: str, losses: tuple[Loss, ...]) -> None:
         """A box has started: it remembers the losses that the monitor may not have heard of."""
@@ -155,9 +155,11 @@ class Checker:
         for content in box.disk.contents():  # a power cut brings back what was removed just before
             back = {(boot, seq) for boot, seq, _ in _intact(content)}
             box.fates |= {place: UNSURE for place in back if box.fates.get(place) == DROPPED}
+            box.recorded -= back
         box.remembered = {loss.boot: loss.n_frames for loss in losses}
-        if box.disk.n_errors > box.n_errors_at_start:
+        if box.disk.n_errors != box.n_errors_at_start:
             box.recorded.clear()  # it may not have been able to read them
+        box.n_errors_at_start = None
         if not box.is_synced:
             return
         expected = {place for place, fate in box.fates.items() if fate == DROPPED} if box.is_sound else box.recorded
