@@ -84,6 +84,8 @@ class Result:
     messages: int = 0
     messages_missing: int = 0
     messages_repeated: int = 0
+    #: Shards that each victim held, of 256, and times until others held all of those of a killed or ended one [s].
+    shards: list[int] = field(default_factory=list)
     takeovers: list[float] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     seconds_to_the_end: float = 0.0
@@ -177,7 +179,10 @@ def different(messages: Counter[tuple[str, str]]) -> Counter[str]:
 
 
 class Storm:
-    """Kills, stops and ends monitors, but for one at a time at least, and starts them again."""
+    """Kills, stops and ends monitors that hold shards, but for one at a time at least, and starts them again.
+
+    It strikes again when the shards of the last one that ended have been taken over.
+    """
 
     def __init__(self, one: Rig, plan: Plan, result: Result) -> None:
         self._rig, self._plan, self._result = one, plan, result
@@ -192,16 +197,19 @@ class Storm:
         while time.monotonic() < end:
             time.sleep(0.2)
             self._observe()
-            if time.monotonic() >= due:
+            if time.monotonic() >= due and not self._waiting and self._strike(say):
                 due = time.monotonic() + self._random.uniform(0.5, 1.5) * self._plan.every
-                self._strike(say)
         for program in list(self._stopped):
             self._continue(program)
 
-    def _strike(self, say: Callable[[str], None]) -> None:
-        """Do something to a monitor that runs, while another one does."""
+    def _strike(self, say: Callable[[str], None]) -> bool:
+        """Do something to a monitor that runs and holds shards, while another one runs; False: there is none."""
         running = [program for program in self._rig.monitors if program not in self._stopped]
-        program = self._random.choice(running)
+        shards = {program: self._n_shards(holder(program)) for program in running}
+        victims = [program for program in running if shards[program]]
+        if not victims:
+            return False
+        program = self._random.choice(victims)
         # The first three are one of each kind.
         kinds = ["kill", "stop", "end"]
         n_events = sum(self._result.events.values())
@@ -209,14 +217,16 @@ class Storm:
         if kind == "stop" and len(running) == 1:
             kind = "kill"
         self._result.events[kind] += 1
-        say(f"{kind} {program.name}")
+        self._result.shards.append(shards[program])
+        say(f"{kind} {program.name} with {shards[program]} shards")
         if kind == "stop":
             program.send(signal.SIGSTOP)
             self._stopped[program] = time.monotonic() + self._random.uniform(0.2, 3.0) * self._plan.takeover
         else:
-            self._waiting.append((time.monotonic(), f"%process {program.pid},%"))
+            self._waiting.append((time.monotonic(), holder(program)))
             program.end(signal.SIGKILL if kind == "kill" else signal.SIGTERM)
             program.start()
+        return True
 
     def _observe(self) -> None:
         """Let stopped monitors go on, and note when the shards of dead ones have been taken over."""
@@ -224,14 +234,24 @@ class Storm:
             if time.monotonic() >= until_then:
                 self._continue(program)
         for begun, name in list(self._waiting):
-            if self._rig.database.rows("SELECT count(*) FROM leases WHERE holder LIKE %s", name) == [(0,)]:
+            if not self._n_shards(name):
                 self._result.takeovers.append(round(time.monotonic() - begun, 1))
                 self._waiting.remove((begun, name))
+
+    def _n_shards(self, name: str) -> int:
+        """Return the number of shards whose holder has a name like this."""
+        ((n_shards,),) = self._rig.database.rows("SELECT count(*) FROM leases WHERE holder LIKE %s", name)
+        return int(n_shards)
 
     def _continue(self, program: Program) -> None:
         """Let a stopped monitor go on."""
         del self._stopped[program]
         program.send(signal.SIGCONT)
+
+
+def holder(program: Program) -> str:
+    """Return a pattern for the name of a monitor as the holder of shards."""
+    return f"%process {program.pid},%"
 
 
 def run(plan: Plan, folder: Path, say: Callable[[str], None]) -> Result:

@@ -37,10 +37,11 @@ def n_holders(one: Rig) -> int:
 
 
 def cpu_times(one: Rig, server: Path) -> dict[str, float]:
-    """Return the processor time of monitors, without their workers, of PostgreSQL and of the broker [s]."""
+    """Return the processor time of this process, of monitors without their workers, PostgreSQL and broker [s]."""
     database = (server / "data" / "postmaster.pid").read_text().split()[0]
     times = {int(path.parent.name): _times(path) for path in Path("/proc").glob("[0-9]*/stat")}
     return {
+        "sender": time.process_time(),
         "monitors": sum(times[program.pid][1] for program in one.monitors if program.pid is not None),
         "PostgreSQL": sum(seconds for parent, seconds in times.values() if parent == int(database)),
         "broker": sum(times[pid][1] for pid in (one.broker.pid,) if pid is not None),
@@ -54,6 +55,12 @@ def _times(path: Path) -> tuple[int, float]:
     except OSError:
         return 0, 0.0
     return int(words[1]), (int(words[11]) + int(words[12])) / _TICKS
+
+
+def core_times() -> tuple[float, float]:
+    """Return the times that all cores together have run, and stood idle, since the machine started [s]."""
+    user, nice, system, idle, waiting, *rest = map(int, Path("/proc/stat").read_text().splitlines()[0].split()[1:])
+    return (user + nice + system + sum(rest[:3])) / _TICKS, (idle + waiting) / _TICKS
 
 
 def flood(one: Rig, server: Path, frames: list[tuple[str, bytes]]) -> tuple[float, dict[str, float]]:
@@ -94,10 +101,15 @@ def main() -> None:
         ):
             until(lambda one=one, n=n_monitors: n_holders(one) == n, timeout=120.0, what="the start of all")
             time.sleep(1.0)  # subscribed
+            before = core_times()
             seconds, used = flood(one, server, frames)
+            busy, idle = (after - earlier for earlier, after in zip(before, core_times(), strict=True))
         costs = ", ".join(f"{name} {1e6 * cost / len(frames):.0f}" for name, cost in used.items())
+        own, whole = sum(used.values()), busy + idle
         print(
-            f"{n_monitors} monitors: {len(frames) / seconds:.0f} frames/s; us of processor a frame: {costs}", flush=True
+            f"{n_monitors} monitors: {len(frames) / seconds:.0f} frames/s; us of processor a frame: {costs}; of the"
+            f" cores {own / whole:.0%} for these, {(busy - own) / whole:.0%} for others, {idle / whole:.0%} idle",
+            flush=True,
         )
 
 

@@ -42,7 +42,12 @@ class Box:
     n_bytes: Callable[[], int] = lambda: 0
     record: int = 0
     most: int = 0
+    #: Errors of its disk before the present append, and before the attempts to start; None: it has started.
     n_errors: int = 0
+    n_errors_at_start: int | None = None
+    #: Dropped frames that it remembers on its disk: the append that dropped the last of them met no error.
+    recorded: set[Place] = field(default_factory=set)
+    is_dropping: bool = False
     #: Since the present start of the box: acknowledgements that it got, losses that it remembered, frames it dropped.
     confirmed: dict[int, int] = field(default_factory=dict)
     remembered: dict[int, int] = field(default_factory=dict)
@@ -109,6 +114,7 @@ class Checker:
         """A box is about to write a record of some bytes to a spool that holds `n_bytes`, and at most `most`."""
         box = self._boxes[vehicle]
         box.n_bytes, box.record, box.most, box.n_errors = n_bytes, record, most, box.disk.n_errors
+        box.is_dropping = False
 
     def recorded(self, vehicle: str, *, is_kept: bool) -> None:
         """A box has put a frame into its spool, or refused it."""
@@ -117,6 +123,8 @@ class Checker:
         box.fates[box.appended] = KEPT if is_kept else REFUSED
         if not is_kept:
             box.dropped.setdefault(box.appended[0], set()).add(box.appended[1])
+        if box.is_dropping and box.disk.n_errors == box.n_errors:
+            box.recorded |= {(boot, seq) for boot, numbers in box.dropped.items() for seq in numbers}
         if box.n_bytes() > box.most:
             self._fail(f"the spool of {vehicle} says that it has {box.n_bytes()} bytes, more than {box.most}")
 
@@ -132,6 +140,13 @@ class Checker:
             if self.phase != "append" or not is_short:
                 self._fail(f"{vehicle} removes frame {boot, seq}, which nobody has acknowledged, without need")
             box.fates[boot, seq] = DROPPED
+            box.is_dropping = True
+
+    def starting(self, vehicle: str) -> None:
+        """A box is about to try to start."""
+        box = self._boxes[vehicle]
+        if box.n_errors_at_start is None:
+            box.n_errors_at_start = box.disk.n_errors
 
     def started(self, vehicle: str, losses: tuple[Loss, ...]) -> None:
         """A box has started: it remembers the losses that the monitor may not have heard of."""
@@ -140,12 +155,17 @@ class Checker:
         for content in box.disk.contents():  # a power cut brings back what was removed just before
             back = {(boot, seq) for boot, seq, _ in _intact(content)}
             box.fates |= {place: UNSURE for place in back if box.fates.get(place) == DROPPED}
+            box.recorded -= back
         box.remembered = {loss.boot: loss.n_frames for loss in losses}
-        if not box.is_sound:
+        if box.disk.n_errors != box.n_errors_at_start:
+            box.recorded.clear()  # it may not have been able to read them
+        box.n_errors_at_start = None
+        if not box.is_synced:
             return
+        expected = {place for place, fate in box.fates.items() if fate == DROPPED} if box.is_sound else box.recorded
         dropped: dict[int, list[int]] = defaultdict(list)
-        for (boot, seq), fate in box.fates.items():
-            if fate == DROPPED:
+        for boot, seq in sorted(expected):
+            if box.fates[boot, seq] == DROPPED:
                 dropped[boot].append(seq)
         for boot, numbers in dropped.items():
             n_unheard = sum(seq > box.acknowledged.get(boot, -1) for seq in numbers)
@@ -198,6 +218,10 @@ class Checker:
         wrong = [seq for seq in missing if box.fates.get((boot, seq)) == KEPT]
         if wrong or len(missing) > n_lost:
             self._fail(f"{vehicle} {boot} is acknowledged up to {last}, but the store has no frames {wrong or missing}")
+        concealed = [seq for seq in missing if seq in box.dropped.get(boot, ())]
+        counted = self._counted(vehicle).get(str(boot), 0)
+        if counted < len(concealed):
+            self._fail(f"{vehicle} {boot}: loss of frames {concealed} is acknowledged, and the alert counts {counted}")
         box.acknowledged[boot] = last
 
     def failed(self, vehicle: str, boot: int, seq: int) -> None:
@@ -328,11 +352,15 @@ class Checker:
 
     def _compare_losses(self, vehicle: str, box: Box, boot: int, lost: int) -> None:
         """Check that the alert about lost frames counts those that the box dropped, and that are lost."""
-        row = self._one("SELECT document FROM alerts WHERE vehicle = ? AND cause = 'lost'", vehicle)
-        counted: dict[str, int] = json.loads(row[0])["evidence"]["boots"] if row else {}
-        number = counted.get(str(boot), 0)
+        number = self._counted(vehicle).get(str(boot), 0)
         if number > lost or (box.is_sound and number != lost):
             self._fail(f"{vehicle} {boot}: {lost} frames are lost, and the alert counts {number}")
+
+    def _counted(self, vehicle: str) -> dict[str, int]:
+        """Return the number of frames of each boot that the alert about lost frames counts."""
+        row = self._one("SELECT document FROM alerts WHERE vehicle = ? AND cause = 'lost'", vehicle)
+        counted: dict[str, int] = json.loads(row[0])["evidence"]["boots"] if row else {}
+        return counted
 
     def _settled(self) -> Iterator[tuple[str, str]]:
         """Yield sender and identity of the messages that are recorded as sent."""

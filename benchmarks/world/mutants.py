@@ -12,6 +12,7 @@ from sqlalchemy import delete
 from sprung.link import Key, Sending, Spool, checked_map, message, parse_topic, topic
 from sprung.link import spool as spool_module
 from sprung.monitor import strikes
+from sprung.monitor.alert_book import AlertBook
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.intake import Intake
 from sprung.monitor.postman import Postman
@@ -234,6 +235,14 @@ def forgets_losses() -> Patches:
     yield patch.object(Spool, "_lose", lambda _self, _loss: None)
 
 
+def forgets_losses_at_a_restart() -> Patches:
+    yield patch.object(Spool, "_write_losses", lambda _self: None)
+
+
+def conceals_losses_from_people() -> Patches:
+    yield patch.object(AlertBook, "report_lost", lambda *_, **__: None)
+
+
 def sets_frames_aside_at_the_first_failure() -> Patches:
     yield patch.object(strikes, "_MOST", 1)
 
@@ -273,6 +282,8 @@ MUTANTS: dict[str, Callable[[], Patches]] = {
         hands_over_past_what_memory_lacks,
         hands_over_repeats,
         forgets_losses,
+        forgets_losses_at_a_restart,
+        conceals_losses_from_people,
         sets_frames_aside_at_the_first_failure,
         forgets_frames_aside,
     )

@@ -120,6 +120,7 @@ class Vehicle:
         self._end()
 
     def _start(self) -> None:
+        self._checker.starting(self.name)
         boot_from = self.now // 10**6 if self._is_dated else 0
         try:
             spool = LoggedSpool(

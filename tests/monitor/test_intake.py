@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sprung.link import UPWARDS, Frame, Key, checked_map, encode, message, topic
+from sprung.link import UPWARDS, Frame, Key, Loss, checked_map, encode, message, topic
 from sprung.monitor.intake import Intake
 from sprung.monitor.refusals import BOOTS, INVALID, UNSTORABLE, VERSION_UNKNOWN, Refusals
 from sprung.storage import Progress, RefusedError, StoreError, open_store
@@ -125,6 +125,20 @@ def test_a_state_with_impossible_numbers_costs_no_other_message(intake, publishe
     assert intake.take(batch, now=0).arrived == {("car-1", 1): 0, ("car-3", 1): 0}
     assert [name for name, _ in published] == [topic("car-1", "ack"), topic("car-3", "ack")]
     assert refusals.counts == {("car-2", INVALID): 1}
+
+
+def test_a_loss_is_stored_together_with_its_alert(intake, store, published) -> None:
+    """Else a crash between the two acknowledges the loss with the next frame, and its box says no more of it."""
+
+    def crash(*_: Any) -> None:
+        raise StoreError("it ends here")
+
+    stated = {0: 1, 2: 1, "boots": [[1, 2, 2]], "lost": [list(Loss(1, 0, 1, 2))], "is_leaving": False}
+    with pytest.raises(StoreError, match="it ends here"):
+        Intake(store, lambda *_: None, on_lost=crash).take([(topic("car-1", "state"), message(stated))], now=1)
+    intake.take([raw("car-1", 1, 2)], now=2)
+    assert published == []
+    assert store.inbox.cursor("car-1", 1).lost == 0
 
 
 def test_refusals_have_reasons(intake, refusals) -> None:

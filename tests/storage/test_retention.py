@@ -28,7 +28,7 @@ def finish(store, boot, n_frames, *, vehicle="car-1", now=0):
 
 
 def test_every_table_has_a_rule() -> None:
-    rules = conditions(AGES)
+    rules = conditions()
     assert not set(rules) & set(KEPT)
     assert set(rules) | set(KEPT) == set(METADATA.tables)
 
@@ -57,9 +57,9 @@ def test_old_rows_of_every_table_with_an_age_go_and_new_ones_stay(store) -> None
         store.requests.command_done(store.requests.add_command("eve", "car-1", "learn", now=now), now)
         store.accounts.put(AccountRow(f"eve-{now}", "viewer", "hash", now))
         store.accounts.add_session(f"digest-{now}", f"eve-{now}", now=0, expires=now)
-    assert {count(store, name) for name in conditions(AGES)} == {2}
+    assert {count(store, name) for name in conditions()} == {2}
     store.delete_older(100)
-    assert {name: count(store, name) for name in conditions(AGES)} == dict.fromkeys(conditions(AGES), 1)
+    assert {name: count(store, name) for name in conditions()} == dict.fromkeys(conditions(), 1)
     assert count(store, "deliveries") == 1
     assert store.delete_older(100) == 0
 

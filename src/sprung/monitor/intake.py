@@ -227,35 +227,45 @@ class Intake:
     def _declare_lost(
         self, below: Mapping[tuple[str, int], int], dropped: Mapping[str, "_Dropped"], now: int
     ) -> dict[tuple[str, int], int]:
-        """Declare frames lost that boxes no longer have, and return up to where nothing is missing."""
+        """Declare frames lost that boxes no longer have, and return up to where nothing is missing.
+
+        Vehicles that the store refuses are left out. Alerts are part of the transaction: the next frame that arrives is
+        acknowledged beyond what is declared lost, and its box says no more of it then.
+        """
+        try:
+            with self._store.together():
+                progress = self._store.inbox.declare_lost(below, now=now)
+                arrived = self._report_lost(progress, dropped, now)
+        except RefusedError as error:
+            if len(below) == 1:
+                self._refuse(topic(next(iter(below))[0], "state"), error)
+                return {}
+            arrived = {}
+            for part in _parts(list(below.items()), lambda entry: entry[0][0]):
+                arrived.update(self._declare_lost(dict(part), dropped, now))
+            return arrived
+        for (vehicle, _), (before, after) in progress.items():
+            self._counts["lost"] += after.lost - before.lost
+            self._lost[vehicle] += after.lost - before.lost
+        return arrived
+
+    def _report_lost(
+        self, progress: Mapping[tuple[str, int], tuple[Cursor, Cursor]], dropped: Mapping[str, "_Dropped"], now: int
+    ) -> dict[tuple[str, int], int]:
+        """Report frames that were declared lost, and return up to where nothing is missing."""
         arrived: dict[tuple[str, int], int] = {}
         counts: dict[str, dict[int, int]] = {}
-        for (vehicle, boot), (before, after) in self._advanced(below, now).items():
+        for (vehicle, boot), (before, after) in progress.items():
             stated = dropped[vehicle]
             # Until a box knows that its loss is known here, it states it again.
             if after.contiguous > before.contiguous or boot in stated.n_frames:
                 arrived[vehicle, boot] = after.contiguous
                 # What has not arrived and was not dropped, another monitor may have, with another store.
                 counts.setdefault(vehicle, {})[boot] = min(after.lost, stated.n_frames.get(boot, stated.unstated))
-                self._counts["lost"] += after.lost - before.lost
-                self._lost[vehicle] += after.lost - before.lost
         for vehicle, by_boot in counts.items():
             if any(by_boot.values()):
                 self._on_lost(vehicle, by_boot, *span_of(dropped[vehicle].losses), now)
         return arrived
-
-    def _advanced(self, below: Mapping[tuple[str, int], int], now: int) -> dict[tuple[str, int], tuple[Cursor, Cursor]]:
-        """Return the progress before and after lost frames are declared, without vehicles that the store refuses."""
-        try:
-            return self._store.inbox.declare_lost(below, now=now)
-        except RefusedError as error:
-            if len(below) == 1:
-                self._refuse(topic(next(iter(below))[0], "state"), error)
-                return {}
-            advanced: dict[tuple[str, int], tuple[Cursor, Cursor]] = {}
-            for part in _parts(list(below.items()), lambda entry: entry[0][0]):
-                advanced.update(self._advanced(dict(part), now))
-            return advanced
 
     def _check_boot(self, vehicle: str, boot: int) -> None:
         """Refuse a boot if too many of the vehicle wait to be analysed."""

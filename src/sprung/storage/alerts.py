@@ -3,8 +3,10 @@
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import cache
+from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Table, and_, case, func, not_, or_, select, update
+from sqlalchemy import ColumnElement, Select, Table, Update, and_, bindparam, case, func, not_, or_, select, update
 
 from sprung.storage.database import Database
 from sprung.storage.rows import AlertRow, Delivery, Document, HistoryRow, NotificationRow
@@ -30,13 +32,10 @@ class Alerts:
 
     def find(self, *, vehicle: str | None = None, is_active: bool | None = None) -> list[AlertRow]:
         """Return alerts, the most severe first, then the oldest."""
-        query = select(ALERTS).order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id)
-        if vehicle is not None:
-            query = query.where(ALERTS.c.vehicle == vehicle)
-        if is_active is not None:
-            query = query.where(ALERTS.c.is_active == is_active)
+        values = {"vehicle": vehicle, "is_active": is_active}
+        conditions = {name: value for name, value in values.items() if value is not None}
         with self._database.reading() as connection:
-            return [AlertRow(**row) for row in connection.execute(query).mappings()]
+            return [AlertRow(**row) for row in connection.execute(_alerts(*conditions), conditions).mappings()]
 
     def row(self, number: int) -> AlertRow | None:
         """Return the alert of a number; None if there is none."""
@@ -137,20 +136,8 @@ class Alerts:
             Of those that the sender has not settled and whose next attempt is due, the one with the fewest attempts,
             then the oldest. An attempt that is due in more than a day counts as due: the clock was set back.
         """
-        of_sender = and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, DELIVERIES.c.sender == sender)
-        next_attempt = func.coalesce(DELIVERIES.c.next_attempt, 0)
-        is_due = or_(next_attempt <= now, next_attempt > now + _DAY)
-        attempts = func.coalesce(DELIVERIES.c.attempts, 0).label("attempts")
-        columns = [NOTIFICATIONS.c[name] for name in ("id", "alert", "created", "document")]
-        query = (
-            select(*columns, attempts, *(DELIVERIES.c[name] for name in _PROGRESS))
-            .select_from(NOTIFICATIONS.outerjoin(DELIVERIES, of_sender))
-            .where(_is_open(NOTIFICATIONS), _is_open(DELIVERIES), is_due)
-            .order_by(attempts, NOTIFICATIONS.c.id)
-            .limit(1)
-        )
         with self._database.reading() as connection:
-            row = connection.execute(query).first()
+            row = connection.execute(_next(), {"sender": sender, "now": now, "tomorrow": now + _DAY}).first()
         if row is None:
             return None
         progress = Delivery(row.attempts, row.next_attempt, row.sent, row.given_up, row.last_error)
@@ -159,7 +146,7 @@ class Alerts:
     def n_open(self) -> int:
         """Return the number of notifications that are neither sent nor given up."""
         with self._database.reading() as connection:
-            return connection.scalar(select(func.count()).where(_is_open(NOTIFICATIONS))) or 0
+            return connection.scalar(_N_OPEN) or 0
 
     def put_delivery(
         self, notification: int, sender: str, delivery: Delivery, *, senders: Collection[str], now: int
@@ -167,30 +154,23 @@ class Alerts:
         """Store the progress of a sender with a notification, which is closed once all `senders` have settled it."""
         values = asdict(delivery)
         put = self._database.insert(DELIVERIES).values(notification=notification, sender=sender, **values)
-        count = {"attempts": NOTIFICATIONS.c.attempts + 1, "last_error": delivery.last_error}
         with self._database.writing() as connection:
             # First, as it locks the row: of two senders that settle at the same time the second sees the first.
-            connection.execute(update(NOTIFICATIONS).where(NOTIFICATIONS.c.id == notification).values(count))
+            connection.execute(_COUNTED, {"counted": notification, "last_error": delivery.last_error})
             connection.execute(put.on_conflict_do_update(index_elements=["notification", "sender"], set_=values))
-            _close_settled(connection, senders, now, NOTIFICATIONS.c.id == notification)
+            values = {"senders": list(senders), "n_senders": len(senders), "now": now, "closed": notification}
+            connection.execute(_closed(is_one=True), values)
 
     def close_settled(self, senders: Collection[str], *, now: int) -> None:
         """Close the notifications that all `senders` have settled, as when another one was taken from the site file."""
         with self._database.writing() as connection:
-            _close_settled(connection, senders, now)
+            values = {"senders": list(senders), "n_senders": len(senders), "now": now}
+            connection.execute(_closed(is_one=False), values)
 
     def given_up(self) -> dict[str, str]:
         """Return the reason of the last failure by name of each sender that gave up what it settled last."""
-        latest = (
-            select(DELIVERIES.c.sender, func.max(DELIVERIES.c.given_up).label("given_up"))
-            .group_by(DELIVERIES.c.sender)
-            .having(func.max(DELIVERIES.c.given_up) > func.coalesce(func.max(DELIVERIES.c.sent), -1))
-            .subquery()
-        )
-        is_latest = and_(DELIVERIES.c.sender == latest.c.sender, DELIVERIES.c.given_up == latest.c.given_up)
-        query = select(DELIVERIES.c.sender, DELIVERIES.c.last_error).join(latest, is_latest)
         with self._database.reading() as connection:
-            return {row.sender: row.last_error or "" for row in connection.execute(query)}
+            return {row.sender: row.last_error or "" for row in connection.execute(_given_up())}
 
 
 def _is_open(table: Table) -> ColumnElement[bool]:
@@ -198,12 +178,64 @@ def _is_open(table: Table) -> ColumnElement[bool]:
     return and_(table.c.sent.is_(None), table.c.given_up.is_(None))
 
 
-def _close_settled(
-    connection: Connection, senders: Collection[str], now: int, *conditions: ColumnElement[bool]
-) -> None:
-    """Close notifications that all senders have settled: as given up if any of them gave up, else as sent."""
-    of_senders = and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, DELIVERIES.c.sender.in_(senders))
+# Statements are built once: building one takes longer than running it.
+_COUNTED = (
+    update(NOTIFICATIONS)
+    .where(NOTIFICATIONS.c.id == bindparam("counted"))
+    .values(attempts=NOTIFICATIONS.c.attempts + 1, last_error=bindparam("last_error"))
+)
+_N_OPEN = select(func.count()).where(_is_open(NOTIFICATIONS))
+
+
+@cache
+def _alerts(*conditions: str) -> Select[Any]:
+    """Return the query for alerts of which some columns have given values."""
+    query = select(ALERTS).order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id)
+    return query.where(*(ALERTS.c[name] == bindparam(name) for name in conditions))
+
+
+@cache
+def _next() -> Select[Any]:
+    """Return the query for the notification that `sender` is to send next at the time `now`."""
+    of_sender = and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, DELIVERIES.c.sender == bindparam("sender"))
+    next_attempt = func.coalesce(DELIVERIES.c.next_attempt, 0)
+    is_due = or_(next_attempt <= bindparam("now"), next_attempt > bindparam("tomorrow"))
+    attempts = func.coalesce(DELIVERIES.c.attempts, 0).label("attempts")
+    columns = [NOTIFICATIONS.c[name] for name in ("id", "alert", "created", "document")]
+    return (
+        select(*columns, attempts, *(DELIVERIES.c[name] for name in _PROGRESS))
+        .select_from(NOTIFICATIONS.outerjoin(DELIVERIES, of_sender))
+        .where(_is_open(NOTIFICATIONS), _is_open(DELIVERIES), is_due)
+        .order_by(attempts, NOTIFICATIONS.c.id)
+        .limit(1)
+    )
+
+
+@cache
+def _given_up() -> Select[Any]:
+    """Return the query for senders that gave up what they settled last, with the reasons."""
+    latest = (
+        select(DELIVERIES.c.sender, func.max(DELIVERIES.c.given_up).label("given_up"))
+        .group_by(DELIVERIES.c.sender)
+        .having(func.max(DELIVERIES.c.given_up) > func.coalesce(func.max(DELIVERIES.c.sent), -1))
+        .subquery()
+    )
+    is_latest = and_(DELIVERIES.c.sender == latest.c.sender, DELIVERIES.c.given_up == latest.c.given_up)
+    return select(DELIVERIES.c.sender, DELIVERIES.c.last_error).join(latest, is_latest)
+
+
+@cache
+def _closed(*, is_one: bool) -> Update:
+    """Return the statement that closes notifications that all `senders` have settled, at the time `now`.
+
+    They are closed as given up if any of them gave up, else as sent. With `is_one` only the notification `closed`.
+    """
+    is_of_senders = DELIVERIES.c.sender.in_(bindparam("senders", expanding=True))
+    of_senders = and_(DELIVERIES.c.notification == NOTIFICATIONS.c.id, is_of_senders)
     n_settled = select(func.count()).where(of_senders, not_(_is_open(DELIVERIES))).scalar_subquery()
     n_given_up = select(func.count()).where(of_senders, DELIVERIES.c.given_up.is_not(None)).scalar_subquery()
-    closed = update(NOTIFICATIONS).where(_is_open(NOTIFICATIONS), n_settled >= len(senders), *conditions)
-    connection.execute(closed.values(sent=case((n_given_up == 0, now)), given_up=case((n_given_up > 0, now))))
+    closed = update(NOTIFICATIONS).where(_is_open(NOTIFICATIONS), n_settled >= bindparam("n_senders"))
+    if is_one:
+        closed = closed.where(NOTIFICATIONS.c.id == bindparam("closed"))
+    now = bindparam("now", type_=NOTIFICATIONS.c.sent.type)
+    return closed.values(sent=case((n_given_up == 0, now)), given_up=case((n_given_up > 0, now)))

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sqlalchemy import Connection, Table, and_, delete, func, not_, select, update
+from sqlalchemy import Connection, Table, and_, bindparam, delete, func, not_, select, update
 
 from sprung.errors import ParameterError
 from sprung.storage.database import Database
@@ -19,6 +19,16 @@ from sprung.storage.schema import (
     STATUSES,
     VEHICLES,
 )
+
+# Statements are built once: building one takes longer than running it.
+_OF_CURSOR, _OF_FRAMES = (
+    and_(table.c.vehicle == bindparam("of_vehicle"), table.c.boot == bindparam("of_boot"))
+    for table in (CURSORS, FRAMES)
+)
+_LAST = bindparam("last", type_=CURSORS.c.done.type)
+_CONTIGUOUS = select(func.coalesce(func.max(CURSORS.c.contiguous), -1)).where(_OF_CURSOR)
+_ANALYSED = update(CURSORS).where(_OF_CURSOR, CURSORS.c.done < _LAST).values(done=_LAST)
+_UNNEEDED = delete(FRAMES).where(_OF_FRAMES, FRAMES.c.seq <= _LAST)
 
 
 class Results:
@@ -169,18 +179,15 @@ def _mark_done(connection: Connection, progress: Progress) -> None:
     """Advance the cursor and delete the frames that are no longer needed."""
     if progress.done_seq < 0:
         return
-    of_cursor = and_(CURSORS.c.vehicle == progress.vehicle, CURSORS.c.boot == progress.boot)
-    of_frames = and_(FRAMES.c.vehicle == progress.vehicle, FRAMES.c.boot == progress.boot)
-    query = select(func.coalesce(func.max(CURSORS.c.contiguous), -1)).where(of_cursor)
-    contiguous = connection.scalar(query)
+    place = {"of_vehicle": progress.vehicle, "of_boot": progress.boot}
+    contiguous = connection.scalar(_CONTIGUOUS, place)
     if contiguous is None or progress.done_seq > contiguous:
         raise ParameterError(
             f"done_seq={progress.done_seq} of {progress.vehicle!r} {progress.boot} must be at most {contiguous}, "
             f"up to where its frames are complete: analyse what pending returns"
         )
-    ahead = and_(of_cursor, CURSORS.c.done < progress.done_seq)
-    connection.execute(update(CURSORS).where(ahead).values(done=progress.done_seq))
-    connection.execute(delete(FRAMES).where(of_frames, FRAMES.c.seq <= progress.delete_through_seq))
+    connection.execute(_ANALYSED, {**place, "last": progress.done_seq})
+    connection.execute(_UNNEEDED, {**place, "last": progress.delete_through_seq})
 
 
 def _n_numbered(connection: Connection, table: Table, vehicle: str) -> int:

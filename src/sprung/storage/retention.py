@@ -1,9 +1,11 @@
 """What becomes of the rows of every table: how long they stay, and why the others are never deleted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
+from functools import cache
+from typing import Any
 
-from sqlalchemy import ColumnElement, and_, delete, exists, not_, or_, select, tuple_
+from sqlalchemy import BigInteger, ColumnElement, Select, and_, bindparam, delete, exists, not_, or_, select, tuple_
 
 from sprung.storage.database import Database
 from sprung.storage.schema import (
@@ -67,21 +69,21 @@ class Ages:
 def delete_older(database: Database, ages: Ages, *, limit: int) -> int:
     """Delete rows that are older than `ages`, at most about `limit`, and return their number."""
     n_deleted = 0
-    for name, condition in conditions(ages).items():
+    for name, old in _old_rows().items():
         while n_deleted < limit:
-            n_rows = _delete_some(database, name, condition)
+            n_rows = _delete_some(database, name, old, ages)
             n_deleted += n_rows
             if n_rows < _BATCH:
                 break
     return n_deleted
 
 
-def conditions(ages: Ages) -> Mapping[str, ColumnElement[bool]]:
-    """Return the condition for the rows to delete of each table that is not in `KEPT`."""
+def conditions() -> Mapping[str, ColumnElement[bool]]:
+    """Return the condition for the rows to delete of each table not in `KEPT`, by the names of `Ages`."""
+    results, audit, boots = (bindparam(field.name, type_=BigInteger) for field in fields(Ages))
     # By both times, so that results of an old recording that is replayed stay as long as others.
     entries = {
-        table.name: and_(table.c.stored < ages.results, table.c.t0 < ages.results)
-        for table in (OBSERVATIONS, MODES, FINDINGS)
+        table.name: and_(table.c.stored < results, table.c.t0 < results) for table in (OBSERVATIONS, MODES, FINDINGS)
     }
     newer = BASELINES.alias()
     is_replaced = exists().where(newer.c.vehicle == BASELINES.c.vehicle, newer.c.version > BASELINES.c.version)
@@ -90,14 +92,14 @@ def conditions(ages: Ages) -> Mapping[str, ColumnElement[bool]]:
     )
     return {
         **entries,
-        "baselines": and_(BASELINES.c.created < ages.results, is_replaced),
-        "notifications": or_(NOTIFICATIONS.c.sent < ages.results, NOTIFICATIONS.c.given_up < ages.results),
-        "commands": COMMANDS.c.done < ages.results,
-        "set_aside": SET_ASIDE.c.stored < ages.results,
-        "alert_history": and_(ALERT_HISTORY.c.time < ages.audit, not_(is_of_active_alert)),
-        "audit": AUDIT.c.time < ages.audit,
-        "sessions": SESSIONS.c.expires < ages.results,
-        "cursors": and_(CURSORS.c.updated < ages.boots, _is_finished()),
+        "baselines": and_(BASELINES.c.created < results, is_replaced),
+        "notifications": or_(NOTIFICATIONS.c.sent < results, NOTIFICATIONS.c.given_up < results),
+        "commands": COMMANDS.c.done < results,
+        "set_aside": SET_ASIDE.c.stored < results,
+        "alert_history": and_(ALERT_HISTORY.c.time < audit, not_(is_of_active_alert)),
+        "audit": AUDIT.c.time < audit,
+        "sessions": SESSIONS.c.expires < results,
+        "cursors": and_(CURSORS.c.updated < boots, _is_finished()),
     }
 
 
@@ -112,12 +114,21 @@ def _is_finished() -> ColumnElement[bool]:
     return and_(CURSORS.c.contiguous == CURSORS.c.done, is_left, not_(waits))
 
 
-def _delete_some(database: Database, name: str, condition: ColumnElement[bool]) -> int:
+@cache
+def _old_rows() -> Mapping[str, Select[Any]]:
+    """Return the query for the keys of rows to delete of each table, which takes longer to build than to run."""
+    return {
+        name: select(*METADATA.tables[name].primary_key.columns).where(condition).limit(_BATCH)
+        for name, condition in conditions().items()
+    }
+
+
+def _delete_some(database: Database, name: str, old: Select[Any], ages: Ages) -> int:
     """Delete some rows of a table in one transaction, and return their number."""
     table = METADATA.tables[name]
     keys = table.primary_key.columns
     with database.writing() as connection:
-        rows = [tuple(row) for row in connection.execute(select(*keys).where(condition).limit(_BATCH))]
+        rows = [tuple(row) for row in connection.execute(old, asdict(ages))]
         if rows:
             connection.execute(delete(table).where(tuple_(*keys).in_(rows)))
         if rows and table is CURSORS:
