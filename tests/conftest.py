@@ -30,6 +30,15 @@ Value = TypeVar("Value")
 
 DATA = Path(os.environ.get("SPRUNG_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
+#: Folders of whole journeys and chapters, whose tests take the longest.
+LONGEST = ("acceptance", "world", "reproduce")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest tests, so that no process is left alone with one at the end; the rest stays in order."""
+    items.sort(key=lambda item: item.path.parent.name not in LONGEST)
+
 
 @pytest.fixture
 def real_file() -> Callable[[str], Path]:

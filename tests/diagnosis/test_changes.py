@@ -120,6 +120,7 @@ def test_false_alarms_stay_below_the_stated_rate(healthy) -> None:
     assert alarms <= 28  # 20 and 1.7 standard deviations
 
 
+@pytest.mark.slow
 def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms(window, drawn) -> None:
     """Whatever the fit says of itself: the scatter follows from six windows of learning and from those tested."""
     alarms = 0
@@ -135,6 +136,7 @@ def test_windows_that_scatter_twice_as_much_as_they_report_raise_no_more_alarms(
     assert alarms <= 10  # 5 and two standard deviations
 
 
+@pytest.mark.slow
 def test_e_values_have_the_mean_one_at_most_without_a_change(healthy) -> None:
     values = []
     for seed in range(150):
@@ -146,6 +148,7 @@ def test_e_values_have_the_mean_one_at_most_without_a_change(healthy) -> None:
     assert false_discoveries(np.log(values)) == []
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_size(faulty, baseline) -> None:
     inside = 0
     for seed in range(100):

@@ -176,11 +176,11 @@ def test_unknown_class_and_axles_out_of_order_are_refused() -> None:
 def test_a_rougher_right_track_has_its_level_and_keeps_the_left(class_c) -> None:
     n, left, right, cross = spectra(heights(road_class("C"), length=100e3, right_over_left=10 ** (2.5 / 20)))
     inside = (n > 0.03) & (n < 8)
-    assert 10 * np.log10(right[inside] / class_c[2][inside]) == pytest.approx(2.5)
-    assert left == pytest.approx(class_c[1])
+    np.testing.assert_allclose(10 * np.log10(right[inside] / class_c[2][inside]), 2.5, rtol=1e-6, equal_nan=False)
+    np.testing.assert_allclose(left, class_c[1], rtol=1e-6, atol=1e-12, equal_nan=False)
     # a factor of one track does not touch the coherence
     coherence, before = (np.abs(c[inside]) ** 2 / (a * b)[inside] for _, a, b, c in ((n, left, right, cross), class_c))
-    assert coherence == pytest.approx(before)
+    np.testing.assert_allclose(coherence, before, rtol=1e-6, equal_nan=False)
 
 
 def broken(side):
@@ -192,6 +192,6 @@ def test_potholes_keep_to_their_side() -> None:
     for side, row in (("left", 0), ("right", 1)):
         obstacles = heights(road_class("A"), length=20e3, obstacles=broken(side)) - smooth
         assert np.abs(obstacles[row]).max() > 0.01
-        assert obstacles[1 - row] == pytest.approx(0, abs=1e-12)
+        assert np.abs(obstacles[1 - row]).max() <= 1e-12
     with pytest.raises(ParameterError, match="side of the potholes 'up' is not one of left, right"):
         broken("up")

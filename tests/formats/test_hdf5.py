@@ -23,7 +23,7 @@ def test_comments_and_calibration_are_carried(tmp_path: Path, ending, start) -> 
     recording = Recording(np.random.default_rng(1).normal(size=(2, 300)), 256.0, channels, start, comment="wet road")
     write(recording, tmp_path / f"run{ending}")
     again = read(tmp_path / f"run{ending}")
-    assert again.samples == pytest.approx(recording.samples, rel=1e-14)
+    np.testing.assert_allclose(again.samples, recording.samples, rtol=1e-14, equal_nan=False)
     assert (again.start, again.sampling_rate, again.comment) == (start, 256.0, "wet road")
     assert [(c.name, c.quantity, c.comment, c.calibration) for c in again.channels] == [
         (c.name, c.quantity, c.comment, c.calibration) for c in channels

@@ -154,7 +154,7 @@ def test_same_numbers_as_the_csv_twin(real_file, kind) -> None:
     table = read(real_file("formats/converted/car_imu_30s.csv"))
     run = read(real_file(f"formats/converted/car_imu_30s_{kind}.uff"))
     assert run.names == table.names
-    assert run.samples == pytest.approx(table.samples, abs=5.1e-7)
+    np.testing.assert_allclose(run.samples, table.samples, rtol=0, atol=5.1e-7, equal_nan=False)
     assert [channel.quantity for channel in run.channels] == ["acceleration"] * 3 + ["angular_velocity"] * 3
     assert run.comment == "comma2k19"
 

@@ -14,7 +14,7 @@ ASYMMETRY, ASYMMETRY_VELOCITY, KNEE, KNEE_SLOPE, FRICTION, FRICTION_VELOCITY = 0
 CUBIC, GAP, STOP_STIFFNESS, RUBBER_STIFFNESS, RUBBER_FORCE = 6, 7, 8, 9, 10
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def forces(e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, force_laws: Any, row: Any) -> Any:
     """Return the tension of an element, and the rates of its damper's elongation and of its rubber's force."""
     tension = k * (e + force_laws[row, CUBIC] * e * e * e) + r
@@ -46,7 +46,7 @@ def forces(e: Any, rate: Any, z: Any, r: Any, k: Any, c: Any, bushing: Any, forc
     return tension, z_rate, r_rate
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def rates(
     state: Any,
     u: Any,
