@@ -15,7 +15,13 @@ from sprung.documents.diagnosis import DiagnosisDocument
 from sprung.documents.document import Document, checked, read_fields, schema_of
 from sprung.documents.fleet import FleetDocument
 from sprung.documents.identification import IdentificationDocument
-from sprung.documents.monitoring import AlertHistoryDocument, AlertsDocument, ReproductionDocument, VehiclesDocument
+from sprung.documents.monitoring import (
+    AlertHistoryDocument,
+    AlertsDocument,
+    AsideDocument,
+    ReproductionDocument,
+    VehiclesDocument,
+)
 from sprung.documents.recordings import InspectionDocument, TruthDocument
 from sprung.documents.tracking import TrackingDocument
 from sprung.documents.type_baseline import TypeBaselineDocument
@@ -24,6 +30,7 @@ from sprung.errors import FormatError, ParameterError
 _KINDS: tuple[type[Document], ...] = (
     AlertHistoryDocument,
     AlertsDocument,
+    AsideDocument,
     BaselineDocument,
     CalibrationDocument,
     CornersDocument,
