@@ -40,6 +40,7 @@ def test_the_last_bytes_of_each_vehicle_are_kept(filled, monkeypatch: pytest.Mon
     filled.aside.put_frames("other", 1, 0, 0, reason="", now=3)
     assert [row.seq for row in filled.aside.find("zafira")] == [2, 3, 4]
     assert filled.aside.find("other") == []
+    assert filled.aside.vehicles() == ["zafira"]
 
 
 def test_what_was_set_aside_long_ago_is_deleted(filled) -> None:

@@ -3,8 +3,10 @@
 import shutil
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 
+import psycopg
 import pytest
 
 from sprung.storage import Progress, StoredFrame, open_store
@@ -102,6 +104,56 @@ def test_a_store_in_use_is_not_replaced(sqlite_file, tmp_path: Path) -> None:
     (before,) = sqlite_file.parent.glob("store.sqlite.before-*")
     with open_store(f"sqlite:///{before}") as store:
         assert len(store.inbox.vehicles()) == 2, "what was replaced is kept"
+
+
+def test_a_database_in_use_is_not_replaced(postgresql_url, tmp_path: Path) -> None:
+    site = tmp_path / "site.toml"
+    site.write_text(f'store = "{postgresql_url}"\n', encoding="ascii")
+    with open_store(postgresql_url) as store:
+        fill(store, 1)
+        _, backup, _ = run("backup", site, tmp_path / "backups")
+        fill(store, 2)
+        code, _, errors = run("restore", backup, site)
+        assert (code, errors) == (1, "nothing restored: the store has 1 open connection: stop the monitors")
+        assert len(store.inbox.vehicles()) == 2
+
+
+def test_nothing_of_a_newer_store_is_left(postgresql_url, tmp_path: Path) -> None:
+    site = tmp_path / "site.toml"
+    site.write_text(f'store = "{postgresql_url}"\n', encoding="ascii")
+    with open_store(postgresql_url) as store:
+        fill(store, 1)
+        saved = contents(store)
+    _, backup, _ = run("backup", site, tmp_path / "backups")
+    with psycopg.connect(postgresql_url) as connection:
+        connection.execute("CREATE TABLE of_a_later_version (boot bigint)")
+        connection.execute("CREATE VIEW on_it AS SELECT * FROM of_a_later_version")
+    assert run("restore", backup, site)[::2] == (0, "")
+    with psycopg.connect(postgresql_url) as connection:
+        (count,) = connection.execute("SELECT count(*) FROM pg_class WHERE relname IN ('of_a_later_version', 'on_it')")
+        assert count == (0,)
+    with open_store(postgresql_url) as store:
+        assert contents(store) == saved
+
+
+def test_a_dump_that_cannot_be_read_replaces_nothing(postgresql_url, tmp_path: Path) -> None:
+    site = tmp_path / "site.toml"
+    site.write_text(f'store = "{postgresql_url}"\n', encoding="ascii")
+    with open_store(postgresql_url) as store:
+        fill(store, 1)
+        saved = contents(store)
+    _, backup, _ = run("backup", site, tmp_path / "backups")
+    path = Path(backup) / "store.dump"
+    path.write_bytes(path.read_bytes()[:-100])  # the checksum is that of what was written
+    sums = Path(backup) / "SHA256SUMS"
+    digests = [
+        f"{sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in (Path(backup) / "settings.tar", path)
+    ]
+    sums.write_text("".join(digests), encoding="ascii")
+    code, _, errors = run("restore", backup, site)
+    assert (code, "nothing restored: pg_restore" in errors) == (1, True)
+    with open_store(postgresql_url) as store:
+        assert contents(store) == saved
 
 
 def test_a_backup_of_nothing_is_an_error(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ VehicleName = Annotated[str, typer.Argument(metavar="ID", help="Name of the vehi
 
 @application.callback()
 def vehicles(context: typer.Context, *, store: StoreUrl = DEFAULT_STORE, json: Json = None) -> None:
-    """List the monitored vehicles; sub-commands rank them, or request a new baseline or samples from a box."""
+    """List the monitored vehicles; sub-commands rank them, show what is set aside, or request baselines or samples."""
     check_options_follow(context)
     if context.invoked_subcommand is None:
         list_vehicles(store=store, json=json)
@@ -52,6 +52,27 @@ def rank(
     if write_result(document, json):
         notes = document["notes"] or ([] if document["types"] else [NO_VEHICLES])
         show(*tables.fleet_tables(document), notes, written([], json))
+
+
+@application.command()
+def aside(
+    vehicle: Annotated[str, typer.Argument(metavar="[ID]", help="Name of the vehicle.", show_default=False)] = "",
+    *,
+    again: Annotated[
+        bool, typer.Option("--again", help="Analyse the frames again with this version; nothing is stored.")
+    ] = False,
+    store: StoreUrl = DEFAULT_STORE,
+    json: Json = None,
+) -> None:
+    """List frames and states that could not be analysed and were set aside, such as after an upgrade."""
+    from sprung import tables
+    from sprung.monitor.set_aside import aside_document
+
+    with existing_store(store) as opened:
+        document = aside_document(opened, vehicle=vehicle, is_analysed=again)
+    if write_result(document, json):
+        table = tables.aside_table(document)
+        show(table if document["aside"] else ["nothing is set aside"], written([], json))
 
 
 @application.command()

@@ -104,6 +104,28 @@ class TokensDocument(Document):
     tokens: tuple[TokenEntry, ...]
 
 
+class AsideEntry(Document):
+    """Frames in a row, or a state, that a monitor set aside; times are nanoseconds UTC since 1970."""
+
+    vehicle: str
+    kind: str
+    boot: int
+    first: int
+    last: int
+    begin: int
+    stored: int
+    size: int
+    reason: str
+    again: str | None
+
+
+class AsideDocument(Document):
+    """What the store of a monitor holds that was set aside."""
+
+    schema_name: Literal["sprung.aside/1"] = Field(alias="schema")
+    aside: tuple[AsideEntry, ...]
+
+
 class ReproductionDocument(Document):
     """Reports that `sprung reproduce` wrote."""
 

@@ -74,6 +74,12 @@ class Aside:
             _limit(connection, vehicle)
         return True
 
+    def vehicles(self) -> list[str]:
+        """Return the vehicles of which something was set aside, by name."""
+        query = select(SET_ASIDE.c.vehicle).distinct().order_by(SET_ASIDE.c.vehicle)
+        with self._database.reading() as connection:
+            return list(connection.scalars(query))
+
     def find(self, vehicle: str) -> list[AsideRow]:
         """Return what was set aside of a vehicle, in order of boots and sequence numbers."""
         query = select(SET_ASIDE).where(SET_ASIDE.c.vehicle == vehicle).order_by(*SET_ASIDE.primary_key)

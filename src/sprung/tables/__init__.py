@@ -27,7 +27,14 @@ from sprung.tables.identification import (
     why_none,
 )
 from sprung.tables.inspection import inspection_in_words, inspection_table, true_modes_table
-from sprung.tables.monitoring import accounts_table, alert_history_table, alerts_table, tokens_table, vehicles_table
+from sprung.tables.monitoring import (
+    accounts_table,
+    alert_history_table,
+    alerts_table,
+    aside_table,
+    tokens_table,
+    vehicles_table,
+)
 from sprung.tables.table import Table, age_in_words, span_in_words, time_in_words, with_deviation
 from sprung.tables.tracking import tracks_in_words, tracks_notes, tracks_table
 
@@ -37,6 +44,7 @@ __all__ = [
     "age_in_words",
     "alert_history_table",
     "alerts_table",
+    "aside_table",
     "baseline_in_words",
     "baseline_table",
     "calibration_in_words",

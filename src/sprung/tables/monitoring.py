@@ -36,6 +36,34 @@ def alert_history_table(document: Mapping[str, Any]) -> Table:
     return Table("", ("time (UTC)", "event", "by", "comment"), rows, n_words=3)
 
 
+def aside_table(document: Mapping[str, Any]) -> Table:
+    """Return the table of what was set aside, from a `sprung.aside/1`."""
+    is_analysed = any(entry["again"] is not None for entry in document["aside"])
+    rows = tuple(
+        (
+            entry["vehicle"],
+            _part_in_words(entry),
+            time_in_words(entry["begin"]),
+            time_in_words(entry["stored"]),
+            entry["reason"],
+            *([entry["again"] or ""] if is_analysed else []),
+        )
+        for entry in document["aside"]
+    )
+    columns = ("vehicle", "what", "samples from (UTC)", "set aside (UTC)", "reason")
+    again = ("by this version",) if is_analysed else ()
+    return Table("", (*columns, *again), rows, n_words=len(columns) + len(again))
+
+
+def _part_in_words(entry: Mapping[str, Any]) -> str:
+    """Return which frames, or that it is a state."""
+    kind, first, last = entry["kind"], entry["first"], entry["last"]
+    if kind == "state":
+        return f"state after frame {first} of boot {entry['boot']}"
+    frames = f"frame {first}" if first == last else f"frames {first} to {last}"
+    return f"{frames} of boot {entry['boot']}" + ("" if kind == "raw" else f" ({kind})")
+
+
 def vehicles_table(document: Mapping[str, Any], *, now: int) -> Table:
     """Return the table of the vehicles in a `sprung.vehicles/1`; `now` (UTC ns) is the time that ages count from."""
     rows = tuple(
