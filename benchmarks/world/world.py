@@ -108,9 +108,9 @@ class World:
         random = self.chance.random
         vehicle = random.choice(self.vehicles)
         acts: list[tuple[Callable[[], None], int]] = [
-            (vehicle.produce, 8),
-            (vehicle.step, 8),
-            (self._deliver, 12),
+            (vehicle.produce, 4),
+            (vehicle.step, 4),
+            (self._deliver, 8),
             (self.monitor.step, 4),
             (self.monitor.post, 1),
         ]
