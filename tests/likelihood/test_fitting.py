@@ -8,8 +8,7 @@ import pytest
 from sprung.errors import DataError
 from sprung.excitation import Lines, Sum, SurfaceMotion, random_speed, road_class
 from sprung.identification import cov_ssi
-from sprung.likelihood import CornerSettings, fit_corners, fitting
-from sprung.likelihood.search import minimised
+from sprung.likelihood import CornerSettings, fit_corners
 from sprung.recording import Channel
 from sprung.simulation import (
     FEW_POTHOLES,
@@ -286,24 +285,6 @@ def test_lines_of_wheels_are_named_and_left_out(car) -> None:
     assert np.abs(fit_corners(run, car, settings=CornerSettings(has_lines_masked=False)).log_ratios).max() > 0.1
 
 
-def test_lines_of_the_nominal_spectra_are_left_out_of_the_first_fit(car, monkeypatch) -> None:
-    """With them it would be doubtful, and repeated from a broken spring."""
-    run = drive(car, duration=240.0, n_stops=0).recording
-    samples = run.samples.copy()
-    tone = np.sin(2 * np.pi * 11.0 * np.arange(run.n_samples) / run.sampling_rate)
-    samples[:4] += 0.5 * samples[:4].std(axis=1, keepdims=True) * tone
-    searches = []
-
-    def counted(model, start, **options):
-        searches.append(options)
-        return minimised(model, start, **options)
-
-    monkeypatch.setattr(fitting, "minimised", counted)
-    fit = fit_corners(replace(run, samples=samples), car)
-    assert sum("slope" in options for options in searches) == 1
-    assert any(note.startswith("left out for lines") for note in fit.notes)
-
-
 @pytest.mark.slow
 def test_a_missing_speed_comes_from_the_delay(car) -> None:
     one = drive(car, seed=4, faults=(parse_fault("front_left.spring=-0.3"),), payload=Payload(100.0))
@@ -352,6 +333,8 @@ def test_identified_modes_are_a_check_and_another_start(car) -> None:
 
 
 def test_a_recording_that_no_vehicle_fits_is_refused_with_advice(car, monkeypatch) -> None:
+    from sprung.likelihood import fitting
+
     def hopeless(*_, **__):
         raise np.linalg.LinAlgError("Matrix is not positive definite")
 

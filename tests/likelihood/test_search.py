@@ -27,14 +27,6 @@ def test_every_step_makes_the_model_more_likely(drawn) -> None:
     assert len(values) < 100
 
 
-def test_a_search_that_ends_sooner_and_goes_on_ends_at_the_same_optimum(drawn) -> None:
-    start = drawn.scaled_start()
-    steps = list(descent(drawn, start, slope=1.0))
-    whole = list(descent(drawn, start))
-    assert len(steps) < len(whole)
-    assert drawn.objective(minimised(drawn, steps[-1]))[0] == pytest.approx(drawn.objective(whole[-1])[0], abs=0.01)
-
-
 def test_the_preconditioner_makes_the_information_the_unit_matrix(drawn) -> None:
     factor = preconditioner(drawn, drawn.start)
     information = drawn.information(drawn.start) + np.diag(1 / drawn.prior_std**2)

@@ -57,8 +57,6 @@ _DOUBTFUL, _BROKEN = 0.3, -1.2
 _LEAST_LEVEL = 1e-3
 #: Width of the speed classes of the first fit.
 _COARSE = 0.1
-#: Slope at which the first fit ends, in standard deviations.
-_ROUGH = 1.0
 #: Tempering of the first fit; largest number of fits after it, each with the lines and the tempering of the one before;
 #: and relative change of the tempering at which they end.
 _FIRST, _MOST_FITS, _SETTLED = 0.1, 4, 0.1
@@ -278,9 +276,8 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
     One rough fit, then up to four full ones, in this order:
 
     1. *Rough*: speed classes twice as wide and a likelihood to the power of 0.1 (tempering), which flattens local
-       minima, without the lines that stand out of the nominal vehicle's spectra. The search ends where its slope is
-       below one standard deviation, as the next ones go on. If its error is so large that its own tempering is below
-       0.3, the search is repeated from the most likely vehicle with one spring broken, and the better result is taken.
+       minima. If its error is so large that its own tempering is below 0.3, the search is repeated from the most
+       likely vehicle with one spring broken, and the better result is taken.
     2. *Full*: classes 5 % wide. Each fit is followed by three choices for the next one, until they no longer change:
 
        - the amplitude of a segment is limited to that at 1.2 times the median power, a winsorised residual as
@@ -321,11 +318,9 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
 def _start(segments: SegmentSpectra, setup: FitSetup, starts: Sequence[Real]) -> tuple[Model, Real]:
     """Return the model with speed classes of full width, tempered as at first, and where its search starts."""
     coarse = setup.at_classes(segments, width=_COARSE)
-    lines = _lines(coarse, coarse.scaled_start(), setup)
-    untempered = _weighted(coarse, tempering=1.0, lines=lines)
-    rough = _weighted(coarse, tempering=_FIRST, lines=lines)
-    end = _rough_fit(rough, untempered, starts)
-    model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=_FIRST, lines=lines)
+    rough = _weighted(coarse, tempering=_FIRST)
+    end = _rough_fit(rough, _weighted(coarse, tempering=1.0), starts)
+    model = _weighted(setup.at_classes(segments, width=CLASS_WIDTH), tempering=_FIRST)
     parameters = _carried_over(rough, end, model)
     if model.objective(parameters)[0] == TOO_FAR:
         return model, model.scaled_start()
@@ -338,16 +333,14 @@ def _rough_fit(rough: Model, untempered: Model, starts: Sequence[Real]) -> Real:
     def misfit(parameters: Real) -> float:
         return rough.objective(parameters)[0]
 
-    def fit(candidates: Iterable[Real]) -> Real:
-        return minimised(rough, min(candidates, key=misfit), slope=_ROUGH)
-
-    end = fit(rough.scaled_start(start) for start in (None, *starts))
+    end = minimised(rough, min((rough.scaled_start(start) for start in (None, *starts)), key=misfit))
     if tempering(untempered, end) >= _DOUBTFUL:
         return end
-    return min((end, fit(_broken_springs(rough))), key=misfit)
+    broken = min(_broken_springs(rough), key=misfit)
+    return min((end, minimised(rough, broken)), key=misfit)
 
 
-def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...]) -> Model:
+def _weighted(model: Model, *, tempering: float, lines: tuple[SpectralLine, ...] = ()) -> Model:
     """Return the model with a tempered likelihood and without lines; its blocks do not depend on these weights."""
     spectra = model.spectra
     weights = tempering * spectra.counts[:, None] * without_lines(spectra, lines)

@@ -13,9 +13,9 @@ from sprung.likelihood.whittle import TOO_FAR
 _FAR, _MOST_FAR = 3.0, 5
 #: Steps after which the information is taken anew in any case; largest number of steps.
 _STALE, _MOST_STEPS = 25, 300
-#: The search usually ends where the slope is below this value in standard deviations, and in any case where a step
-#: gains less than this share of the total gain.
-SLOPE, _GAIN = 1e-2, 1e-8
+#: The search ends where the slope is below this value in standard deviations, or a step gains less than this share of
+#: the total gain.
+_SLOPE, _GAIN = 1e-2, 1e-8
 #: Share of the gain by the slope that a step must reach; bounds of its shortening, and shortest step.
 _SUFFICIENT, _SHORTER, _SHORTEST = 1e-4, (0.1, 0.5), 1e-6
 #: Fisher scoring ends at this squared slope in standard deviations, or after this number of steps; the search after it,
@@ -41,7 +41,7 @@ class Likelihood(Protocol):
         """Return the Fisher information without the prior, shape (parameters, parameters)."""
 
 
-def minimised(model: Likelihood, start: Real, *, slope: float = SLOPE) -> Real:
+def minimised(model: Likelihood, start: Real) -> Real:
     """Return the parameters at which the likelihood is largest.
 
     Parameters
@@ -50,8 +50,6 @@ def minimised(model: Likelihood, start: Real, *, slope: float = SLOPE) -> Real:
         Model with its data.
     start
         Parameters at which the search starts, shape (parameters,).
-    slope
-        Slope of the objective, in standard deviations, below which the search ends.
 
     Raises
     ------
@@ -67,7 +65,7 @@ def minimised(model: Likelihood, start: Real, *, slope: float = SLOPE) -> Real:
     J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer, 2006, chapter 6.
     """
     parameters = start
-    for point in descent(model, start, slope=slope):
+    for point in descent(model, start):
         parameters = point
     return parameters
 
@@ -123,7 +121,7 @@ def _score_step(model: Likelihood, parameters: Real, slope: Real) -> tuple[Real,
     return step, float(-slope @ step)
 
 
-def descent(model: Likelihood, start: Real, *, slope: float = SLOPE) -> Iterator[Real]:
+def descent(model: Likelihood, start: Real) -> Iterator[Real]:
     """Yield the parameters after each step of a search for the largest likelihood.
 
     Parameters
@@ -132,8 +130,6 @@ def descent(model: Likelihood, start: Real, *, slope: float = SLOPE) -> Iterator
         Model with its data.
     start
         Parameters at which the search starts, shape (parameters,).
-    slope
-        Slope of the objective, in standard deviations, below which the search ends.
 
     Raises
     ------
@@ -152,20 +148,20 @@ def descent(model: Likelihood, start: Real, *, slope: float = SLOPE) -> Iterator
     (sufficient decrease, backtracking by interpolation).
     """
     parameters, n_renewed, age = start, 0, 0
-    value, gradient = model.objective(parameters)
+    value, slope = model.objective(parameters)
     first = value
     factor, inverse = preconditioner(model, parameters), np.eye(start.size)
     for _ in range(_MOST_STEPS):
-        direction = -inverse @ (factor.T @ gradient)
-        descent_rate = -float((factor.T @ gradient) @ direction)
-        if descent_rate < slope**2:
+        direction = -inverse @ (factor.T @ slope)
+        descent_rate = -float((factor.T @ slope) @ direction)
+        if descent_rate < _SLOPE**2:
             return
-        length, new_value, new_gradient = _shortened(model, parameters, factor @ direction, value, descent_rate)
+        length, new_value, new_slope = _shortened(model, parameters, factor @ direction, value, descent_rate)
         if length == 0.0:
             return
-        step, change = length * direction, factor.T @ (new_gradient - gradient)
+        step, change = length * direction, factor.T @ (new_slope - slope)
         parameters = parameters + factor @ step
-        gain, value, gradient, age = value - new_value, new_value, new_gradient, age + 1
+        gain, value, slope, age = value - new_value, new_value, new_slope, age + 1
         yield parameters
         if gain < _GAIN * (first - value):
             return
