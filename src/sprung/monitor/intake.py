@@ -147,7 +147,7 @@ class Intake:
         return self._answers.get((vehicle, number))
 
     def confirm(self, vehicle: str, checksum: int) -> None:
-        """Tell a box that the description of a checksum is known: until then it repeats it."""
+        """Confirm to a box that the description of a checksum is known: until then it repeats it."""
         document = {Key.VERSION: VERSION, "do": "described", "checksum": checksum}
         self._publish(topic(vehicle, "cmd"), message(document))
 

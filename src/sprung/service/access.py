@@ -16,7 +16,7 @@ _COOKIE, _SECURE_COOKIE = "sprung_session", "__Host-sprung_session"
 _READING = {"GET", "HEAD", "OPTIONS"}
 #: Field of a form, and header of a request, with the mark of the session.
 MARK, MARK_HEADER = "_mark", "x-sprung-mark"
-#: Length of the secrets of browsers without an account: more is no secret of ours.
+#: Greatest length of the secrets of browsers without an account.
 _LONGEST_SECRET = 64
 
 
