@@ -11,8 +11,8 @@ from sprung.service.access import Allowed
 from sprung.service.app import ROUTERS
 from sprung.service.people import SESSION, of_session
 
-#: Routes without a role: they say who may log in, and whether the monitor is healthy.
-FREE = {("GET", "/health"), ("POST", "/api/v1/session")}
+#: Routes without a role in their signature; tests of probes show who may read figures.
+FREE = {("GET", "/health"), ("GET", "/metrics"), ("POST", "/api/v1/session")}
 #: Values of the parameters of paths.
 VALUES = {"vehicle": "bus-1", "number": "77", "name": "nobody"}
 

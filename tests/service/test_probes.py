@@ -5,11 +5,12 @@ import threading
 from pathlib import Path
 
 import pytest
+from tests.service.conftest import NOW
 
 from sprung.errors import ParameterError
 from sprung.monitor import FIGURES, Site
 from sprung.monitor.figures import labelled
-from sprung.service import Context, Server, probes
+from sprung.service import Context, Server, add_token, probes
 from sprung.service.probes import exposition
 from sprung.storage import StoreError
 
@@ -65,6 +66,34 @@ def test_a_store_that_hangs_or_fails_costs_only_what_it_has(serve, store, monkey
         assert "\nsprung_frames_total 5.0\n" in answer.text
     assert client.get("/health").status_code == 200
     never.set()
+
+
+@pytest.mark.parametrize(
+    ("fields", "status"), [({}, 200), ({"web": {"behind_proxy": True}}, 503), ({"http": "192.0.2.1:8737"}, 503)]
+)
+def test_a_store_that_hangs_keeps_figures_from_other_machines_only(serve, store, monkeypatch, fields, status) -> None:
+    never = threading.Event()
+
+    def hang(*_args, **_fields):
+        never.wait()
+
+    for name in ("n_accounts", "of_session", "of_token"):
+        monkeypatch.setattr(store.accounts, name, hang)
+    monkeypatch.setattr(probes, "_PATIENCE", 0.05)
+    _, client = serve(**fields)
+    answer = client.get("/metrics", headers={"Authorization": "Bearer sprung_x"})
+    assert answer.status_code == status
+    never.set()
+
+
+def test_other_machines_need_a_token_for_figures(serve, people, store) -> None:
+    _, local = serve()
+    assert local.get("/metrics").status_code == 200
+    _, secret = add_token(store, "prometheus", "viewer", days=None, who="test", now=NOW)
+    for fields in ({"web": {"behind_proxy": True}}, {"http": "192.0.2.1:8737"}):
+        _, client = serve(**fields)
+        assert client.get("/metrics").status_code == 401
+        assert client.get("/metrics", headers={"Authorization": f"Bearer {secret}"}).status_code == 200
 
 
 def test_health(serve, monkeypatch) -> None:

@@ -60,6 +60,11 @@ class Context:
         return self.site.web.certificate is not None or self.site.web.behind_proxy
 
     @property
+    def is_private(self) -> bool:
+        """Whether only programs of this machine reach this server."""
+        return is_loopback(self.site.http_address[0]) and not self.site.web.behind_proxy
+
+    @property
     def is_open(self) -> bool:
         """Whether no log-in is needed: this machine alone is served, and there are no accounts."""
         return is_loopback(self.site.http_address[0]) and not self.store.accounts.n_accounts()

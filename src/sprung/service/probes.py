@@ -3,10 +3,11 @@
 import asyncio
 import re
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from typing import TypeVar
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import JSONResponse, Response
 from prometheus_client import CollectorRegistry
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -15,10 +16,14 @@ from prometheus_client.registry import Collector
 
 from sprung.errors import SprungError
 from sprung.monitor import FIGURES
-from sprung.service.access import Viewer
+from sprung.service.access import Allowed
 from sprung.service.context import Context, Shared, context_of
+from sprung.service.people import Role
+
+T = TypeVar("T")
 
 router = APIRouter(tags=["site"])
+_VIEWER = Allowed(Role.VIEWER)
 
 #: Longest time for an answer of the store [s], and largest number of requests that wait for one.
 _PATIENCE, _MOST_ASKING = 2.0, 4
@@ -33,9 +38,14 @@ async def health(request: Request) -> JSONResponse:
 
 
 @router.get("/metrics")
-async def metrics(context: Shared, _: Viewer) -> Response:
-    """Figures for Prometheus; those of the store are left out if it fails or takes too long."""
-    stored = await _stored(context)
+async def metrics(request: Request, context: Shared) -> Response:
+    """Figures for Prometheus; those of the store are left out if it fails or takes too long.
+
+    Programs of this machine need no log-in, or a store that does not answer would keep the figures from them.
+    """
+    if not context.is_private and await _within_patience(lambda: _VIEWER(request)) is None:
+        raise HTTPException(503, "the store does not answer: try again later, and look at /health")
+    stored = await _within_patience(lambda: _stored(context))
     figures = {**context.figures(), **({"sprung_store_writable": 0.0} if stored is None else stored)}
     return Response(exposition(figures), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
@@ -67,29 +77,35 @@ def exposition(figures: Mapping[str, float]) -> bytes:
     return generate_latest(registry)
 
 
-async def _stored(context: Context) -> Mapping[str, float] | None:
-    """Return the figures of the store; None if it fails, takes too long, or many others ask."""
+def _stored(context: Context) -> Mapping[str, float]:
+    """Return the figures of the store."""
+    store = context.store
+    return {"sprung_alerts_active": float(store.alerts.n_active()), "sprung_store_bytes": float(store.size())}
+
+
+async def _within_patience(act: Callable[[], T]) -> T | None:
+    """Return what a function of the store returns; None if it fails, takes too long, or many others ask."""
     if not _ASKING.acquire(blocking=False):
         return None
-    loop, answer = asyncio.get_running_loop(), asyncio.get_running_loop().create_future()
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[T | None] = loop.create_future()
 
-    def put(figures: Mapping[str, float] | None) -> None:
+    def settle(result: T | None, refusal: HTTPException | None) -> None:
         if not answer.done():
-            answer.set_result(figures)
+            answer.set_result(result) if refusal is None else answer.set_exception(refusal)
 
     def ask() -> None:
-        figures: Mapping[str, float] | None = None
+        result, refusal = None, None
         try:
-            figures = {
-                "sprung_alerts_active": float(context.store.alerts.n_active()),
-                "sprung_store_bytes": float(context.store.size()),
-            }
+            result = act()
+        except HTTPException as error:
+            refusal = error
         except (SprungError, OSError):
             pass
         finally:
             _ASKING.release()
         with suppress(RuntimeError):  # the server has stopped
-            loop.call_soon_threadsafe(put, figures)
+            loop.call_soon_threadsafe(settle, result, refusal)
 
     # A thread of its own: those of the other requests may all wait for the same store.
     threading.Thread(target=ask, name="metrics", daemon=True).start()
