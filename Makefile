@@ -1,13 +1,15 @@
-# make demo | make test | make setup | make check | make bench | make chaos | make world
+# make demo | make test | make setup | make check | make docs | make release | make screenshots | make bench | make chaos | make world
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OPENBLAS_NUM_THREADS ?= 1
-# Processes of the tests share what one of them compiled.
+# Processes of the tests: one more than cores, as some tests wait for most of their time.
+JOBS ?= $(shell expr $$(nproc) + 1)
+# They share what one of them compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo test fast check bench chaos world clean
+.PHONY: setup demo test fast check docs release screenshots bench chaos world clean
 
 setup: $(READY)
 
@@ -22,15 +24,28 @@ demo: $(READY)
 	$(BIN)/sprung demo
 
 test: check
-	$(BIN)/python -m pytest -n auto --dist worksteal --durations=25 --durations-min=5
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --durations=25 --durations-min=5
 
 fast: check
-	$(BIN)/python -m pytest -n auto --dist worksteal -m "not slow" --durations=25 --durations-min=5
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not slow" --durations=25 --durations-min=5
 
 check: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# This manual as build/docs/index.html, with the tutorials run; no network, and no warning.
+docs: $(READY)
+	rm -rf build/docs
+	$(BIN)/python -m sphinx -W --keep-going -b html docs build/docs
+
+# Wheel, sdist and bill of materials in dist, and a trial of the wheel in an environment of its own.
+release: $(READY)
+	scripts/release
+
+# Every page in light, dark and on a phone, as build/screenshots/*.png.
+screenshots: $(READY)
+	$(BIN)/python -m pytest -n 0 -q tests/journeys/screenshots.py
 
 bench: $(READY)
 	benchmarks/run

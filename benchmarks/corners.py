@@ -1,6 +1,7 @@
 """Springs, dampers and tyres of every corner from simulated drives: bias, spread, coverage, time, memory."""
 
 import argparse
+import json
 import os
 import resource
 import subprocess
@@ -8,6 +9,7 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -20,6 +22,7 @@ def main():
     arguments.add_argument("--each", type=int, default=24, help="drives of every other case")
     arguments.add_argument("--jobs", type=int, default=2)
     arguments.add_argument("--one", action="store_true", help="print seconds and memory of one fit")
+    arguments.add_argument("--json", type=Path, help="file for errors and coverage")
     given = arguments.parse_args()
     if given.one:
         print(one_fit())
@@ -32,9 +35,14 @@ def main():
             "| case | springs, bias ± std % | dampers | tyres | left/right contrasts, std % | front/rear | "
             "f of body modes, worst bias % | damping | model error |\n|" + "---|" * 9
         )
+        cases = {}
         for case in CASES:
             runs = linear if case == "linear" else list(pool.map(partial(drive, case), range(given.each)))
             row(case, runs)
+            cases[case] = summary(runs)
+    if given.json:
+        command = f"python benchmarks/corners.py --drives {given.drives} --each {given.each}"
+        given.json.write_text(json.dumps({"command": command, "cases": cases}, indent=1) + "\n")
     output = subprocess.run([sys.executable, __file__, "--one"], capture_output=True, text=True, check=True)
     print("\n" + output.stdout.strip())
 
@@ -141,6 +149,23 @@ def row(case, runs):
     contrasts = [" / ".join(f"{100 * value:.1f}" for value in each) for each in (sides, ends)]
     model_error = f"{np.median([run[4] for run in runs]):.3f}"
     print("| " + " | ".join([case, *values, *contrasts, *modes, model_error]) + " |", flush=True)
+
+
+def summary(runs):
+    """Return bias and spread of ln values by kind, spread of left against right, and coverage of 95 % intervals."""
+    import numpy as np
+
+    errors, deviations = (np.array([run[k] for run in runs]) for k in (0, 1))
+    by_corner = errors.reshape(-1, 2, 2, 3)
+    sides = by_corner[:, :, 0] - by_corner[:, :, 1]
+    return {
+        "drives": len(runs),
+        "bias": dict(zip(KINDS, by_corner.mean(axis=(0, 1, 2)).round(5).tolist(), strict=True)),
+        "spread": dict(zip(KINDS, by_corner.std(axis=0, ddof=1).mean(axis=(0, 1)).round(5).tolist(), strict=True)),
+        "contrast": dict(zip(KINDS, np.sqrt((sides**2).mean(axis=(0, 1))).round(5).tolist(), strict=True)),
+        "intervals": int(errors.size),
+        "intervals_held": int(np.sum(np.abs(errors) < 1.96 * deviations)),
+    }
 
 
 def one_fit():

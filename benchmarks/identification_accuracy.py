@@ -1,6 +1,7 @@
 """Accuracy and automatic selection on the 3-DOF chain: `python benchmarks/identification_accuracy.py`."""
 
 import argparse
+import json
 import logging
 import os
 import time
@@ -9,6 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from measuring import ONE_THREAD, print_circumstances, print_table
@@ -83,8 +85,10 @@ def main() -> None:
     parser.add_argument("--peer-records", type=int, default=20, help="records for the slow presets of pyOMA2")
     parser.add_argument("--processes", type=int, default=os.cpu_count())
     parser.add_argument("--without-peers", action="store_true")
+    parser.add_argument("--json", type=Path, help="file for the counts")
     arguments = parser.parse_args()
     print_circumstances()
+    counts = {}
     with ProcessPoolExecutor(arguments.processes) as pool:
         for number, condition in enumerate(CONDITIONS):
             n_cases = arguments.records if condition.n_records == 1 else arguments.sets
@@ -94,6 +98,12 @@ def main() -> None:
             _print_selection(condition, found)
             if condition.noise_band is None:
                 _print_accuracy(condition, found)
+            counts[condition.name] = {name: _counted(cases) for name, cases in found.items()}
+    if arguments.json:
+        options = f"--records {arguments.records} --sets {arguments.sets} --peer-records {arguments.peer_records}"
+        without = " --without-peers" if arguments.without_peers else ""
+        command = f"python benchmarks/identification_accuracy.py {options}{without}"
+        arguments.json.write_text(json.dumps({"command": command, "conditions": counts}, indent=1) + "\n")
 
 
 def _found_by_peers(pool: ProcessPoolExecutor, number: int, n_cases: int, n_slow: int) -> dict[str, list[Found | None]]:
@@ -157,6 +167,21 @@ def _attempt(select: Callable[[], tuple[Array, Array]]) -> Found | None:
         except (TypeError, ValueError, IndexError, AttributeError):
             return None
     return Found(np.array([np.atleast_1d(frequency), np.atleast_1d(damping)]))
+
+
+def _counted(cases: list[Any]) -> dict[str, Any]:
+    """Return how many records gave exactly the chain's modes, and how many 95 % intervals hold the truth."""
+    truth = np.array([TRUTH.natural_frequency, TRUTH.damping_ratio])
+    near = [case.nearest for case in cases if case is not None and case.nearest is not None]
+    intervals = np.array([each for each in near if len(each) == 4])
+    counted: dict[str, Any] = {
+        "records": len(cases),
+        "exactly_the_modes": sum(case is not None and case.is_exact for case in cases),
+    }
+    if len(intervals):
+        held = np.abs(intervals[:, :2] - truth) < 1.96 * intervals[:, 2:]
+        counted |= {"intervals": int(held[:, 0].size), "intervals_held": [int(n) for n in held.sum(axis=(0, 2))]}
+    return counted
 
 
 def _print_selection(condition: Condition, found: dict[str, list[Any]]) -> None:

@@ -24,9 +24,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fleet import WINDOW, Fleet
 from processes import MOSQUITTO, SPRUNG, Program, broker, free_port, tail, until
 from servers import Database, Mailbox, postgresql
+
+from fleet import WINDOW, Fleet
 
 #: What is compared, in an order that does not depend on when it was stored, without row numbers and times of the clock.
 _OWN = "vehicle <> 'monitor'"

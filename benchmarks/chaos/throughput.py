@@ -11,11 +11,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from fleet import DRIVING_RATE, driven, framed
 from processes import until
 from servers import postgresql
 from several import Plan, Rig, rig
 
+from fleet import DRIVING_RATE, driven, framed
 from sprung.link import Address, Link, topic
 
 #: Clock ticks of a second.

@@ -1,4 +1,4 @@
-"""The monitor of a fleet: CPU and memory of a vehicle, latency, catch-up, a soak, the box, and delivery.
+"""The monitor of a fleet: CPU and memory of a vehicle, latency, catch-up, a slow one, a soak, the box, and delivery.
 
 Run as `python benchmarks/online WHAT..`.
 """
@@ -19,6 +19,7 @@ from cpu_time import measure_cpu, measure_station
 from delivery import measure_box, measure_delivery
 from memory_use import measure_memory, memory_of
 from response import measure_catch_up, measure_latency
+from slow import measure_slow
 from soak import measure_soak
 
 MEASUREMENTS = {
@@ -27,6 +28,7 @@ MEASUREMENTS = {
     "memory": measure_memory,
     "latency": measure_latency,
     "catch-up": measure_catch_up,
+    "slow": measure_slow,
     "soak": measure_soak,
     "box": measure_box,
     "delivery": measure_delivery,
@@ -49,6 +51,7 @@ def main() -> None:
     arguments.add_argument("--recorded", type=Path, help="file of outcomes that the station's load repeats")
     arguments.add_argument("--soak-minutes", type=float, default=2.0)
     arguments.add_argument("--soak-vehicles", type=int, default=2)
+    arguments.add_argument("--seconds-per-job", type=float, default=180.0, help="of the slow vehicle")
     arguments.add_argument("--workers", type=int, default=2, help="of the soak")
     arguments.add_argument("--memory-of", nargs=3, help=argparse.SUPPRESS)
     given = arguments.parse_args()

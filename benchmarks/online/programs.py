@@ -118,12 +118,12 @@ class Monitor(Program):
     def __init__(self, broker: str, folder: Path, **watch: float) -> None:
         self.store = f"sqlite:///{folder}/store.sqlite"
         port = free_port()
-        self._metrics = f"http://127.0.0.1:{port}/metrics"
+        self.address = f"http://127.0.0.1:{port}"
         lines = [f'schema = "sprung.site/1"\nstore = "{self.store}"\nhttp = "127.0.0.1:{port}"\n[watch]']
         site = folder / "site.toml"
         site.write_text("\n".join([*lines, *(f"{name} = {value}" for name, value in watch.items())]))
         super().__init__(["monitor", "--site", str(site), "--broker", broker], folder)
-        until(lambda: self.figures().get("sprung_link_connected"), patience=30.0)
+        until(lambda: self.figures().get("sprung_link_connected"), patience=180.0)
 
     @property
     def workers(self) -> list[int]:
@@ -134,7 +134,7 @@ class Monitor(Program):
     def figures(self) -> dict[str, float]:
         """Return the figures of /metrics; none before it answers."""
         try:
-            with urllib.request.urlopen(self._metrics, timeout=10) as answer:
+            with urllib.request.urlopen(f"{self.address}/metrics", timeout=10) as answer:
                 lines = answer.read().decode().splitlines()
         except OSError:
             return {}
@@ -172,14 +172,17 @@ class Course:
         return message({**self.documents[seq % len(self.documents)], **own})
 
 
-def course(n_drives: int = 1, *, length: float = 1.0) -> Course:
-    """Simulate ten minutes on a road of class C, or several times that: 4 accelerations and speed at 200 Hz."""
+def course(n_drives: int = 1, *, length: float = 1.0, car: Any = None) -> Course:
+    """Simulate ten minutes on a road of class C, or several times that: accelerations and speed at 200 Hz.
+
+    Without a car it is one with four accelerations.
+    """
     from sprung.box import blocks_of
     from sprung.link import Frame, checked_map, encode, quantised
     from sprung.simulation import RoadDrive, simulate_drive
     from sprung.vehicles import read_vehicle
 
-    car, begin = read_vehicle("zafira"), time.time_ns() - 7200 * 10**9
+    car, begin = car or read_vehicle("zafira"), time.time_ns() - 7200 * 10**9
     blocks = []
     for seed in range(n_drives):
         run = simulate_drive(car, RoadDrive(snr=50.0), seed=seed).recording
@@ -195,13 +198,13 @@ def course(n_drives: int = 1, *, length: float = 1.0) -> Course:
 class Vehicle:
     """A box whose frames are prepared."""
 
-    def __init__(self, name: str, broker: str, folder: Path, course: Course) -> None:
+    def __init__(self, name: str, broker: str, folder: Path, course: Course, car: Any = None) -> None:
         from sprung.box import Box, BoxSettings
         from sprung.link import Address, Spool
         from sprung.vehicles import read_vehicle, vehicle_text
         from sprung.vehicles.sensor_layout import quantities_of
 
-        car = read_vehicle("zafira")
+        car = car or read_vehicle("zafira")
         self.name, self._course = name, course
         self._spool = Spool(folder / name, is_synced=False)
         self.box = Box(

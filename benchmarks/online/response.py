@@ -9,20 +9,33 @@ from statistics import median
 
 from measuring import print_table
 from programs import HOUR, WINDOW, Monitor, Vehicle, course, cpu, is_analysed, mosquitto, until
+from viewing import Viewers
 
 
 def measure_latency(given: argparse.Namespace, folder: Path) -> None:
     """From the last frame of a window in the box to the observation in the store."""
     rows = []
-    for every, others in ((1, 0), (0, 0), (0, 50)):
-        place = folder / f"{every}-{others}"
+    for every, others, viewers in ((1, 0, 0), (0, 0, 0), (0, 50, 0), (0, 50, 20)):
+        place = folder / f"{every}-{others}-{viewers}"
         place.mkdir()
-        times = latencies(place, every, others, given.windows)
+        times, pages, n_failed = latencies(place, every, others, given.windows, n_viewers=viewers)
         said = "every minute" if every else "never"
-        rows.append((said, str(others), str(len(times)), f"{median(times):.3f}", f"{quantile(times, 0.95):.3f}"))
+        seconds = (f"{median(times):.3f}", f"{quantile(times, 0.95):.3f}")
+        shown = (f"{median(pages):.3f}", f"{quantile(pages, 0.95):.3f}", str(n_failed)) if viewers else ("", "", "")
+        rows.append((said, str(others), str(viewers), str(len(times)), *seconds, *shown))
     print_table(
         "From the last frame of a window in the spool of the box to its observation in the store",
-        ("modes identified", "other vehicles, one frame a second each", "windows", "median, s", "95 %, s"),
+        (
+            "modes identified",
+            "other vehicles, one frame a second each",
+            "viewers, one page in 2 s each",
+            "windows",
+            "median, s",
+            "95 %, s",
+            "page: median, s",
+            "95 %, s",
+            "failed",
+        ),
         rows,
     )
 
@@ -32,8 +45,10 @@ def quantile(values: list[float], share: float) -> float:
     return sorted(values)[min(len(values) - 1, int(share * len(values)))]
 
 
-def latencies(folder: Path, every: int, n_others: int, n_windows: int) -> list[float]:
-    """Return the latencies of windows after the two that are learnt from."""
+def latencies(
+    folder: Path, every: int, n_others: int, n_windows: int, *, n_viewers: int = 0
+) -> tuple[list[float], list[float], int]:
+    """Return the latencies of windows after the two that are learnt from, and the times of pages and their failures."""
     from sprung.storage import open_store
 
     prepared, times, stopping = course(3), [], threading.Event()
@@ -53,23 +68,24 @@ def latencies(folder: Path, every: int, n_others: int, n_windows: int) -> list[f
 
         driving = threading.Thread(target=drive_others)
         driving.start()
-        for number in range(2 + n_windows):
-            car.drive((number + 1) * WINDOW - 1 - car.seconds)
-            until(partial(is_analysed, car, monitor, n_others), patience=300.0)
-            time.sleep(0.2)
-            begin = time.perf_counter()
-            car.drive(1)
-            while not (last := store.results.observations("car", limit=1)) or last[0].number < number:
-                car.box.step()
-                time.sleep(0.002)
-            times.append(time.perf_counter() - begin)
+        with Viewers(monitor.address, n_viewers) as viewers:
+            for number in range(2 + n_windows):
+                car.drive((number + 1) * WINDOW - 1 - car.seconds)
+                until(partial(is_analysed, car, monitor, n_others), patience=300.0)
+                time.sleep(0.2)
+                begin = time.perf_counter()
+                car.drive(1)
+                while not (last := store.results.observations("car", limit=1)) or last[0].number < number:
+                    car.box.step()
+                    time.sleep(0.002)
+                times.append(time.perf_counter() - begin)
         stopping.set()
         driving.join()
         for vehicle in (car, *others):
             vehicle.box.close()
         store.close()
         monitor.close()
-    return times[2:]
+    return times[2:], viewers.times, viewers.n_failed
 
 
 def measure_catch_up(_given: argparse.Namespace, folder: Path) -> None:

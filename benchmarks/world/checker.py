@@ -131,7 +131,12 @@ class Checker:
     def removed(self, vehicle: str, content: bytes) -> None:
         """A box removes a file of records."""
         box = self._boxes[vehicle]
+        # A record that could neither be synced nor cut off is in the next file once more.
+        others = [each for each in box.disk.contents() if each != content]
+        elsewhere = {(boot, seq) for each in others for boot, seq, _ in _intact(each)}
         for boot, seq, _ in _intact(content):
+            if (boot, seq) in elsewhere:
+                continue
             if (boot, seq) != box.appended and seq > box.confirmed.get(boot, -1):
                 box.dropped.setdefault(boot, set()).add(seq)
             if seq <= box.acknowledged.get(boot, -1):

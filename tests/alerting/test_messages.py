@@ -9,8 +9,10 @@ from sprung.alerting import (
     AlertSettings,
     Report,
     acknowledged,
+    addressed,
     message_of,
     reported,
+    trial_message,
 )
 
 TIME = 1_700_000_000_000_000_000  # 2023-11-14 22:13:20 UTC
@@ -20,6 +22,13 @@ def a_message(severity=700, **evidence):
     report = Report("car", "front_left.spring", severity, "front-left spring 20 % softer – inspect", evidence)
     transition = reported(None, report, AlertSettings(), TIME)
     return message_of(transition.alert, transition)
+
+
+def test_messages_follow_their_schema(check_document) -> None:
+    message = a_message(change=-0.2, covariance=np.eye(2), interval=(-0.22, -0.18))
+    sent = addressed(message, number=3, key="alert-3-1", link="https://sprung.example.org/alerts/3")
+    for each in (message, sent, addressed(message, number=3, key="k", link=""), trial_message(TIME)):
+        check_document(json.loads(json.dumps(each.document)))
 
 
 def test_message() -> None:

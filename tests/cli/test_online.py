@@ -31,6 +31,30 @@ def store(tmp_path):
     return url
 
 
+def test_a_verdict_with_a_new_baseline_closes_an_alert(sprung, store):
+    words = ("--verdict", "confirmed", "--action", "spring renewed", "--new-baseline", "--who", "anna")
+    (listed,) = sprung("alerts", "verdict", "1", "--store", store, *words, "--json", "-").document()["alerts"]
+    assert listed["state"] == "normal"
+    with open_store(store) as opened:
+        (verdict,) = opened.verdicts.all()
+        (command,) = opened.requests.open_commands()
+    assert (verdict.verdict, verdict.action, verdict.who) == ("confirmed", "spring renewed", "anna")
+    assert (command.act, command.vehicle, command.detail) == ("learn", "bus-17", "spring renewed")
+
+
+def test_an_alert_of_another_part_is_closed_in_two_acts(sprung, store):
+    words = ("--verdict", "another part", "--part", "bushing", "--who", "anna")
+    (listed,) = sprung("alerts", "verdict", "1", "--store", store, *words, "--json", "-").document()["alerts"]
+    assert listed["state"] == "acknowledged"
+    closed = ("alerts", "close", "1", "--store", store, "--who", "anna", "--comment", "bushing renewed", "--json", "-")
+    (listed,) = sprung(*closed).document()["alerts"]
+    assert listed["state"] == "normal"
+    assert "is not active" in sprung("alerts", "close", "1", "--store", store).err
+    assert (
+        "verdict 'broken' is unknown" in sprung("alerts", "verdict", "1", "--store", store, "--verdict", "broken").err
+    )
+
+
 def test_an_alert_from_raised_to_normal(sprung, store, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
     (listed,) = sprung("alerts", "--store", store, "--json", "-").document()["alerts"]
@@ -216,6 +240,9 @@ def test_a_vehicle_that_identifies_on_board_is_shown(sprung, store):
         (("alerts", "unshelve", "1"), "is not shelved"),
         (("vehicles", "learn", "bus-17"), "needs a reason: give --reason TEXT"),
         (("vehicles", "learn", "bus-18", "--reason", "x"), "unknown vehicle 'bus-18'"),
+        (("vehicles", "rollback", "bus-17", "--reason", "x"), "give --version N, the baseline to return to"),
+        (("vehicles", "rollback", "bus-17", "--version", "1"), "needs a reason"),
+        (("vehicles", "rollback", "bus-17", "--version", "1", "--reason", "x"), "has no baseline 1: it has none"),
         (("vehicles", "forget", "bus-17"), "No such command 'forget'"),
     ],
 )

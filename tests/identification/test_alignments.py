@@ -103,7 +103,7 @@ def test_an_uncertain_mode_counts_less(measured) -> None:
     """The contribution is divided by (deviation / half-bandwidth) / 0.2."""
     modes, correlations = measured
     true = modes.take(np.arange(3))
-    least = 0.8 * contributions(true.poles, true.mode_shapes, correlations)[0]
+    least = 0.8 * contributions(true.poles, true.mode_shapes, correlations)[0][0]
     assert significant(true, correlations, least=least).all()
     half_bandwidth = true.natural_frequency * true.damping_ratio
     for spread, is_kept in ((0.19, True), (0.24, True), (0.26, False)):

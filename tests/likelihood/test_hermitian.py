@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sprung.likelihood.hermitian import congruence, real_coordinates, real_form
+from sprung.likelihood.hermitian import congruence, coordinates_with_adjoint, real_coordinates, real_form
 
 
 def draw(seed, *shape):
@@ -28,6 +28,12 @@ def test_the_trace_of_a_product_is_the_product_in_real_form(size) -> None:
     A, B = hermitian(1, size), hermitian(2, size)
     expected = np.einsum("fij,fji->f", A, B)
     assert np.sum(real_form(A) * real_form(B), axis=(0, 1)) == pytest.approx(expected.real)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_coordinates_with_the_adjoint_are_those_of_the_sum(size) -> None:
+    A = draw(4, 5, size, size)
+    assert coordinates_with_adjoint(A) == pytest.approx(real_coordinates(A + A.conj().swapaxes(-1, -2)))
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])

@@ -1,5 +1,6 @@
 """Frames are sent until the monitor has acknowledged them."""
 
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sprung.link import Sending, Spool
+from sprung.link.disk import Disk
 
 
 def held(spool):
@@ -67,3 +69,30 @@ def test_no_more_is_sent_ahead_than_allowed_and_all_again_after_the_patience(tmp
     assert due(21.0) == [2, 3, 4, 5]
     sending.acknowledged(spool.boot, 5, 22.0)
     assert (due(40.0), sending.n_under_way) == ([], 0)
+
+
+def test_a_frame_that_could_not_be_read_for_a_while_is_sent_later(tmp_path: Path) -> None:
+    """The frames after it are acknowledged meanwhile, so that nothing is under way."""
+
+    class FailingDisk(Disk):
+        unreadable: Path | None = None
+
+        def read(self, path: Path) -> bytes:
+            if path == self.unreadable:
+                raise OSError("Input/output error")
+            return super().read(path)
+
+    with closing(Spool(tmp_path, is_synced=False)) as spool:
+        spool.append(lambda boot, seq: b"old")
+        first = spool.boot
+    (file,) = tmp_path.glob("*.spool")
+    disk = FailingDisk()
+    spool = Spool(tmp_path, is_synced=False, disk=disk)
+    spool.append(lambda boot, seq: b"new")
+    sending = Sending(spool, patience=10.0)
+    disk.unreadable = file
+    assert [payload for _, _, payload in sending.due(0.0)] == [b"new"]
+    sending.acknowledged(spool.boot, 0, 1.0)
+    disk.unreadable = None
+    assert list(sending.due(5.0)) == []
+    assert list(sending.due(12.0)) == [(first, 0, b"old")]

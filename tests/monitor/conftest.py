@@ -8,6 +8,7 @@ import pytest
 from tests.storage.conftest import postgresql_server, postgresql_url
 
 from sprung.box import blocks_of
+from sprung.diagnosis import Baseline
 from sprung.link import Frame, encode, quantised
 from sprung.monitor import Site, Station, VehicleMonitor, engine
 from sprung.monitor.jobs import Opening, Outcome
@@ -127,7 +128,7 @@ class Inline(Workers):
     def is_free(self, vehicle: str) -> bool:
         return True
 
-    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
+    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str | Baseline = "") -> None:
         self._keep(answer(("work", vehicle, frames, learn, self.skips_modes), self.watched))
 
     def _keep(self, outcome: Outcome | None) -> None:

@@ -49,16 +49,6 @@ def test_acts_on_an_alert(store) -> None:
     assert [row[1] for row in audit] == ["ack", "assign", "shelve", "unshelve", "comment"]
 
 
-def test_an_alert_in_words(store) -> None:
-    desk.acknowledge(store, 1, who="anna", comment="seen", now=NOW + 1)
-    text = desk.alert_in_words(store, 1)
-    assert text is not None
-    assert text.startswith("Alert 1 of car-1: acknowledged\n\ncar-1 has sent nothing\nCause: silent\n")
-    assert "Severity: 300 of 1000 (low)\nRaised: 2026-11-21 00:00 UTC (time 1)\n" in text
-    assert "2026-11-21 00:00  raised, by the monitor\n2026-11-21 00:00  acknowledged, by anna: seen\n" in text
-    assert desk.alert_in_words(store, 2) is None
-
-
 def test_alerts_that_are_normal_again_are_listed_if_wanted(store) -> None:
     AlertBook(store, AlertSettings()).clear("car-1", "silent", now=NOW + 1)
     desk.acknowledge(store, 1, who="anna", now=NOW + 2)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sprung.alerting import AlertSettings
-from sprung.diagnosis import Observation, SensorFault
+from sprung.diagnosis import Baseline, Observation, SensorFault
 from sprung.documents import observation_document
 from sprung.link import message
 from sprung.monitor import AlertBook, Failure, MonitorSettings, Observed, Opening, Outcome, Site, VehicleStatus, Workers
@@ -32,7 +32,7 @@ class Played(Workers):
     def __init__(self) -> None:
         super().__init__(0, limit=1.0, clock=lambda: 0.0)
         self.opened: dict[str, Opening] = {}
-        self.jobs: list[tuple[str, list[bytes], str]] = []
+        self.jobs: list[tuple[str, list[bytes], str | Baseline]] = []
 
     @property
     def is_busy(self) -> bool:
@@ -50,7 +50,7 @@ class Played(Workers):
     def close_vehicle(self, vehicle: str) -> None:
         self.opened.pop(vehicle, None)
 
-    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
+    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str | Baseline = "") -> None:
         self.jobs.append((vehicle, list(frames), learn))
 
 
@@ -72,9 +72,9 @@ def dispatch(store, workers, timer, tmp_path: Path):
     return Dispatch(store, workers, ledger, MonitorSettings(), timer=timer)
 
 
-def arrive(store, dispatch, vehicle, first, last) -> None:
-    frames = [StoredFrame(vehicle, 1, seq, NOW, b"%d" % seq) for seq in range(first, last)]
-    dispatch.add(vehicle, 1, store.inbox.add_frames(frames, now=NOW)[vehicle, 1])
+def arrive(store, dispatch, vehicle, first, last, *, boot=1) -> None:
+    frames = [StoredFrame(vehicle, boot, seq, NOW, b"%d" % seq) for seq in range(first, last)]
+    dispatch.add(vehicle, boot, store.inbox.add_frames(frames, now=NOW)[vehicle, boot])
 
 
 def describe(store, vehicle, description="text") -> None:
@@ -174,7 +174,8 @@ def test_only_the_frame_that_fails_is_set_aside(dispatch, workers, store) -> Non
     assert row.text == "frames could not be analysed and were set aside: it fails"
     dispatch.give()
     assert workers.jobs[-1] == ("car-1", [b"0", b"1", b"2", b"4"], "")
-    dispatch.settle(Outcome("car-1", 4, (WINDOW_EVENT,), b"state", VehicleStatus()))
+    dispatch.settle(Outcome("car-1", 4, (WINDOW_EVENT,), b"state", VehicleStatus(), seconds=1.5))
+    assert dispatch.figures["sprung_analysis_cpu_seconds_total"] == 1.5
     assert store.inbox.cursor("car-1", 1).done == 4
     assert dispatch.figures["sprung_frames_set_aside_total"] == 1
     assert [row.is_active for row in store.alerts.find(vehicle="car-1")] == [False]
@@ -351,6 +352,35 @@ def test_a_request_to_learn_goes_with_the_next_job(dispatch, workers, store) -> 
     assert store.requests.open_commands() == []
 
 
+def test_a_request_to_roll_back_gives_the_earlier_baseline(dispatch, workers, store, monkeypatch) -> None:
+    describe(store, "car-1")
+    given = []
+
+    def restored(_, vehicle, **detail):
+        given.append((vehicle, detail))
+        return "the earlier baseline"
+
+    monkeypatch.setattr("sprung.monitor.dispatch.restored_baseline", restored)
+    detail = {"version": 1, "reason": "broken spring"}
+    number = store.requests.add_command("anna", "car-1", "roll back", detail, now=NOW)
+    arrive(store, dispatch, "car-1", 0, 1)
+    dispatch.relearn(store.requests.command(number))
+    dispatch.give()
+    assert given == [("car-1", detail)]
+    assert workers.jobs == [("car-1", [b"0"], "the earlier baseline")]
+    dispatch.settle(done("car-1", 1, b"state"))
+    assert store.requests.open_commands() == []
+
+
+def test_a_request_to_roll_back_to_nothing_leaves_the_baseline(dispatch, workers, store) -> None:
+    describe(store, "car-1")
+    number = store.requests.add_command("anna", "car-1", "roll back", {"version": 3, "reason": "x"}, now=NOW)
+    arrive(store, dispatch, "car-1", 0, 1)
+    dispatch.relearn(store.requests.command(number))
+    dispatch.give()
+    assert workers.jobs == [("car-1", [b"0"], "")]
+
+
 def test_a_request_to_learn_that_comes_during_a_job_waits_for_the_next(dispatch, workers, store) -> None:
     describe(store, "car-1")
     arrive(store, dispatch, "car-1", 0, 2)
@@ -427,6 +457,37 @@ def test_frames_in_memory_and_in_the_store_make_one_run(dispatch, workers, store
         dispatch.settle(done("car-1", len(expected), b"state"))
         assert dispatch._handover.n_bytes == 0
         take([4, 5])
+
+
+def test_an_older_boot_that_comes_late_is_analysed_once_whatever_restarts(dispatch, workers, store, timer) -> None:
+    """A box that lost power may forget which boot was before, so that the next one does not wait for it."""
+
+    def analyse(*expected, state=None) -> None:
+        assert dispatch.give() == 1
+        assert workers.jobs[-1] == ("car-1", list(expected), "")
+        dispatch.settle(done("car-1", len(expected), state))
+
+    def restart() -> None:
+        dispatch.settle(failed("car-1"))
+        timer.now += 300.0
+
+    describe(store, "car-1")
+    arrive(store, dispatch, "car-1", 0, 2, boot=5)
+    analyse(b"0", b"1", state=b"all of boot 5")
+    arrive(store, dispatch, "car-1", 0, 2, boot=3)
+    assert dispatch.give() == 1
+    restart()
+    analyse(b"0", b"1")
+    arrive(store, dispatch, "car-1", 2, 4, boot=5)
+    analyse(b"2", b"3")
+    arrive(store, dispatch, "car-1", 2, 3, boot=3)
+    analyse(b"2", state=b"all of boots 3 and 5")
+    arrive(store, dispatch, "car-1", 4, 5, boot=5)
+    assert dispatch.give() == 1
+    restart()
+    analyse(b"4")
+    cursors = store.inbox.cursors(vehicle="car-1")
+    assert {boot: cursor.done for (_, boot), cursor in cursors.items()} == {3: 2, 5: 3}
 
 
 def test_a_vehicle_lost_during_a_job_leaves_nothing_behind(dispatch, workers, store, monkeypatch) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sprung.alerting import AlertSettings
-from sprung.diagnosis import Observation
+from sprung.diagnosis import Baseline, Observation
 from sprung.monitor import AlertBook, MonitorSettings, Observed, Opening, Outcome, Site, VehicleStatus, Workers
 from sprung.monitor.dispatch import Dispatch
 from sprung.monitor.engine import Identified
@@ -51,7 +51,7 @@ class Slow(Workers):
     def close_vehicle(self, vehicle: str) -> None:
         raise AssertionError(f"{vehicle} is closed, and nothing failed")
 
-    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
+    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str | Baseline = "") -> None:
         events: list[Observed | Identified] = []
         n_consumed = n_thinned = 0
         for frame in frames:

@@ -218,6 +218,9 @@ def test_senders_are_tried_and_each_result_is_returned() -> None:
     assert list(found) == ["webhook 1", "mail 1"]
     assert "webhook at 127.0.0.1:1 cannot be reached" in found["webhook 1"]
     assert "mail server 127.0.0.1:1 cannot be reached (Connection refused)" in found["mail 1"]
+    assert list(try_senders(site.send, name="mail 1", now=NOW)) == ["mail 1"]
+    with pytest.raises(ParameterError, match="unknown sender 'mail 2'"):
+        try_senders(site.send, name="mail 2", now=NOW)
     with pytest.raises(ParameterError, match=r"the site file has no sender, .*: add \[\[send.mail\]\]"):
         try_senders(Site().send, now=NOW)
 

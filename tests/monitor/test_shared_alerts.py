@@ -1,11 +1,13 @@
 """Alerts about monitoring that several monitors on one store raise and clear, each for itself."""
 
+import threading
 from pathlib import Path
 
 import pytest
 
-from sprung.alerting import AlertSettings
-from sprung.monitor import AlertBook
+from sprung.alerting import AlertSettings, Report, reported
+from sprung.errors import ParameterError
+from sprung.monitor import AlertBook, alert_of, desk
 from sprung.monitor.overload import OVERLOAD, Overload
 from sprung.storage import open_store
 
@@ -81,3 +83,46 @@ def test_a_monitor_with_time_to_spare_does_not_clear_the_overload_of_another(sto
         seconds[0] += 1
     assert shown == [True] * 149 + [False] * 51, "until 30 s after the last look that was behind"
     assert events(store, "monitor", OVERLOAD) == ["raised", "cleared"]
+
+
+def soft_spring(text):
+    return Report("car-1", "front_left.spring", 700, text)
+
+
+def test_an_act_waits_for_a_monitor_that_is_changing_the_alert(store, books) -> None:
+    """The monitor updates the text while a person acknowledges: both changes stay."""
+    first = reported(None, soft_spring("20 % softer"), AlertSettings(), BEGUN)
+    books[0].put(first, now=BEGUN)
+    act = threading.Thread(target=desk.acknowledge, args=(store, 1), kwargs={"who": "anna", "now": BEGUN + 1})
+    with store.alerts.locked_of("car-1") as (row,):
+        act.start()
+        act.join(0.3)
+        assert act.is_alive()
+        books[0].put(reported(alert_of(row), soft_spring("25 % softer"), AlertSettings(), BEGUN + 2), now=BEGUN + 2)
+    act.join()
+    (row,) = store.alerts.find()
+    assert (row.text, row.is_acknowledged) == ("25 % softer", True)
+    assert [event.what for event in store.alerts.history(1)] == ["raised", "updated", "acknowledged"]
+
+
+def test_a_monitor_waits_for_an_act_on_the_alert(store, books) -> None:
+    """A person acknowledges while the monitor clears the alert: it is normal, and not waiting for anybody."""
+    books[0].report("car-1", "silent", "car-1 has sent nothing", now=BEGUN)
+    clear = threading.Thread(target=books[1].clear, args=("car-1", "silent"), kwargs={"now": BEGUN + 2})
+    with store.alerts.locked("car-1", "silent"):
+        clear.start()
+        clear.join(0.3)
+        assert clear.is_alive()
+        desk.acknowledge(store, 1, who="anna", now=BEGUN + 1)
+    clear.join()
+    (row,) = store.alerts.find()
+    assert (row.is_active, row.is_acknowledged) == (False, True)
+
+
+def test_an_act_that_fails_stores_nothing_of_a_verdict(store, books) -> None:
+    """The vehicle of the alert is unknown, so that no baseline can be requested: nothing of the act is kept."""
+    books[0].report("car-1", "silent", "car-1 has sent nothing", now=BEGUN)
+    with pytest.raises(ParameterError, match="unknown vehicle 'car-1'"):
+        desk.add_verdict(store, 1, verdict="confirmed", is_new_baseline=True, who="anna", now=BEGUN + 1)
+    assert store.verdicts.all() == []
+    assert [event.what for event in store.alerts.history(1)] == ["raised"]

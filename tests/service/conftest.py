@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from pwdlib import PasswordHash
 from pwdlib.hashers.argon2 import Argon2Hasher
@@ -9,6 +11,7 @@ from starlette.testclient import TestClient
 from tests.storage.conftest import postgresql_server, postgresql_url
 
 from sprung.alerting import AlertSettings, Report, reported
+from sprung.lake import AddedFile, Table, file_name
 from sprung.monitor import AlertBook, Site
 from sprung.service import Context, add_account, application
 from sprung.service import people as people_module
@@ -103,3 +106,50 @@ def log_in(serve, people):
         return client, {"X-Sprung-Mark": answer.json()["mark"]}
 
     return logged_in
+
+
+#: Columns of the results of runs that the pages read.
+_RUN = pa.schema(
+    [
+        ("vehicle", pa.string()),
+        ("type", pa.string()),
+        ("verdict", pa.string()),
+        ("healthy", pa.bool_()),
+        ("severity", pa.string()),
+        ("e_value", pa.float64()),
+        ("is_discovery", pa.bool_()),
+        ("n_windows", pa.int64()),
+        ("since", pa.int64()),
+        ("until", pa.int64()),
+        ("reason", pa.string()),
+        ("document", pa.string()),
+    ]
+)
+
+
+def run_row(vehicle, verdict="no_change_detected", severity=None, *, is_discovery=False, reason=None):
+    """Return the diagnosis of a vehicle as a run stores it."""
+    return {
+        "vehicle": vehicle,
+        "type": "bus",
+        "verdict": verdict,
+        "healthy": {"change": False, "inconclusive": None}.get(verdict, True),
+        "severity": severity,
+        "e_value": None if verdict == "inconclusive" else 1.5,
+        "is_discovery": is_discovery,
+        "n_windows": 7,
+        "since": NOW - HOUR,
+        "until": NOW,
+        "reason": reason,
+        "document": "{}",
+    }
+
+
+def write_run(folder, rows):
+    """Replace the results of the fleet, as a run does."""
+    table = Table(folder / "diagnoses", _RUN)
+    table.create()
+    name = file_name({})
+    path = folder / "diagnoses" / name
+    pq.write_table(pa.Table.from_pylist(rows, _RUN), path)
+    table.commit([AddedFile(name, path.stat().st_size, len(rows))], replaces=True)

@@ -2,6 +2,8 @@
 
 import pytest
 from fastapi.routing import APIRoute
+from starlette.routing import Mount, Route
+from starlette.testclient import TestClient
 from tests.service.conftest import NOW, PASSWORD, ROLES
 
 from sprung.errors import ParameterError
@@ -9,12 +11,14 @@ from sprung.monitor import Site
 from sprung.service import Context, Server, add_account, add_token, remove_account, remove_token
 from sprung.service.access import Allowed
 from sprung.service.app import ROUTERS
-from sprung.service.people import SESSION, of_session
+from sprung.service.pages.forms import FormOf
+from sprung.service.people import SESSION, change_role, of_session
 
-#: Routes without a role in their signature; tests of probes show who may read figures.
-FREE = {("GET", "/health"), ("GET", "/metrics"), ("POST", "/api/v1/session")}
+#: Routes without a role in their signature: who may log in, and whether the monitor is healthy. Tests of probes show
+#: who may read figures.
+FREE = {("GET", "/health"), ("GET", "/metrics"), ("POST", "/api/v1/session"), ("GET", "/log-in"), ("POST", "/log-in")}
 #: Values of the parameters of paths.
-VALUES = {"vehicle": "bus-1", "number": "77", "name": "nobody"}
+VALUES = {"vehicle": "bus-1", "boot": "1", "number": "77", "name": "nobody", "figure": "fit", "version": "1"}
 
 
 def roles_of(route):
@@ -23,22 +27,31 @@ def roles_of(route):
     while waiting:
         one = waiting.pop()
         waiting += one.dependencies
-        roles += [one.call.role] if isinstance(one.call, Allowed) else []
+        roles += [one.call.role] if isinstance(one.call, Allowed | FormOf) else []
     return roles
+
+
+def routes_of(router):
+    """Routes of a router, and of those that it includes."""
+    for route in router.routes:
+        if isinstance(route, APIRoute):
+            yield route
+        else:
+            yield from routes_of(route.original_router)
 
 
 ROUTES = [
     (method, prefix + route.path, roles_of(route))
     for prefix, router in ROUTERS
-    for route in router.routes
-    if isinstance(route, APIRoute)
+    for route in routes_of(router)
     for method in sorted(route.methods or ())
 ]
 GUARDED = [(method, path, roles[0]) for method, path, roles in ROUTES if roles]
 
 
 def test_every_route_has_one_role_or_is_free() -> None:
-    assert len(ROUTES) > 25
+    assert len(ROUTES) > 40
+    assert len(ROUTES) == len({(method, path) for method, path, _ in ROUTES})
     assert {(method, path) for method, path, roles in ROUTES if not roles} == FREE
     assert {len(roles) for _, _, roles in ROUTES} == {0, 1}
 
@@ -54,9 +67,96 @@ def test_roles_by_routes(serve, people, store, role) -> None:
     for method, path, least in GUARDED:
         if path.endswith("/events"):
             continue  # it does not end: tests of live events
-        status = client.request(method, path.format(**VALUES), headers=headers).status_code
+        answer = client.request(method, path.format(**VALUES), headers=headers, follow_redirects=False)
+        status = answer.status_code
         expected = {401} if role is None else {403} if ROLES.index(role) < ROLES.index(least) else None
         assert status in expected if expected else status not in {401, 403}, (method, path, role, status)
+
+
+def test_there_are_no_other_routes(serve) -> None:
+    """The description of the interface and the files of the package are for everybody."""
+    _, client = serve()
+    app = client.app._app
+    others = [
+        route.path for route in app.routes if isinstance(route, Route | Mount) and not isinstance(route, APIRoute)
+    ]
+    assert sorted(others) == ["/api/v1/openapi.json", "/static"]
+    found = {
+        (method, route.path) for route in app.routes if isinstance(route, APIRoute) for method in route.methods or ()
+    }
+    assert found <= {(method, path) for method, path, _ in ROUTES}
+
+
+def test_files_of_the_package_alone_are_free(serve, people) -> None:
+    _, client = serve()
+    assert client.get("/static/base.css").status_code == 200
+    assert client.get("/static/plotly.js").status_code == 401
+    for path in (
+        "/static/",
+        "/static/../app.py",
+        "/static/%2e%2e/app.py",
+        "/static/..%2fapp.py",
+        "/static//etc/passwd",
+    ):
+        assert client.get(path).status_code == 404, path
+
+
+CHANGING = [(method, path) for method, path, _ in GUARDED if method != "GET"]
+
+
+@pytest.mark.parametrize("kind", ["no mark", "mark of another session", "mark without the session"])
+def test_requests_of_other_sites_change_nothing(serve, people, store, kind) -> None:
+    """The browser of a person who is logged in sends them with the cookie, but they cannot have the mark."""
+    _, client = serve()
+    body = {"name": people["admin"], "password": PASSWORD}
+    mark = client.post("/api/v1/session", json=body).json()["mark"]
+    if kind == "mark of another session":
+        assert client.post("/api/v1/session", json=body).json()["mark"] != mark
+    elif kind == "mark without the session":
+        client.cookies.clear()
+    given = "" if kind == "no mark" else mark
+    before = (len(store.requests.audited()), store.alerts.find(), store.accounts.all(), store.accounts.tokens())
+    assert len(CHANGING) > 20
+    for method, path in CHANGING:
+        url = path.format(**VALUES | {"number": "1", "name": "eve"})
+        if path.startswith("/api/"):
+            answer = client.request(method, url, json={}, headers={"X-Sprung-Mark": given})
+        else:
+            answer = client.request(method, url, data={"_mark": given})
+        assert answer.status_code == (401 if kind == "mark without the session" else 403), (method, path)
+    after = (len(store.requests.audited()), store.alerts.find(), store.accounts.all(), store.accounts.tokens())
+    assert after == before
+
+
+def test_a_session_ends_with_its_account_and_with_its_role(serve, people, store) -> None:
+    _, client = serve()
+    for act in (
+        lambda: remove_account(store, "eve", who="ada", now=NOW),
+        lambda: add_account(store, "eve", "viewer", PASSWORD, who="ada", now=NOW),
+        lambda: change_role(store, "eve", "engineer", who="ada", now=NOW),
+    ):
+        if store.accounts.find("eve") is None:
+            add_account(store, "eve", "engineer", PASSWORD, who="ada", now=NOW)
+        mark = client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).json()["mark"]
+        assert client.get("/api/v1/vehicles").status_code == 200
+        act()
+        assert client.get("/api/v1/vehicles").status_code == 401
+        assert client.post("/alerts/1/acknowledge", data={"_mark": mark}).status_code == 401
+        page = client.get("/alerts", headers={"Accept": "text/html"}, follow_redirects=False)
+        assert (page.status_code, page.headers["location"]) == (303, "/log-in?next=%2Falerts")
+
+
+def test_what_a_token_may_ends_with_it(serve, people, store) -> None:
+    _, client = serve()
+    _, old = add_token(store, "old", "admin", days=1, who="ada", now=NOW - 24 * 3600 * 10**9)
+    number, revoked = add_token(store, "revoked", "admin", days=None, who="ada", now=NOW)
+    remove_token(store, number, who="ada", now=NOW)
+    for secret in (old, revoked):
+        for method, path, _ in GUARDED:
+            if not path.endswith("/events"):
+                url, headers = path.format(**VALUES), {"Authorization": f"Bearer {secret}"}
+                answer = client.request(method, url, headers=headers, follow_redirects=False)
+                assert answer.status_code == 401, (method, path)
 
 
 def test_without_accounts_this_machine_may_do_everything_from_a_page_of_its_own(serve) -> None:
@@ -111,6 +211,23 @@ def test_passwords_are_tried_five_times(serve, people) -> None:
     assert int(wrong[-1].headers["retry-after"]) > 0
     again = client.post("/api/v1/session", json={"name": "ada", "password": PASSWORD})
     assert again.status_code == 429
+
+
+def test_nobody_locks_out_another_person(serve, people) -> None:
+    """The attempts of one address to a name leave those of others, however often it tries."""
+    _, client = serve()
+    for name in ("ada", "ada", "ada", "eve", "anna", "ada", "ada", "ada", "ada"):
+        client.post("/api/v1/session", json={"name": name, "password": "wrong"})
+    elsewhere = TestClient(client.app, base_url=str(client.base_url), client=("192.0.2.7", 50_000))
+    assert elsewhere.post("/api/v1/session", json={"name": "ada", "password": PASSWORD}).status_code == 200
+    assert client.post("/api/v1/session", json={"name": "eve", "password": PASSWORD}).status_code == 200
+
+
+def test_the_form_has_the_same_limit(serve, people) -> None:
+    _, client = serve()
+    tried = [client.post("/log-in", data={"name": "ada", "password": "wrong"}) for _ in range(6)]
+    assert [answer.status_code for answer in tried] == [401] * 5 + [429]
+    assert "too many attempts: try again in 30 s" in tried[-1].text
 
 
 def test_unknown_names_and_wrong_passwords_have_one_answer(serve, people) -> None:

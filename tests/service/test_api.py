@@ -3,8 +3,8 @@
 import pytest
 from tests.service.conftest import HOUR, NOW
 
-from sprung.alerting import health_index
-from sprung.monitor import alert_of
+from sprung.alerting import AlertSettings, Report, health_index, reported
+from sprung.monitor import AlertBook, alert_of
 from sprung.storage import AlertRow, FleetFilter
 
 
@@ -26,6 +26,23 @@ def test_the_fleet_in_order_of_urgency(client) -> None:
     assert (second["vehicle"], second["state"], second["health_index"]) == ("bus-2", "silent", None)
     assert (third["vehicle"], third["state"], third["health_index"]) == ("bus-3", "waiting", None)
     assert client.get("/api/v1/counts").json() == {"vehicles": 3, "steps": [0, 1, 0, 1, 0], "learning": 0, "silent": 1}
+
+
+def test_the_quality_of_data_in_the_fleet(client, store) -> None:
+    """A failing sensor and lost frames are seen next to a more severe finding."""
+
+    def quality():
+        first = client.get("/api/v1/vehicles").json()["vehicles"][0]
+        return first["channels"], first["failing"], first["has_lost"]
+
+    assert quality() == (1, [], False)
+    book = AlertBook(store, AlertSettings())
+    book.put(reported(None, Report("bus-1", "sensor:acc_fl", 300, "dead", {}), AlertSettings(), NOW), now=NOW)
+    assert quality() == (1, ["acc_fl"], False)
+    book.report_lost("bus-1", {1: 3}, now=NOW)
+    assert quality() == (1, ["acc_fl"], True)
+    page = client.get("/", headers={"Accept": "text/html"}).text
+    assert "0 of 1 good" in page
 
 
 @pytest.mark.parametrize(
@@ -50,7 +67,7 @@ def test_pages_follow_their_cursor(client) -> None:
         found += [each["vehicle"] for each in page["vehicles"]]
         cursor = page["next"]
     assert found == ["bus-1", "bus-2", "bus-3"]
-    assert client.get("/api/v1/vehicles?cursor=x").status_code == 409
+    assert client.get("/api/v1/vehicles?cursor=x").status_code == 422
 
 
 def test_the_impact_of_alerts_is_what_the_health_index_lacks(store) -> None:

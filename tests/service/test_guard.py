@@ -3,12 +3,14 @@
 import asyncio
 import http.client
 import socket
+import time
+from contextlib import suppress
 
 import pytest
 
 from sprung.monitor import Site
 from sprung.service import Context, Server, guard, server
-from sprung.service.guard import LARGEST_BODY, POLICY, Guard, RateLimit
+from sprung.service.guard import LARGEST_BODY, POLICY, Attempts, Guard, RateLimit, network_of
 
 
 def test_a_bucket_fills_again() -> None:
@@ -26,6 +28,28 @@ def test_addresses_are_forgotten_beyond_a_number(monkeypatch) -> None:
     monkeypatch.setattr(guard, "_MOST_ADDRESSES", 2)
     limit = RateLimit(1.0, 1.0, lambda: 0.0)
     assert [limit.wait(address) for address in ("a", "b", "c", "a")] == [0, 0, 0, 0]
+
+
+def test_attempts_to_log_in() -> None:
+    now = [0.0]
+    attempts = Attempts(lambda: now[0])
+    assert [attempts.wait("192.0.2.1", "ada") for _ in range(7)] == [0] * 5 + [30, 30]
+    assert attempts.wait("192.0.2.2", "ada") == 0
+    names = [f"name {k}" for k in range(40)]
+    assert [attempts.wait("192.0.2.1", name) == 0 for name in names] == [True] * 25 + [False] * 15
+    # A hundred to one name at once, of many addresses; then slowly. Refused ones count nowhere else.
+    others = [attempts.wait(f"198.51.100.{k}", "ada") for k in range(100)]
+    assert [wait == 0 for wait in others] == [True] * 94 + [False] * 6
+    now[0] = 3.0
+    assert attempts.wait("203.0.113.1", "ada") == 0
+    assert attempts.wait("203.0.113.2", "ada") > 0
+
+
+def test_one_machine_has_many_addresses_of_version_6() -> None:
+    assert network_of("2001:db8:1:2:3:4:5:6") == network_of("2001:db8:1:2::1") != network_of("2001:db8:1:3::1")
+    assert network_of("::ffff:192.0.2.1") == network_of("192.0.2.1") == "192.0.2.1"
+    assert network_of("::ffff:192.0.2.1") != network_of("::ffff:192.0.2.2")
+    assert network_of("testclient") == "testclient"
 
 
 async def _echo(scope, receive, send):
@@ -66,7 +90,7 @@ def test_a_request_in_parts_passes_with_headers() -> None:
     [
         ([b""], [(b"content-length", str(LARGEST_BODY + 1).encode())], 413),
         ([b""], [(b"content-length", b"-1")], 413),
-        ([b"x" * LARGEST_BODY, b"x"], [], 408),
+        ([b"x" * LARGEST_BODY, b"x"], [], 413),
         ([b"x", None], [], 408),
     ],
 )
@@ -90,6 +114,35 @@ def test_a_client_that_sends_no_request_is_cut_off(running, monkeypatch) -> None
     with socket.create_connection(running, timeout=20.0) as slow:
         slow.sendall(b"GET / HT")
         assert slow.recv(100) == b""
+
+
+def test_a_second_request_that_does_not_end_is_cut_off(running, monkeypatch) -> None:
+    monkeypatch.setattr(server, "_HEAD", 0.05)
+    with socket.create_connection(running, timeout=20.0) as slow:
+        slow.sendall(b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        received = b""
+        while not received.endswith(b'"troubles":[]}'):
+            received += slow.recv(4096)
+        slow.sendall(b"GET / HT")
+        assert slow.recv(100) == b""
+
+
+def test_a_client_that_takes_nothing_is_cut_off(running, monkeypatch) -> None:
+    """The rest of what it asked for is discarded: it does not stay in memory until the client comes back."""
+    monkeypatch.setattr(server, "_TAKEN", 0.05)
+    with socket.create_connection(running, timeout=20.0) as slow:
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        request = b"GET /static/plotly.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+        slow.sendall(request)
+        time.sleep(1.0)
+        n_taken = 0
+        with suppress(ConnectionResetError):
+            while part := slow.recv(1 << 16):
+                n_taken += len(part)
+    complete = http.client.HTTPConnection(running[0], running[1], timeout=20.0)
+    complete.request("GET", "/static/plotly.js")
+    assert len(complete.getresponse().read()) > 4 * 10**6 > n_taken
+    complete.close()
 
 
 def test_a_large_head_is_refused(running) -> None:

@@ -53,6 +53,48 @@ def test_listeners_hear_what_happens_from_now_on(store) -> None:
     assert ("window", {"vehicle": "bus-3", "boot": 1, "number": 0}) in one
 
 
+def test_those_who_come_at_once_hear_everything_once(store) -> None:
+    async def listen():
+        feed = Feed(store, look=0.01)
+        listening = [feed.listen(None) for _ in range(30)]
+        await asyncio.gather(*(next_of(each) for each in listening))
+        desk.add_comment(store, 1, who="eve", comment="first", now=NOW)
+        first = await asyncio.gather(*(next_of(each) for each in listening))
+        desk.add_comment(store, 1, who="eve", comment="second", now=NOW)
+        second = await asyncio.gather(*(next_of(each) for each in listening))
+        for each in listening:
+            await each.aclose()
+        assert feed.n_listeners == 0
+        await feed.close()
+        return {identity for identity, _, _ in first}, {identity for identity, _, _ in second}
+
+    first, second = asyncio.run(listen())
+    assert (len(first), len(second)) == (1, 1)
+    assert first != second
+
+
+def test_what_waits_for_listeners_is_bounded(store, monkeypatch) -> None:
+    """However much happens, a listener that takes nothing has a full queue at most, then none."""
+    monkeypatch.setattr(live, "_MOST_WAITING", 5)
+
+    async def listen():
+        feed = Feed(store, look=0.001)
+        idle = [feed.listen(None) for _ in range(10)]
+        await asyncio.gather(*(next_of(each) for each in idle))
+        waiting = []
+        for number in range(40):
+            desk.add_comment(store, 1, who="eve", comment=str(number), now=NOW)
+            await asyncio.sleep(0.005)
+            waiting.append(sum(queue.qsize() for queue in feed._listeners))
+        async with asyncio.timeout(20.0):
+            while feed.n_listeners:
+                await asyncio.sleep(0.01)
+        await feed.close()
+        return waiting
+
+    assert max(asyncio.run(listen())) <= 50
+
+
 @pytest.mark.parametrize("limit", [1, 1000])
 def test_a_listener_continues_where_it_stopped(store, monkeypatch, limit) -> None:
     """Nothing is missed and nothing comes twice, in whatever portions the store is read."""

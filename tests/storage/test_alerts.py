@@ -1,6 +1,11 @@
 from dataclasses import replace
+from itertools import product
 
-from sprung.storage import AlertRow, Delivery, HistoryRow, NotificationRow
+import pytest
+
+from sprung.alerting import severity_step, state_name
+from sprung.monitor import alert_of
+from sprung.storage import AlertFilter, AlertPlace, AlertRow, Delivery, HistoryRow, NotificationRow
 
 DAY = 86400 * 10**9
 ALERT = AlertRow("zafira", "front_left.damper", severity=2, text="Damper is weak", raised=100, document={"p": 0.01})
@@ -49,6 +54,52 @@ def test_alerts_are_chosen_by_the_end_of_their_shelving(store) -> None:
     assert store.alerts.shelved(until=99) == []
     assert [alert.cause for alert in store.alerts.shelved(until=100)] == ["tyre"]
     assert len(store.alerts.shelved(until=101)) == 2
+
+
+STATES = ("unacknowledged", "acknowledged", "returned to normal, unacknowledged", "shelved", "normal")
+
+
+@pytest.fixture
+def every(store):
+    """An alert of every combination of severity, state and assignee, and one in its first hold-off."""
+    choices = product((1, 200, 201, 400, 401, 1000), (True, False), (True, False), (None, 10**18), (None, "eve"))
+    for number, (severity, is_active, is_acknowledged, until, assignee) in enumerate(choices):
+        row = AlertRow(
+            *(f"car-{number % 3}", f"cause {number}", severity, "text", number // 7),
+            is_active=is_active,
+            is_acknowledged=is_acknowledged,
+            shelved_until=until,
+            assignee=assignee,
+            document={"streak": 0},
+        )
+        store.alerts.put(row, history=RAISED, now=0)
+    rows = store.alerts.find()
+    store.alerts.put(replace(ALERT, count=0), history=RAISED, now=0)
+    return rows
+
+
+def test_the_states_of_the_store_are_those_of_alerts(store, every) -> None:
+    """The store selects by state and step in SQL, alerts state them in Python."""
+    for state, step in product(STATES, range(5)):
+        expected = [row for row in every if (state_name(alert_of(row)), severity_step(row.severity)) == (state, step)]
+        assert store.alerts.page(AlertFilter((state,), (step,)), limit=1000) == expected
+        assert store.alerts.counts(AlertFilter()).get((state, step), 0) == len(expected)
+    assert sum(store.alerts.counts(AlertFilter()).values()) == len(every)
+
+
+def test_alerts_are_listed_in_pages_and_by_vehicle_and_assignee(store, every) -> None:
+    rows, after = [], None
+    while page := store.alerts.page(AlertFilter(), after=after, limit=10):
+        rows += page
+        after = AlertPlace(page[-1].severity, page[-1].raised, page[-1].id)
+    assert rows == every
+    wanted = AlertFilter(vehicle="AR-1", assignee="eve")
+    expected = [row for row in every if row.vehicle == "car-1" and row.assignee == "eve"]
+    assert store.alerts.page(wanted, limit=1000) == expected
+    assert sum(store.alerts.counts(wanted).values()) == len(expected)
+    assert store.alerts.page(AlertFilter(vehicle="_"), limit=10) == []
+    numbers = [expected[0].id, expected[-1].id, 10**6]
+    assert store.alerts.rows(numbers) == {row.id: row for row in (expected[0], expected[-1])}
 
 
 def test_each_sender_has_its_own_progress_with_a_notification(store) -> None:

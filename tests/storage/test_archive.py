@@ -8,7 +8,7 @@ import pytest
 
 from sprung.errors import ParameterError
 from sprung.formats import read
-from sprung.storage import Retention, StoreError, write_archive
+from sprung.storage import Retention, StoreError, is_archive, read_archive, write_archive
 
 T0 = int(datetime(2024, 2, 29, 23, 59, 59, tzinfo=UTC).timestamp()) * 10**9 + 123
 DAY = 86400 * 10**9
@@ -190,3 +190,27 @@ def test_a_full_disk_gets_room(small_disk) -> None:
     assert write(folder, samples=noise, first_seq=1000, t0=T0 + 1000 * DAY).exists()
     assert archive.prune(before=T0 + 1000 * DAY) > 0
     assert len(list(folder.rglob("*.parquet"))) == 1
+
+
+def test_vehicle_and_quantities_come_back(tmp_path: Path) -> None:
+    path = write_archive(
+        tmp_path,
+        "zafira",
+        7,
+        3,
+        T0,
+        samples=SAMPLES,
+        channels=("fl", "v"),
+        sampling_rate=200.0,
+        quantities=("acceleration", "speed"),
+    )
+    kept = read_archive(path)
+    assert (kept.vehicle, kept.quantities, kept.t0) == ("zafira", ("acceleration", "speed"), T0)
+    assert read_archive(write(tmp_path, first_seq=4)).quantities == ()
+
+
+def test_files_of_the_archive_are_recognised(tmp_path: Path) -> None:
+    assert is_archive(write(tmp_path))
+    pq.write_table(pq.read_table(write(tmp_path)).replace_schema_metadata({"vehicle": "zafira"}), tmp_path / "other.pq")
+    (tmp_path / "short.parquet").write_bytes(b"PAR1PAR1")
+    assert not any(map(is_archive, (tmp_path / "other.pq", tmp_path / "short.parquet", tmp_path, tmp_path / "none")))

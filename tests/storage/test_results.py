@@ -183,3 +183,27 @@ def test_documents_of_a_vehicle_take_little() -> None:
         "stable_rate": 0.6,
     }
     assert len(Packed().process_bind_param({"modes": [mode], "reason": ""}, None) or b"") < 100
+
+
+def test_one_window_is_found_with_its_findings_and_the_next(filled) -> None:
+    filled.results.commit(PROGRESS)
+    results = filled.results
+    assert results.observation("zafira", 7, 1) == Entry("zafira", 7, 1, 200, {"level": 0.25})
+    assert results.observation("zafira", 8, 1) is None
+    assert [entry.document["what"] for entry in results.findings_of("zafira", 7, 1)] == ["spring", "tyre"]
+    assert results.findings_of("zafira", 7, 0) == []
+    assert results.first_observation("zafira", after=100) == Entry("zafira", 7, 1, 200, {"level": 0.25})
+    assert results.first_observation("zafira", after=200) is None
+    assert results.first_observation("other", after=0) is None
+
+
+def test_last_modes_of_each_window(filled) -> None:
+    """Three identifications of one window, one of the next, and one of the next boot."""
+    modes = tuple((k, 100 if k < 3 else 200, {"k": k}) for k in range(4))
+    filled.results.commit(replace(PROGRESS, modes=modes))
+    filled.results.commit(Progress("zafira", 9, done_seq=-1, modes=((0, 300, {"k": 9}),)))
+    last = filled.results.last_modes
+    assert [entry.document["k"] for entry in last("zafira")] == [2, 3, 9]
+    assert [entry.document["k"] for entry in last("zafira", limit=2)] == [3, 9]
+    assert [entry.document["k"] for entry in last("zafira", since=200, until=200)] == [3]
+    assert last("other") == []

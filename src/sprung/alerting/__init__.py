@@ -18,6 +18,7 @@ from sprung.alerting.messages import Message, addressed, message_of, trial_messa
 from sprung.alerting.people import acknowledged, assigned, closed, commented, shelf_ended, shelved, unshelved
 from sprung.alerting.rounds import absent, assess, reported
 from sprung.alerting.senders import LogSender, MailSender, PublishSender, WebhookSender
+from sprung.alerting.services import ServiceSender
 
 __all__ = [
     "STEPS",
@@ -33,6 +34,7 @@ __all__ = [
     "Report",
     "SendError",
     "Sender",
+    "ServiceSender",
     "Transition",
     "WebhookSender",
     "absent",

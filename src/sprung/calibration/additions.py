@@ -6,12 +6,12 @@ from itertools import product
 
 import numpy as np
 
-from sprung._arrays import Complex, Real
+from sprung._arrays import Real
 from sprung.calibration.draft import Draft
 from sprung.calibration.fitting import JointFit
 from sprung.calibration.joint import JointModel
 from sprung.likelihood import Model
-from sprung.likelihood.hermitian import real_coordinates
+from sprung.likelihood.hermitian import congruence, real_coordinates
 from sprung.likelihood.spectra import OVERCOUNT, through_window
 from sprung.likelihood.transfer import Transfer, transfer
 from sprung.vehicles import MountedMass, Vehicle, body_row
@@ -30,7 +30,7 @@ class _Window:
 
     model: Model
     response: Transfer
-    factor: Complex
+    whitening: Real
     whitened: Real
     excess: Real
 
@@ -105,9 +105,12 @@ def _at_optimum(joint: JointModel, number: int, parameters: Real) -> _Window:
     spectra = model.spectra
     factor = np.asarray(np.linalg.inv(np.linalg.cholesky(model.matrix(own))), dtype=np.complex128)
     data = factor @ spectra.matrices @ factor.conj().swapaxes(-1, -2)
-    excess = real_coordinates(np.eye(data.shape[-1]) - data) * np.sqrt(spectra.weights)[..., None]
+    root_weights = np.sqrt(spectra.weights)[..., None]
+    excess = real_coordinates(np.eye(data.shape[-1]) - data) * root_weights
     whitened = model.whitened_derivatives(own).reshape(own.size, -1)
-    return _Window(model, transfer(model.terms(own)), factor, whitened, excess.ravel())
+    return _Window(
+        model, transfer(model.terms(own)), congruence(factor) * root_weights[..., None], whitened, excess.ravel()
+    )
 
 
 def _derivative(window: _Window, mount: MountedMass) -> Real:
@@ -119,6 +122,5 @@ def _derivative(window: _Window, mount: MountedMass) -> Real:
     row = body_row(model.structure.coordinates, x=mount.x, y=mount.y, shapes=model.structure.shapes)
     load = (2 * np.pi * f) ** 2 * dynamic
     change = load[:, None, None] * (response.force_response @ np.outer(row, row) @ response.displacements)
-    derivative = through_window(response.change_by_transfer(change))
-    whitened = real_coordinates(window.factor @ derivative @ window.factor.conj().swapaxes(-1, -2))
-    return np.asarray((whitened * np.sqrt(model.spectra.weights)[..., None]).ravel(), dtype=np.float64)
+    derivative = through_window(response.change_by_transfer(change)[..., None])
+    return np.asarray((window.whitening @ derivative).ravel(), dtype=np.float64)

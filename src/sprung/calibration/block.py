@@ -102,7 +102,7 @@ class FileNumbers(ParameterBlock):
                 gradient[row] -= 2 * np.einsum("fnk,fkn->", sensed, change.readings).real
         return gradient
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         X, L = response.displacements, response.force_response
         squared = ((2 * np.pi * response.terms.frequencies) ** 2)[:, None, None]

@@ -148,6 +148,11 @@ def calibrated(
     vehicle, settings
         As for `calibrate`.
 
+    Returns
+    -------
+    Calibration
+        Completed vehicle file, learnt numbers with deviations, and the misfit before and after.
+
     Raises
     ------
     DataError

@@ -26,6 +26,7 @@ from sprung.cli import (
     info,
     monitor,
     replay,
+    report,
     reproduce,
     simulate,
     track,
@@ -86,6 +87,7 @@ def _application() -> typer.Typer:
         monitor.monitor,
         box.box,
         replay.replay,
+        report.report,
         demo.demo,
     )
     for command in commands:

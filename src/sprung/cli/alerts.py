@@ -32,7 +32,7 @@ def alerts(
     every: Complete = False,
     json: Json = None,
 ) -> None:
-    """List alerts; sub-commands acknowledge, shelve, assign or comment on them."""
+    """List alerts; sub-commands act on them."""
     check_options_follow(context)
     if context.invoked_subcommand is None:
         list_alerts(store=store, vehicle=vehicle, every=every, json=json)
@@ -107,6 +107,50 @@ def comment(
     from sprung.monitor import desk
 
     _act(desk.add_comment, number, store=store, who=who, comment=comment, json=json)
+
+
+@application.command()
+def close(
+    number: Number, *, store: StoreUrl = DEFAULT_STORE, who: Who = None, comment: Comment = "", json: Json = None
+) -> None:
+    """Clear an active alert whose cause was removed."""
+    from sprung.monitor import desk
+
+    _act(desk.close, number, store=store, who=who, comment=comment, json=json)
+
+
+@application.command()
+def verdict(
+    number: Number,
+    *,
+    verdict: Annotated[
+        str,
+        option("WORD", "confirmed, 'another part', 'nothing found' or 'not looked at'.", "--verdict"),
+    ],
+    part: Annotated[str, option("TEXT", "Part that was found instead.", "--part", show_default=False)] = "",
+    action: Annotated[str, option("TEXT", "What was done.", "--action", show_default=False)] = "",
+    new_baseline: Annotated[bool, typer.Option("--new-baseline", help="Learn a new baseline and clear the alert.")] = (
+        False
+    ),
+    store: StoreUrl = DEFAULT_STORE,
+    who: Who = None,
+    json: Json = None,
+) -> None:
+    """State what the workshop found and did."""
+    from sprung.monitor import desk
+
+    with existing_store(store) as opened:
+        desk.add_verdict(
+            opened,
+            number,
+            verdict=verdict,
+            part=part,
+            action=action,
+            is_new_baseline=new_baseline,
+            who=who or getpass.getuser(),
+            now=time.time_ns(),
+        )
+        _print_alerts(opened, json)
 
 
 @application.command()

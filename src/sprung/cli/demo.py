@@ -4,21 +4,30 @@ import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
+import typer
+
 from sprung.cli.options import option
 from sprung.cli.output import console, show
+from sprung.cli.stopping import stop_on_signals
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from sprung.demo import CarState
 
+#: Longest time from a signal to the end [s].
+_GRACE = 10.0
+
 
 def demo(
     *,
     pace: Annotated[float, option("X", "Speed, times real time.", min=1, max=120)] = 60.0,
-    minutes: Annotated[float, option("M", "Longest run in minutes.", min=0.1)] = 5.0,
+    minutes: Annotated[float, option("M", "Longest time to find both faults, in minutes.", min=0.1)] = 5.0,
+    once: Annotated[
+        bool, typer.Option("--once", help="End after the findings, as without a terminal; else serve until Ctrl-C.")
+    ] = False,
 ) -> None:
-    """Monitor a small simulated fleet over the real link: a spring softens, a sensor dies, and both raise alerts.
+    """Monitor a small simulated fleet, and show it on pages: a spring softens, a sensor dies, and both raise alerts.
 
     Three cars send frames by MQTT to a monitor in this terminal, which learns baselines from their first 40 minutes.
 
@@ -26,18 +35,27 @@ def demo(
     """
     from rich.live import Live
 
-    from sprung.demo import run_demo
+    from sprung.demo import open_demo
 
     logging.getLogger("sprung").addHandler(logging.NullHandler())
     screen = console()
-    with Live(console=screen, auto_refresh=False, transient=not screen.is_terminal) as live:
+    is_kept = screen.is_terminal and not once
+    stopping = stop_on_signals(within=_GRACE)
+    with open_demo(pace=pace) as demonstration:
+        screen.print(f"pages of this monitor: {demonstration.page}", style="bold", soft_wrap=True)
+        with Live(console=screen, auto_refresh=False, transient=not screen.is_terminal) as live:
 
-        def report(seconds: float, cars: "Sequence[CarState]") -> None:
-            if screen.is_terminal:
-                live.update(_grid(seconds, cars), refresh=True)
+            def report(seconds: float, cars: "Sequence[CarState]") -> None:
+                if screen.is_terminal:
+                    live.update(_grid(seconds, cars), refresh=True)
 
-        sentences = run_demo(pace=pace, limit=60 * minutes, on_progress=report)
-    show(sentences)
+            sentences = demonstration.find_faults(60 * minutes, is_stopped=stopping.is_set, on_progress=report)
+        show(sentences or ["stopped before both faults were found"])
+        if not sentences:
+            raise typer.Exit(130)
+        if is_kept:
+            screen.print(f"the fleet drives on, see {demonstration.page}; Ctrl-C ends it", style="bold", soft_wrap=True)
+            demonstration.run(stopping.is_set)
 
 
 def _grid(seconds: float, cars: "Sequence[CarState]") -> "Table":

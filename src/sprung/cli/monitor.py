@@ -92,7 +92,10 @@ def monitor(
         try:
             server.open()
             station.open()
-            for sentence in start_in_words(settings, address, http=server.address, n_vehicles=station.n_vehicles):
+            has_accounts = opened.accounts.n_accounts() > 0
+            for sentence in start_in_words(
+                settings, address, http=server.address, n_vehicles=station.n_vehicles, has_accounts=has_accounts
+            ):
                 LOG.info(sentence)
             station.run(stopping.is_set)
         finally:

@@ -66,3 +66,7 @@ Json = Annotated[
         "PATH", "Write the result as JSON; use - for standard output (nothing else is printed there).", panel=OUTPUT
     ),
 ]
+Since = Annotated[
+    str | None, option("TIME", "Begin of the period, such as 2026-11-21 or 2026-11-21T08:30 (UTC).", "--since")
+]
+Until = Annotated[str | None, option("TIME", "End of the period, in the same form.", "--until")]

@@ -36,6 +36,17 @@ def write_result(document: "Document | Mapping[str, Any]", json: str | None) -> 
     return json != "-"
 
 
+def write_pieces(pieces: Iterable[bytes], path: str) -> None:
+    """Write the pieces of a text file in UTF-8, or of any file, to a file, or to standard output for "-"."""
+    if path == "-":
+        for piece in pieces:
+            sys.stdout.write(piece.decode())
+        sys.stdout.flush()
+        return
+    with open(path, "wb") as file:
+        file.writelines(pieces)
+
+
 def written(paths: "Iterable[Path | str]", json: str | None = None) -> list[str]:
     """Return a sentence for each file that was written, that of `--json` last."""
     return [f"wrote {path}" for path in (*paths, *([] if json is None else [json]))]

@@ -2,14 +2,17 @@
 
 import getpass
 import time
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from sprung.cli.options import Json, option
-from sprung.cli.output import show, write_result, written
+from sprung.cli.checks import check_file
+from sprung.cli.options import Json, Since, Until, option
+from sprung.cli.output import show, write_pieces, write_result, written
 from sprung.cli.progress import progress_bar
 from sprung.cli.stores import DEFAULT_STORE, StoreUrl, Who, check_options_follow, existing_store
+from sprung.errors import ParameterError
 
 if TYPE_CHECKING:
     from sprung.storage import Store
@@ -93,6 +96,29 @@ def learn(
         _print_vehicles(opened, json, [relearning_in_words(vehicle, reason)])
 
 
+@application.command("rollback")
+def roll_back(
+    vehicle: VehicleName,
+    *,
+    version: Annotated[int | None, option("N", "Earlier version to return to; required.", min=1)] = None,
+    reason: Annotated[
+        str, option("TEXT", "Reason, such as 'learnt with a broken spring'; required.", show_default=False)
+    ] = "",
+    store: StoreUrl = DEFAULT_STORE,
+    who: Who = None,
+    json: Json = None,
+) -> None:
+    """Return to an earlier baseline of a vehicle; it becomes the newest version."""
+    from sprung.monitor.desk import roll_back
+    from sprung.monitor.requests import rolling_back_in_words
+
+    if version is None:
+        raise ParameterError("give --version N, the baseline to return to: the page of the vehicle lists them")
+    with existing_store(store) as opened:
+        roll_back(opened, vehicle, version=version, reason=reason, who=who or getpass.getuser(), now=time.time_ns())
+        _print_vehicles(opened, json, [rolling_back_in_words(vehicle, version, reason)])
+
+
 @application.command()
 def raw(
     vehicle: VehicleName,
@@ -113,6 +139,38 @@ def raw(
         with progress_bar() as report:
             sentence = wait_for_samples(opened, number, timeout=wait, on_progress=report)
         _print_vehicles(opened, json, [sentence])
+
+
+@application.command()
+def export(
+    vehicle: VehicleName,
+    *,
+    what: Annotated[Literal["windows", "modes", "findings", "alerts"], option(None, "What to export.")] = "windows",
+    out: Annotated[Path | None, option("FILE", "File to write: .csv, .parquet or .json.", "--out")] = None,
+    since: Since = None,
+    until: Until = None,
+    store: StoreUrl = DEFAULT_STORE,
+    json: Json = None,
+) -> None:
+    """Export windows, modes, findings or alerts of a vehicle as a table."""
+    from sprung.monitor.exports import FORMATS, export
+    from sprung.monitor.periods import parse_period
+
+    check_file("--out", out)
+    check_file("--json", json)
+    file_format = "" if out is None else out.suffix.lower().removeprefix(".")
+    if out is not None and file_format not in FORMATS:
+        raise ParameterError(f"--out {out} must end in {', '.join(f'.{name}' for name in FORMATS)}: rename it")
+    if out is None and json is None:
+        raise ParameterError("there is no file to write: give --out FILE or --json PATH")
+    period = parse_period(since, until)
+    with existing_store(store) as opened:
+        if out is not None:
+            write_pieces(export(opened, vehicle, what, file_format=file_format, period=period), str(out))
+        if json is not None:
+            write_pieces(export(opened, vehicle, what, file_format="json", period=period), json)
+    if json != "-":
+        show(written([] if out is None else [out], json))
 
 
 def _print_vehicles(store: "Store", json: str | None, sentences: list[str]) -> None:

@@ -1,6 +1,6 @@
-"""The demonstration: a small simulated fleet and its monitor, until the monitor has found both faults."""
+"""The demonstration: a small simulated fleet, its monitor and the pages of it."""
 
 from sprung.demo.fleet import Member, drive_fleet
-from sprung.demo.scenario import CarState, run_demo
+from sprung.demo.scenario import CarState, Demonstration, open_demo
 
-__all__ = ["CarState", "Member", "drive_fleet", "run_demo"]
+__all__ = ["CarState", "Demonstration", "Member", "drive_fleet", "open_demo"]

@@ -1,5 +1,6 @@
 """A small simulated fleet that sends data as real vehicles would."""
 
+import signal
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +17,8 @@ from sprung.vehicles import Vehicle, parse_fault
 
 #: Length of a piece of a drive, and of a block [s].
 PIECE, _BLOCK = 600.0, 5.0
+#: How long before the program the drives began [ns].
+_AGO = 3 * 3600 * 10**9
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +70,25 @@ def drives(car: Vehicle, member: Member, start: int) -> Iterator[Recording]:
 
 
 def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, folder: Path, pace: float) -> None:
-    """Drive a fleet of identical cars at a pace, starting two hours ago, until the process is stopped."""
-    begun = time.time_ns() - 7200 * 10**9
+    """Drive a fleet of identical cars until the process is stopped.
+
+    The drives began three hours ago. They go on at a pace until they have reached the present, and then in real time.
+
+    Parameters
+    ----------
+    address
+        Address of the broker.
+    car
+        Vehicle without a fault.
+    members
+        Vehicles of the fleet.
+    folder
+        Folder of the spools.
+    pace
+        Speed of the drives, times real time.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to this process, too: its parent ends it
+    begun = time.time_ns() - _AGO
     boxes, sources = [], []
     for member in members:
         boxes.append(box_of(member.name, car, Spool(folder / member.name, is_synced=False), address))
@@ -80,7 +100,21 @@ def drive_fleet(address: Address, car: Vehicle, members: Sequence[Member], *, fo
             box.take(next(source))
             box.step()
         driven += _BLOCK
-        while (ahead := clock + driven / pace - time.monotonic()) > 0:
+        while (ahead := clock + waiting_time(driven, pace) - time.monotonic()) > 0:
             for box in boxes:
                 box.step()
             time.sleep(min(ahead, 0.02))
+
+
+def waiting_time(driven: float, pace: float) -> float:
+    """Return the time [s] from the start of the program to the end of a drive.
+
+    Parameters
+    ----------
+    driven
+        Length of the drive [s], which began three hours before the program.
+    pace
+        Speed of the drive, times real time, until it has reached the present; more than 1.
+    """
+    ago = _AGO / 1e9
+    return max(driven / pace, driven - ago)

@@ -1,4 +1,4 @@
-"""Three cars and their monitor: a spring softens, a sensor dies, and both raise alerts."""
+"""Three cars, their monitor and its pages: a spring softens, a sensor dies, and both raise alerts."""
 
 import multiprocessing
 import socket
@@ -12,10 +12,11 @@ from pathlib import Path
 
 from sprung.alerting import Alert
 from sprung.demo.fleet import PIECE, Member, drive_fleet
-from sprung.errors import DataError
+from sprung.errors import DataError, ParameterError
 from sprung.link import Link
 from sprung.monitor import Site, Station, VehicleStatus, Workers, alert_of
 from sprung.monitor.broker import open_broker
+from sprung.service import Context, Server
 from sprung.storage import Store, open_store
 from sprung.vehicles import read_vehicle
 
@@ -50,55 +51,94 @@ class CarState:
     state: str
 
 
-def run_demo(
-    *,
-    pace: float,
-    limit: float,
-    on_progress: Callable[[float, Sequence[CarState]], None] = lambda seconds, cars: None,
-) -> list[str]:
-    """Let the fleet drive and monitor it until both faults have raised alerts, and no other has.
+class Demonstration:
+    """A fleet that drives, and the monitor of it with its pages.
 
     Parameters
     ----------
-    pace
-        Speed of the drives, times real time.
-    limit
-        Longest run [s].
-    on_progress
-        Callback that receives the time since the start [s] and the state of each car.
-
-    Returns
-    -------
-    list of str
-        What the monitor found, next to what was simulated.
-
-    Raises
-    ------
-    DataError
-        Where an alert is missing in the end, or another one was raised.
+    station
+        Open monitor.
+    store
+        Store of the monitor.
+    address
+        Host and port of the pages.
     """
-    complete_since: float | None = None
-    begun = time.monotonic()
-    with _monitored(pace) as (station, store):
-        for seconds in _looks(station, begun, limit):
-            alerts = [alert_of(row) for row in store.alerts.find(is_active=True)]
-            on_progress(seconds, [_state(station, member.name, alerts) for member in FLEET])
+
+    def __init__(self, station: Station, store: Store, *, address: tuple[str, int]) -> None:
+        self._station, self._store = station, store
+        self._begun = time.monotonic()
+        #: Address of the pages.
+        self.page = "http://{}:{}".format(*address)
+
+    def find_faults(
+        self,
+        limit: float,
+        *,
+        is_stopped: Callable[[], bool] = lambda: False,
+        on_progress: Callable[[float, Sequence[CarState]], None] = lambda seconds, cars: None,
+    ) -> list[str]:
+        """Monitor until both faults have raised alerts, and no other has.
+
+        Parameters
+        ----------
+        limit
+            Longest run [s].
+        is_stopped
+            Function that returns whether the run is to end before.
+        on_progress
+            Callback that receives the time since the start [s] and the state of each car.
+
+        Returns
+        -------
+        list of str
+            What the monitor found, next to what was simulated; nothing if the run was stopped.
+
+        Raises
+        ------
+        DataError
+            Where an alert is missing in the end, or another one was raised.
+        """
+        complete_since: float | None = None
+        for seconds in self._looks(limit, is_stopped):
+            alerts = [alert_of(row) for row in self._store.alerts.find(is_active=True)]
+            on_progress(seconds, [_state(self._station, member.name, alerts) for member in FLEET])
             if _is_complete(alerts):
                 complete_since = seconds if complete_since is None else complete_since
                 if seconds - complete_since > _SETTLED:
                     return _sentences(alerts, complete_since)
-    raise DataError(f"no alerts of the spring and the sensor within {limit / 60:g} min: try a lower --pace")
+        if is_stopped():
+            return []
+        raise DataError(f"no alerts of the spring and the sensor within {limit / 60:g} min: try a lower --pace")
+
+    def run(self, is_stopped: Callable[[], bool]) -> None:
+        """Monitor, and serve the pages, until `is_stopped` returns True."""
+        self._station.run(is_stopped)
+
+    def _looks(self, limit: float, is_stopped: Callable[[], bool]) -> Iterator[float]:
+        """Run the monitor, and yield the time since the start now and then."""
+        looked = 0.0
+        while (now := time.monotonic()) - self._begun < limit and not is_stopped():
+            self._station.step()
+            if now - looked >= _LOOK:
+                looked = now
+                yield now - self._begun
 
 
 @contextmanager
-def _monitored(pace: float) -> Iterator[tuple[Station, Store]]:
-    """Yield the monitor and its store while the fleet drives in a process of its own."""
+def open_demo(*, pace: float) -> Iterator[Demonstration]:
+    """Yield the monitor of a fleet that drives in a process of its own.
+
+    Parameters
+    ----------
+    pace
+        Speed of the drives, times real time, until they have reached the present.
+    """
     with tempfile.TemporaryDirectory(prefix="sprung-demo-") as scratch:
         folder = Path(scratch)
         site = Site.model_validate(
             {
+                "name": "Demonstration",
                 "store": f"sqlite:///{folder}/sprung.sqlite",
-                "http": "127.0.0.1:0",
                 "watch": {"learning_windows": _LEARNING, "identify_every_minutes": 5.0},
                 "keep": {"raw_days": 0.0},
             }
@@ -112,24 +152,34 @@ def _monitored(pace: float) -> Iterator[tuple[Station, Store]]:
                 kwargs={"folder": folder / "boxes", "pace": pace},
                 daemon=True,
             )
+            server = None
             try:
+                server = _open_server(site, store, station)
                 station.open(timeout=10.0)
                 driving.start()
-                yield station, store
+                yield Demonstration(station, store, address=server.address)
             finally:
                 if driving.pid is not None:
                     driving.kill()
+                    driving.join()
+                if server is not None:
+                    server.close()
                 station.close()
 
 
-def _looks(station: Station, begun: float, limit: float) -> Iterator[float]:
-    """Run the monitor, and yield the time since the start now and then."""
-    looked = 0.0
-    while (now := time.monotonic()) - begun < limit:
-        station.step()
-        if now - looked >= _LOOK:
-            looked = now
-            yield now - begun
+def _open_server(site: Site, store: Store, station: Station) -> Server:
+    """Return the server of the pages, at the address of the site, or at a free port where that is taken."""
+    try:
+        return _serving(site, store, station)
+    except ParameterError:
+        return _serving(site.model_copy(update={"http": "127.0.0.1:0"}), store, station)
+
+
+def _serving(site: Site, store: Store, station: Station) -> Server:
+    """Return a server of the pages that answers."""
+    server = Server(Context(store, site, figures=station.figures, troubles=station.troubles))
+    server.open()
+    return server
 
 
 def _state(station: Station, name: str, alerts: Sequence[Alert]) -> CarState:

@@ -57,6 +57,11 @@ def diagnose(
     windows_per_day
         Windows in a day of driving, above 0.
 
+    Returns
+    -------
+    Diagnosis
+        Verdict, findings, sensor faults, and the smallest changes that would have been found.
+
     Raises
     ------
     ParameterError

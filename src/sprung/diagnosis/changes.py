@@ -203,10 +203,12 @@ class ChangeDetector:
 
         Parameters
         ----------
-        baseline, false_alarms, windows_per_day, n_windows
-            Arguments of the earlier detector.
+        baseline
+            Baseline of the earlier detector.
         observations, evidence
             Attributes of the earlier detector.
+        false_alarms, windows_per_day, n_windows
+            Arguments of the earlier detector.
         """
         detector = cls(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day, n_windows=n_windows)
         for observation in observations:

@@ -254,11 +254,7 @@ def observe_window(
     check_type("vehicle", vehicle, Vehicle)
     window = window_of(recording, vehicle, allow_missing=allow_missing)
     check = check_sensors(window)
-    sound = window.without({fault.channel for fault in check.faults})
-    faults = check.faults
-    wrong_speed = speed_fault(sound, settings=settings)
-    if wrong_speed is not None:
-        sound, faults = sound.without({wrong_speed.channel}), (*faults, wrong_speed)
+    sound, faults = sound_part(window, check.faults, settings=settings)
     try:
         fit = fit_windows([sound], settings=settings)
     except (DataError, ParameterError) as error:
@@ -270,6 +266,27 @@ def observe_window(
     if reason:
         return _inconclusive(time, sound, faults, reason)
     return _conclusive(time, sound, fit, faults)
+
+
+def sound_part(
+    window: Window, faults: tuple[SensorFault, ...], *, settings: CornerSettings | None = None
+) -> tuple[Window, tuple[SensorFault, ...]]:
+    """Return the part of a window that is fitted, without failing channels, and all faults.
+
+    Parameters
+    ----------
+    window
+        Window of a vehicle.
+    faults
+        Faults of its sensors, as `check_sensors` finds them; a wrong speed is added.
+    settings
+        Choices of the fit.
+    """
+    sound = window.without({fault.channel for fault in faults})
+    wrong_speed = speed_fault(sound, settings=settings)
+    if wrong_speed is None:
+        return sound, faults
+    return sound.without({wrong_speed.channel}), (*faults, wrong_speed)
 
 
 def _reason(fit: CornerFit, disagreement: float) -> str:

@@ -199,6 +199,11 @@ def learn_residuals(
     sampling_rate, segment, block_rows
         As for `residual_statistics`.
 
+    Returns
+    -------
+    ResidualReference
+        Null space, whitening, and the distribution of the statistic over the windows.
+
     Raises
     ------
     DataError, ParameterError
@@ -219,6 +224,11 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
     ----------
     windows
         Windows of the system with their segments, at least three, over the conditions it meets, with equal settings.
+
+    Returns
+    -------
+    ResidualReference
+        Null space, whitening, and the distribution of the statistic over the windows.
 
     Raises
     ------
@@ -279,6 +289,11 @@ def compare_residuals(reference: ResidualReference, recording: Recording) -> Res
     recording
         Window of the same outputs.
 
+    Returns
+    -------
+    ResidualTest
+        Probability of a residual as large in a healthy system.
+
     Raises
     ------
     DataError
@@ -306,6 +321,11 @@ def residual_test(reference: ResidualReference, window: ResidualStatistics) -> R
         Reference from `learn_reference`.
     window
         Statistics of the window, with or without its segments.
+
+    Returns
+    -------
+    ResidualTest
+        Probability of a residual as large in a healthy system.
 
     Raises
     ------

@@ -210,6 +210,11 @@ def learn_type(windows: Mapping[str, Iterable[Observation]], *, name: str = "") 
     name
         Name of the type; empty: the name in the vehicle file of the windows, where it is the same for all.
 
+    Returns
+    -------
+    TypeBaseline
+        Mean of the vehicles, and the covariance between and within them.
+
     Raises
     ------
     DataError

@@ -12,6 +12,7 @@ from sprung.documents.corners import CornersDocument, corners_document, read_cor
 from sprung.documents.diagnosis import (
     DiagnosisDocument,
     detectable_document,
+    detection_document,
     diagnosis_document,
     finding_document,
     observation_document,
@@ -21,12 +22,19 @@ from sprung.documents.diagnosis import (
 )
 from sprung.documents.document import Document, document_text, write_document
 from sprung.documents.fleet import FleetDocument, fleet_document
+from sprung.documents.fleet_run import (
+    FleetPlanDocument,
+    FleetRunDocument,
+    fleet_plan_document,
+    fleet_run_document,
+)
 from sprung.documents.identification import (
     IdentificationDocument,
     identification_document,
     read_identification,
     write_identification,
 )
+from sprung.documents.lake import LakeDocument, LakeImportDocument, lake_document, lake_import_document
 from sprung.documents.modes import mode_documents
 from sprung.documents.monitoring import AlertHistoryDocument, AlertsDocument, ReproductionDocument, VehiclesDocument
 from sprung.documents.recordings import (
@@ -49,6 +57,8 @@ from sprung.documents.type_baseline import (
     type_baseline_from_document,
     write_type_baseline,
 )
+from sprung.documents.vehicles import ExportDocument, ReportDocument
+from sprung.documents.work_order import WorkOrderDocument
 
 __all__ = [
     "DOCUMENTS",
@@ -59,27 +69,39 @@ __all__ = [
     "CornersDocument",
     "DiagnosisDocument",
     "Document",
+    "ExportDocument",
     "FleetDocument",
+    "FleetPlanDocument",
+    "FleetRunDocument",
     "IdentificationDocument",
     "InspectionDocument",
+    "LakeDocument",
+    "LakeImportDocument",
+    "ReportDocument",
     "ReproductionDocument",
     "TrackingDocument",
     "TruthDocument",
     "TypeBaselineDocument",
     "VehiclesDocument",
+    "WorkOrderDocument",
     "baseline_document",
     "baseline_from_document",
     "calibration_document",
     "corners_document",
     "detectable_document",
+    "detection_document",
     "diagnosis_document",
     "document_of",
     "document_text",
     "finding_document",
     "fleet_document",
+    "fleet_plan_document",
+    "fleet_run_document",
     "identification_document",
     "inspection_document",
     "json_schema",
+    "lake_document",
+    "lake_import_document",
     "mode_documents",
     "observation_document",
     "observation_from_document",

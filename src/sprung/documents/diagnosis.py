@@ -181,6 +181,21 @@ def detectable_document(detectable: Mapping[Component, float]) -> dict[str, floa
     return {str(component): loss for component, loss in detectable.items()}
 
 
+def detection_document(detection: Detection, *, most_windows: int, most_hypotheses: int) -> dict[str, Any]:
+    """Return a change test as one JSON object, as `detection` of `sprung.diagnosis/1`, shortened for an alert.
+
+    Parameters
+    ----------
+    detection
+        Change test.
+    most_windows, most_hypotheses
+        Number of the last windows, and of the likeliest hypotheses, that are kept.
+    """
+    fields = DetectionDocument.model_validate(_detection(detection)).as_json()
+    kept = {name: fields[name][-most_windows:] for name in ("times", "evidence")}
+    return {**fields, **kept, "hypotheses": fields["hypotheses"][:most_hypotheses]}
+
+
 def diagnosis_document(
     diagnosis: Diagnosis,
     *,

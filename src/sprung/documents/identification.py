@@ -7,11 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from sprung._arrays import Complex
 from sprung._checks import check_type
 from sprung._display import in_short
 from sprung.documents.document import Computed, Document, Number, Pair, checked, plain, read_fields, write_document
-from sprung.documents.modes import IdentifiedMode, ModeValues, Participation, identified_modes, participations
+from sprung.documents.modes import (
+    IdentifiedMode,
+    ModeValues,
+    Participation,
+    identified_modes,
+    modes_from_documents,
+    participations,
+)
 from sprung.identification import Identification, RovingSetups, SubsetModes
 from sprung.identification.refinement import Refinement
 from sprung.modal import Modes
@@ -140,30 +146,7 @@ class IdentificationDocument(Document):
 
     def as_modes(self) -> Modes:
         """Return the modes as arrays, for comparisons and pictures."""
-        frequency, ratio, frequency_std, ratio_std, stable_rate = (
-            np.array([getattr(mode, name) for mode in self.modes], dtype=np.float64)
-            for name in (
-                *("natural_frequency", "damping_ratio", "natural_frequency_std", "damping_ratio_std"),
-                "stable_rate",
-            )
-        )
-        shapes = np.array([mode.mode_shape for mode in self.modes], dtype=np.complex128)
-        return Modes(
-            poles=2 * np.pi * frequency * (1j * np.sqrt(1 - ratio**2) - ratio),
-            mode_shapes=shapes.reshape(len(self.modes), len(self.channels)),
-            channels=self.channels,
-            natural_frequency_std=frequency_std,
-            damping_ratio_std=ratio_std,
-            stable_rate=stable_rate,
-            labels=tuple(mode.label for mode in self.modes),
-            mode_shape_std=self._shape_stds(),
-        )
-
-    def _shape_stds(self) -> Complex:
-        """Return the standard deviations of the shapes, NaN where unknown."""
-        unknown = np.full(len(self.channels), complex(np.nan, np.nan))
-        stds = [unknown if mode.mode_shape_std is None else mode.mode_shape_std for mode in self.modes]
-        return np.array(stds, dtype=np.complex128).reshape(len(self.modes), len(self.channels))
+        return modes_from_documents(self.modes, self.channels)
 
 
 _UNITS = {"constant": "Hz", "drifting": "Hz", "speed": "1/m"}

@@ -1,6 +1,7 @@
 """Modes in published documents."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,43 @@ def identified_modes(modes: Modes) -> tuple[IdentifiedMode, ...]:
             stable_rate=modes.stable_rate[k],
         )
         for k in range(len(modes))
+    )
+
+
+def modes_from_documents(documents: Sequence[IdentifiedMode], channels: tuple[str, ...]) -> Modes:
+    """Return identified modes as arrays.
+
+    Parameters
+    ----------
+    documents
+        Documents of the modes.
+    channels
+        Names of the channels of their shapes.
+
+    Raises
+    ------
+    ValueError
+        If a shape has another number of channels.
+    """
+    frequency, ratio, frequency_std, ratio_std, stable_rate = (
+        np.array([getattr(mode, name) for mode in documents], dtype=np.float64)
+        for name in (
+            *("natural_frequency", "damping_ratio", "natural_frequency_std", "damping_ratio_std"),
+            "stable_rate",
+        )
+    )
+    size = len(documents), len(channels)
+    unknown = np.full(len(channels), complex(np.nan, np.nan))
+    stds = [unknown if mode.mode_shape_std is None else mode.mode_shape_std for mode in documents]
+    return Modes(
+        poles=2 * np.pi * frequency * (1j * np.sqrt(1 - ratio**2) - ratio),
+        mode_shapes=np.array([mode.mode_shape for mode in documents], dtype=np.complex128).reshape(size),
+        channels=channels,
+        natural_frequency_std=frequency_std,
+        damping_ratio_std=ratio_std,
+        stable_rate=stable_rate,
+        labels=tuple(mode.label for mode in documents),
+        mode_shape_std=np.array(stds, dtype=np.complex128).reshape(size),
     )
 
 

@@ -48,6 +48,38 @@ class AlertHistoryDocument(Document):
     history: tuple[HistoryEntry, ...]
 
 
+class NotificationDocument(Document):
+    """What happened to an alert, as senders pass it on; a test message has the first five keys only.
+
+    Times are nanoseconds UTC since 1970, but for `time`, which is ISO 8601.
+    """
+
+    schema_name: Literal["sprung.alert/1"] = Field(alias="schema")
+    time: str
+    what: str
+    subject: str
+    text: str
+    who: str = ""
+    comment: str = ""
+    vehicle: str = ""
+    cause: str = ""
+    severity: int | None = None
+    step: str = ""
+    state: str = ""
+    is_active: bool = False
+    is_acknowledged: bool = False
+    shelved_until: int | None = None
+    raised: int | None = None
+    updated: int | None = None
+    cleared: int | None = None
+    count: int = 0
+    assignee: str | None = None
+    evidence: dict[str, Any] = Field(default_factory=dict)
+    number: int | None = None
+    link: str | None = None
+    key: str = ""
+
+
 class VehicleEntry(Document):
     """A vehicle that a monitor watches."""
 

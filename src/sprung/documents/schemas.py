@@ -14,12 +14,15 @@ from sprung.documents.corners import CornersDocument
 from sprung.documents.diagnosis import DiagnosisDocument
 from sprung.documents.document import Document, checked, read_fields, schema_of
 from sprung.documents.fleet import FleetDocument
+from sprung.documents.fleet_run import FleetPlanDocument, FleetRunDocument
 from sprung.documents.identification import IdentificationDocument
+from sprung.documents.lake import LakeDocument, LakeImportDocument
 from sprung.documents.monitoring import (
     AccountsDocument,
     AlertHistoryDocument,
     AlertsDocument,
     AsideDocument,
+    NotificationDocument,
     ReproductionDocument,
     TokensDocument,
     VehiclesDocument,
@@ -27,10 +30,13 @@ from sprung.documents.monitoring import (
 from sprung.documents.recordings import InspectionDocument, TruthDocument
 from sprung.documents.tracking import TrackingDocument
 from sprung.documents.type_baseline import TypeBaselineDocument
+from sprung.documents.vehicles import ExportDocument, ReportDocument
+from sprung.documents.work_order import WorkOrderDocument
 from sprung.errors import FormatError, ParameterError
 
 _KINDS: tuple[type[Document], ...] = (
     AccountsDocument,
+    NotificationDocument,
     AlertHistoryDocument,
     AlertsDocument,
     AsideDocument,
@@ -38,15 +44,22 @@ _KINDS: tuple[type[Document], ...] = (
     CalibrationDocument,
     CornersDocument,
     DiagnosisDocument,
+    ExportDocument,
     FleetDocument,
+    FleetPlanDocument,
+    FleetRunDocument,
     IdentificationDocument,
     InspectionDocument,
+    LakeDocument,
+    LakeImportDocument,
+    ReportDocument,
     ReproductionDocument,
     TokensDocument,
     TrackingDocument,
     TruthDocument,
     TypeBaselineDocument,
     VehiclesDocument,
+    WorkOrderDocument,
 )
 #: Published documents by the name of their schema.
 DOCUMENTS = {schema_of(kind): kind for kind in _KINDS}

@@ -13,8 +13,8 @@ from sprung.identification.correlation import Correlations
 _MEDIAN_SHARE = 12
 
 
-def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Real:
-    """Return the contribution of each mode to the correlations between channels, relative to chance.
+def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> tuple[Real, Real]:
+    """Return the contribution of each mode to the correlations between channels, relative to chance, and its excess.
 
     Parameters
     ----------
@@ -23,14 +23,16 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
     mode_shapes
         Mode shapes, shape (modes, channels).
     correlations
-        Correlations with blocks. Only pairs of different channels count (with a single channel, its autocorrelation):
-        the noise of a sensor appears only in the correlation of that sensor with itself.
+        Correlations with blocks and their number of products. Only pairs of different channels count (with a single
+        channel, its autocorrelation): the noise of a sensor appears only in the correlation of that sensor with itself.
 
     Returns
     -------
-    numpy.ndarray
-        Contribution of each mode, shape (modes,): about 1 for a mode that does not exist; infinite for exact
-        correlations.
+    numpy.ndarray, numpy.ndarray
+        Shape (modes,) each. Contribution: about 1 for a mode that does not exist; infinite for exact correlations.
+        Excess: over twice the number of references distributed nearly as chi-squared with as many degrees of freedom
+        where there is no mode; infinite for exact correlations, for a single channel, and where not all channels are
+        references.
 
     Notes
     -----
@@ -38,60 +40,27 @@ def contributions(poles: Complex, mode_shapes: Complex, correlations: Correlatio
     by least squares over lags and the other channels, for the average and for each block. The contribution is the
     sum over references of abs(g)^2 of the average, weighted with the shape's power on the channels used, divided by the
     same sum of the variances of g over the blocks.
-    """
-    changes = correlations.changes[..., 1:]
-    if not len(changes):
-        return np.full(len(poles), np.inf)
-    signal, noise = np.zeros(len(poles)), np.zeros(len(poles))
-    for part in _participations(poles, mode_shapes, correlations):
-        signal += part.power
-        spread = changes[:, part.others, part.reference].reshape(len(changes), -1) @ part.solve
-        noise += part.weight * np.sum(np.abs(spread) ** 2, axis=0)
-    return signal / noise
 
-
-def excesses(poles: Complex, mode_shapes: Complex, correlations: Correlations) -> Real:
-    """Return the contribution of each mode relative to that expected of independent channels without any mode.
-
-    Parameters
-    ----------
-    poles, mode_shapes
-        As for `contributions`.
-    correlations
-        Correlations with their number of products, of two channels or more, all of them references.
-
-    Returns
-    -------
-    numpy.ndarray
-        Excess of each mode, shape (modes,): over twice the number of references distributed nearly as chi-squared with
-        as many degrees of freedom where there is no mode; infinite for exact correlations and for a single channel.
-
-    Notes
-    -----
-    As `contributions`, but with the variance of sum_m w_m Lambda_m, for a pair of independent channels a and b of N
-    samples the mean over frequencies of abs(W)^2 S_a S_b / N (Bartlett's formula). This variance does not rise with
-    the mode's own random level, which the spread of a few blocks mostly shows. The spectra S are running medians: they
-    follow noise, and pass under the peaks of modes.
+    The excess is that of independent channels without any mode: with the variance of sum_m w_m Lambda_m, for a pair of
+    independent channels a and b of N samples the mean over frequencies of abs(W)^2 S_a S_b / N (Bartlett's formula).
+    This variance does not rise with the mode's own random level, which the spread of a few blocks mostly shows. The
+    spectra S are running medians: they follow noise, and pass under the peaks of modes.
 
     References
     ----------
     M. S. Bartlett (1946), On the theoretical specification and sampling properties of autocorrelated time-series,
     Supplement to the Journal of the Royal Statistical Society 8, 27-41.
     """
-    if not np.isfinite(correlations.n_products) or correlations.references != correlations.channels:
-        return np.full(len(poles), np.inf)
-    if len(correlations.channels) == 1:
-        return np.full(len(poles), np.inf)
-    n_fft = 2 * correlations.n_lags
-    spectra = _smooth_spectra(correlations, n_fft)
-    signal, noise = np.zeros(len(poles)), np.zeros(len(poles))
+    spectra = _spectra_of_chance(correlations)
+    signal, scatter, chance = np.zeros((3, len(poles)))
     for part in _participations(poles, mode_shapes, correlations):
         signal += part.power
-        filters = part.solve.reshape(len(part.others), correlations.n_lags - 1, len(poles))
-        gains = np.abs(np.fft.fft(filters, n_fft, axis=1)) ** 2
-        products = spectra[part.others] * spectra[part.reference]
-        noise += part.weight * np.einsum("ofk,of->k", gains, products) / (n_fft * correlations.n_products)
-    return signal / noise
+        if len(correlations.changes):
+            scatter += part.weight * _variance_over_blocks(part, correlations)
+        if spectra is not None:
+            chance += part.weight * _variance_by_chance(part, correlations, spectra)
+    infinite = np.full(len(poles), np.inf)
+    return signal / scatter if len(correlations.changes) else infinite, infinite if spectra is None else signal / chance
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -118,8 +87,27 @@ def _participations(poles: Complex, mode_shapes: Complex, correlations: Correlat
         yield _Participation(reference, others, solve, weight, power)
 
 
-def _smooth_spectra(correlations: Correlations, n_fft: int) -> Real:
-    """Return the running medians of the spectra of all channels at `n_fft` frequencies, shape (channels, n_fft)."""
+def _variance_over_blocks(part: _Participation, correlations: Correlations) -> Real:
+    """Return the variance of the participations over the blocks, shape (modes,)."""
+    changes = correlations.changes[:, part.others, part.reference, 1:]
+    return np.sum(np.abs(changes.reshape(len(changes), -1) @ part.solve) ** 2, axis=0)
+
+
+def _variance_by_chance(part: _Participation, correlations: Correlations, spectra: Real) -> Real:
+    """Return the variance of the participations for independent channels of these spectra, shape (modes,)."""
+    n_fft = spectra.shape[1]
+    filters = part.solve.reshape(len(part.others), correlations.n_lags - 1, -1)
+    gains = np.abs(np.fft.fft(filters, n_fft, axis=1)) ** 2
+    products = spectra[part.others] * spectra[part.reference]
+    return np.asarray(np.einsum("ofk,of->k", gains, products) / (n_fft * correlations.n_products), dtype=np.float64)
+
+
+def _spectra_of_chance(correlations: Correlations) -> Real | None:
+    """Return the running medians of the spectra of all channels, shape (channels, frequencies); None if unknown."""
+    has_own = correlations.references == correlations.channels and len(correlations.channels) > 1
+    if not has_own or not np.isfinite(correlations.n_products):
+        return None
+    n_fft = 2 * correlations.n_lags
     rows = np.arange(len(correlations.channels))
     lags = np.arange(correlations.n_lags)
     own = correlations.values[rows, rows] * (0.5 + 0.5 * np.cos(np.pi * lags / correlations.n_lags))

@@ -178,6 +178,13 @@ def enhanced_fdd(
 ) -> Identification:
     """Identify modes from peaks of the singular values of the spectra (EFDD); parameters as `cov_ssi`.
 
+    Raises
+    ------
+    DataError
+        As `cov_ssi`.
+    ParameterError
+        As `cov_ssi`, and if the settings have a ladder or disjoint references.
+
     Notes
     -----
     A second opinion from the spectra, which are those of longer segments than for the other methods. Peaks count where

@@ -11,7 +11,7 @@ from scipy.cluster import hierarchy
 from sprung._arrays import Booleans, Complex, Indices, Real
 from sprung._checks import check_number, freeze
 from sprung._display import Tabular, counted, in_short
-from sprung.identification.contribution import contributions, excesses
+from sprung.identification.contribution import contributions
 from sprung.identification.correlation import Correlations
 from sprung.identification.scatter import deviation_of_mean
 from sprung.identification.subspace import frequency_and_damping_changes, with_deviations
@@ -455,9 +455,8 @@ def significant(modes: Modes, correlations: Correlations, *, least: float) -> Bo
     least_excess = least * max(1.0, _MANY_BLOCKS / len(correlations.blocks))
     while is_kept.any():
         kept = np.flatnonzero(is_kept)
-        contribution = contributions(modes.poles[kept], modes.mode_shapes[kept], correlations)
+        contribution, excess = contributions(modes.poles[kept], modes.mode_shapes[kept], correlations)
         certainty = contribution / np.fmax(spread[kept] / _WELL_KNOWN, 1.0)
-        excess = excesses(modes.poles[kept], modes.mode_shapes[kept], correlations)
         certainty = np.minimum(certainty / least, excess / least_excess)
         weakest = int(np.argmin(certainty))
         if certainty[weakest] >= 1:

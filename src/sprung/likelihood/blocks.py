@@ -5,7 +5,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from sprung._arrays import Booleans, Complex, Real
+from sprung._arrays import Booleans, Real
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Structure
@@ -47,10 +47,11 @@ class ParameterBlock(Protocol):
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective, shape (parameters,)."""
 
-    def derivatives(self, parameters: Real, response: Transfer) -> Iterable[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> Iterable[Real]:
         """Return the derivative of the spectral matrix before the window with respect to each parameter.
 
-        Each has the shape (classes, grid, coordinates, coordinates) or one that broadcasts to it.
+        Each is in the real coordinates of Hermitian matrices (`real_coordinates`), shape (classes, grid, squared number
+        of coordinates) or one that broadcasts to it.
         """
 
     @property

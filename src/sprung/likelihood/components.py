@@ -73,9 +73,9 @@ class FreeComponents(ParameterBlock):
             gradient[row] += np.sum((by_element[element] * change).real)
         return gradient
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
-        derivatives: list[Complex] = [np.zeros((), dtype=np.complex128)] * len(self.components)
+        derivatives: list[Real] = [np.zeros(())] * len(self.components)
         for row, element, change in self._changes(parameters, response.terms):
             derivatives[row] = derivatives[row] + response.change_by_element(element, change)
         return derivatives

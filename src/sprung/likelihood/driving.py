@@ -5,9 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from sprung._arrays import Booleans, Complex, Real
+from sprung._arrays import Booleans, Real
 from sprung.errors import ParameterError
 from sprung.likelihood.blocks import ParameterBlock
+from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 from sprung.vehicles import Structure
@@ -98,11 +99,13 @@ class Driving(ParameterBlock):
         by_log = np.einsum("fkc,fck->kf", gradients.driven[:, -2:], response.matrix[..., -2:]).real
         return np.append(by_log.sum(axis=1), -by_log @ self._log_frequencies(response.terms))
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         responses = response.matrix[..., -2:]
-        driven = np.einsum("kf,fik,fjk->kfij", self._densities(parameters, response.terms), responses, responses.conj())
-        return [*driven, *(-self._log_frequencies(response.terms)[:, None, None] * driven)]
+        driven = real_coordinates(
+            np.einsum("kf,fik,fjk->kfij", self._densities(parameters, response.terms), responses, responses.conj())
+        )
+        return [*driven, *(-self._log_frequencies(response.terms)[:, None] * driven)]
 
     def values(self, parameters: Real) -> dict[str, float]:
         """Return the densities of both accelerations at 1 Hz [(m/s^2)^2/Hz], and the exponents."""

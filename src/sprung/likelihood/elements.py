@@ -105,9 +105,9 @@ class ElementScales(ParameterBlock):
                 gradient[row] += np.sum((scaled * change).real)
         return gradient
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
-        derivatives: list[Complex] = [np.zeros((), dtype=np.complex128)] * len(self.parts)
+        derivatives: list[Real] = [np.zeros(())] * len(self.parts)
         for number, own, changes in self._elements(parameters, response.terms):
             scale = response.terms.stiffness[number] / own
             for row, change in changes:

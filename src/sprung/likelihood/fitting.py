@@ -266,6 +266,11 @@ def fit_segments(segments: SegmentSpectra, setup: FitSetup, *, starts: Sequence[
         Further starts of the search next to the nominal values: ln(value / nominal value) of each component. The best
         one is taken.
 
+    Returns
+    -------
+    CornerFit
+        Estimates with their covariance, and the quality of the fit.
+
     Raises
     ------
     numpy.linalg.LinAlgError

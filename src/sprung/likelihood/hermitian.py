@@ -47,6 +47,40 @@ def real_coordinates(matrices: Complex) -> Real:
     return coordinates
 
 
+def coordinates_with_adjoint(matrices: Complex) -> Real:
+    """Return the real coordinates of A + A^H.
+
+    Parameters
+    ----------
+    matrices
+        A, shape (..., m, m).
+
+    Returns
+    -------
+    ndarray
+        As by `real_coordinates`, shape (..., m^2), each coordinate contiguous in memory.
+
+    References
+    ----------
+    As for `real_coordinates`.
+
+    Examples
+    --------
+    >>> coordinates_with_adjoint(np.array([[1.0, 3 + 4j], [0.0, 2.5]])).round(3).tolist()
+    [2.0, 5.0, 4.243, 5.657]
+    """
+    size = matrices.shape[-1]
+    upper = list(combinations(range(size), 2))
+    coordinates = np.empty((size * size, *matrices.shape[:-2]))
+    for row in range(size):
+        coordinates[row] = 2 * matrices[..., row, row].real
+    for number, (i, j) in enumerate(upper, start=size):
+        coordinates[number] = matrices[..., i, j].real + matrices[..., j, i].real
+        coordinates[number + len(upper)] = matrices[..., i, j].imag - matrices[..., j, i].imag
+    coordinates[size:] *= np.sqrt(2)
+    return np.moveaxis(coordinates, 0, -1)
+
+
 def real_form(matrices: Complex) -> Real:
     """Return the sums of the real and imaginary parts of Hermitian matrices, shape (m, m, ...).
 

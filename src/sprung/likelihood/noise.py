@@ -5,9 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from sprung._arrays import Booleans, Complex, Real
+from sprung._arrays import Booleans, Real
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.coordinates import RigidLayout
+from sprung.likelihood.hermitian import real_coordinates
 from sprung.likelihood.terms import Terms
 from sprung.likelihood.transfer import TermGradients, Transfer
 
@@ -38,7 +39,7 @@ class SensorNoise(ParameterBlock):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Name of each channel after "noise_"."""
+        """Names: `noise_` and the name of each channel."""
         return tuple(f"noise_{name}" for name in self.layout.names)
 
     @property
@@ -66,11 +67,11 @@ class SensorNoise(ParameterBlock):
         by_density = np.einsum("fij,kij->kf", gradients.noise.real, self.layout.noise)
         return np.sum(by_density * self._densities(parameters, gradients.transfer.terms), axis=1)
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         densities = self._densities(parameters, response.terms)
-        noise = densities[:, :, None, None] * self.layout.noise[:, None]
-        return list(noise.astype(np.complex128))
+        noise = real_coordinates(self.layout.noise.astype(np.complex128))
+        return list(densities[:, :, None] * noise[:, None])
 
     def values(self, parameters: Real) -> dict[str, float]:
         """Return the densities of the noise over the usual variance [1/Hz]."""

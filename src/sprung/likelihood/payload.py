@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sprung._arrays import Complex, Real
+from sprung._arrays import Real
 from sprung._checks import freeze
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.terms import Terms
@@ -83,7 +83,7 @@ class AddedMass(ParameterBlock):
         by_mass = gradients.mass.real
         return np.array([np.sum(by_mass * part.matrix) for part in self.parts])
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         return [response.change_by_mass(part.matrix) for part in self.parts]
 

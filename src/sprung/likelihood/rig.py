@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sprung._arrays import Booleans, Complex, Real
+from sprung._arrays import Booleans, Real
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.spectra import ClassSpectra
 from sprung.likelihood.terms import Terms
@@ -92,7 +92,7 @@ class RigInputs(ParameterBlock):
         exponent = -np.einsum("f,cfuv->", self._log_frequencies(), gradients.log_inputs.real)
         return np.append(levels, exponent)
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         colour = self._colour(parameters)[:, None, None]
         levels = [

@@ -78,7 +78,7 @@ class SensorPositions(ParameterBlock):
         by_motion = gradients.motion.real
         return np.array([np.sum(by_motion * part.motion) for part in self.parts])
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         return [response.change_by_motion(part.motion) for part in self.parts]
 
@@ -135,7 +135,7 @@ class SensorDelays(ParameterBlock):
         by_channel = np.sum((gradients.channel_response * self._changes(gradients.transfer.terms)).real, axis=0)
         return np.asarray(by_channel[_rows(self.layout, self.channels)], dtype=np.float64)
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         changes = self._changes(response.terms)
         return [response.change_by_channel(row, changes[:, row]) for row in _rows(self.layout, self.channels)]

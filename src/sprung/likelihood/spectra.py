@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from sprung._checks import check_number, freeze
 from sprung.errors import DataError
 from sprung.likelihood.coordinates import RigidLayout
 from sprung.recording import Recording
+
+Matrices = TypeVar("Matrices", Real, Complex)
 
 #: Variance with half-overlapping Hann windows, which count every sample about twice, over that of independent segments
 #: and frequencies: the sum of the squared coherences of all overlapping pairs (19 / 9).
@@ -375,18 +378,18 @@ def class_spectra(segments: SegmentSpectra, *, width: float = CLASS_WIDTH) -> Cl
     )
 
 
-def through_window(matrices: Complex) -> Complex:
+def through_window(matrices: Matrices) -> Matrices:
     """Return the expected spectral matrices of Hann-windowed segments for true ones on a grid, (..., grid, m, m).
 
     Parameters
     ----------
     matrices
-        True spectral matrices S, shape (..., grid, m, m).
+        True spectral matrices S, shape (..., grid, m, m), or their real coordinates as columns, (..., grid, m^2, 1).
 
     Returns
     -------
     ndarray
-        Shape (..., grid - 2, m, m): the ends of the grid are lost.
+        Of the same shape but for the grid, whose ends are lost: (..., grid - 2, m, m).
 
     Notes
     -----
@@ -413,7 +416,7 @@ def onto_grid(weights: Complex) -> Complex:
     Returns
     -------
     ndarray
-        Shape (..., frequencies + 2, m, m).
+        Shape (..., frequencies + 2, m, m), in Fortran order.
 
     Notes
     -----
@@ -424,7 +427,8 @@ def onto_grid(weights: Complex) -> Complex:
     F. J. Harris, On the use of windows for harmonic analysis with the discrete Fourier transform, Proceedings of the
     IEEE 66 (1978), 51-83 (Hann window).
     """
-    on_grid = np.zeros((*weights.shape[:-3], weights.shape[-3] + 2, *weights.shape[-2:]), dtype=weights.dtype)
+    shape = (*weights.shape[:-3], weights.shape[-3] + 2, *weights.shape[-2:])
+    on_grid = np.zeros(shape, dtype=weights.dtype, order="F")
     on_grid[..., 1:-1, :, :] = weights * (2 / 3)
     on_grid[..., 2:, :, :] += weights / 6
     on_grid[..., :-2, :, :] += weights / 6

@@ -85,8 +85,9 @@ class SurfaceInputs(ParameterBlock):
     contact_length: float = 0.1
     _patch: Real = field(init=False, repr=False)
     _n: Real = field(init=False, repr=False)
-    _lags: Real = field(init=False, repr=False)
     _axles: Indices = field(init=False, repr=False)
+    _pairs: tuple[Indices, Indices] = field(init=False, repr=False)
+    _lags: Real = field(init=False, repr=False)
 
     group: ClassVar[str] = "inputs"
     #: Usual value and standard deviation of ln of the roughness and of each parameter of the form, by name.
@@ -96,10 +97,12 @@ class SurfaceInputs(ParameterBlock):
 
     def __post_init__(self) -> None:
         places, axles = np.unique(-self.positions, return_inverse=True)
-        seconds = np.subtract.outer(places, places) / self.spectra.speeds[:, None, None, None]
+        first, second = np.triu_indices(places.size, 1)
+        seconds = (places[first] - places[second]) / self.spectra.speeds[:, None, None]
         object.__setattr__(self, "_axles", axles)
-        object.__setattr__(self, "_lags", 2 * np.pi * self.spectra.grid[:, None, None] * seconds)
-        object.__setattr__(self, "_n", self.spectra.grid / self.spectra.speeds[:, None])
+        object.__setattr__(self, "_pairs", (first, second))
+        object.__setattr__(self, "_lags", np.asfortranarray(2 * np.pi * self.spectra.grid[:, None] * seconds))
+        object.__setattr__(self, "_n", np.asfortranarray(self.spectra.grid / self.spectra.speeds[:, None]))
         object.__setattr__(self, "_patch", np.sinc(self._n * self.contact_length) ** 2)
 
     @abstractmethod
@@ -130,31 +133,30 @@ class SurfaceInputs(ParameterBlock):
         """Return the terms with the spectral matrix of the surface as inputs."""
         form, lags = self.form(parameters[1:-1]), self._scaled_lags(parameters)
         density = self._patch * np.exp(parameters[0] + form.log_density) / self.spectra.speeds[:, None]
-        between_axles = np.exp(-1j * lags - (lags * self.spectra.spreads[:, None, None, None]) ** 2 / 2)
-        between_axles *= density[..., None, None]
-        coherence = np.where(self._is_across(), np.exp(form.log_coherence)[..., None, None], 1.0)
-        return replace(terms, inputs=self._at_wheels(between_axles) * coherence)
+        delayed = self._between_axles(np.exp(-1j * lags - self._blur(lags) / 2), itself=1.0)
+        by_side = [delayed * level[..., None, None] for level in (density, density * np.exp(form.log_coherence))]
+        inputs = np.where(self._is_across(), self._at_wheels(by_side[1]), self._at_wheels(by_side[0]))
+        return replace(terms, inputs=inputs)
 
     def gradient(self, parameters: Real, gradients: TermGradients) -> Real:
         """Return the gradient of the objective: all parameters act on ln S_ij."""
-        by_log = gradients.log_inputs
-        total = by_log.real.sum(axis=(-1, -2))
-        across = by_log.real[..., self._is_across()].sum(axis=-1)
-        form = self.form(parameters[1:-1])
+        by_log, form = gradients.log_inputs, self.form(parameters[1:-1])
+        total, across = by_log.real.sum(axis=(-1, -2)), by_log.T[self._is_across()].real.sum(axis=0).T
         by_form = np.einsum("pcf,cf->p", form.density_derivatives, total)
         by_form += np.einsum("pcf,cf->p", form.coherence_derivatives, across)
-        delay = np.sum((by_log * self._delay_derivative(parameters)).real)
+        delay = 2 * np.sum((self._by_pair(by_log) * self._delay_derivative(parameters)).real)
         return np.array([total.sum(), *by_form, delay])
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         form, inputs = self.form(parameters[1:-1]), response.terms.inputs
         whole, across = response.change_by_inputs(inputs), response.change_by_inputs(inputs * self._is_across())
+        delay = self._at_wheels(self._between_axles(self._delay_derivative(parameters), itself=0.0))
         by_form = [
-            density[..., None, None] * whole + coherence[..., None, None] * across
+            density[..., None] * whole + coherence[..., None] * across
             for density, coherence in zip(form.density_derivatives, form.coherence_derivatives, strict=True)
         ]
-        return [whole, *by_form, response.change_by_inputs(inputs * self._delay_derivative(parameters))]
+        return [whole, *by_form, response.change_by_inputs(inputs * delay)]
 
     def values(self, parameters: Real) -> dict[str, float]:
         """Return roughness [m^3], waviness, coherence or bends, and the ratio of the delays."""
@@ -164,18 +166,36 @@ class SurfaceInputs(ParameterBlock):
         }
 
     def _scaled_lags(self, parameters: Real) -> Real:
-        """Phase lags w tau between the axles, shape (classes, grid, axles, axles)."""
+        """Phase lags w tau between the axles of each pair, shape (classes, grid, pairs)."""
         return np.asarray(self._lags * np.exp(parameters[-1]), dtype=np.float64)
 
+    def _blur(self, lags: Real) -> Real:
+        """Variance of the phase lags by the spread of the speed, shape (classes, grid, pairs)."""
+        return np.asarray((lags * self.spectra.spreads[:, None, None]) ** 2, dtype=np.float64)
+
     def _delay_derivative(self, parameters: Real) -> Complex:
-        """Derivative of ln S_ij with respect to `delay`, shape (classes, grid, inputs, inputs)."""
+        """Derivative of ln S_ij with respect to `delay` for each pair of axles, shape (classes, grid, pairs)."""
         lags = self._scaled_lags(parameters)
-        blur = (lags * self.spectra.spreads[:, None, None, None]) ** 2
-        return self._at_wheels(np.asarray(-1j * lags - blur, dtype=np.complex128))
+        return np.asarray(-1j * lags - self._blur(lags), dtype=np.complex128)
+
+    def _between_axles(self, by_pair: Complex, *, itself: float) -> Complex:
+        """Hermitian matrices of the axles for a value of each pair, shape (classes, grid, axles, axles)."""
+        first, second = self._pairs
+        n_axles = int(self._axles.max()) + 1
+        matrices = np.full((*by_pair.shape[:2], n_axles, n_axles), itself, dtype=np.complex128, order="F")
+        matrices[..., first, second], matrices[..., second, first] = by_pair, by_pair.conj()
+        return matrices
+
+    def _by_pair(self, at_wheels: Complex) -> Complex:
+        """Sums over the wheels of the first and the second axle of each pair, shape (classes, grid, pairs)."""
+        blocks = [
+            np.ix_(self._axles == second, self._axles == first) for first, second in zip(*self._pairs, strict=True)
+        ]
+        return np.asarray([at_wheels.T[block].sum(axis=(0, 1)) for block in blocks], dtype=np.complex128).T
 
     def _at_wheels(self, matrices: Complex) -> Complex:
-        """Matrices of the axles as matrices of the wheels."""
-        return matrices[..., self._axles[:, None], self._axles]
+        """Matrices of the axles as matrices of the wheels, in Fortran order."""
+        return matrices.T[self._axles[:, None], self._axles].T
 
     def _is_across(self) -> Booleans:
         """Whether two wheels are on different sides, shape (inputs, inputs)."""
@@ -218,7 +238,7 @@ class RoadInputs(SurfaceInputs):
 
     def __post_init__(self) -> None:
         SurfaceInputs.__post_init__(self)
-        object.__setattr__(self, "_basis", road_deviations(self._n))
+        object.__setattr__(self, "_basis", np.ascontiguousarray(np.swapaxes(road_deviations(self._n), 1, 2)))
 
     def form(self, parameters: Real) -> SurfaceForm:
         """Return the form of a road: ln c = -waviness ln(n / n0) + d, ln g = -(coherence length n)^power."""
@@ -228,9 +248,9 @@ class RoadInputs(SurfaceInputs):
         log_coherence, zero = -np.exp(power * log_waves), np.zeros_like(self._n)
         zeros = np.zeros((1 + deviations.size, *self._n.shape))
         return SurfaceForm(
-            log_density=np.tensordot(deviations, self._basis, axes=1) - waviness * log_ratio,
+            log_density=np.tensordot(deviations, self._basis, axes=1).T - waviness * log_ratio,
             log_coherence=log_coherence,
-            density_derivatives=np.concatenate([-log_ratio[None], self._basis, np.stack([zero, zero])]),
+            density_derivatives=np.concatenate([-log_ratio[None], self._basis.swapaxes(1, 2), np.stack([zero, zero])]),
             coherence_derivatives=np.concatenate(
                 [zeros, np.stack([power * log_coherence, power * log_waves * log_coherence])]
             ),
@@ -323,7 +343,7 @@ class ClassRoughness(ParameterBlock):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Number of each class after "class_"."""
+        """Names: `class_` and the number of each class."""
         return tuple(f"class_{number}" for number in range(self.n_classes))
 
     @property
@@ -344,10 +364,10 @@ class ClassRoughness(ParameterBlock):
         """Return the gradient of the objective."""
         return np.asarray(gradients.log_inputs.real.sum(axis=(1, 2, 3)), dtype=np.float64)
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         driven = response.change_by_inputs(response.terms.inputs)
-        members = np.eye(self.n_classes)[:, :, None, None, None]
+        members = np.eye(self.n_classes)[:, :, None, None]
         return [driven * member for member in members]
 
     def values(self, parameters: Real) -> dict[str, float]:

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sprung._arrays import Complex, Real
+from sprung._arrays import Real
 from sprung._checks import freeze
 from sprung.likelihood.blocks import ParameterBlock
 from sprung.likelihood.terms import Terms
@@ -65,7 +65,7 @@ class TrackLevels(ParameterBlock):
         by_wheels = gradients.log_inputs.real.sum(axis=(0, 1))
         return np.array([np.sum(by_wheels * self._log_derivative())])
 
-    def derivatives(self, parameters: Real, response: Transfer) -> list[Complex]:
+    def derivatives(self, parameters: Real, response: Transfer) -> list[Real]:
         """Return the derivatives of the spectral matrix."""
         return [response.change_by_inputs(response.terms.inputs * self._log_derivative())]
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sprung._arrays import Complex, Real
+from sprung.likelihood.hermitian import coordinates_with_adjoint, real_coordinates
 from sprung.likelihood.terms import Terms
 
 
@@ -32,7 +33,8 @@ class Transfer:
 
         dH = L (dB - dD X) - w^2 dR X,    dS = dH S_inputs H^H + (dH S_inputs H^H)^H.
 
-    The methods return dS before the window for a change of one term, shape (classes, grid, coordinates, coordinates).
+    The methods return dS before the window for a change of one term, in the real coordinates of Hermitian matrices
+    (`real_coordinates`), shape (classes, grid, squared number of coordinates).
     """
 
     terms: Terms
@@ -46,32 +48,32 @@ class Transfer:
         """S = H S_inputs H^H + noise, shape (classes, grid, coordinates, coordinates)."""
         return times_classes(self.matrix, self.driven) + self.terms.noise
 
-    def change_by_element(self, element: int, stiffness: Complex) -> Complex:
+    def change_by_element(self, element: int, stiffness: Complex) -> Real:
         """Return dS for a change of an element's dynamic stiffness, shape (grid,): dH = dz L d (foot^T - d^T X)."""
         d, foot = self.terms.elongations[element], self.terms.feet[element]
         response = (self.force_response @ d)[:, :, None] * (foot - d @ self.displacements)[:, None, :]
         return self.change_by_transfer(stiffness[:, None, None] * response)
 
-    def change_by_mass(self, mass: Real) -> Complex:
+    def change_by_mass(self, mass: Real) -> Real:
         """Return dS for a change of the mass matrix: dH = w^2 L dM X."""
         return self.change_by_transfer(
             _squared(self.terms)[:, None, None] * (self.force_response @ mass @ self.displacements)
         )
 
-    def change_by_forces(self, forces: Real) -> Complex:
+    def change_by_forces(self, forces: Real) -> Real:
         """Return dS for a change of the forces of the inputs: dH = L dforces."""
         return self.change_by_transfer(self.force_response @ forces)
 
-    def change_by_motion(self, motion: Real) -> Complex:
+    def change_by_motion(self, motion: Real) -> Real:
         """Return dS for a change of the channels' readings of motion: dH = -w^2 reduction diag(.) dmotion X."""
         read = -_squared(self.terms)[:, None, None] * (motion @ self.displacements)
         return self.change_by_transfer(_reduced(self.terms) @ read)
 
-    def change_by_feedthrough(self, feedthrough: Real) -> Complex:
+    def change_by_feedthrough(self, feedthrough: Real) -> Real:
         """Return dS for a change of the channels' readings of inputs: dH = reduction diag(.) dfeedthrough."""
         return self.change_by_transfer(_reduced(self.terms) @ feedthrough)
 
-    def change_by_channel(self, channel: int, response: Complex) -> Complex:
+    def change_by_channel(self, channel: int, response: Complex) -> Real:
         """Return dS for a change of the frequency response of a channel, shape (grid,)."""
         terms = self.terms
         read = -_squared(terms)[:, None] * (terms.motion[channel] @ self.displacements) + terms.feedthrough[channel]
@@ -79,17 +81,16 @@ class Transfer:
             terms.reduction[:, channel][:, None] * (response[:, None] * read)[:, None, :],
         )
 
-    def change_by_inputs(self, inputs: Real | Complex) -> Complex:
+    def change_by_inputs(self, inputs: Real | Complex) -> Real:
         """Return dS for a change of the spectral matrix of the wheels' inputs: H dS_inputs H^H."""
         H = self.matrix[..., : inputs.shape[-1]]
         if inputs.ndim < 4:
-            return np.asarray(H @ inputs @ _adjoint(H), dtype=np.complex128)
-        return times_classes(H, classes_times(inputs, _adjoint(H)))
+            return real_coordinates(H @ inputs @ _adjoint(H))
+        return real_coordinates(times_classes(H, classes_times(inputs, _adjoint(H))))
 
-    def change_by_transfer(self, response: Complex) -> Complex:
+    def change_by_transfer(self, response: Complex) -> Real:
         """Return dS for a change of the response H."""
-        half = times_classes(response, self.driven)
-        return np.asarray(half + _adjoint(half), dtype=np.complex128)
+        return coordinates_with_adjoint(times_classes(response, self.driven))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -198,9 +199,8 @@ def transfer(terms: Terms) -> Transfer:
     response functions).
     """
     squared = _squared(terms)[:, None, None]
-    weighted = terms.stiffness.T[:, None, :] * terms.elongations.T
-    dynamic = weighted @ terms.elongations - squared * terms.mass
-    drive = weighted @ terms.feet + terms.forces
+    dynamic = _summed(terms.stiffness, terms.elongations, terms.elongations) - squared * terms.mass
+    drive = _summed(terms.stiffness, terms.elongations, terms.feet) + terms.forces
     reduced = _reduced(terms)
     rows = reduced @ terms.motion
     solution = np.linalg.solve(dynamic, np.concatenate([drive, rows.swapaxes(1, 2)], axis=2))  # D is symmetric
@@ -232,7 +232,7 @@ def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
     1988, chapter 8 (differentials of the inverse and of the determinant).
     """
     H = response.matrix[..., : response.terms.inputs.shape[-1]]
-    inputs = classes_times(times_classes(_adjoint(H), weight), H).swapaxes(-1, -2)
+    inputs = np.asfortranarray(classes_times(times_classes(_adjoint(H), weight), H).swapaxes(-1, -2))
     driven = sum_of_products(response.driven, weight)
     forced = driven @ response.force_response
     return TermGradients(
@@ -244,6 +244,12 @@ def term_gradients(response: Transfer, weight: Complex) -> TermGradients:
         forced=forced,
         fed_back=response.displacements @ forced,
     )
+
+
+def _summed(stiffness: Complex, left: Real, right: Real) -> Complex:
+    """Sum over the elements of stiffness times left right^T, shape (grid, columns of `left`, columns of `right`)."""
+    products = (left[:, :, None] * right[:, None, :]).reshape(len(left), -1)
+    return (stiffness.T @ products).reshape(-1, left.shape[1], right.shape[1])
 
 
 def _driven(terms: Terms, adjoint: Complex) -> Complex:

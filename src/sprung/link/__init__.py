@@ -4,7 +4,7 @@
 """
 
 from sprung.link.blocks import Block, FrameBlock, frame_block, joined
-from sprung.link.certificates import common_name
+from sprung.link.certificates import common_name, valid_until
 from sprung.link.frame import (
     CLIPPED,
     MISSING,
@@ -76,4 +76,5 @@ __all__ = [
     "shared_topic",
     "span_of",
     "topic",
+    "valid_until",
 ]

@@ -1,13 +1,16 @@
-"""The name that a certificate gives its holder."""
+"""The name that a certificate gives its holder, and until when it is valid."""
 
 import ssl
 from collections.abc import Iterator
 from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
+
+from sprung.errors import ParameterError
 
 #: Object identifier of the common name, encoded (ITU-T X.520, id-at-commonName 2.5.4.3), and tags of ASN.1 (X.690).
 _COMMON_NAME = bytes((0x55, 0x04, 0x03))
-_VERSION, _BMP_STRING = 0xA0, 0x1E
+_VERSION, _BMP_STRING, _UTC_TIME = 0xA0, 0x1E, 0x17
 _FOOT = "-----END CERTIFICATE-----"
 
 
@@ -23,24 +26,56 @@ def common_name(path: str | Path) -> str:
     -------
     str
         The name; empty where the file holds no certificate that can be read, or one without such a name.
-
-    Notes
-    -----
-    The fields of a certificate are version (optional), serial number, algorithm, issuer, validity, subject (RFC 5280,
-    4.1).
     """
     with suppress(OSError, ValueError, IndexError):
-        text = Path(path).read_text(encoding="ascii")
-        first = text[text.index("-----BEGIN CERTIFICATE-----") : text.index(_FOOT) + len(_FOOT)]
-        ((_, certificate),) = _fields(ssl.PEM_cert_to_DER_cert(first))
-        (_, signed), *_ = _fields(certificate)
-        fields = [content for tag, content in _fields(signed) if tag != _VERSION]
-        for _, attributes in _fields(fields[4]):
+        for _, attributes in _fields(_contents(path)[4]):
             for _, attribute in _fields(attributes):
                 (_, name), (tag, value) = _fields(attribute)
                 if name == _COMMON_NAME:
                     return value.decode("utf-16-be" if tag == _BMP_STRING else "utf-8")
     return ""
+
+
+def valid_until(path: str | Path) -> int:
+    """Return the time until which a certificate is valid, UTC ns.
+
+    Parameters
+    ----------
+    path
+        File with the certificate (PEM); of several the first counts.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read, or holds no certificate.
+
+    Notes
+    -----
+    The validity has two times, of two kinds (RFC 5280, 4.1.2.5): with two digits for years from 1950 to 2049, else with
+    four.
+    """
+    try:
+        _, (tag, end) = _fields(_contents(path)[3])
+        text = end.decode("ascii")
+        if tag == _UTC_TIME:
+            text = ("19" if text >= "50" else "20") + text
+        return int(datetime.strptime(text, "%Y%m%d%H%M%SZ").replace(tzinfo=UTC).timestamp()) * 10**9
+    except OSError as error:
+        raise ParameterError(f"{path} cannot be read ({error.strerror}): give a file with a certificate") from None
+    except (ValueError, IndexError):
+        raise ParameterError(f"{path} holds no certificate that can be read: give one in PEM") from None
+
+
+def _contents(path: str | Path) -> list[bytes]:
+    """Return the fields of a certificate.
+
+    They are serial number, algorithm, issuer, validity, subject (RFC 5280, 4.1); the optional version is left out.
+    """
+    text = Path(path).read_text(encoding="ascii")
+    first = text[text.index("-----BEGIN CERTIFICATE-----") : text.index(_FOOT) + len(_FOOT)]
+    ((_, certificate),) = _fields(ssl.PEM_cert_to_DER_cert(first))
+    (_, signed), *_ = _fields(certificate)
+    return [content for tag, content in _fields(signed) if tag != _VERSION]
 
 
 def _fields(encoded: bytes) -> Iterator[tuple[int, bytes]]:

@@ -22,7 +22,8 @@ class Sending:
     Notes
     -----
     A broker that crashes may lose messages that it has confirmed. Only frames that the monitor acknowledged are removed
-    from the spool; the others are sent again, in order, after a reconnection or `patience` without acknowledgement.
+    from the spool; the others are sent again, in order, after a reconnection or `patience` without acknowledgement, and
+    so are those that could not be read before.
     """
 
     def __init__(self, spool: Spool, *, ahead: int = 256, patience: float = 10.0) -> None:
@@ -46,7 +47,8 @@ class Sending:
 
     def due(self, now: float) -> Iterator[tuple[int, int, bytes]]:
         """Yield boot, sequence number and payload of the frames to send now (`now`: any clock [s])."""
-        if self._under_way and now - self._last_progress > self._patience:
+        # Also with nothing under way: a file that could not be read for a while may hold frames before the position.
+        if now - self._last_progress > self._patience:
             self.start_again(now)
         boot, after = self._position
         room = self._ahead - len(self._under_way)

@@ -217,7 +217,7 @@ class Spool:
     def frames(self, *, boot: int = 0, after: int = -1) -> Iterator[tuple[int, int, bytes]]:
         """Yield boot, sequence number and payload of unacknowledged frames, in order, after a given one."""
         for file in list(self._files):
-            if (file.boot, file.last) <= (boot, after):
+            if file.last <= self._acknowledged.get(file.boot, -1) or (file.boot, file.last) <= (boot, after):
                 continue
             for frame_boot, seq, payload in self._records(file.path):
                 if (frame_boot, seq) > (boot, after) and seq > self._acknowledged.get(frame_boot, -1):

@@ -20,7 +20,7 @@ from sprung.alerting import (
     shelf_ended,
 )
 from sprung.diagnosis import Diagnosis, SensorFault, detectable_in_words
-from sprung.documents import detectable_document, finding_document
+from sprung.documents import detectable_document, detection_document, finding_document
 from sprung.monitor.engine import Observed, fault_in_words
 from sprung.storage import AlertRow, Store
 from sprung.tables import span_in_words
@@ -30,6 +30,8 @@ _SENSOR, _SILENT, _LOST, _MONITOR = 400, 300, 500, 800
 #: Largest number of boots of a vehicle whose lost frames are remembered.
 _MOST_BOOTS = 100
 _INNER = ("streak", "worst", "notified", "evidence")
+#: Last windows and likeliest hypotheses of the change test that an alert keeps.
+_MOST_WINDOWS, _MOST_HYPOTHESES = 40, 5
 
 
 class AlertBook:
@@ -55,18 +57,19 @@ class AlertBook:
         if event.diagnosis is not None:
             reports += _of_diagnosis(vehicle, event.diagnosis)
         is_sound = event.observation.is_conclusive and not sensors
-        transitions = assess(
-            self._known(vehicle),
-            reports,
-            looked_for=lambda cause: (
-                cause.startswith("sensor:") or (is_of_suspension(cause) and event.diagnosis is not None)
-            ),
-            is_inhibited=not is_sound,
-            settings=self._settings,
-            now=now,
-        )
-        for transition in transitions:
-            self.put(transition, now=now)
+        with self._store.alerts.locked_of(vehicle) as rows:
+            transitions = assess(
+                {row.cause: alert_of(row) for row in rows},
+                reports,
+                looked_for=lambda cause: (
+                    cause.startswith("sensor:") or (is_of_suspension(cause) and event.diagnosis is not None)
+                ),
+                is_inhibited=not is_sound,
+                settings=self._settings,
+                now=now,
+            )
+            for transition in transitions:
+                self.put(transition, now=now)
 
     def report(self, vehicle: str, cause: str, text: str, *, now: int) -> None:
         """Raise an alert about monitoring itself, without hold-off: cause "silent", or "monitor..."."""
@@ -74,7 +77,9 @@ class AlertBook:
         known = self._known(vehicle).get(cause)
         if known is not None and known.is_active and known.text == text:
             return
-        self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
+        with self._store.alerts.locked(vehicle, cause) as row:
+            known = None if row is None else alert_of(row)
+            self.put(reported(known, Report(vehicle, cause, severity, text), self._at_once, now), now=now)
 
     def report_own(self, vehicle: str, cause: str, text: str, *, now: int) -> None:
         """Raise an alert that each monitor sees for itself: it stays until each has cleared its own."""
@@ -104,7 +109,13 @@ class AlertBook:
         now
             Present time, UTC ns.
         """
-        known = self._known(vehicle).get("lost")
+        with self._store.alerts.locked(vehicle, "lost") as row:
+            self._add_lost(None if row is None else alert_of(row), vehicle, counts, begin=begin, end=end, now=now)
+
+    def _add_lost(
+        self, known: Alert | None, vehicle: str, counts: Mapping[int, int], *, begin: int, end: int, now: int
+    ) -> None:
+        """Raise or update the alert `known` about lost frames, if more are lost than it counts."""
         before = {} if known is None else known.evidence
         counted = {int(boot): count for boot, count in before.get("boots", {}).items()}
         n_new = sum(max(0, count - counted.get(boot, 0)) for boot, count in counts.items())
@@ -126,8 +137,11 @@ class AlertBook:
     def clear(self, vehicle: str, cause: str, *, now: int) -> None:
         """Clear an alert about monitoring itself, if it is active, without hysteresis."""
         known = self._known(vehicle).get(cause)
-        if known is not None and known.is_active:
-            self.put(absent(known, self._at_once, now), now=now)
+        if known is None or not known.is_active:
+            return
+        with self._store.alerts.locked(vehicle, cause) as row:
+            if row is not None and row.is_active:
+                self.put(absent(alert_of(row), self._at_once, now), now=now)
 
     def end_shelves(
         self, *, holds: Callable[[str], bool], fence: Callable[[str], AbstractContextManager[None]], now: int
@@ -145,8 +159,9 @@ class AlertBook:
         """
         for row in self._store.alerts.shelved(until=now):
             if holds(row.vehicle):
-                with fence(row.vehicle):
-                    self.put(shelf_ended(alert_of(row), now), now=now)
+                with fence(row.vehicle), self._store.alerts.locked(row.vehicle, row.cause) as present:
+                    if present is not None:
+                        self.put(shelf_ended(alert_of(present), now), now=now)
 
     def put(self, transition: Transition, *, now: int) -> None:
         """Store the new state of an alert, and the notification about it, if there is one."""
@@ -224,8 +239,12 @@ def _of_sensor(vehicle: str, fault: SensorFault) -> Report:
 
 
 def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
-    """Return the reports of the findings of a diagnosis, with the smallest changes that it would have found."""
-    detectable = {"detectable": detectable_document(diagnosis.detectable)}
+    """Return the reports of the findings of a diagnosis, with the change test behind them."""
+    test: dict[str, Any] = {"detectable": detectable_document(diagnosis.detectable)}
+    if diagnosis.detection is not None:
+        test["detection"] = detection_document(
+            diagnosis.detection, most_windows=_MOST_WINDOWS, most_hypotheses=_MOST_HYPOTHESES
+        )
     limit = detectable_in_words(diagnosis.detectable)
     return [
         Report(
@@ -233,7 +252,7 @@ def _of_diagnosis(vehicle: str, diagnosis: Diagnosis) -> list[Report]:
             f"{finding.corner}.{finding.component}",
             finding.severity_number,
             f"{finding.sentence}; {limit}" if limit else finding.sentence,
-            {**finding_document(finding), **detectable},
+            {**finding_document(finding), **test},
         )
         for finding in diagnosis.findings
     ]

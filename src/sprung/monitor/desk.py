@@ -4,14 +4,14 @@ Everything goes through the store, so that it works whether or not a monitor run
 Times are UTC ns.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from functools import partial
 from typing import Any
 
 from sprung._checks import check_number
 from sprung.alerting import (
-    STEPS,
     AlertSettings,
     Transition,
     acknowledged,
@@ -19,7 +19,6 @@ from sprung.alerting import (
     closed,
     commented,
     health_index,
-    severity_step,
     shelved,
     state_name,
     unshelved,
@@ -28,12 +27,15 @@ from sprung.documents import fleet_document
 from sprung.errors import ParameterError
 from sprung.monitor.alert_book import AlertBook, alert_of
 from sprung.monitor.fleets import rankings
+from sprung.monitor.histories import LEARN, ROLL_BACK, restored_baseline
 from sprung.monitor.jobs import VehicleStatus
 from sprung.storage import AlertRow, Store, VerdictRow
-from sprung.tables import alert_history_table, counted, time_in_words
+from sprung.tables import counted
 
 #: What the workshop can find on an alert.
 VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
+#: Acts of requests that change the baseline of a vehicle.
+BASELINE_ACTS = (LEARN, ROLL_BACK)
 #: What to do where no vehicle has sent.
 NO_VEHICLES = (
     "no vehicles yet: start sprung box on a vehicle, or sprung replay FILE --vehicle-id ID --vehicle V.toml, with "
@@ -71,29 +73,6 @@ def history_document(store: Store, number: int) -> dict[str, Any]:
     rows = [asdict(row) for row in store.alerts.history(number)]
     history = [{name: value for name, value in row.items() if name not in {"id", "alert"}} for row in rows]
     return {"schema": "sprung.alert-history/1", "number": number, "history": history}
-
-
-def alert_in_words(store: Store, number: int) -> str | None:
-    """Return an alert, its history and what can be done as lines of text; None if there is no alert of that number."""
-    row = store.alerts.row(number)
-    if row is None:
-        return None
-    history = alert_history_table(history_document(store, number)).rows
-    lines = [
-        f"Alert {number} of {row.vehicle}: {state_name(alert_of(row))}",
-        "",
-        row.text,
-        f"Cause: {row.cause}",
-        f"Severity: {row.severity} of 1000 ({STEPS[severity_step(row.severity)]})",
-        f"Raised: {time_in_words(row.raised)} UTC (time {row.count})",
-        *([f"Assigned to: {row.assignee}"] if row.assignee else []),
-        "",
-        "History (UTC)",
-        *(f"{time}  {event}, by {who}{': ' if comment else ''}{comment}" for time, event, who, comment in history),
-        "",
-        f"On the machine of the monitor: sprung alerts ack {number}, or shelve, assign, comment",
-    ]
-    return "\n".join(lines) + "\n"
 
 
 def acknowledge(store: Store, number: int, *, who: str, comment: str = "", now: int) -> None:
@@ -218,13 +197,12 @@ def add_verdict(
     ParameterError
         If no alert has that number, the verdict is unknown, or the part is missing or not wanted.
     """
-    row = _alert_row(store, number)
     if verdict not in VERDICTS:
         raise ParameterError(f"verdict {verdict!r} is unknown: give {', '.join(VERDICTS)}")
     if bool(part.strip()) != (verdict == "another part"):
         raise ParameterError(f"part={part!r} must be given with the verdict 'another part', and with no other")
     words = "; ".join(text for text in (f"verdict: {verdict}", part.strip(), action.strip()) if text)
-    with store.together():
+    with _locked(store, number) as row:
         request = None
         if is_new_baseline:
             request = relearn(store, row.vehicle, reason=action.strip() or words, who=who, now=now)
@@ -250,7 +228,49 @@ def relearn(store: Store, vehicle: str, *, reason: str, who: str, now: int) -> i
     if not reason.strip():
         raise ParameterError(f"a new baseline of {vehicle} needs a reason: give --reason TEXT, such as 'new dampers'")
     _check_known(store, vehicle)
-    return store.requests.add_command(who, vehicle, "learn", reason.strip(), now=now)
+    return store.requests.add_command(who, vehicle, LEARN, reason.strip(), now=now)
+
+
+def roll_back(store: Store, vehicle: str, *, version: int, reason: str, who: str, now: int) -> int:
+    """Request the return to an earlier baseline of a vehicle, such as after learning from a faulty one.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    vehicle
+        Name of the vehicle.
+    version
+        Version of the earlier baseline, or of the present one to end a learning that is under way.
+    reason
+        Why it is used again.
+    who
+        Name of the operator.
+    now
+        Present time, UTC ns.
+
+    Returns
+    -------
+    int
+        Number of the request. The earlier baseline becomes the newest version, so that this can be undone alike.
+
+    Raises
+    ------
+    ParameterError
+        If the vehicle or the version is unknown, the version is in use already, or the reason is empty.
+    """
+    if not reason.strip():
+        raise ParameterError(
+            f"the return to baseline {version} of {vehicle} needs a reason, such as 'learnt with a broken spring'"
+        )
+    _check_known(store, vehicle)
+    next_version = restored_baseline(store, vehicle, version=version, reason=reason).version
+    is_learning = bool((store.results.status(vehicle) or {}).get("is_learning"))
+    is_requested = any(row.vehicle == vehicle and row.act in BASELINE_ACTS for row in store.requests.open_commands())
+    if version == next_version - 1 and not (is_learning or is_requested):
+        raise ParameterError(f"baseline {version} of {vehicle} is in use: give an earlier version")
+    detail = {"version": version, "reason": reason.strip()}
+    return store.requests.add_command(who, vehicle, ROLL_BACK, detail, now=now)
 
 
 def request_samples(store: Store, vehicle: str, *, minutes: float, who: str, now: int) -> int:
@@ -346,10 +366,18 @@ def _act(
     store: Store, number: int, name: str, act: Callable[..., Transition], *, who: str, comment: str, now: int
 ) -> None:
     """Apply an action to an alert, and record it in the audit trail."""
-    row = _alert_row(store, number)
-    transition = act(alert_of(row), who=who, now=now, comment=comment)
-    AlertBook(store, AlertSettings()).put(transition, now=now)
-    store.requests.audit(who, name, f"{row.vehicle} {row.cause}", comment or None, now=now)
+    with _locked(store, number) as row:
+        transition = act(alert_of(row), who=who, now=now, comment=comment)
+        AlertBook(store, AlertSettings()).put(transition, now=now)
+        store.requests.audit(who, name, f"{row.vehicle} {row.cause}", comment or None, now=now)
+
+
+@contextmanager
+def _locked(store: Store, number: int) -> Iterator[AlertRow]:
+    """Yield the row of an alert, which nobody else changes until the end of the context."""
+    known = _alert_row(store, number)
+    with store.alerts.locked(known.vehicle, known.cause) as row:
+        yield known if row is None else row
 
 
 def _alert_row(store: Store, number: int) -> AlertRow:

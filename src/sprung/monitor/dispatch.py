@@ -8,10 +8,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from sprung.diagnosis import Baseline
+from sprung.errors import ParameterError
 from sprung.monitor.backoff import Backoff
 from sprung.monitor.engine import MonitorSettings, Observed
 from sprung.monitor.fleets import VehicleTypes, type_of_others
-from sprung.monitor.histories import history_of
+from sprung.monitor.histories import ROLL_BACK, history_of, restored_baseline
 from sprung.monitor.jobs import Failure, Opening, Outcome, VehicleStatus
 from sprung.monitor.ledger import Ledger
 from sprung.monitor.overload import Overload
@@ -101,6 +103,7 @@ class Dispatch:
         self._learnt: dict[str, CommandRow | None] = {}
         self._statuses: dict[str, VehicleStatus] = {}
         self._n_failures = 0
+        self._seconds = 0.0
 
     @property
     def statuses(self) -> Mapping[str, VehicleStatus]:
@@ -122,6 +125,7 @@ class Dispatch:
             "sprung_backlog_frames": self._backlog,
             "sprung_backlog_age_seconds": self._age,
             "sprung_failures_total": self._n_failures,
+            "sprung_analysis_cpu_seconds_total": self._seconds,
             "sprung_vehicles_waiting": self._backoff.n_waiting,
         }
 
@@ -182,7 +186,7 @@ class Dispatch:
             self._enqueue(vehicle)
 
     def relearn(self, command: CommandRow) -> None:
-        """Let a vehicle learn a new baseline before its next frames; requests for one vehicle are queued."""
+        """Let a vehicle change its baseline before its next frames; requests for one vehicle are queued."""
         self._learning.setdefault(command.vehicle, command)
         if command.vehicle in self._streams:
             self._enqueue(command.vehicle)
@@ -240,6 +244,7 @@ class Dispatch:
         StoreError
             If the store cannot write: the vehicle continues from the stored state.
         """
+        self._seconds += outcome.seconds
         try:
             with self._fence(outcome.vehicle):
                 self._settle(outcome)
@@ -346,13 +351,24 @@ class Dispatch:
 
     def _submit(self, vehicle: str, frames: Sequence[StoredFrame]) -> None:
         """Start a job, which without frames returns the state."""
-        learn = self._learning.get(vehicle)
-        reason = "" if learn is None else str(learn.detail or "maintenance")
-        self._jobs[vehicle], self._learnt[vehicle] = frames, learn
-        self._workers.submit(vehicle, [frame.payload for frame in frames], learn=reason)
+        command = self._learning.get(vehicle)
+        self._jobs[vehicle], self._learnt[vehicle] = frames, command
+        self._workers.submit(vehicle, [frame.payload for frame in frames], learn=self._baseline_wanted(command))
         self._queue.remove(vehicle)
         if len(frames) >= self._streams[vehicle].backlog:  # what arrives from here on waits from then
             self._job_since[vehicle] = self._waiting_since.pop(vehicle, self._clock())
+
+    def _baseline_wanted(self, command: CommandRow | None) -> str | Baseline:
+        """Return the reason to learn, or the baseline to return to; empty where the baseline stays."""
+        if command is None:
+            return ""
+        if command.act != ROLL_BACK:
+            return str(command.detail or "maintenance")
+        try:
+            return restored_baseline(self._store, command.vehicle, **command.detail)
+        except ParameterError as error:
+            LOG.warning("baseline stays", extra={"vehicle": command.vehicle, "reason": str(error)})
+            return ""
 
     def _open(self, vehicle: str) -> bool:
         """Give a vehicle to a worker with its stored state; return whether its description is known."""
@@ -363,9 +379,7 @@ class Dispatch:
         stream = self._streams[vehicle]
         known = self._store.inbox.cursors(vehicle=vehicle)
         cursors = {boot: known.get((vehicle, boot), Cursor()) for boot in stream.contiguous}
-        stream.rewind(cursors, -1 if snapshot is None else snapshot.boot)
-        if snapshot is not None:
-            self._finish_boots(vehicle, snapshot.boot)
+        stream.rewind(cursors)
         state, history = None, History()
         if snapshot is not None:
             state = snapshot.document
@@ -392,18 +406,20 @@ class Dispatch:
         vehicle = outcome.vehicle
         stream = self._streams[vehicle]
         boot, seq = (taken[-1].boot, taken[-1].seq) if taken else stream.position
-        command = self._learnt.get(vehicle)
+        command, covered = self._learnt.get(vehicle), stream.covered(boot)
         with self._store.together():  # no window is stored without what it says to people, whatever happens
             is_saved = self._ledger.commit(outcome, boot, seq)
             if is_saved:
+                for other, last in covered:
+                    self._ledger.complete(vehicle, other, last)
                 self._ledger.update_alerts(vehicle, outcome.events)
                 if command is not None:
                     self._ledger.finish_learning(command.id)
         if is_saved:
+            stream.done.update(covered)
             stream.done[boot] = seq
             if command is not None:
                 self._learning.pop(vehicle, None)
-            self._finish_boots(vehicle, boot)
             self._strikes.forget(vehicle)  # not before: a window that fails begins with jobs that do not
             self._backoff.succeed(vehicle)
         self._statuses[vehicle] = outcome.status
@@ -415,13 +431,6 @@ class Dispatch:
         is_learning = is_window and outcome.status.is_learning and self._types.has_type(vehicle)
         if is_learning or (outcome.state is not None and self._workers.is_misplaced(vehicle)):
             self._workers.close_vehicle(vehicle)
-
-    def _finish_boots(self, vehicle: str, boot: int) -> None:
-        """Remove the frames of boots before that of the stored state, which covers them."""
-        stream = self._streams[vehicle]
-        for older, last in stream.finished(boot):
-            self._ledger.complete(vehicle, older, last)
-            stream.done[older] = last
 
     def _lose(self, vehicle: str, error: LeaseLostError) -> None:
         """Leave a vehicle to the monitor that has taken it over."""

@@ -55,8 +55,8 @@ from sprung.vehicles import Vehicle, vehicle_from_text, vehicle_text
 _SHORTEST = 120.0
 #: Length of the segments of a window that is not complete [s]: short enough for many of them after two minutes.
 _SEGMENT = 10.0
-#: Identification of a complete window, and what that of an incomplete one has in common with it.
-_IDENTIFICATION = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=True)
+#: Identification of a complete window, also for its page, and what that of an incomplete one has in common with it.
+IDENTIFICATION = IdentificationSettings(has_road_modes=False, refine=False, allow_missing=True)
 #: Share of standing in a window above which that is why it is inconclusive.
 _MOST_STANDING = 0.5
 #: Note while a vehicle that deviates from its type is not learnt from.
@@ -159,6 +159,20 @@ class Observed:
     baseline: Baseline | None
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Restored:
+    """A return to an earlier baseline.
+
+    Parameters
+    ----------
+    baseline
+        Baseline in use from the next samples on, as a new version.
+    """
+
+    baseline: Baseline
+
+
+#: What samples lead to.
 Event = Identified | Observed
 
 
@@ -186,8 +200,9 @@ class VehicleMonitor:
 
     Windows hold a fixed number of samples in order of arrival, independent of the division into blocks, and are
     processed by the functions that process recordings: `observe_window`, `learn`, `ChangeDetector` and `diagnosis_of`.
-    Score, decision and learning are separate: only `learn_again` starts a second learning. A vehicle that deviates from
-    its type gets no first baseline until `learn_again`: its fault would be normal from then on.
+    Score, decision and learning are separate: only `learn_again` starts a second learning, and only `restore` returns
+    to an earlier baseline. A vehicle that deviates from its type gets no first baseline until `learn_again`: its fault
+    would be normal from then on.
 
     Memory: the samples of one window, and 96 observations of about 4 kB each with four outputs and twelve components.
     While a baseline is learnt, an observation also holds the correlations of its segments for the residual test (170 kB
@@ -367,6 +382,34 @@ class VehicleMonitor:
         self._completion = Completion(is_wanted=self._settings.calibrate)
         self._repeats.forget()
 
+    def restore(self, baseline: Baseline) -> Restored:
+        """Forget the windows so far and judge the next ones by an earlier baseline, such as after a wrong learning.
+
+        Parameters
+        ----------
+        baseline
+            The earlier baseline, with its new version and the reason.
+
+        Returns
+        -------
+        Restored
+            Event that states the baseline in use.
+
+        Notes
+        -----
+        A learning that is under way ends without a baseline. Windows are observed in terms of the vehicle file with
+        which the baseline was learnt.
+        """
+        self._baseline, self._reason = baseline, baseline.reason
+        self._vehicle = self._given
+        if baseline.vehicle_file:
+            self._vehicle = vehicle_from_text(baseline.vehicle_file, source="the vehicle file of the baseline")
+        self._learning, self._detector, self._diagnosis = [], self._new_detector(baseline), None
+        self._completion = Completion(is_wanted=self._settings.calibrate)
+        self._note = ""
+        self._repeats.forget()
+        return Restored(baseline)
+
     def state(self) -> dict[str, Any]:
         """Return everything that is needed to continue, as plain values and bytes."""
         return {
@@ -497,7 +540,7 @@ class VehicleMonitor:
     def _modes_of_window(self, recording: Recording) -> Modes:
         """Return the modes of the complete window, and keep the lines that it shows."""
         identify = METHODS[self._settings.method]
-        identification = identify(recording, settings=_IDENTIFICATION, vehicle=self._vehicle)
+        identification = identify(recording, settings=IDENTIFICATION, vehicle=self._vehicle)
         self._harmonics = identification.harmonics
         return identification.modes
 
@@ -505,7 +548,7 @@ class VehicleMonitor:
         """Return the modes of the body from the samples between one identification and the next, as records."""
         if self._running is None:
             settings = replace(
-                _IDENTIFICATION,
+                IDENTIFICATION,
                 harmonics=self._harmonics,
                 decimate_to=rate_for_body(self._vehicle, self._blocks[0].sampling_rate),
                 segment=_SEGMENT,

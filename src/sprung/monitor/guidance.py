@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+from sprung._display import counted
 from sprung.link import Address
 from sprung.monitor.site import Site, embedded_port
 from sprung.storage import check_address
 
 
-def start_in_words(site: Site, broker: Address, *, http: tuple[str, int], n_vehicles: int) -> list[str]:
+def start_in_words(
+    site: Site, broker: Address, *, http: tuple[str, int], n_vehicles: int, has_accounts: bool = False
+) -> list[str]:
     """Return sentences about a monitor that has just started.
 
     Parameters
@@ -20,14 +23,21 @@ def start_in_words(site: Site, broker: Address, *, http: tuple[str, int], n_vehi
         Host and port at which it answers.
     n_vehicles
         Number of vehicles in the store.
+    has_accounts
+        Whether people log in.
     """
     is_embedded = embedded_port(site.broker) is not None
     store = check_address(site.store).render_as_string(hide_password=True).replace("+psycopg", "")
-    page = f"http://{f'[{http[0]}]' if ':' in http[0] else http[0]}:{http[1]}"
+    scheme = "http" if site.web.certificate is None else "https"
+    page = f"{scheme}://{f'[{http[0]}]' if ':' in http[0] else http[0]}:{http[1]}"
+    log_in = (
+        "" if has_accounts else "; no log-in is needed on this machine until there is an account (sprung accounts add)"
+    )
     where = f" --store {store}" if site.store != Site().store else ""
     return [
         f"boxes reach this monitor at {broker}{' (own broker, for programs of this user only)' if is_embedded else ''}",
-        f"interface: {page}/api/v1 (docs/monitor.md), health: {page}/health, figures for Prometheus: {page}/metrics",
+        f"pages: {page}/{log_in}",
+        f"interface: {page}/api, health: {page}/health, figures for Prometheus: {page}/metrics",
         f"store: {store}; {_samples(site)}",
         *_exposed(site),
         _recipients(site),
@@ -58,9 +68,10 @@ def _exposed(site: Site) -> list[str]:
 
 def _recipients(site: Site) -> str:
     """Return who is notified of alerts."""
-    hooks, mails = len(site.send.webhook), [address for mail in site.send.mail for address in mail.recipients]
-    if not hooks and not mails:
+    mails = [address for mail in site.send.mail for address in mail.recipients]
+    numbers = (("webhook", len(site.send.webhook)), ("apprise service", len(site.send.apprise)))
+    if not mails and not any(number for _, number in numbers):
         return "alerts go to this log and to MQTT only: add [[send.mail]] or [[send.webhook]] to the site file"
     parts = [f"mail to {', '.join(mails)}"] if mails else []
-    parts += [f"{hooks} webhook{'s'[: hooks != 1]}"] if hooks else []
+    parts += [counted(number, name) for name, number in numbers if number]
     return f"alerts go to this log, to MQTT, and by {' and '.join(parts)}: test it with sprung monitor --test-senders"

@@ -1,7 +1,15 @@
 """What the store holds of a vehicle whose state is lost."""
 
+from dataclasses import replace
+
+from sprung.diagnosis import Baseline
+from sprung.documents import baseline_from_document
+from sprung.errors import FormatError, ParameterError
 from sprung.monitor.states import History
 from sprung.storage import Store
+
+#: Acts of requests that change the baseline of a vehicle: learn a new one, and return to an earlier one.
+LEARN, ROLL_BACK = "learn", "roll back"
 
 
 def history_of(store: Store, vehicle: str, *, most_windows: int) -> History:
@@ -41,8 +49,39 @@ def history_of(store: Store, vehicle: str, *, most_windows: int) -> History:
     )
 
 
+def restored_baseline(store: Store, vehicle: str, *, version: int, reason: str) -> Baseline:
+    """Return an earlier baseline of a vehicle as its next version.
+
+    Parameters
+    ----------
+    store
+        Store of the monitor.
+    vehicle
+        Name of the vehicle.
+    version
+        Version of the earlier baseline.
+    reason
+        Why it is used again.
+
+    Raises
+    ------
+    ParameterError
+        If the vehicle has no such baseline, or it cannot be read.
+    """
+    rows = store.results.baselines(vehicle)
+    document = next((row.document for row in rows if row.version == version), None)
+    if document is None:
+        known = ", ".join(str(row.version) for row in rows) or "none"
+        raise ParameterError(f"{vehicle} has no baseline {version}: it has {known}")
+    try:
+        baseline = baseline_from_document(document)
+    except FormatError as error:
+        raise ParameterError(f"baseline {version} of {vehicle} cannot be read ({error}): learn a new one") from None
+    return replace(baseline, version=rows[-1].version + 1, reason=f"baseline {version} again: {reason}")
+
+
 def _last_reason(store: Store, vehicle: str) -> str:
     """Return the reason of the last request for a new baseline."""
     requests = reversed(store.requests.audited(limit=1000))
-    reasons = (row.detail for row in requests if (row.act, row.subject) == ("learn", vehicle))
+    reasons = (row.detail for row in requests if (row.act, row.subject) == (LEARN, vehicle))
     return str(next(reasons, None) or "maintenance")

@@ -161,6 +161,11 @@ class Intake:
         now
             Present time, UTC ns.
 
+        Returns
+        -------
+        Taken
+            Frames that are stored, and what else the messages announce.
+
         Raises
         ------
         StoreError

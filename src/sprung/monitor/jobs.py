@@ -10,10 +10,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
-from sprung.diagnosis import TypeBaseline
+from sprung.diagnosis import Baseline, TypeBaseline
 from sprung.errors import SprungError
 from sprung.link import FrameBlock, decode, frame_block
-from sprung.monitor.engine import Event, MonitorSettings, Observed, VehicleMonitor
+from sprung.monitor.engine import Event, MonitorSettings, Observed, Restored, VehicleMonitor
 from sprung.monitor.states import History, read_state, state_of_history, write_state
 from sprung.vehicles import vehicle_from_text
 
@@ -139,7 +139,8 @@ class Outcome:
     events
         Events in order of time.
     state
-        State after a complete window, a request for a new baseline or a job without frames; None otherwise.
+        State after a complete window, a request for a new or an earlier baseline or a job without frames; None
+        otherwise.
     status
         Status after the job.
     error
@@ -154,7 +155,7 @@ class Outcome:
 
     vehicle: str
     n_consumed: int
-    events: tuple[Event, ...]
+    events: tuple[Event | Restored, ...]
     state: bytes | None
     status: VehicleStatus
     error: str = ""
@@ -192,7 +193,7 @@ def analyse(
     opened: tuple[VehicleMonitor, dict[str, str]],
     frames: Sequence[bytes],
     *,
-    learn: str = "",
+    learn: str | Baseline = "",
     skips_modes: bool = False,
     limits: Limits | None = None,
     report: Callable[[int], None] = lambda n_consumed: None,
@@ -219,11 +220,13 @@ def analyse(
     monitor, quantities = opened
     limits = limits or Limits()
     begun, before = time.process_time(), monitor.n_thinned
-    events: list[Event] = []
+    events: list[Event | Restored] = []
     consumed, is_changed = 0, bool(learn) or not frames
     try:
         with limited_memory(limits.job_bytes):
-            if learn:
+            if isinstance(learn, Baseline):
+                events.append(monitor.restore(learn))
+            elif learn:
                 monitor.learn_again(learn)
             for payload in frames:
                 report(consumed)

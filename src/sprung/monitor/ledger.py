@@ -4,14 +4,16 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
+from sprung.diagnosis import Baseline
 from sprung.documents import baseline_document, finding_document, observation_document
 from sprung.errors import SprungError
 from sprung.link import checked_map
 from sprung.monitor.alert_book import AlertBook
-from sprung.monitor.engine import Event, Identified, Observed
+from sprung.monitor.engine import Event, Identified, Observed, Restored
 from sprung.monitor.jobs import Outcome
 from sprung.monitor.on_board import archive_correlations, reported_modes
 from sprung.monitor.site import Site
+from sprung.recording import Recording
 from sprung.storage import LeaseLostError, Progress, Store, StoredFrame, StoreError, write_archive
 
 LOG = logging.getLogger("sprung.monitor")
@@ -37,6 +39,8 @@ class Ledger:
         Alerts of all vehicles.
     clock
         Present time, UTC ns.
+    keep_window
+        Function that keeps the samples of a window of a vehicle for the lake; None: there is none.
 
     Notes
     -----
@@ -44,7 +48,16 @@ class Ledger:
     analyses their frames again, and stores the same.
     """
 
-    def __init__(self, site: Site, store: Store, *, alerts: AlertBook, clock: Callable[[], int]) -> None:
+    def __init__(
+        self,
+        site: Site,
+        store: Store,
+        *,
+        alerts: AlertBook,
+        clock: Callable[[], int],
+        keep_window: Callable[[str, Recording], None] | None = None,
+    ) -> None:
+        self._keep_window = keep_window
         self._store, self._alerts, self._clock = store, alerts, clock
         self._warned: dict[tuple[str, str], str] = {}
         self._waiting: list[Progress] = []
@@ -85,6 +98,7 @@ class Ledger:
         """
         windows = [event for event in outcome.events if isinstance(event, Observed)]
         identified = [event for event in outcome.events if isinstance(event, Identified)]
+        changes = [event for event in outcome.events if isinstance(event, Observed | Restored)]
         # Without modes nothing is kept: why a window has none is in its observation.
         modes = tuple(_modes(event) for event in identified if event.modes)
         self._n_windows += len(windows)
@@ -96,6 +110,8 @@ class Ledger:
         now = self._clock()
         for event in windows:
             self._archive(outcome.vehicle, boot, event)
+            if self._keep_window is not None:
+                self._keep_window(outcome.vehicle, event.recording)
         done = seq if is_saved else -1
         progress = Progress(
             outcome.vehicle,
@@ -105,7 +121,7 @@ class Ledger:
             observations=tuple(_numbered(event, observation_document(event.observation)) for event in windows),
             modes=modes,
             findings=tuple(_numbered(event, finding) for event in windows for finding in _findings(event)),
-            baselines=tuple(baseline for event in windows for baseline in _baselines(event, now)),
+            baselines=tuple(_baseline(change.baseline, now) for change in changes if change.baseline is not None),
             snapshot=outcome.state,
             status=outcome.status._asdict(),
             now=now,
@@ -117,10 +133,11 @@ class Ledger:
             return False
         self._store.results.commit(progress, *self._of(outcome.vehicle))
         self._waiting = [each for each in self._waiting if each.vehicle != outcome.vehicle]
-        for event in windows:
-            if event.baseline is not None:
-                learnt = {"version": event.baseline.version, "windows": event.baseline.n_windows}
-                LOG.info("baseline learnt", extra={"vehicle": outcome.vehicle, **learnt})
+        for change in changes:
+            if change.baseline is not None:
+                learnt = {"version": change.baseline.version, "windows": change.baseline.n_windows}
+                words = "baseline restored" if isinstance(change, Restored) else "baseline learnt"
+                LOG.info(words, extra={"vehicle": outcome.vehicle, **learnt})
             elif outcome.status.is_learning and outcome.status.note:
                 reason = {"reason": outcome.status.note}
                 LOG.info("window not learnt from", extra={"vehicle": outcome.vehicle, **reason})
@@ -162,7 +179,7 @@ class Ledger:
         stored = set(map(id, waiting))
         self._waiting = [progress for progress in self._waiting if id(progress) not in stored]
 
-    def update_alerts(self, vehicle: str, events: tuple[Event, ...]) -> None:
+    def update_alerts(self, vehicle: str, events: tuple[Event | Restored, ...]) -> None:
         """Raise, update and clear alerts according to windows, which clear those about the analysis.
 
         Raises
@@ -231,7 +248,7 @@ class Ledger:
             self._warned[vehicle, cause] = sentence
 
     def finish_learning(self, command: int) -> None:
-        """Record that a request for a new baseline was completed.
+        """Record that a request for a new or an earlier baseline was completed.
 
         Raises
         ------
@@ -295,6 +312,8 @@ class Ledger:
                 samples=recording.samples,
                 channels=recording.names,
                 sampling_rate=recording.sampling_rate,
+                gaps=[(gap.index, gap.duration) for gap in recording.gaps],
+                quantities=[channel.quantity for channel in recording.channels],
             )
         except (SprungError, OSError) as error:
             LOG.warning("samples were not archived", extra={"vehicle": vehicle, "reason": str(error)})
@@ -326,7 +345,6 @@ def _findings(event: Observed) -> list[dict[str, Any]]:
     return [] if event.diagnosis is None else [finding_document(finding) for finding in event.diagnosis.findings]
 
 
-def _baselines(event: Observed, now: int) -> list[tuple[int, int, str, dict[str, Any]]]:
-    """Return version, time, reason and document of the baseline that a window completed, if any."""
-    baseline = event.baseline
-    return [] if baseline is None else [(baseline.version, now, baseline.reason, baseline_document(baseline).as_json())]
+def _baseline(baseline: Baseline, now: int) -> tuple[int, int, str, dict[str, Any]]:
+    """Return version, time, reason and document of a baseline that is in use from now on."""
+    return baseline.version, now, baseline.reason, baseline_document(baseline).as_json()

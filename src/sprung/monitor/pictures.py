@@ -37,14 +37,14 @@ def alert_picture(store: Store, vehicle: str, cause: str) -> bytes:
     if not is_of_suspension(cause):
         return b""
     try:
-        assessed = _assessed(store, vehicle)
-        return b"" if assessed is None else _drawn(*assessed)
+        present = assessed(store, vehicle)
+        return b"" if present is None else _drawn(*present)
     except (SprungError, ValueError, OSError) as error:
         LOG.warning("an alert is sent without a picture", extra={"vehicle": vehicle, "reason": str(error)})
         return b""
 
 
-def _assessed(store: Store, vehicle: str) -> tuple[Diagnosis, Baseline | None] | None:
+def assessed(store: Store, vehicle: str) -> tuple[Diagnosis, Baseline | None] | None:
     """Return the last diagnosis of a vehicle and its baseline; None without a change test."""
     row, snapshot = store.inbox.vehicle(vehicle), store.results.snapshot(vehicle)
     if row is None or snapshot is None:

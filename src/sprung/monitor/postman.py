@@ -284,13 +284,15 @@ class PostOffice:
                 LOG.warning("notifications wait for the store", extra={"reason": str(error)})
 
 
-def try_senders(send: Send, *, now: int) -> dict[str, str]:
-    """Send a test message by each sender of a site file.
+def try_senders(send: Send, *, name: str | None = None, now: int) -> dict[str, str]:
+    """Send a test message by each sender of a site file, or by one of them.
 
     Parameters
     ----------
     send
         Senders of the site file.
+    name
+        Name of a sender, such as "mail 1"; None: all of them.
     now
         Present time, UTC ns.
 
@@ -302,13 +304,15 @@ def try_senders(send: Send, *, now: int) -> dict[str, str]:
     Raises
     ------
     ParameterError
-        If the site file has no sender.
+        If the site file has no sender, or none of that name.
     """
-    senders = _configured(send)
+    senders = [sender for sender in _configured(send) if name in {None, sender.name}]
+    if name is not None and not senders:
+        raise ParameterError(f"unknown sender {name!r}: the page of the site shows those of the site file")
     if not senders:
         raise ParameterError(
-            "the site file has no sender, so alerts go to the log and to MQTT only: add [[send.mail]] or "
-            "[[send.webhook]] to it, and give it with --site"
+            "the site file has no sender, so alerts go to the log and to MQTT only: add [[send.mail]], "
+            "[[send.webhook]] or [[send.apprise]] to it, and give it with --site"
         )
     errors = deliver(trial_message(now), senders)
     return {sender.name: errors.get(sender.name, "") for sender in senders}
@@ -323,4 +327,5 @@ def _configured(send: Send) -> list[Sender]:
     """Return the senders of a site file."""
     hooks = [hook.as_sender(f"webhook {number}") for number, hook in enumerate(send.webhook, start=1)]
     mails = [mail.as_sender(f"mail {number}") for number, mail in enumerate(send.mail, start=1)]
-    return [*hooks, *mails]
+    services = [service.as_sender(f"apprise {number}") for number, service in enumerate(send.apprise, start=1)]
+    return [*hooks, *mails, *services]

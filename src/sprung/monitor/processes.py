@@ -197,8 +197,8 @@ def answer(
     Parameters
     ----------
     request
-        "open" with an opening, "close" with a vehicle, or "work" with vehicle, frames, reason to learn, and whether to
-        leave out the identifications of modes within windows.
+        "open" with an opening, "close" with a vehicle, or "work" with vehicle, frames, reason to learn or
+        baseline to return to, and whether to leave out the identifications of modes within windows.
     monitors
         Open vehicles, which the request may change.
     limits, report

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 
 from sprung.errors import DataError, ParameterError
+from sprung.monitor.histories import ROLL_BACK
 from sprung.monitor.site import Site
 from sprung.storage import CommandRow, Store
 from sprung.tables import span_in_words, time_in_words
@@ -61,9 +62,22 @@ def relearning_in_words(vehicle: str, reason: str) -> str:
     )
 
 
+def rolling_back_in_words(vehicle: str, version: int, reason: str) -> str:
+    """Return the sentence about a request to return to an earlier baseline."""
+    return (
+        f"{vehicle} will return to its baseline {version} ({reason.strip()!r}): change detection begins anew with its"
+        " next window"
+    )
+
+
 def open_request_in_words(row: CommandRow) -> str:
     """Return the sentence about a request that is not yet done."""
-    what = f"samples {_span(row.detail)}" if row.act == "raw" else f"new baseline ({row.detail!r})"
+    if row.act == "raw":
+        what = f"samples {_span(row.detail)}"
+    elif row.act == ROLL_BACK:
+        what = f"return to baseline {row.detail['version']} ({row.detail['reason']!r})"
+    else:
+        what = f"new baseline ({row.detail!r})"
     return f"{row.vehicle}: {what} requested at {time_in_words(row.created)} UTC, not yet done"
 
 

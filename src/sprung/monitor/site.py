@@ -6,7 +6,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from sprung.alerting import AlertSettings, MailSender, WebhookSender
+from sprung.alerting import AlertSettings, MailSender, ServiceSender, WebhookSender
 from sprung.errors import FormatError, ParameterError
 from sprung.link import Address
 from sprung.monitor.engine import MonitorSettings
@@ -124,6 +124,18 @@ class Keep(_Table):
     free_megabytes: float = Field(
         200.0, ge=0, description="free disk space below which intake stops, which is an alert [MB]"
     )
+    lake: str | None = Field(
+        None, min_length=1, description="folder or URL of a lake that windows are written to; left out: none"
+    )
+    lake_days: float | None = Field(
+        None,
+        gt=0,
+        le=_MOST_DAYS,
+        description="age at which windows in the lake are deleted [days]; left out: `results_days`",
+    )
+    results: str | None = Field(
+        None, min_length=1, description="folder or URL of the results of `sprung fleet run`, for a page; left out: none"
+    )
 
     def results_before(self, now: int) -> int:
         """Return the time before which results are deleted, UTC ns."""
@@ -136,6 +148,10 @@ class Keep(_Table):
     def boots_before(self, now: int) -> int:
         """Return the time before which the progress of finished starts of boxes is deleted, UTC ns."""
         return now - round(self.boots_days * _DAY)
+
+    def lake_before(self, now: int) -> int:
+        """Return the time before which windows in the lake are deleted, UTC ns."""
+        return now - round((self.lake_days or self.results_days) * _DAY)
 
     def raw_before(self, now: int) -> int:
         """Return the time before which samples are deleted, UTC ns."""
@@ -179,11 +195,27 @@ class Mail(_Table):
         return self
 
 
+class Service(_Table):
+    """Notifications by a service of apprise."""
+
+    url: str = Field(description="address of a service as apprise writes it, such as `slack://TOKEN/#channel`")
+
+    def as_sender(self, name: str) -> ServiceSender:
+        """Return the sender."""
+        return ServiceSender(self.url, name=name)
+
+    @model_validator(mode="after")
+    def _can_send(self) -> Self:
+        self.as_sender("")
+        return self
+
+
 class Send(_Table):
     """Who is notified of alerts, besides the log and the topic."""
 
     webhook: list[Webhook] = []
     mail: list[Mail] = []
+    apprise: list[Service] = []
 
 
 class Web(_Table):
@@ -206,6 +238,7 @@ class Site(_Table):
     """Settings of a monitor (`sprung.site/1`); docs/monitor.md has the table of all fields."""
 
     schema_name: Literal["sprung.site/1"] = Field("sprung.site/1", alias="schema", description="version of the file")
+    name: str = Field("Site", max_length=64, description="name of the site on pages and in reports")
     broker: str = Field(
         "embedded", description="embedded, embedded:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT?ca=F&cert=F&key=F"
     )
@@ -263,15 +296,23 @@ class Site(_Table):
     @property
     def archive(self) -> Path | None:
         """Folder of samples, next to a store in a file; None if they are not kept."""
-        if not self.keep.raw_days:
-            return None
-        is_file = self.store.startswith("sqlite:///")
-        return (Path(self.store.removeprefix("sqlite:///")).parent if is_file else Path("sprung-data")) / "raw"
+        return self._folder / "raw" if self.keep.raw_days else None
+
+    @property
+    def outbox(self) -> Path:
+        """Folder of windows that wait to be written to the lake."""
+        return self._folder / "outbox"
 
     @property
     def correlations(self) -> Path | None:
         """Folder of correlations that boxes sent; None if they are not kept."""
         return None if self.archive is None else self.archive.with_name("correlations")
+
+    @property
+    def _folder(self) -> Path:
+        """Folder of a store in a file; that of the default store otherwise."""
+        is_file = self.store.startswith("sqlite:///")
+        return Path(self.store.removeprefix("sqlite:///")).parent if is_file else Path("sprung-data")
 
     @property
     def http_address(self) -> tuple[str, int]:

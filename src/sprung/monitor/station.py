@@ -16,6 +16,7 @@ from sprung.monitor.heartbeats import Heartbeats, Loop
 from sprung.monitor.inflow import Inflow, vehicle_of
 from sprung.monitor.intake import MONITOR, Intake
 from sprung.monitor.jobs import VehicleStatus
+from sprung.monitor.lakes import lake_writer
 from sprung.monitor.ledger import Ledger
 from sprung.monitor.overload import Overload
 from sprung.monitor.pictures import alert_picture
@@ -88,7 +89,7 @@ class Station:
             will=(topic(MONITOR, "state"), message({Key.VERSION: VERSION, "is_dead": True})),
         )
         senders = senders_of(site.send, self._link.publish)
-        loops = _loops(site.watch.seconds_per_job, [sender.name for sender in senders])
+        loops = loops_of(site.watch.seconds_per_job, [sender.name for sender in senders])
         self._heartbeats = Heartbeats(loops, timer)
         self._shards = Shards(store, patience=site.watch.takeover_seconds, timer=timer)
         alerts = self._alerts = AlertBook(store, site.alerts.settings, monitor=self._shards.name)
@@ -101,7 +102,10 @@ class Station:
                 vehicle, counts, begin=begin, end=end, now=now
             ),
         )
-        ledger = Ledger(site, store, alerts=alerts, clock=clock)
+        self._lake = lake_writer(site, is_first=lambda: self._shards.is_first, clock=clock, timer=timer)
+        ledger = Ledger(
+            site, store, alerts=alerts, clock=clock, keep_window=None if self._lake is None else self._lake.keep
+        )
         self._following, self._comparing = Every(_FOLLOW, timer), Every(_COMPARE, timer)
         self._dispatch = Dispatch(
             store,
@@ -132,6 +136,7 @@ class Station:
             post=self._post,
             shards=self._shards,
             relearn=self._dispatch.relearn,
+            lake=self._lake,
             clock=clock,
             timer=timer,
         )
@@ -170,6 +175,8 @@ class Station:
         self._is_open = True
         self._follow()
         self._post.open()
+        if self._lake is not None:
+            self._lake.open()
         self._link.open(timeout=timeout)
         self._heartbeats.beat("station")
         LOG.info("monitoring", extra={"vehicles": self.n_vehicles})
@@ -208,6 +215,8 @@ class Station:
     def close(self) -> None:
         """Stop in good order."""
         self._post.close()
+        if self._lake is not None:
+            self._lake.close()
         self._link.close()
         self._gate.guard(self._dispatch.flush)
         self._dispatch.close()
@@ -236,6 +245,7 @@ class Station:
             **self._intake.figures,
             **self._dispatch.figures,
             **self._post.figures,
+            **({} if self._lake is None else self._lake.figures),
             **{name: now - time for name, time in last.items() if time is not None},
             "sprung_queue_bytes": self._inflow.n_bytes,
             "sprung_link_connected": float(self._link.is_connected),
@@ -322,8 +332,16 @@ class Station:
                 self._alerts.clear_own(row.vehicle, row.cause, now=now)
 
 
-def _loops(seconds_per_job: float, senders: Sequence[str]) -> dict[str, Loop]:
-    """Return the loops that must turn."""
+def loops_of(seconds_per_job: float, senders: Sequence[str]) -> dict[str, Loop]:
+    """Return the loops that must turn, by name.
+
+    Parameters
+    ----------
+    seconds_per_job
+        Longest time of a job [s].
+    senders
+        Names of the senders of notifications.
+    """
     return {
         "station": Loop(
             _STILL, "the loop of the monitor stands still: check its store and disk, restart it if it does not go on"

@@ -73,10 +73,10 @@ class Stream:
         """Record that the store has the frames of a boot up to a sequence number as analysed."""
         self.dispatched[boot] = self.done[boot] = seq
 
-    def rewind(self, cursors: Mapping[int, Cursor], boot: int) -> None:
-        """Continue from the stored cursors; boots before `boot`, which the stored state covers, count as dispatched."""
-        self.done = {known: cursors[known].done for known in self.contiguous}
-        self.dispatched = {known: last if known < boot else self.done[known] for known, last in self.contiguous.items()}
+    def rewind(self, cursors: Mapping[int, Cursor]) -> None:
+        """Continue from the stored cursors."""
+        self.done = {boot: cursors[boot].done for boot in self.contiguous}
+        self.dispatched = dict(self.done)
 
     def next_frames(self, pending: Pending, limit: int) -> list[StoredFrame]:
         """Return the frames to analyse next, all of one boot.
@@ -105,13 +105,10 @@ class Stream:
                 return frames
         return []
 
-    def finished(self, boot: int) -> list[tuple[int, int]]:
-        """Return boots before `boot` that were dispatched completely, and their ends, if the store is behind."""
-        return [
-            (older, last)
-            for older, last in self.contiguous.items()
-            if older < boot and self.dispatched.get(older, -1) >= last > self.done.get(older, -1)
-        ]
+    def covered(self, boot: int) -> list[tuple[int, int]]:
+        """Return the other boots whose frames the state of now covers and the store does not, and the last of these."""
+        others = [place for place in self.dispatched.items() if place[0] != boot]
+        return [(other, last) for other, last in others if last > self.done.get(other, -1)]
 
     def _note_previous(self, first: StoredFrame) -> None:
         """Keep which boot comes before that of its first frame."""

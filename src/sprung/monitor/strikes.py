@@ -16,13 +16,18 @@ class _Failures:
         Boot and sequence number of the frame of the last failure.
     count
         Number of failures there in a row.
-    has_left_out
-        Whether a frame was set aside.
+    left_out
+        Boot and sequence number of the last frame that was set aside; None: none was.
     """
 
     place: tuple[int, int] = (-1, -1)
     count: int = 0
-    has_left_out: bool = False
+    left_out: tuple[int, int] | None = None
+
+    @property
+    def is_of_window(self) -> bool:
+        """Whether the last failure is behind a frame that was set aside."""
+        return self.left_out is not None and self.place > self.left_out
 
 
 class Strikes:
@@ -31,7 +36,8 @@ class Strikes:
     Notes
     -----
     A frame on which the analysis fails twice is set aside. If a later frame fails before a state is stored, it is the
-    window that cannot be analysed, and its frames are set aside.
+    window that cannot be analysed, and its frames are set aside. A failure on an earlier one, which is analysed again,
+    is a first failure.
     """
 
     def __init__(self) -> None:
@@ -57,16 +63,17 @@ class Strikes:
         failures = self._of.setdefault(vehicle, _Failures())
         failures.count = failures.count + 1 if (boot, seq) == failures.place else 1
         failures.place = boot, seq
-        if failures.has_left_out:
+        if failures.is_of_window:
             return done + 1
         return seq if failures.count >= _MOST else None
 
     def leave_out(self, vehicle: str) -> None:
         """Record that the store has set aside what `add` returned."""
-        if self._of[vehicle].has_left_out:
+        failures = self._of[vehicle]
+        if failures.is_of_window:
             self.forget(vehicle)
         else:
-            self._of[vehicle].has_left_out = True
+            failures.left_out = max(failures.place, failures.left_out or failures.place)
 
     def forget(self, vehicle: str) -> None:
         """Begin anew, as a state was stored."""

@@ -6,8 +6,11 @@ from datetime import UTC, datetime
 
 from sprung.link import VERSION, Every, Key, Link, message, topic
 from sprung.monitor.alert_book import AlertBook
+from sprung.monitor.certificates import certificates_of
 from sprung.monitor.gate import Gate
+from sprung.monitor.histories import LEARN, ROLL_BACK
 from sprung.monitor.intake import MONITOR, Intake
+from sprung.monitor.lakes import LakeWriter
 from sprung.monitor.postman import PostOffice
 from sprung.monitor.shards import Shards
 from sprung.monitor.site import Site
@@ -19,6 +22,8 @@ LOG = logging.getLogger("sprung.monitor")
 _LOOK, _SWEEP, _TIDY = 1.0, 60.0, 3600.0
 #: Number of old rows that a sweep deletes at most: nothing is taken in meanwhile.
 _MOST_ROWS = 10_000
+#: Causes of the alerts about certificates that expire, and about a lake that cannot be written.
+CERTIFICATE, LAKE = "monitor:certificate", "monitor:lake"
 #: Shortest time before samples are requested again, and between warnings that the broker cannot be reached [s].
 _ASK, _REMIND = 10.0, 600.0
 #: Time without a change after which the alert about lost frames clears [ns].
@@ -47,7 +52,9 @@ class Upkeep:
     shards
         Vehicles that this monitor works for.
     relearn
-        Function called with each open request for a new baseline.
+        Function called with each open request for a new or an earlier baseline.
+    lake
+        What writes windows to a lake; None: there is none.
     clock
         Present time, UTC ns.
     timer
@@ -66,12 +73,13 @@ class Upkeep:
         post: PostOffice,
         shards: Shards,
         relearn: Callable[[CommandRow], None],
+        lake: LakeWriter | None = None,
         clock: Callable[[], int],
         timer: Callable[[], float],
     ) -> None:
         self._site, self._store, self._alerts, self._intake = site, store, alerts, intake
         self._link, self._gate, self._post, self._shards = link, gate, post, shards
-        self._relearn, self._clock = relearn, clock
+        self._relearn, self._clock, self._lake = relearn, clock, lake
         self._begun = clock()
         self._archives = [Retention(folder) for folder in (site.archive, site.correlations) if folder is not None]
         self._asking: dict[int, Every] = {}
@@ -128,7 +136,7 @@ class Upkeep:
         """Carry out a command for a vehicle."""
         if command.act == "raw":
             self._request_samples(command, last_seen, now)
-        elif command.act == "learn":
+        elif command.act in {LEARN, ROLL_BACK}:
             self._relearn(command)
         else:
             LOG.warning("unknown command", extra={"act": command.act})
@@ -182,6 +190,8 @@ class Upkeep:
         most = round(1e9 * self._site.keep.raw_gigabytes)
         for archive in self._archives:  # before anything else: a store on a full disk cannot even delete
             archive.prune(before=self._site.keep.raw_before(now), most_bytes=most)
+        self._check_certificates(now)
+        self._update_seen_here(LAKE, "" if self._lake is None else self._lake.trouble, now)
         if self._shards.is_first:
             self._tidy(now)
         free = self._store.free()
@@ -195,6 +205,18 @@ class Upkeep:
         self._gate.succeed()
         for cause in ("monitor:disk", "monitor"):
             self._alerts.clear(MONITOR, cause, now=now)
+
+    def _check_certificates(self, now: int) -> None:
+        """Raise an alert about certificates of this monitor that expire soon, or clear it where there are none."""
+        troubles = [trouble for each in certificates_of(self._site) if (trouble := each.trouble(now))]
+        self._update_seen_here(CERTIFICATE, "; ".join(troubles), now)
+
+    def _update_seen_here(self, cause: str, trouble: str, now: int) -> None:
+        """Raise an alert about a trouble that each monitor sees for itself, or clear this monitor's part of it."""
+        if trouble:
+            self._alerts.report_own(MONITOR, cause, trouble, now=now)
+        else:
+            self._alerts.clear_own(MONITOR, cause, now=now)
 
     def _tidy(self, now: int) -> None:
         """Delete old rows, once an hour, or again at the next sweep if many are left."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from sprung.diagnosis import Baseline
 from sprung.monitor.engine import Observed
 from sprung.monitor.jobs import Failure, Limits, Opening, Outcome, failed
 from sprung.monitor.processes import Answer, Lost, Process, WorkerProcess
@@ -143,7 +144,7 @@ class Workers:
             worker.vehicles.discard(vehicle)
             self._send(worker, _Task("close", vehicle), ("close", vehicle))
 
-    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str = "") -> None:
+    def submit(self, vehicle: str, frames: Sequence[bytes], *, learn: str | Baseline = "") -> None:
         """Start a job.
 
         Parameters
@@ -153,7 +154,8 @@ class Workers:
         frames
             Frames in order; none, to get the state.
         learn
-            Reason to learn a new baseline from these frames on; empty: the baseline stays.
+            Reason to learn a new baseline from these frames on, or an earlier baseline to return to; empty: the
+            baseline stays.
         """
         worker = next(worker for worker in self._workers if vehicle in worker.vehicles)
         self._send(worker, _Task("work", vehicle), ("work", vehicle, list(frames), learn, self.skips_modes))

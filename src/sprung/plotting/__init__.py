@@ -4,7 +4,15 @@ from sprung.plotting.animation import save_animation
 from sprung.plotting.calibration import learnt_figure, misfit_figure
 from sprung.plotting.corners import corners_figure, correlation_figure, fitted_spectra_figure
 from sprung.plotting.diagnosis import corner_changes_figure, evidence_figure, mode_changes_figure, trends_figure
+from sprung.plotting.history import (
+    Stretch,
+    components_history_figure,
+    evidence_history_figure,
+    findings_history_figure,
+    modes_history_figure,
+)
 from sprung.plotting.mac import mac_figure, reference_mac_figure
+from sprung.plotting.plan import plan_figure
 from sprung.plotting.rates import alignment_rates, stable_rates_figure
 from sprung.plotting.responses import cepstrum_figure, response_figure
 from sprung.plotting.results import picture_of
@@ -19,15 +27,19 @@ from sprung.plotting.tracking import tracks_figure
 
 __all__ = [
     "Spread",
+    "Stretch",
     "alignment_rates",
     "cepstrum_figure",
     "complexity_figure",
+    "components_history_figure",
     "corner_changes_figure",
     "corners_figure",
     "correlation_figure",
     "densities_figure",
     "evidence_figure",
+    "evidence_history_figure",
     "figures",
+    "findings_history_figure",
     "fitted_spectra_figure",
     "histories_figure",
     "learnt_figure",
@@ -35,7 +47,9 @@ __all__ = [
     "mac_figure",
     "misfit_figure",
     "mode_changes_figure",
+    "modes_history_figure",
     "picture_of",
+    "plan_figure",
     "reference_mac_figure",
     "response_figure",
     "runs_figure",

@@ -34,8 +34,7 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
         Name of the recording, for the heading.
     """
     spectra, names = fit.model.spectra, fit.model.layout.coordinates
-    fitted = np.einsum("cfii->cif", fit.model.matrix(fit.parameters)).real
-    measured = np.einsum("cfii->cif", spectra.matrices).real
+    measured, fitted = mean_spectra(fit)
     what = f"Measured and fitted spectra: {source}" if source else "Measured and fitted spectra"
     where = f"{spectra.n_segments} segments of {spectra.segment_length:.3g} s in {spectra.counts.size} speed classes"
     figure = new_figure(what, where, width=9.5, height=1.3 + 1.9 * len(names))
@@ -46,9 +45,8 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
         for axes in (left, right):
             plain(axes)
         for values, colour, label in ((measured, FAINT, "measured"), (fitted, MODE_COLOURS[1], "fitted")):
-            mean = np.average(values[:, row], axis=0, weights=spectra.counts)
-            left.semilogy(spectra.frequencies, mean, color=colour, label=label, linewidth=1.4)
-        left.set_ylabel(f"{name}\n[{_UNITS.get(name, 'squared units/Hz')}]", fontsize=SMALL)
+            left.semilogy(spectra.frequencies, values[row], color=colour, label=label, linewidth=1.4)
+        left.set_ylabel(f"{name}\n[{unit_of_spectra(name)}]", fontsize=SMALL)
         right.axhspan(-100 * chance, 100 * chance, color="#E6E6E6")
         right.plot(spectra.frequencies, 100 * fit.misfit[row], color=MODE_COLOURS[0], linewidth=1)
         right.axhline(0, color=INK, linewidth=0.8)
@@ -58,6 +56,25 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
     for axes in panels[-1]:
         axes.set_xlabel("Frequency [Hz]", fontsize=NORMAL)
     return figure
+
+
+def mean_spectra(fit: CornerFit) -> tuple[Real, Real]:
+    """Return measured and fitted power spectral densities of every coordinate, averaged over the speed classes.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Measured and fitted, both of shape (coordinates, frequencies).
+    """
+    spectra = fit.model.spectra
+    every = (np.einsum("cfii->cif", matrices).real for matrices in (spectra.matrices, fit.model.matrix(fit.parameters)))
+    measured, fitted = (np.average(values, axis=0, weights=spectra.counts) for values in every)
+    return measured, fitted
+
+
+def unit_of_spectra(coordinate: str) -> str:
+    """Return the unit of the power spectral density of a coordinate."""
+    return _UNITS.get(coordinate, "squared units/Hz")
 
 
 def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:

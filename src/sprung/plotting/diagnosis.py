@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from sprung._arrays import Real
 from sprung.diagnosis import Baseline, Diagnosis, Finding, Hypothesis, ModeChange, Observation
+from sprung.diagnosis.deviations import mean_deviation, usual_std
 from sprung.diagnosis.findings import time_in_words
 from sprung.errors import ParameterError
 from sprung.plotting.corners import corner_bars
@@ -96,22 +97,17 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     conclusive = _witnesses(diagnosis)
     since = diagnosis.findings[0].since if diagnosis.findings else conclusive[0].time
     conclusive = [window for window in conclusive if window.time >= since]
-    mean = np.mean([normal.residual(window) for window in conclusive], axis=0)
-    own = np.mean([window.covariance for window in conclusive], axis=0) / len(conclusive)
-    if normal.version:
-        own = normal.covariance * (1 / len(conclusive) + 1 / normal.n_windows)
-    # Common effects such as that of a payload may persist: averaging over windows does not remove them.
-    spread = own + normal.nuisance + _between(normal)
+    mean = mean_deviation(normal, conclusive)
     return corner_bars(
-        normal.components,
-        mean,
-        np.sqrt(np.diag(spread)),
-        is_identifiable=np.ones(len(mean), dtype=np.bool_),
+        mean.components,
+        mean.log_ratios,
+        mean.std,
+        is_identifiable=np.ones(len(mean.components), dtype=np.bool_),
         heading=(
             f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {time_in_words(since)}",
             "95 % intervals: thick: independent scatter; thin: with common effects; arrow: goes on",
         ),
-        by_chance=np.sqrt(np.diag(own)),
+        by_chance=mean.std_by_chance,
     )
 
 
@@ -149,8 +145,7 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     minutes = np.array([window.time for window in conclusive]) / 60
     values = np.array([normal.mean + normal.residual(window) for window in conclusive])
     bars = HALF_WIDTH_95 * np.sqrt([np.diag(window.covariance) for window in conclusive])
-    whole = normal.covariance + normal.nuisance + _between(normal)
-    own, usual = (HALF_WIDTH_95 * np.sqrt(np.diag(covariance)) for covariance in (normal.covariance, whole))
+    own, usual = (HALF_WIDTH_95 * std for std in (np.sqrt(np.diag(normal.covariance)), usual_std(normal)))
     for line, kind in zip(panels, _KINDS, strict=True):
         line[0].set_ylabel(f"{kind} [%]", fontsize=NORMAL)
         for axes, corner in zip(line, corners, strict=True):
@@ -197,11 +192,6 @@ def _name(normal: Baseline) -> str:
     if normal.version:
         return f"baseline {normal.version}"
     return "the type" if normal.n_windows else "the vehicle file"
-
-
-def _between(normal: Baseline) -> Real:
-    """Return the covariance between vehicles, of a baseline that is not the vehicle's own."""
-    return normal.doubt if normal.version == 0 else np.zeros_like(normal.covariance)
 
 
 def _witnesses(diagnosis: Diagnosis) -> list[Observation]:

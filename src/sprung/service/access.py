@@ -5,7 +5,9 @@ import math
 import secrets
 from typing import Annotated
 
-from fastapi import Depends, HTTPException, Request, Response
+from fastapi import HTTPException, Request, Response, Security
+from fastapi.openapi.models import HTTPBearer
+from fastapi.security.base import SecurityBase
 
 from sprung.service.context import Context, context_of
 from sprung.service.people import SESSION, Person, Role, log_in, of_session, of_token
@@ -61,7 +63,7 @@ def enter(request: Request, name: str, password: str) -> Person:
     """
     context = context_of(request)
     address = request.client.host if request.client else ""
-    wait = max(context.attempts.wait(f"address {address}"), context.attempts.wait(f"name {name}"))
+    wait = context.attempts.wait(address, name)
     if wait:
         seconds = math.ceil(wait)
         sentence = f"too many attempts: try again in {seconds} s"
@@ -87,7 +89,7 @@ def check_mark(request: Request, person: Person, given: str) -> None:
         raise HTTPException(403, "this form does not belong to your session: reload the page and try again")
 
 
-class Allowed:
+class Allowed(SecurityBase):
     """Dependency that gives the person of a request, and refuses one whose role does not include another.
 
     Parameters
@@ -95,6 +97,10 @@ class Allowed:
     role
         Least role.
     """
+
+    # How the interface describes it.
+    scheme_name = "token"
+    model = HTTPBearer(description="A token, or the session of a browser; with the least role that may.")
 
     def __init__(self, role: Role) -> None:
         self.role = role
@@ -111,6 +117,6 @@ class Allowed:
         return person
 
 
-Viewer = Annotated[Person, Depends(Allowed(Role.VIEWER))]
-Engineer = Annotated[Person, Depends(Allowed(Role.ENGINEER))]
-Admin = Annotated[Person, Depends(Allowed(Role.ADMIN))]
+Viewer = Annotated[Person, Security(Allowed(Role.VIEWER), scopes=[Role.VIEWER])]
+Engineer = Annotated[Person, Security(Allowed(Role.ENGINEER), scopes=[Role.ENGINEER])]
+Admin = Annotated[Person, Security(Allowed(Role.ADMIN), scopes=[Role.ADMIN])]

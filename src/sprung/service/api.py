@@ -5,7 +5,6 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Path, Query
 from fastapi.responses import StreamingResponse
 
-from sprung.alerting import STEPS
 from sprung.monitor import desk
 from sprung.service import views
 from sprung.service.access import Engineer, Viewer
@@ -13,7 +12,6 @@ from sprung.service.context import Shared
 from sprung.service.live import Mark
 from sprung.service.models import (
     AlertDetail,
-    Alerts,
     Assignment,
     Comment,
     Done,
@@ -25,7 +23,6 @@ from sprung.service.models import (
     Verdict,
     WindowPage,
 )
-from sprung.storage import FleetFilter
 
 router = APIRouter()
 
@@ -47,13 +44,18 @@ def vehicles(
     is_unacknowledged: bool = False,
     is_learning: bool = False,
     is_silent: bool = False,
-    cursor: Annotated[str | None, Query(max_length=200)] = None,
+    cursor: Annotated[str | None, Query(pattern=views.CURSOR)] = None,
     limit: Limit = 50,
 ) -> FleetPage:
     """Vehicles, the most urgent first."""
-    steps = [STEPS.index(name) if name in STEPS else -1 for name in step or ()]
-    wanted = FleetFilter(
-        text, steps, assignee, is_unacknowledged, is_learning, context.silent_before if is_silent else None
+    wanted = views.fleet_filter(
+        context,
+        text=text,
+        step=step or (),
+        assignee=assignee,
+        is_unacknowledged=is_unacknowledged,
+        is_learning=is_learning,
+        is_silent=is_silent,
     )
     return views.fleet_page(context, wanted, cursor=cursor, limit=limit)
 
@@ -102,18 +104,6 @@ def learn(context: Shared, person: Engineer, vehicle: VehicleName, given: Learni
     """Learn a new baseline from the next windows."""
     number = desk.relearn(context.store, vehicle, reason=given.reason, who=person.name, now=context.clock())
     return Done(sentence=f"{vehicle} will relearn its baseline from its next usable windows", number=number)
-
-
-@router.get("/alerts", tags=["alerts"])
-def alerts(
-    context: Shared,
-    _: Viewer,
-    *,
-    vehicle: Annotated[str | None, Query(max_length=64)] = None,
-    is_complete: Annotated[bool, Query(description="with those that are normal again")] = False,
-) -> Alerts:
-    """Alerts, the most severe first."""
-    return Alerts.model_validate(desk.alerts_document(context.store, vehicle=vehicle, is_complete=is_complete))
 
 
 @router.get("/alerts/{number}", tags=["alerts"])
@@ -187,7 +177,9 @@ def verdict(context: Shared, person: Engineer, number: Number, given: Verdict) -
     return views.alert_detail(context, number)
 
 
-@router.get("/events", tags=["live"], response_class=StreamingResponse)
+@router.get(
+    "/events", tags=["live"], response_class=StreamingResponse, responses={200: {"content": {"text/event-stream": {}}}}
+)
 async def events(
     context: Shared, _: Viewer, last_event_id: Annotated[str | None, Header(max_length=40)] = None
 ) -> StreamingResponse:

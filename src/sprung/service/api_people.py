@@ -13,6 +13,7 @@ from sprung.service.models import (
     Done,
     LogIn,
     NewAccount,
+    NewRole,
     NewToken,
     TokenEntry,
     TokenMade,
@@ -45,9 +46,15 @@ def log_out(context: Shared, request: Request, response: Response, _: Viewer) ->
 
 
 @router.get("/audit")
-def audit(context: Shared, _: Engineer, limit: Annotated[int, Query(ge=1, le=1000)] = 100) -> list[AuditEntry]:
+def audit(
+    context: Shared,
+    _: Engineer,
+    before: Annotated[int | None, Query(ge=1, lt=2**63, description="id of an entry: earlier ones only")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> list[AuditEntry]:
     """Who did what, in order, the last acts."""
-    return [AuditEntry.model_validate(row) for row in context.store.requests.audited(limit=limit)]
+    rows = context.store.requests.audited(before=before, limit=limit)
+    return [AuditEntry.model_validate(row) for row in rows]
 
 
 @router.get("/accounts")
@@ -59,10 +66,17 @@ def accounts(context: Shared, _: Admin) -> list[AccountEntry]:
 @router.put("/accounts")
 def put_account(context: Shared, person: Admin, given: NewAccount) -> Done:
     """Add an account, or give one another role and password."""
-    if not (person.has_account or given.role == people.Role.ADMIN):
-        raise HTTPException(400, "the first account must have the role admin: it manages the others")
+    if fault := people.fault_of_first(person, given.role):
+        raise HTTPException(400, fault)
     people.add_account(context.store, given.name, given.role, given.password, who=person.name, now=context.clock())
     return Done(sentence=f"{given.name} can log in as {given.role}")
+
+
+@router.patch("/accounts/{name}")
+def change_role(context: Shared, person: Admin, name: Annotated[str, Path(max_length=64)], given: NewRole) -> Done:
+    """Give an account another role."""
+    people.change_role(context.store, name, given.role, who=person.name, now=context.clock())
+    return Done(sentence=f"{name} is {given.role} now")
 
 
 @router.delete("/accounts/{name}")

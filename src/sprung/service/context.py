@@ -1,7 +1,7 @@
 """What requests share: the store, the settings, and the running monitor."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from ipaddress import ip_address
 from typing import Annotated
@@ -9,12 +9,11 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from sprung.monitor import Site
-from sprung.service.guard import RateLimit
+from sprung.service.diagrams import DiagramDesk
+from sprung.service.guard import Attempts
 from sprung.service.live import Feed
+from sprung.service.runs import RunResults
 from sprung.storage import Store
-
-#: Attempts to log in from one address, and to one account: in the long run [1/s], and at once.
-_ATTEMPTS, _FIRST_ATTEMPTS = 1 / 30, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +37,11 @@ class Context:
     feed
         Changes of the store, as they happen.
     attempts
-        Limit of attempts to log in.
+        Limits of attempts to log in.
+    diagrams
+        Diagrams of windows, computed one at a time.
+    runs
+        Results of runs over the fleet.
     """
 
     store: Store
@@ -48,11 +51,14 @@ class Context:
     clock: Callable[[], int] = time.time_ns
     timer: Callable[[], float] = time.monotonic
     feed: Feed = field(init=False)
-    attempts: RateLimit = field(init=False)
+    attempts: Attempts = field(init=False)
+    diagrams: DiagramDesk = field(default_factory=DiagramDesk)
+    runs: RunResults = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "feed", Feed(self.store))
-        object.__setattr__(self, "attempts", RateLimit(_ATTEMPTS, _FIRST_ATTEMPTS, self.timer))
+        object.__setattr__(self, "attempts", Attempts(self.timer))
+        object.__setattr__(self, "runs", RunResults(self.site.keep.results, self.timer))
 
     @property
     def is_secure(self) -> bool:
@@ -87,6 +93,11 @@ def context_of(request: Request) -> Context:
     """Return what requests share."""
     context: Context = request.app.state.context
     return context
+
+
+def known_vehicles(context: Context) -> Callable[[Collection[str]], Collection[str]]:
+    """Return a function that returns those of some vehicles that the monitor knows."""
+    return lambda names: {name for name in names if context.store.inbox.vehicle(name) is not None}
 
 
 Shared = Annotated[Context, Depends(context_of)]

@@ -1,9 +1,11 @@
 """What every request passes first: limits of rate, size and time, and headers that browsers enforce."""
 
 import asyncio
+import json
 import math
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable, MutableMapping
+from ipaddress import IPv6Address, ip_address
 from typing import Any, TypeAlias
 
 Scope: TypeAlias = MutableMapping[str, Any]
@@ -12,10 +14,12 @@ Receive: TypeAlias = Callable[[], Awaitable[Message]]
 Send: TypeAlias = Callable[[Message], Awaitable[None]]
 App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-#: Largest body of a request [bytes]; longest time for it, and for a part of an answer to be taken [s].
-LARGEST_BODY, _BODY_SECONDS, _SEND_SECONDS = 65536, 10.0, 20.0
+#: Largest body of a request [bytes], and longest time for it [s].
+LARGEST_BODY, _BODY_SECONDS = 65536, 10.0
 #: Addresses whose rate is remembered.
 _MOST_ADDRESSES = 10_000
+#: Length of a name from which on attempts count as those to one name.
+_LONGEST_NAME = 64
 
 #: What a page may load and do: only what this server serves. Plots set styles of their own.
 POLICY = (
@@ -61,6 +65,30 @@ class RateLimit:
         return 0.0 if is_allowed else (1 - left) / self._rate
 
 
+class Attempts:
+    """Limits of attempts to log in.
+
+    Few by one address to one name, more by one address and to one name: whoever tries the passwords of a person does
+    not keep that person out, and many addresses together are slow, too.
+
+    Parameters
+    ----------
+    timer
+        Present time [s] of any clock that only goes forward.
+    """
+
+    def __init__(self, timer: Callable[[], float]) -> None:
+        self._both = RateLimit(1 / 30, 5, timer)
+        self._address = RateLimit(1 / 6, 30, timer)
+        self._name = RateLimit(1 / 3, 100, timer)
+
+    def wait(self, address: str, name: str) -> float:
+        """Take an attempt, and return 0; or the time until there is one [s]."""
+        network, name = network_of(address), name[:_LONGEST_NAME]
+        # In turn: attempts that one limit refuses do not count for the next.
+        return self._both.wait(f"{network} {name}") or self._address.wait(network) or self._name.wait(name)
+
+
 class Guard:
     """Limits and headers around an application.
 
@@ -89,53 +117,54 @@ class Guard:
             return
         given = dict(scope["headers"])
         send = self._with_headers(send)
-        wait = self._limit.wait(scope["client"][0] if scope.get("client") else "")
+        refuse = _refuser(send, is_json=scope.get("path", "").startswith("/api/"))
+        wait = self._limit.wait(network_of(scope["client"][0] if scope.get("client") else ""))
         if wait:
             after = (b"retry-after", str(math.ceil(wait)).encode())
-            await _refuse(send, 429, "too many requests: try again later", after)
+            await refuse(429, "too many requests: try again later", after)
             return
         if self._hosts is not None and _host(given.get(b"host", b"")) not in self._hosts:
-            await _refuse(send, 421, "this server does not answer to that name: set url in the site file to allow it")
+            await refuse(421, "this server does not answer to that name: set url in the site file to allow it")
             return
         length = given.get(b"content-length", b"0")
         if not length.isdigit() or int(length) > LARGEST_BODY:
-            await _refuse(send, 413, f"the request is larger than {LARGEST_BODY} bytes")
+            await refuse(413, f"the request is larger than {LARGEST_BODY} bytes")
             return
-        body = await _body(receive)
+        try:
+            async with asyncio.timeout(_BODY_SECONDS):
+                body = await _body(receive)
+        except TimeoutError:
+            await refuse(408, f"the request took longer than {_BODY_SECONDS:g} s")
+            return
         if body is None:
-            await _refuse(send, 408, f"the request took longer than {_BODY_SECONDS:g} s, or is too large")
+            await refuse(413, f"the request is larger than {LARGEST_BODY} bytes, or incomplete")
             return
         await self._app(scope, _replay(body, receive), send)
 
     def _with_headers(self, send: Send) -> Send:
-        """Return a function that sends, with the headers, and gives up on a client that takes nothing."""
+        """Return a function that sends with the headers."""
 
         async def sending(message: Message) -> None:
             if message["type"] == "http.response.start":
                 message["headers"] = [*message.get("headers", []), *self._headers]
-            async with asyncio.timeout(_SEND_SECONDS):
-                await send(message)
+            await send(message)
 
         return sending
 
 
 async def _body(receive: Receive) -> bytes | None:
-    """Return the body of a request; None if it is too slow or too large."""
+    """Return the body of a request; None if it is too large, or ends early."""
     parts, n_bytes = [], 0
-    try:
-        async with asyncio.timeout(_BODY_SECONDS):
-            while True:
-                message = await receive()
-                if message["type"] == "http.disconnect":
-                    return None
-                parts.append(message.get("body", b""))
-                n_bytes += len(parts[-1])
-                if n_bytes > LARGEST_BODY:
-                    return None
-                if not message.get("more_body"):
-                    return b"".join(parts)
-    except TimeoutError:
-        return None
+    while True:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            return None
+        parts.append(message.get("body", b""))
+        n_bytes += len(parts[-1])
+        if n_bytes > LARGEST_BODY:
+            return None
+        if not message.get("more_body"):
+            return b"".join(parts)
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:
@@ -152,13 +181,28 @@ def _replay(body: bytes, receive: Receive) -> Receive:
     return replayed
 
 
-async def _refuse(send: Send, status: int, sentence: str, *headers: tuple[bytes, bytes]) -> None:
-    """Answer with a sentence."""
-    body = sentence.encode() + b"\n"
-    kind = (b"content-type", b"text/plain; charset=utf-8")
-    length = (b"content-length", str(len(body)).encode())
-    await send({"type": "http.response.start", "status": status, "headers": [kind, length, *headers]})
-    await send({"type": "http.response.body", "body": body})
+def _refuser(send: Send, *, is_json: bool) -> Callable[..., Awaitable[None]]:
+    """Return a function that answers with a sentence, as programs or people read it."""
+
+    async def refuse(status: int, sentence: str, *headers: tuple[bytes, bytes]) -> None:
+        body = json.dumps({"detail": sentence}) if is_json else f"{sentence}\n"
+        kind = (b"content-type", b"application/json" if is_json else b"text/plain; charset=utf-8")
+        length = (b"content-length", str(len(body)).encode())
+        await send({"type": "http.response.start", "status": status, "headers": [kind, length, *headers]})
+        await send({"type": "http.response.body", "body": body.encode()})
+
+    return refuse
+
+
+def network_of(address: str) -> str:
+    """Return an address; of version 6 the first half, as one machine has all that begin with it."""
+    try:
+        known = ip_address(address)
+    except ValueError:
+        return address
+    if not isinstance(known, IPv6Address):
+        return address
+    return str(known.ipv4_mapped or IPv6Address(int(known) >> 64 << 64))
 
 
 def _host(header: bytes) -> str:

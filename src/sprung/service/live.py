@@ -68,6 +68,7 @@ class Feed:
         self._store, self._look = store, look
         self._listeners: set[asyncio.Queue[Happening | None]] = set()
         self._task: asyncio.Task[None] | None = None
+        self._starting = asyncio.Lock()
         self._mark = Mark()
 
     @property
@@ -84,9 +85,10 @@ class Feed:
             Mark of the last event that the listener has; None: none.
         """
         queue: asyncio.Queue[Happening | None] = asyncio.Queue(_MOST_WAITING)
-        if self._task is None or self._task.done():
-            self._mark = await run_in_threadpool(lambda: Mark(*self._store.fleet.newest()))
-            self._task = asyncio.create_task(self._run())
+        async with self._starting:  # of those who come at once, one starts the look at the store
+            if self._task is None or self._task.done():
+                self._mark = await run_in_threadpool(lambda: Mark(*self._store.fleet.newest()))
+                self._task = asyncio.create_task(self._run())
         reached = self._mark if after is None else after
         self._listeners.add(queue)
         try:

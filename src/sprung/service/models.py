@@ -37,6 +37,9 @@ class FleetVehicle(Answer):
     sentence: str = Field(description="what is known about it")
     since: int | None = Field(description="time when that alert was raised")
     health_index: float | None = Field(description="0 to 100 for planning; null while its state is not known")
+    channels: int = Field(description="number of its channels")
+    failing: tuple[str, ...] = Field(description="channels with an active alert about their sensor")
+    has_lost: bool = Field(description="whether an active alert states that frames were lost")
     last_seen: int
     is_parked: bool
     learnt: int | None = Field(description="windows learnt")
@@ -113,6 +116,7 @@ class Alerts(Answer):
     """Alerts, the most severe first."""
 
     alerts: tuple[AlertEntry, ...]
+    next: str | None = Field(description="cursor of the next page; null after the last")
 
 
 class VehicleDetail(Answer):
@@ -182,6 +186,12 @@ class NewAccount(Given):
     name: Line
     role: Line
     password: str = Field(max_length=200)
+
+
+class NewRole(Given):
+    """Another role of a person."""
+
+    role: Line
 
 
 class AccountEntry(Answer):

@@ -3,7 +3,8 @@
 import hashlib
 import hmac
 import secrets
-from dataclasses import dataclass
+import threading
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
 
@@ -19,6 +20,8 @@ _LEAST_PASSWORD, _MOST_PASSWORD, _MOST_NAME = 10, 200, 64
 #: Beginning of every token, by which programs that look for secrets know them.
 _TOKEN = "sprung_"
 _DAY = 86400 * 10**9
+#: Passwords that are verified at once: each takes 64 MB, and a processor.
+_VERIFYING = threading.BoundedSemaphore(2)
 
 
 class Role(StrEnum):
@@ -73,11 +76,12 @@ def add_account(store: Store, name: str, role: str, password: str, *, who: str, 
     """
     if not name.strip() or name != name.strip() or len(name) > _MOST_NAME or not name.isprintable():
         raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters, without blanks around")
-    if role not in list(Role):
-        raise ParameterError(f"role {role!r} is unknown: give viewer, engineer or admin")
+    _check_role(role)
     if not _LEAST_PASSWORD <= len(password) <= _MOST_PASSWORD:
         raise ParameterError(f"a password must have {_LEAST_PASSWORD} to {_MOST_PASSWORD} characters: give another")
     known = store.accounts.find(name)
+    if known is not None:
+        _check_administrator_stays(store, known, role)
     created = now if known is None else known.created
     store.accounts.put(AccountRow(name, role, _hasher().hash(password), created))
     store.requests.audit(who, "account", name, {"role": role}, now=now)
@@ -101,11 +105,36 @@ def remove_account(store: Store, name: str, *, who: str, now: int) -> None:
     store.requests.audit(who, "account removed", name, now=now)
 
 
+def change_role(store: Store, name: str, role: str, *, who: str, now: int) -> None:
+    """Give an account another role, which ends its sessions; its password stays.
+
+    Raises
+    ------
+    ParameterError
+        If there is none of that name, the role is unknown, or it is the last administrator.
+    """
+    _check_role(role)
+    known = store.accounts.find(name)
+    if known is None:
+        raise ParameterError(f"unknown account {name!r}: sprung accounts list shows all accounts")
+    _check_administrator_stays(store, known, role)
+    store.accounts.put(replace(known, role=role))
+    store.requests.audit(who, "role", name, {"role": role}, now=now)
+
+
+def fault_of_first(person: Person, role: str) -> str:
+    """Return why a person cannot add an account of a role as the first one; empty where this is possible."""
+    is_possible = person.has_account or role == Role.ADMIN
+    return "" if is_possible else "the first account must have the role admin: it manages the others"
+
+
 def log_in(store: Store, name: str, password: str, *, now: int) -> str | None:
     """Return the secret of a new session; None if name or password are wrong, which takes the same time."""
     row = store.accounts.find(name)
     known = _unknown() if row is None else row.password
-    if not _hasher().verify(password[:_MOST_PASSWORD], known) or row is None:
+    with _VERIFYING:
+        is_right = _hasher().verify(password[:_MOST_PASSWORD], known)
+    if not is_right or row is None:
         return None
     secret = secrets.token_urlsafe(32)
     store.accounts.add_session(_digest(secret), row.name, now=now, expires=now + SESSION)
@@ -149,8 +178,7 @@ def add_token(store: Store, name: str, role: str, *, days: float | None, who: st
     """
     if not name.strip() or len(name) > _MOST_NAME or not name.isprintable():
         raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters")
-    if role not in list(Role):
-        raise ParameterError(f"role {role!r} is unknown: give viewer, engineer or admin")
+    _check_role(role)
     if days is not None and not 0 < days <= 3660:
         raise ParameterError(f"days={days:g} must be above 0 and at most 3660")
     secret = _TOKEN + secrets.token_urlsafe(32)
@@ -177,6 +205,19 @@ def of_token(store: Store, secret: str, *, now: int) -> Person | None:
     """Return the program that has a token; None if it does not exist or has expired."""
     row = store.accounts.of_token(_digest(secret), now=now) if secret.startswith(_TOKEN) else None
     return None if row is None else Person(f"token {row.name}", Role(row.role))
+
+
+def _check_role(role: str) -> None:
+    """Refuse a role that does not exist."""
+    if role not in list(Role):
+        raise ParameterError(f"role {role!r} is unknown: give viewer, engineer or admin")
+
+
+def _check_administrator_stays(store: Store, known: AccountRow, role: str) -> None:
+    """Refuse to take the role admin from the last account that has it."""
+    others = [row for row in store.accounts.all() if row.role == Role.ADMIN and row.name != known.name]
+    if known.role == Role.ADMIN and role != Role.ADMIN and not others:
+        raise ParameterError(f"{known.name} is the last administrator: give another account the role admin first")
 
 
 def _digest(secret: str) -> str:

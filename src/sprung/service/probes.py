@@ -13,6 +13,7 @@ from prometheus_client import CollectorRegistry
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.registry import Collector
+from pydantic import BaseModel
 
 from sprung.errors import SprungError
 from sprung.monitor import FIGURES
@@ -30,14 +31,21 @@ _PATIENCE, _MOST_ASKING = 2.0, 4
 _ASKING = threading.Semaphore(_MOST_ASKING)
 
 
-@router.get("/health")
+class Health(BaseModel):
+    """Whether the monitor is healthy, and a sentence about each trouble."""
+
+    healthy: bool
+    troubles: list[str]
+
+
+@router.get("/health", response_model=Health, responses={503: {"model": Health, "description": "It is not healthy."}})
 async def health(request: Request) -> JSONResponse:
     """Whether the monitor is healthy, and what is not; it needs no store and no log-in."""
     troubles = context_of(request).troubles()
     return JSONResponse({"healthy": not troubles, "troubles": troubles}, 503 if troubles else 200)
 
 
-@router.get("/metrics")
+@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
 async def metrics(request: Request, context: Shared) -> Response:
     """Figures for Prometheus; those of the store are left out if it fails or takes too long.
 

@@ -12,8 +12,8 @@ from sprung.errors import ParameterError
 from sprung.service.app import application
 from sprung.service.context import Context, is_loopback
 
-#: Longest time from a connection to the head of its request, and between requests [s].
-_HEAD, _BETWEEN = 10.0, 5
+#: Longest time for the head of a request, between requests, and for a client to take what waits for it [s].
+_HEAD, _BETWEEN, _TAKEN = 10.0, 5, 20.0
 #: Largest number of connections, and of bytes of the head of a request.
 _MOST_CONNECTIONS, _LARGEST_HEAD = 600, 16384
 #: Longest time for requests to end when the server stops [s].
@@ -69,7 +69,7 @@ class Server:
             loop="asyncio",
             lifespan="on",
             log_config=None,
-            log_level="warning",
+            log_level="error",  # requests that cannot be read are the fault of their senders
             access_log=False,
             server_header=False,
             proxy_headers=web.behind_proxy,
@@ -127,18 +127,49 @@ def check_exposure(context: Context) -> None:
 
 
 class _Patient(H11Protocol):
-    """A connection that is closed if no request has come after a while."""
+    """A connection that ends if no request comes, or if what was sent is not taken, after a while."""
+
+    _heads: asyncio.TimerHandle | None = None
+    _writes: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: Any) -> None:
         """Begin a connection."""
         super().connection_made(transport)
-        self._limit = self.loop.call_later(_HEAD, self._give_up)
+        self._await_head()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        super().on_response_complete()
+        self._await_head()
+
+    def pause_writing(self) -> None:
+        """Begin to wait for the client to take what was sent."""
+        super().pause_writing()
+        self._writes = self.loop.call_later(_TAKEN, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """Go on, as the client took what was sent."""
+        super().resume_writing()
+        _cancel(self._writes)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End a connection."""
-        self._limit.cancel()
+        _cancel(self._heads)
+        _cancel(self._writes)
         super().connection_lost(exc)
 
+    def _await_head(self) -> None:
+        """Limit the time until the next request, however slowly its head comes."""
+        _cancel(self._heads)
+        self._heads = self.loop.call_later(_HEAD, self._give_up)
+
     def _give_up(self) -> None:
-        if self.cycle is None:
+        """End the connection if there is no request, when the client has what was sent, or after a while."""
+        if self.cycle is None or self.cycle.response_complete:
+            self._heads = self.loop.call_later(_TAKEN, self.transport.abort)
             self.transport.close()
+
+
+def _cancel(timer: asyncio.TimerHandle | None) -> None:
+    if timer is not None:
+        timer.cancel()

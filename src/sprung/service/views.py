@@ -1,5 +1,7 @@
 """What pages and interface show, from the store: values, no markup."""
 
+from collections.abc import Sequence
+
 from sprung.alerting import STEPS, health_index, severity_step, state_name
 from sprung.documents.monitoring import AlertEntry, HistoryEntry
 from sprung.errors import ParameterError
@@ -18,6 +20,29 @@ from sprung.service.models import (
     WindowPage,
 )
 from sprung.storage import AlertRow, Entry, FleetFilter, FleetRow, Place
+
+#: Pattern of the place after which a page of the fleet begins.
+CURSOR = r"^[0-9]{1,4}~[0-9]{1,4}[.][0-9]{1,20}~.{1,64}$"
+
+#: Beginning of the causes of alerts about sensors.
+_SENSOR = "sensor:"
+
+
+def fleet_filter(
+    context: Context,
+    *,
+    text: str = "",
+    step: Sequence[str] = (),
+    assignee: str | None = None,
+    is_unacknowledged: bool = False,
+    is_learning: bool = False,
+    is_silent: bool = False,
+) -> FleetFilter:
+    """Return the filter for names of steps; any other name than those of steps is that of no alert."""
+    steps = [STEPS.index(name) if name in STEPS else -1 for name in step]
+    return FleetFilter(
+        text, steps, assignee, is_unacknowledged, is_learning, context.silent_before if is_silent else None
+    )
 
 
 def fleet_page(context: Context, wanted: FleetFilter, *, cursor: str | None, limit: int) -> FleetPage:
@@ -50,6 +75,7 @@ def vehicle_detail(context: Context, vehicle: str) -> VehicleDetail:
         known.is_parked,
         baselines[-1].version if baselines else None,
         store.results.status(vehicle),
+        len(known.channels),
     )
     return VehicleDetail(
         summary=_fleet_vehicle(context, row, active),
@@ -120,6 +146,9 @@ def _fleet_vehicle(context: Context, row: FleetRow, active: list[AlertRow]) -> F
         sentence=sentence,
         since=None if worst is None else worst.raised,
         health_index=health_index(map(alert_of, active)) if is_known else None,
+        channels=row.n_channels,
+        failing=tuple(alert.cause.removeprefix(_SENSOR) for alert in active if alert.cause.startswith(_SENSOR)),
+        has_lost=any(alert.cause == "lost" for alert in active),
         last_seen=row.last_seen,
         is_parked=row.is_parked,
         learnt=None if status is None else status.n_learnt,

@@ -28,7 +28,7 @@ class ForceLaw:
     cubic
         Cubic hardening of the spring [1/m^2]: k (e + cubic e^3).
     gap, stop_stiffness
-        Free travel [m] and stiffness [N/m] of the bump stops; the stiffness is added beyond |e| = gap.
+        Free travel [m] and stiffness [N/m] of the bump stops; the stiffness is added where abs(e) exceeds gap.
     rubber_stiffness, rubber_force
         Stiffness [N/m] and limit force [N] of a friction element in parallel (Dahl), stiff at small and soft at large
         amplitudes: its force r follows r' = rubber_stiffness e' (1 - sign(e') r / rubber_force).

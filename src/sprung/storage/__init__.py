@@ -4,10 +4,13 @@ from sprung._checks import missing_package
 
 try:
     from sprung.storage.accounts import AccountRow, TokenRow, VerdictRow
-    from sprung.storage.archive import Retention, write_archive
+    from sprung.storage.archive import ArchivedSamples, Retention, archive_path, is_archive, read_archive, write_archive
+    from sprung.storage.contents import MOST_COUNTED, Contents, Counted
     from sprung.storage.fleet import ChangeRow, FleetCounts, FleetFilter, FleetRow, Place, WindowRow
-    from sprung.storage.leases import N_SHARDS, Holding, Lease, shard_of
+    from sprung.storage.leases import N_SHARDS, Holder, Holding, Lease, shard_of
     from sprung.storage.rows import (
+        AlertFilter,
+        AlertPlace,
         AlertRow,
         AsideRow,
         AuditRow,
@@ -29,14 +32,20 @@ except ImportError as error:
     raise missing_package(error, "sqlalchemy", purpose="the store", extra="online") from None
 
 __all__ = [
+    "MOST_COUNTED",
     "N_SHARDS",
     "AccountRow",
+    "AlertFilter",
+    "AlertPlace",
     "AlertRow",
+    "ArchivedSamples",
     "AsideRow",
     "AuditRow",
     "BaselineRow",
     "ChangeRow",
     "CommandRow",
+    "Contents",
+    "Counted",
     "Cursor",
     "Delivery",
     "Entry",
@@ -44,6 +53,7 @@ __all__ = [
     "FleetFilter",
     "FleetRow",
     "HistoryRow",
+    "Holder",
     "Holding",
     "Lease",
     "LeaseLostError",
@@ -60,8 +70,11 @@ __all__ = [
     "VehicleRow",
     "VerdictRow",
     "WindowRow",
+    "archive_path",
     "check_address",
+    "is_archive",
     "open_store",
+    "read_archive",
     "shard_of",
     "write_archive",
 ]

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from sqlalchemy import delete, func, select
 
 from sprung.storage.database import Database
-from sprung.storage.schema import ACCOUNTS, SESSIONS, TOKENS, VERDICTS
+from sprung.storage.schema import ACCOUNTS, ALERTS, SESSIONS, TOKENS, VERDICTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +52,8 @@ class VerdictRow:
         Time when the alert was raised that it is about.
     request
         Number of the request for a new baseline; None: none.
+    id
+        Number of the row; None before it is stored.
     """
 
     alert: int
@@ -178,3 +180,15 @@ class Verdicts:
             query = query.where(VERDICTS.c.alert.in_(alerts))
         with self._database.reading() as connection:
             return [VerdictRow(**row) for row in connection.execute(query).mappings()]
+
+    def judged(self, *, since: int = 0) -> list[tuple[VerdictRow, str]]:
+        """Return the last verdict on each alert for each time that it was raised since a time, with its cause."""
+        query = select(VERDICTS, ALERTS.c.cause).join(ALERTS, ALERTS.c.id == VERDICTS.c.alert)
+        query = query.where(VERDICTS.c.raised >= since).order_by(VERDICTS.c.id)
+        last: dict[tuple[int, int], tuple[VerdictRow, str]] = {}
+        with self._database.reading() as connection:
+            for row in connection.execute(query).mappings():
+                values = dict(row)
+                cause = values.pop("cause")
+                last[values["alert"], values["raised"]] = (VerdictRow(**values), cause)
+        return list(last.values())

@@ -6,14 +6,30 @@ from dataclasses import asdict, replace
 from functools import cache
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, Table, Update, and_, bindparam, case, func, not_, or_, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Select,
+    Table,
+    Update,
+    and_,
+    bindparam,
+    case,
+    func,
+    literal,
+    not_,
+    or_,
+    select,
+    update,
+)
 
 from sprung.storage.database import Database
-from sprung.storage.rows import AlertRow, Delivery, Document, HistoryRow, NotificationRow
+from sprung.storage.rows import AlertFilter, AlertPlace, AlertRow, Delivery, Document, HistoryRow, NotificationRow
 from sprung.storage.schema import ALERT_HISTORY, ALERTS, DELIVERIES, NOTIFICATIONS
 
-#: A day [ns].
-_DAY = 86400 * 10**9
+#: A day [ns], and the severities of a step.
+_DAY, _STEP = 86400 * 10**9, 200
+#: Values of one query: databases refuse more than some 32,000.
+_MOST_VALUES = 1000
 #: Columns of the progress of a sender, besides the number of attempts.
 _PROGRESS = ("next_attempt", "sent", "given_up", "last_error")
 
@@ -42,6 +58,39 @@ class Alerts:
         with self._database.reading() as connection:
             row = connection.execute(select(ALERTS).where(ALERTS.c.id == number)).mappings().first()
             return None if row is None else AlertRow(**row)
+
+    def rows(self, numbers: Collection[int]) -> dict[int, AlertRow]:
+        """Return the alerts of some numbers, by number."""
+        wanted = list(numbers)
+        rows: dict[int, AlertRow] = {}
+        with self._database.reading() as connection:
+            for first in range(0, len(wanted), _MOST_VALUES):
+                query = select(ALERTS).where(ALERTS.c.id.in_(wanted[first : first + _MOST_VALUES]))
+                rows |= {row["id"]: AlertRow(**row) for row in connection.execute(query).mappings()}
+        return rows
+
+    def page(self, wanted: AlertFilter, *, after: AlertPlace | None = None, limit: int) -> list[AlertRow]:
+        """Return alerts, the most severe first, then the oldest, from the one that follows a place on."""
+        query = select(ALERTS).where(*_conditions(wanted))
+        if after is not None:
+            is_next = or_(
+                ALERTS.c.severity < after.severity,
+                and_(ALERTS.c.severity == after.severity, ALERTS.c.raised > after.raised),
+                and_(ALERTS.c.severity == after.severity, ALERTS.c.raised == after.raised, ALERTS.c.id > after.id),
+            )
+            query = query.where(is_next)
+        query = query.order_by(ALERTS.c.severity.desc(), ALERTS.c.raised, ALERTS.c.id).limit(limit)
+        with self._database.reading() as connection:
+            return [AlertRow(**row) for row in connection.execute(query).mappings()]
+
+    def counts(self, wanted: AlertFilter) -> dict[tuple[str, int], int]:
+        """Return the number of alerts by state and step of severity, 0 to 4."""
+        state = case(*((condition, literal(name)) for name, condition in _STATES.items()), else_=literal(""))
+        step = case(*((ALERTS.c.severity <= _STEP * (k + 1), k) for k in range(4)), else_=4)
+        query = select(state.label("state"), step.label("step")).where(*_conditions(wanted)).subquery()
+        counted = select(query.c.state, query.c.step, func.count()).group_by(query.c.state, query.c.step)
+        with self._database.reading() as connection:
+            return {(name, number): count for name, number, count in connection.execute(counted)}
 
     def n_active(self) -> int:
         """Return the number of active alerts."""
@@ -120,6 +169,13 @@ class Alerts:
             row = connection.execute(query).mappings().first()
             yield None if row is None else AlertRow(**row)
 
+    @contextmanager
+    def locked_of(self, vehicle: str) -> Iterator[list[AlertRow]]:
+        """Yield all alerts of a vehicle; what is stored in the context is one transaction, before any other."""
+        query = select(ALERTS).where(ALERTS.c.vehicle == vehicle).order_by(ALERTS.c.id).with_for_update()
+        with self._database.together(), self._database.writing() as connection:
+            yield [AlertRow(**row) for row in connection.execute(query).mappings()]
+
     def next_notification(self, sender: str, *, now: int) -> NotificationRow | None:
         """Return the notification that a sender is to send next; None if none is due.
 
@@ -173,10 +229,40 @@ class Alerts:
             return {row.sender: row.last_error or "" for row in connection.execute(_given_up())}
 
 
+def _conditions(wanted: AlertFilter) -> list[ColumnElement[bool]]:
+    """Return the conditions of a filter; alerts in their first hold-off are none yet."""
+    conditions: list[ColumnElement[bool]] = [ALERTS.c["count"] > 0]
+    if wanted.states:
+        conditions.append(or_(*(_STATES[name] for name in wanted.states)))
+    if wanted.steps:
+        ranges = ((_STEP * step, _STEP * (step + 1)) for step in wanted.steps)
+        conditions.append(or_(*(and_(ALERTS.c.severity > low, ALERTS.c.severity <= high) for low, high in ranges)))
+    if wanted.vehicle:
+        conditions.append(ALERTS.c.vehicle.icontains(wanted.vehicle, autoescape=True))
+    if wanted.assignee is not None:
+        conditions.append(ALERTS.c.assignee == wanted.assignee)
+    return conditions
+
+
 def _is_open(table: Table) -> ColumnElement[bool]:
     """Return the condition for notifications or deliveries that are neither sent nor given up."""
     return and_(table.c.sent.is_(None), table.c.given_up.is_(None))
 
+
+_IS_SHELVED, _IS_ACKNOWLEDGED = ALERTS.c.shelved_until.is_not(None), ALERTS.c.is_acknowledged
+#: Condition of each state in the terms of ISA-18.2; shelving takes precedence.
+_STATES: dict[str, ColumnElement[bool]] = {
+    "shelved": _IS_SHELVED,
+    **{
+        name: and_(not_(_IS_SHELVED), active, acknowledged)
+        for name, active, acknowledged in (
+            ("unacknowledged", ALERTS.c.is_active, not_(_IS_ACKNOWLEDGED)),
+            ("acknowledged", ALERTS.c.is_active, _IS_ACKNOWLEDGED),
+            ("returned to normal, unacknowledged", not_(ALERTS.c.is_active), not_(_IS_ACKNOWLEDGED)),
+            ("normal", not_(ALERTS.c.is_active), _IS_ACKNOWLEDGED),
+        )
+    },
+}
 
 # Statements are built once: building one takes longer than running it.
 _COUNTED = (

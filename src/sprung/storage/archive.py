@@ -1,5 +1,6 @@
 """Samples of vehicles as Parquet files, one for each stretch, and their retention."""
 
+import json
 import os
 import re
 import time
@@ -34,6 +35,37 @@ class _Day:
     size: int
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class ArchivedSamples:
+    """Samples of a stretch as the archive keeps them.
+
+    Parameters
+    ----------
+    samples
+        Samples in SI units, with 32 bits of precision, shape (channels, samples).
+    channels
+        Names of the channels.
+    sampling_rate
+        Sampling rate [Hz].
+    t0
+        Time of the first sample, UTC ns.
+    gaps
+        Index of the first sample after each gap, and the length of the gap [s].
+    vehicle
+        Name of the vehicle.
+    quantities
+        Quantity of each channel; empty where the file does not state them.
+    """
+
+    samples: NDArray[np.float64]
+    channels: tuple[str, ...]
+    sampling_rate: float
+    t0: int
+    gaps: tuple[tuple[int, float], ...] = ()
+    vehicle: str = ""
+    quantities: tuple[str, ...] = ()
+
+
 def write_archive(
     folder: Path | str,
     vehicle: str,
@@ -44,6 +76,8 @@ def write_archive(
     samples: ArrayLike,
     channels: Sequence[str],
     sampling_rate: float,
+    gaps: Sequence[tuple[int, float]] = (),
+    quantities: Sequence[str] = (),
 ) -> Path:
     """Write samples to ``folder/vehicle/YYYY-mm-dd/boot-seq.parquet``, whole or not at all.
 
@@ -63,6 +97,15 @@ def write_archive(
         Names of the channels, the headings of the columns after the time.
     sampling_rate
         Sampling rate [Hz].
+    gaps
+        Index of the first sample after each gap, and the length of the gap [s].
+    quantities
+        Quantity of each channel, a key of `sprung.recording.QUANTITIES`; none: unknown.
+
+    Returns
+    -------
+    Path
+        File that was written.
 
     Raises
     ------
@@ -74,12 +117,67 @@ def write_archive(
     values = frozen_array("samples", samples, ndim=2, dtype=np.float32)
     _check_channels(channels, len(values))
     check_number("sampling_rate", sampling_rate, above=0.0)
+    path = archive_path(folder, vehicle, boot, first_seq, t0)
+    facts = {"vehicle": vehicle, "boot": str(boot), "first_seq": str(first_seq), "t0": str(t0)}
+    stated = {"gaps": json.dumps([[int(index), float(length)] for index, length in gaps])} if gaps else {}
+    stated |= {"quantities": json.dumps(list(quantities))} if quantities else {}
+    _write(path, _table(values, channels, sampling_rate, facts | stated), t0)
+    return path
+
+
+def archive_path(folder: Path | str, vehicle: str, boot: int, first_seq: int, t0: int) -> Path:
+    """Return the path of the samples of a stretch, whether they are kept or not; parameters as for `write_archive`.
+
+    Raises
+    ------
+    ParameterError
+        If a name or number cannot be used.
+    """
     name = f"{check_count('boot', boot)}-{check_count('first_seq', first_seq)}.parquet"
     day = f"{datetime.fromtimestamp(t0 // 10**9, UTC):%Y-%m-%d}"
-    path = Path(folder) / _checked_vehicle(vehicle) / day / name
-    facts = {"vehicle": vehicle, "boot": str(boot), "first_seq": str(first_seq), "t0": str(t0)}
-    _write(path, _table(values, channels, sampling_rate, facts), t0)
-    return path
+    return Path(folder) / _checked_vehicle(vehicle) / day / name
+
+
+def read_archive(path: Path | str) -> ArchivedSamples:
+    """Return the samples of a file that `write_archive` wrote.
+
+    Raises
+    ------
+    StoreError
+        If the file is not there, or holds something else.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+        facts = {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
+        channels = tuple(name for name in table.column_names if name != "time")
+        return ArchivedSamples(
+            np.array([table[name].to_numpy() for name in channels], dtype=np.float64),
+            channels,
+            float(facts["sampling_rate"]),
+            int(facts["t0"]),
+            tuple((int(index), float(length)) for index, length in json.loads(facts.get("gaps", "[]"))),
+            facts.get("vehicle", ""),
+            tuple(map(str, json.loads(facts.get("quantities", "[]")))),
+        )
+    except (OSError, pa.ArrowException, ValueError, TypeError, LookupError) as error:
+        raise StoreError(f"the samples in {Path(path).name} cannot be read: {error}") from error
+
+
+def is_archive(path: Path | str) -> bool:
+    """Return whether a file is one that `write_archive` wrote, by its metadata."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with open(path, "rb") as file:
+            if file.read(4) != b"PAR1":
+                return False
+            return {b"vehicle", b"boot", b"first_seq", b"t0"} <= (pq.read_schema(file).metadata or {}).keys()
+    except (OSError, pa.ArrowException):
+        return False
 
 
 class Retention:

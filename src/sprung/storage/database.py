@@ -65,11 +65,16 @@ class Database:
     def together(self) -> Iterator[None]:
         """Make one transaction of all that this thread writes within, from the first write on.
 
+        Within another such context it is part of that one.
+
         Raises
         ------
         StoreError
             If the database cannot write; nothing is stored then.
         """
+        if self._whole.stack is not None:
+            yield
+            return
         with ExitStack() as stack:
             self._whole.stack = stack
             try:

@@ -4,7 +4,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, Subquery, and_, case, exists, func, not_, or_, select
+from sqlalchemy import ColumnElement, FromClause, Select, Subquery, and_, case, exists, false, func, not_, or_, select
 
 from sprung.storage.database import Database
 from sprung.storage.rows import Document
@@ -51,6 +51,8 @@ class FleetRow:
         Version of its present baseline; None without one.
     status
         Progress of its analysis; None before the first.
+    n_channels
+        Number of its channels.
     """
 
     place: Place
@@ -58,6 +60,7 @@ class FleetRow:
     is_parked: bool
     baseline: int | None
     status: Document | None
+    n_channels: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,52 +155,42 @@ class Fleet:
         limit
             Largest number of vehicles.
         """
-        worst = _worst()
-        severity, impact = func.coalesce(worst.c.severity, 0), func.coalesce(worst.c.impact, 0.0)
-        query: Select[Any] = (
-            select(
-                VEHICLES.c.vehicle,
-                VEHICLES.c.last_seen,
-                VEHICLES.c.is_parked,
-                severity.label("severity"),
-                impact.label("impact"),
-            )
-            .select_from(VEHICLES.outerjoin(worst, worst.c.vehicle == VEHICLES.c.vehicle))
-            .where(*_conditions(wanted, severity))
-            .order_by(severity.desc(), impact.desc(), VEHICLES.c.vehicle)
-            .limit(limit)
-        )
-        if after is not None:
-            is_equal = and_(severity == after.severity, impact == after.impact)
-            is_later = or_(
-                severity < after.severity,
-                and_(severity == after.severity, impact < after.impact),
-                and_(is_equal, VEHICLES.c.vehicle > after.vehicle),
-            )
-            query = query.where(is_later)
         with self._database.reading() as connection:
-            rows = connection.execute(query).all()
-            names = [row.vehicle for row in rows]
+            places: list[Place] = []
+            if after is None or after.severity:
+                alerted = connection.execute(_alerted(wanted, after).limit(limit))
+                places = [Place(row.severity, float(row.impact), row.vehicle) for row in alerted]
+            if len(places) < limit and _may_be_calm(wanted):
+                # Those without alerts follow by name, in the order of the primary key.
+                name = after.vehicle if after is not None and not after.severity else ""
+                calm = connection.execute(_calm(wanted, name).limit(limit - len(places)))
+                places += [Place(0, 0.0, row.vehicle) for row in calm]
+            names = [place.vehicle for place in places]
+            columns = (VEHICLES.c.vehicle, VEHICLES.c.last_seen, VEHICLES.c.is_parked, VEHICLES.c.channels)
+            seen = {
+                row.vehicle: row for row in connection.execute(select(*columns).where(VEHICLES.c.vehicle.in_(names)))
+            }
             versions = select(BASELINES.c.vehicle, func.max(BASELINES.c.version)).where(BASELINES.c.vehicle.in_(names))
             latest = dict(iter(connection.execute(versions.group_by(BASELINES.c.vehicle))))
             progress = select(STATUSES.c.vehicle, STATUSES.c.document).where(STATUSES.c.vehicle.in_(names))
             statuses = dict(iter(connection.execute(progress)))
         return [
             FleetRow(
-                Place(row.severity, float(row.impact), row.vehicle),
-                row.last_seen,
-                row.is_parked,
-                latest.get(row.vehicle),
-                statuses.get(row.vehicle),
+                place,
+                seen[place.vehicle].last_seen,
+                seen[place.vehicle].is_parked,
+                latest.get(place.vehicle),
+                statuses.get(place.vehicle),
+                len(seen[place.vehicle].channels),
             )
-            for row in rows
+            for place in places
         ]
 
     def counts(self, *, silent_before: int) -> FleetCounts:
         """Return numbers of vehicles; those not parked whose last message came before a time [UTC ns] are silent."""
         worst = _worst()
         step = (worst.c.severity - 1) // _STEP
-        of_steps = select(step, func.count()).select_from(worst.join(VEHICLES, VEHICLES.c.vehicle == worst.c.vehicle))
+        of_steps = select(step, func.count()).where(exists().where(VEHICLES.c.vehicle == worst.c.vehicle))
         with self._database.reading() as connection:
             n_of = {int(key): number for key, number in connection.execute(of_steps.group_by(step))}
             n_vehicles = connection.scalar(select(func.count()).select_from(VEHICLES)) or 0
@@ -250,27 +243,58 @@ def _worst() -> Subquery:
     )
 
 
-def _conditions(wanted: FleetFilter, severity: ColumnElement[int]) -> list[ColumnElement[bool]]:
-    """Return the conditions of a filter."""
-    conditions: list[ColumnElement[bool]] = []
-    of_vehicle = and_(ALERTS.c.vehicle == VEHICLES.c.vehicle, ALERTS.c.is_active)
-    if wanted.text:
-        conditions.append(VEHICLES.c.vehicle.icontains(wanted.text, autoescape=True))
+def _alerted(wanted: FleetFilter, after: Place | None) -> Select[Any]:
+    """Return the query for places of vehicles with active alerts, in their order."""
+    worst = _worst()
+    vehicle, severity, impact = worst.c.vehicle, worst.c.severity, worst.c.impact
+    of_vehicle = and_(ALERTS.c.vehicle == vehicle, ALERTS.c.is_active)
+    query = select(vehicle, severity, impact).where(exists().where(VEHICLES.c.vehicle == vehicle))
+    query = query.where(*_conditions(wanted, vehicle))
     if wanted.steps:
         ranges = [and_(severity > _STEP * step, severity <= _STEP * (step + 1)) for step in wanted.steps if step >= 0]
-        conditions.append(or_(*ranges, *([severity == 0] if -1 in wanted.steps else [])))
+        query = query.where(or_(false(), *ranges))
     if wanted.assignee is not None:
-        conditions.append(exists().where(of_vehicle, ALERTS.c.assignee == wanted.assignee))
+        query = query.where(exists().where(of_vehicle, ALERTS.c.assignee == wanted.assignee))
     if wanted.is_unacknowledged:
         is_open = and_(not_(ALERTS.c.is_acknowledged), ALERTS.c.shelved_until.is_(None))
-        conditions.append(exists().where(of_vehicle, is_open))
+        query = query.where(exists().where(of_vehicle, is_open))
+    if after is not None:
+        is_equal = and_(severity == after.severity, impact == after.impact)
+        is_later = or_(
+            severity < after.severity,
+            and_(severity == after.severity, impact < after.impact),
+            and_(is_equal, vehicle > after.vehicle),
+        )
+        query = query.where(is_later)
+    return query.order_by(severity.desc(), impact.desc(), vehicle)
+
+
+def _may_be_calm(wanted: FleetFilter) -> bool:
+    """Return whether vehicles without active alerts may be wanted."""
+    has_step = not wanted.steps or -1 in wanted.steps
+    return has_step and wanted.assignee is None and not wanted.is_unacknowledged
+
+
+def _calm(wanted: FleetFilter, after: str) -> Select[Any]:
+    """Return the query for vehicles without active alerts whose names come after another, by name."""
+    vehicle = VEHICLES.c.vehicle
+    has_alert = exists().where(ALERTS.c.vehicle == vehicle, ALERTS.c.is_active)
+    return select(vehicle).where(vehicle > after, not_(has_alert), *_conditions(wanted, vehicle)).order_by(vehicle)
+
+
+def _conditions(wanted: FleetFilter, vehicle: ColumnElement[str]) -> list[ColumnElement[bool]]:
+    """Return the conditions of a filter that vehicles with and without alerts can meet."""
+    conditions: list[ColumnElement[bool]] = []
+    if wanted.text:
+        conditions.append(vehicle.icontains(wanted.text, autoescape=True))
     if wanted.is_learning:
-        conditions.append(exists().where(STATUSES.c.vehicle == VEHICLES.c.vehicle, STATUSES.c.is_learning))
+        conditions.append(exists().where(STATUSES.c.vehicle == vehicle, STATUSES.c.is_learning))
     if wanted.silent_before is not None:
-        conditions.append(_is_silent(wanted.silent_before))
+        of_vehicle = VEHICLES.alias()
+        conditions.append(exists().where(of_vehicle.c.vehicle == vehicle, _is_silent(wanted.silent_before, of_vehicle)))
     return conditions
 
 
-def _is_silent(before: int) -> ColumnElement[bool]:
+def _is_silent(before: int, vehicles: FromClause = VEHICLES) -> ColumnElement[bool]:
     """Return the condition for vehicles that should have sent since a time."""
-    return and_(VEHICLES.c.last_seen < before, not_(VEHICLES.c.is_parked))
+    return and_(vehicles.c.last_seen < before, not_(vehicles.c.is_parked))

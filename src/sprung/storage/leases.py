@@ -57,6 +57,25 @@ class Holding:
     dead: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """A monitor that shares a store.
+
+    Parameters
+    ----------
+    monitor
+        Name of the monitor.
+    seen
+        When it was last heard of, UTC ns by the clock of the database.
+    shards
+        Number of shards that it holds.
+    """
+
+    monitor: str
+    seen: int
+    shards: int
+
+
 class Leases:
     """Leases of the monitors on the shards of a store.
 
@@ -131,6 +150,13 @@ class Leases:
             _pass_on(connection, own[share:], to=None)
             held = select(LEASES.c.shard, LEASES.c.epoch).where(LEASES.c.holder == monitor)
             return Holding({row.shard: row.epoch for row in connection.execute(held)}, monitors, tuple(dead))
+
+    def holders(self) -> list[Holder]:
+        """Return the monitors that share the store, by name; none on a file, which has one monitor."""
+        shards = select(func.count()).where(LEASES.c.holder == MONITORS.c.monitor).scalar_subquery()
+        query = select(MONITORS.c.monitor, MONITORS.c.seen, shards).order_by(MONITORS.c.monitor)
+        with self._database.reading() as connection:
+            return [Holder(*row) for row in connection.execute(query)]
 
     def release(self, monitor: str) -> None:
         """Give up all shards of a monitor, which stops in good order."""

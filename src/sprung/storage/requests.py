@@ -27,10 +27,25 @@ class Requests:
             row = {"time": now, "who": who, "act": act, "subject": subject, "detail": detail}
             connection.execute(AUDIT.insert(), row)
 
-    def audited(self, *, limit: int | None = None) -> list[AuditRow]:
-        """Return the record in order, at most the last `limit`."""
+    def audited(self, *, act: str | None = None, before: int | None = None, limit: int | None = None) -> list[AuditRow]:
+        """Return the record in order.
+
+        Parameters
+        ----------
+        act
+            Name of an act; None: all acts.
+        before
+            Number of an entry, which is left out with all later ones; None: no entry is.
+        limit
+            Largest number of entries, of which the last are returned; None: no limit.
+        """
+        query = select(AUDIT).order_by(AUDIT.c.id.desc()).limit(limit)
+        if act is not None:
+            query = query.where(AUDIT.c.act == act)
+        if before is not None:
+            query = query.where(AUDIT.c.id < before)
         with self._database.reading() as connection:
-            rows = connection.execute(select(AUDIT).order_by(AUDIT.c.id.desc()).limit(limit)).mappings().all()
+            rows = connection.execute(query).mappings().all()
             return [AuditRow(**row) for row in reversed(rows)]
 
     def add_command(self, who: str, vehicle: str, act: str, detail: Any = None, *, now: int) -> int:
@@ -44,6 +59,12 @@ class Requests:
     def open_commands(self) -> list[CommandRow]:
         """Return open requests, the oldest first."""
         query = select(COMMANDS).where(COMMANDS.c.done.is_(None)).order_by(COMMANDS.c.id)
+        with self._database.reading() as connection:
+            return [CommandRow(**row) for row in connection.execute(query).mappings()]
+
+    def commands_of(self, vehicle: str) -> list[CommandRow]:
+        """Return the requests about a vehicle, open and done, the oldest first."""
+        query = select(COMMANDS).where(COMMANDS.c.vehicle == vehicle).order_by(COMMANDS.c.id)
         with self._database.reading() as connection:
             return [CommandRow(**row) for row in connection.execute(query).mappings()]
 

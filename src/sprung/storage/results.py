@@ -1,9 +1,9 @@
 """Results of analysis: observations, modes, findings, baselines, and the state to continue from."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal
 
-from sqlalchemy import Connection, Table, and_, bindparam, delete, func, not_, select, update
+from sqlalchemy import ColumnElement, Connection, Table, and_, bindparam, delete, func, not_, select, tuple_, update
 
 from sprung.errors import ParameterError
 from sprung.storage.database import Database
@@ -29,6 +29,8 @@ _LAST = bindparam("last", type_=CURSORS.c.done.type)
 _CONTIGUOUS = select(func.coalesce(func.max(CURSORS.c.contiguous), -1)).where(_OF_CURSOR)
 _ANALYSED = update(CURSORS).where(_OF_CURSOR, CURSORS.c.done < _LAST).values(done=_LAST)
 _UNNEEDED = delete(FRAMES).where(_OF_FRAMES, FRAMES.c.seq <= _LAST)
+#: Tables of documents about windows.
+_KINDS = {"observations": OBSERVATIONS, "modes": MODES, "findings": FINDINGS}
 
 
 class Results:
@@ -97,6 +99,32 @@ class Results:
         """Return the findings on a vehicle in order of time, from `since` to `until`, at most the last `limit`."""
         return self._entries(FINDINGS, vehicle, since, limit, until=until)
 
+    def last_modes(
+        self, vehicle: str, *, since: int | None = None, until: int | None = None, limit: int | None = None
+    ) -> list[Entry]:
+        """Return the modes of a vehicle as `modes` does, of each window only those identified last."""
+        last = select(MODES.c.boot, func.max(MODES.c.number)).where(MODES.c.vehicle == vehicle)
+        for end in (None if since is None else MODES.c.t0 >= since, None if until is None else MODES.c.t0 <= until):
+            last = last if end is None else last.where(end)
+        is_last = tuple_(MODES.c.boot, MODES.c.number).in_(last.group_by(MODES.c.boot, MODES.c.t0))
+        return self._entries(MODES, vehicle, since, limit, until=until, where=(is_last,))
+
+    def observation(self, vehicle: str, boot: int, number: int) -> Entry | None:
+        """Return the observation of one window; None if there is none."""
+        where = OBSERVATIONS.c.boot == boot, OBSERVATIONS.c.number == number
+        return next(iter(self._entries(OBSERVATIONS, vehicle, None, 1, where=where)), None)
+
+    def first_observation(self, vehicle: str, *, after: int) -> Entry | None:
+        """Return the first observation of a vehicle that begins after a time; None if there is none."""
+        first = select(func.min(OBSERVATIONS.c.t0)).where(OBSERVATIONS.c.vehicle == vehicle, OBSERVATIONS.c.t0 > after)
+        where = (OBSERVATIONS.c.t0 == first.scalar_subquery(),)
+        return next(iter(self._entries(OBSERVATIONS, vehicle, None, 1, where=where)), None)
+
+    def findings_of(self, vehicle: str, boot: int, number: int) -> list[Entry]:
+        """Return the findings of one window."""
+        where = FINDINGS.c.boot == boot, FINDINGS.c.number == number
+        return self._entries(FINDINGS, vehicle, None, None, where=where)
+
     def n_observations(self, vehicle: str) -> int:
         """Return the number of observations of a vehicle."""
         query = select(func.count()).where(OBSERVATIONS.c.vehicle == vehicle)
@@ -131,6 +159,45 @@ class Results:
         with self._database.reading() as connection:
             return [BaselineRow(**row) for row in connection.execute(query).mappings()]
 
+    def pieces(
+        self,
+        kind: Literal["observations", "modes", "findings"],
+        vehicle: str,
+        *,
+        since: int | None = None,
+        until: int | None = None,
+        size: int = 500,
+    ) -> Iterator[list[Entry]]:
+        """Yield all documents of a kind about a vehicle in order of time, so that memory does not grow with them.
+
+        Parameters
+        ----------
+        kind
+            Kind of the documents.
+        vehicle
+            Name of the vehicle.
+        since, until
+            Earliest and latest time, UTC ns; None: the first and the last.
+        size
+            Largest number of documents in a piece, each of which is a transaction of its own.
+        """
+        table = _KINDS[kind]
+        place = (table.c.t0, *(column for column in reversed(table.primary_key.columns) if column.name != "vehicle"))
+        columns = [table.c[name] for name in (*Entry.__dataclass_fields__, "packed")]
+        query = select(*columns, *(column.label(f"at_{column.name}") for column in place)).order_by(*place).limit(size)
+        query = query.where(table.c.vehicle == vehicle)
+        if until is not None:
+            query = query.where(table.c.t0 <= until)
+        following = query if since is None else query.where(table.c.t0 >= since)
+        while True:
+            with self._database.reading() as connection:
+                rows = connection.execute(following).all()
+            if rows:
+                yield [_entry(**dict(zip((*Entry.__dataclass_fields__, "packed"), row, strict=False))) for row in rows]
+            if len(rows) < size:
+                return
+            following = query.where(tuple_(*place) > tuple_(*rows[-1][len(columns) :]))
+
     def snapshot(self, vehicle: str) -> Snapshot | None:
         """Return the state from which the analysis of a vehicle continues."""
         with self._database.reading() as connection:
@@ -161,12 +228,19 @@ class Results:
             connection.execute(row.on_conflict_do_update(index_elements=["vehicle"], set_=new), rows)
 
     def _entries(
-        self, table: Table, vehicle: str, since: int | None, limit: int | None, *, until: int | None = None
+        self,
+        table: Table,
+        vehicle: str,
+        since: int | None,
+        limit: int | None,
+        *,
+        until: int | None = None,
+        where: Sequence[ColumnElement[bool]] = (),
     ) -> list[Entry]:
         """Return documents in order of time."""
         newest_first = (column.desc() for column in (table.c.t0, *reversed(table.primary_key.columns)))
         columns = (table.c[name] for name in (*Entry.__dataclass_fields__, "packed"))
-        query = select(*columns).where(table.c.vehicle == vehicle).order_by(*newest_first).limit(limit)
+        query = select(*columns).where(table.c.vehicle == vehicle, *where).order_by(*newest_first).limit(limit)
         if since is not None:
             query = query.where(table.c.t0 >= since)
         if until is not None:

@@ -206,6 +206,36 @@ class AlertRow:
 
 
 @dataclass(frozen=True, slots=True)
+class AlertFilter:
+    """Which alerts are listed.
+
+    Parameters
+    ----------
+    states
+        Names of states in the terms of ISA-18.2; none: all.
+    steps
+        Steps of severity, 0 to 4; none: all.
+    vehicle
+        Part of the vehicle's name.
+    assignee
+        Name of the assignee; None: any.
+    """
+
+    states: tuple[str, ...] = ()
+    steps: tuple[int, ...] = ()
+    vehicle: str = ""
+    assignee: str | None = None
+
+
+class AlertPlace(NamedTuple):
+    """Place of an alert in lists."""
+
+    severity: int
+    raised: int
+    id: int
+
+
+@dataclass(frozen=True, slots=True)
 class HistoryRow:
     """Event of an alert: what, by whom, and assignee and end of the shelving after it."""
 

@@ -242,7 +242,7 @@ ALERTS = Table(
     Column("assignee", Text),
     Column("document", Json, nullable=False),
     UniqueConstraint("vehicle", "cause", name="alerts_by_cause"),
-    Index("alerts_active", "is_active", "vehicle"),
+    Index("alerts_active", "is_active", "vehicle", "severity", "cause"),
 )
 
 ALERT_HISTORY = Table(

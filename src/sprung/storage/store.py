@@ -13,6 +13,7 @@ from sprung.errors import ParameterError
 from sprung.storage.accounts import Accounts, Verdicts
 from sprung.storage.alerts import Alerts
 from sprung.storage.aside import Aside
+from sprung.storage.contents import Contents, contents_of, n_windows_since
 from sprung.storage.database import PATIENCE, Database
 from sprung.storage.fleet import Fleet
 from sprung.storage.inbox import Inbox
@@ -94,6 +95,14 @@ class Store:
     def free(self) -> int | None:
         """Return the free space on the disk of the store [bytes]; None with a server."""
         return self._database.free()
+
+    def contents(self) -> Contents:
+        """Return what the store holds."""
+        return contents_of(self._database)
+
+    def n_windows_since(self, time: int) -> int:
+        """Return the number of windows analysed since a time (UTC ns), at most a million."""
+        return n_windows_since(self._database, time)
 
     def check(self) -> None:
         """Write and roll back.

@@ -16,6 +16,7 @@ from sprung.tables.diagnosis import (
     why_unusable,
 )
 from sprung.tables.fleet import fleet_tables, type_in_words
+from sprung.tables.fleet_run import fleet_plan_in_words, fleet_plan_table, fleet_run_in_words, fleet_run_tables
 from sprung.tables.identification import (
     harmonics_table,
     identification_in_words,
@@ -27,6 +28,7 @@ from sprung.tables.identification import (
     why_none,
 )
 from sprung.tables.inspection import inspection_in_words, inspection_table, true_modes_table
+from sprung.tables.lake import lake_import_table, lake_in_words, lake_table
 from sprung.tables.monitoring import (
     accounts_table,
     alert_history_table,
@@ -55,6 +57,10 @@ __all__ = [
     "diagnosis_tables",
     "findings_table",
     "fitted_modes_table",
+    "fleet_plan_in_words",
+    "fleet_plan_table",
+    "fleet_run_in_words",
+    "fleet_run_tables",
     "fleet_tables",
     "harmonics_table",
     "hypotheses_table",
@@ -62,6 +68,9 @@ __all__ = [
     "identification_tables",
     "inspection_in_words",
     "inspection_table",
+    "lake_import_table",
+    "lake_in_words",
+    "lake_table",
     "mode_changes_table",
     "modes_table",
     "observations_table",

@@ -51,9 +51,22 @@ def corner_names(n_axles: int) -> tuple[str, ...]:
 
 
 class Description(Section):
-    """Fields of all vehicle files: schema, name, sensors, and name, delay [s] and scale of the speed channel.
+    """Fields of all vehicle files.
 
-    The speed channel times `speed_scale` is the speed, `speed_delay` before it is recorded.
+    Parameters
+    ----------
+    schema
+        Version of the file.
+    name
+        Name of the vehicle.
+    speed_channel
+        Channel with the speed [m/s].
+    speed_delay
+        Time by which that channel is late [s]; negative: early.
+    speed_scale
+        Speed over what that channel states.
+    sensor
+        Sensors of the recordings.
     """
 
     schema_name: Literal["sprung.vehicle/1"] = Field(alias="schema", default="sprung.vehicle/1")
@@ -106,7 +119,23 @@ class Description(Section):
 
 
 class Vehicle(Description):
-    """Body on two or more axles, from front to rear."""
+    """Body on two or more axles, from front to rear; for the other fields see `Description`.
+
+    Parameters
+    ----------
+    kind
+        Excitation of the wheels: a road or track, whose rear wheels follow the front ones, or a rig of rollers.
+    body
+        Sprung body.
+    axle
+        Axles from front to rear.
+    mounted_mass
+        Masses on mounts on the body.
+    flexible_mode
+        Torsion and bending of the body.
+    learnt
+        Numbers that a calibration learnt from drives.
+    """
 
     kind: Literal["road", "rail", "rig"]
     body: Body = Body()
@@ -191,7 +220,17 @@ class Vehicle(Description):
 
 
 class Quarter(Description):
-    """Quarter vehicle: a body that bounces on one wheel."""
+    """Quarter vehicle: a body that bounces on one wheel; for the other fields see `Description`.
+
+    Parameters
+    ----------
+    kind
+        Kind of the vehicle.
+    body
+        Sprung mass.
+    corner
+        Wheel and suspension.
+    """
 
     kind: Literal["quarter"]
     body: QuarterBody = QuarterBody()
@@ -214,7 +253,15 @@ class Quarter(Description):
 
 
 class Chain(Description):
-    """Masses above one another, the first one on the ground, the last one free."""
+    """Masses above one another, from the ground up, the last one free; other fields: see `Description`.
+
+    Parameters
+    ----------
+    kind
+        Kind of the vehicle.
+    mass
+        Masses from the ground up.
+    """
 
     kind: Literal["chain"]
     mass: Annotated[tuple[ChainMass, ...], Field(strict=False, min_length=1, max_length=200)]

@@ -92,15 +92,15 @@ def chain(
     ParameterError
         If a number is out of range, or there are not as many values as masses.
 
-    Examples
-    --------
-    >>> chain().modes().natural_frequency.round(2).tolist()
-    [7.01, 19.65, 28.39]
-
     References
     ----------
     F. Liu, Online Identification of Vehicle Dynamic Systems for Condition Monitoring, University of Huddersfield
     (2020), section 4.3; the parameters were recovered from its table 4-1.
+
+    Examples
+    --------
+    >>> chain().modes().natural_frequency.round(2).tolist()
+    [7.01, 19.65, 28.39]
     """
     check_number("n_masses", n_masses, at_least=1)
     links: list[dict[str, float]] = [{} for _ in range(n_masses)]

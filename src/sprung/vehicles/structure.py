@@ -190,7 +190,7 @@ class Structure:
     Parameters
     ----------
     coordinates
-        Names of the n coordinates: "bounce", "pitch", "roll" of the body, "wheel_" and the corner, "mass_1" ...;
+        Names of the n coordinates: "bounce", "pitch", "roll" of the body, "wheel_front_left" ..., "mass_1" ...;
         "torsion" and "bending" of a flexible body.
     mass
         Mass matrix [kg, kg m^2], shape (n, n).

@@ -63,6 +63,11 @@ def upgrade(connection: Connection, *, target: str | None = None) -> None:
         connection.execute(COMPATIBILITY.insert().values(revision=target, since=COMPATIBLE_SINCE))
 
 
+def revision(connection: Connection) -> str | None:
+    """Return the revision of the schema; None where there is none yet."""
+    return MigrationContext.configure(connection).get_current_revision()
+
+
 def _since(connection: Connection, revision: str) -> str | None:
     """Return the oldest revision whose programs can use a revision; None if nothing is known."""
     if not inspect(connection).has_table(COMPATIBILITY.name):

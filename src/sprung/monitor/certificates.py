@@ -1,0 +1,60 @@
+"""Certificates of a monitor, and when they expire."""
+
+from dataclasses import dataclass
+
+from sprung.errors import ParameterError
+from sprung.link import Address, valid_until
+from sprung.monitor.site import Site, embedded_port
+from sprung.tables import time_in_words
+
+#: Time before the end of a certificate from which on it is a trouble [ns].
+_WARN = 30 * 86400 * 10**9
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """A certificate in a file.
+
+    Parameters
+    ----------
+    purpose
+        What it is for.
+    path
+        File in which it stands.
+    expires
+        Time until which it is valid, UTC ns; None where the file cannot be read.
+    problem
+        Why the file cannot be read; empty if it can.
+    """
+
+    purpose: str
+    path: str
+    expires: int | None
+    problem: str = ""
+
+    def trouble(self, now: int) -> str:
+        """Return what is wrong with it at a time (UTC ns), and what to do; empty: nothing."""
+        if self.expires is None:
+            return f"{self.purpose}: {self.problem}"
+        if self.expires - now >= _WARN:
+            return ""
+        verb = "has expired" if self.expires <= now else "expires"
+        end = time_in_words(self.expires)
+        return f"the {self.purpose} {self.path} {verb} at {end} UTC: renew it, then restart the monitor"
+
+
+def certificates_of(site: Site) -> list[Certificate]:
+    """Return the certificates that a site file names: of the pages, and of the connection to the broker."""
+    files = {"certificate of the pages": site.web.certificate or ""}
+    if embedded_port(site.broker) is None:
+        address = Address.parse(site.broker)
+        files |= {"certificate at the broker": address.cert, "certificate of the broker's authority": address.ca}
+    return [_read(path, purpose) for purpose, path in files.items() if path]
+
+
+def _read(path: str, purpose: str) -> Certificate:
+    """Return the certificate in a file."""
+    try:
+        return Certificate(purpose, path, valid_until(path))
+    except ParameterError as error:
+        return Certificate(purpose, path, None, str(error))

@@ -1,0 +1,23 @@
+"""Reports as PDF files."""
+
+from sprung._checks import required
+
+
+def pdf_of(page: str) -> bytes:
+    """Return a report as a PDF file, paged for A4.
+
+    Parameters
+    ----------
+    page
+        HTML page of `render`; whatever it refers to outside of itself is left out.
+
+    Raises
+    ------
+    MissingPackageError
+        If weasyprint is not installed.
+    """
+    weasyprint, urls = (
+        required(name, purpose="a report as PDF", extra="pdf") for name in ("weasyprint", "weasyprint.urls")
+    )
+    written: bytes = weasyprint.HTML(string=page, url_fetcher=urls.URLFetcher(allowed_protocols=("data",))).write_pdf()
+    return written

@@ -1,0 +1,44 @@
+"""The interface to the diagrams of a window, which are computed from its samples on demand."""
+
+from typing import Literal
+
+from fastapi import APIRouter, HTTPException, Response
+
+from sprung.service import diagram_views
+from sprung.service.access import Viewer
+from sprung.service.api import VehicleName
+from sprung.service.api_vehicles import Place
+from sprung.service.busy import BusyError
+from sprung.service.context import Shared
+from sprung.service.diagram_models import WindowDiagrams
+from sprung.service.diagrams import RETRY, NoSamplesError
+
+router = APIRouter(tags=["vehicles"])
+
+Figure = Literal["spectra", "fit", "stabilisation", "levels"]
+
+
+@router.get("/vehicles/{vehicle}/windows/{boot}/{number}/diagrams")
+def diagrams(context: Shared, _: Viewer, vehicle: VehicleName, boot: Place, number: Place) -> WindowDiagrams:
+    """Spectra, stabilisation diagram and subsets by level of a window; 503 with retry-after while they are computed."""
+    try:
+        return diagram_views.window_diagrams(context, vehicle, boot, number)
+    except NoSamplesError as error:
+        raise HTTPException(404, str(error)) from None
+    except BusyError as error:
+        raise HTTPException(503, str(error), headers={"retry-after": str(RETRY)}) from None
+
+
+@router.get("/vehicles/{vehicle}/windows/{boot}/{number}/figures/{figure}", response_class=Response)
+def figure(context: Shared, _: Viewer, vehicle: VehicleName, boot: Place, number: Place, figure: Figure) -> Response:
+    """Figure of the diagrams of a window as SVG; 503 with retry-after while they are computed."""
+    try:
+        computed = diagram_views.computed_diagrams(context, vehicle, boot, number)
+    except NoSamplesError as error:
+        raise HTTPException(404, str(error)) from None
+    except BusyError as error:
+        raise HTTPException(503, str(error), headers={"retry-after": str(RETRY)}) from None
+    if figure not in computed.pictures:
+        notes = computed.error or "; ".join(computed.values.get("notes", ()))
+        raise HTTPException(404, f"there is no figure {figure}: {notes}")
+    return Response(computed.pictures[figure], media_type="image/svg+xml", headers={"cache-control": "no-store"})

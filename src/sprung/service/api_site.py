@@ -1,0 +1,26 @@
+"""The interface for the site: what is watched and how, and tests of the senders."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path
+
+from sprung.service import site_views
+from sprung.service.access import Engineer, Viewer
+from sprung.service.context import Shared
+from sprung.service.models import Done
+from sprung.service.site_models import SiteDetail
+
+router = APIRouter(tags=["site"])
+
+
+@router.get("/site")
+def site(context: Shared, _: Viewer) -> SiteDetail:
+    """What is watched and how, and how the monitor itself is."""
+    return site_views.site_detail(context)
+
+
+@router.post("/site/senders/{name}/test")
+def try_sender(context: Shared, person: Engineer, name: Annotated[str, Path(max_length=64)]) -> Done:
+    """Send a test message by a sender of the site file; the answer says what came of it."""
+    problem = site_views.try_sender(context, name, who=person.name)
+    return Done(sentence=f"{name} failed: {problem}" if problem else f"{name} sent a test message")

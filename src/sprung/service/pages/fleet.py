@@ -1,0 +1,74 @@
+"""The fleet: every vehicle, the most urgent first."""
+
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import BaseModel, Field
+
+from sprung.service import views
+from sprung.service.access import Viewer
+from sprung.service.context import Shared
+from sprung.service.models import FleetCount
+from sprung.service.pages.rendering import page
+from sprung.tables import counted
+
+router = APIRouter()
+
+#: Vehicles on a page.
+_LIMIT = 50
+
+
+class Wanted(BaseModel):
+    """Which vehicles are shown; the address of the page states it."""
+
+    text: str = Field("", max_length=64)
+    step: list[str] = []
+    assignee: str | None = Field(None, max_length=64)
+    is_unacknowledged: bool = False
+    is_learning: bool = False
+    is_silent: bool = False
+    cursor: str | None = Field(None, max_length=200)
+
+
+@router.get("/")
+def fleet(request: Request, context: Shared, _: Viewer, wanted: Annotated[Wanted, Query()]) -> Response:
+    """Show the fleet."""
+    counts = FleetCount.model_validate(context.store.fleet.counts(silent_before=context.silent_before))
+    given = wanted.model_dump(exclude_defaults=True)
+    cursor = given.pop("cursor", None)
+    found = views.fleet_page(
+        context, views.fleet_filter(context, **wanted.model_dump(exclude={"cursor"})), cursor=cursor, limit=_LIMIT
+    )
+    return page(
+        request,
+        "fleet.html",
+        section="/",
+        sentence=_sentence(counts),
+        counts=counts,
+        page=found,
+        wanted=wanted,
+        is_all=not given,
+        cursor=cursor,
+        now_wanted=given,
+        limit=_LIMIT,
+        link=_link,
+        broker=context.site.broker,
+    )
+
+
+def _link(**wanted: Any) -> str:
+    """Return the address of the fleet with a filter."""
+    return "/?" + urlencode(wanted, doseq=True)
+
+
+def _sentence(counts: FleetCount) -> str:
+    """Return what matters most about the fleet."""
+    urgent = sum(counts.steps[3:])
+    if not counts.vehicles:
+        return "No vehicle is known yet."
+    parts = [f"{urgent} of {counted(counts.vehicles, 'vehicle')} {'needs' if urgent == 1 else 'need'} someone today."]
+    for number, word in ((counts.silent, "silent"), (counts.learning, "still learning")):
+        if number:
+            parts.append(f"{number} {'is' if number == 1 else 'are'} {word}.")
+    return " ".join(parts)

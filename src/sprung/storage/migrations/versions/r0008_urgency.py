@@ -1,0 +1,20 @@
+"""What the order of a fleet needs of active alerts, in their index: their rows are not read for it."""
+
+from alembic import op
+
+revision = "0008"
+down_revision = "0007"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """Put severity and cause into the index of active alerts."""
+    op.drop_index("alerts_active", "alerts")
+    op.create_index("alerts_active", "alerts", ["is_active", "vehicle", "severity", "cause"])
+
+
+def downgrade() -> None:
+    """Take them out of it."""
+    op.drop_index("alerts_active", "alerts")
+    op.create_index("alerts_active", "alerts", ["is_active", "vehicle"])
