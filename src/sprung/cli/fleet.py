@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sprung.cli import fleet_lake, fleet_runs, fleet_stream
 from sprung.cli.checks import check_file
 from sprung.cli.options import OUTPUT, Json, option
 from sprung.cli.output import show, write_result, written
@@ -21,7 +22,14 @@ application = typer.Typer(no_args_is_help=True)
 
 @application.callback()
 def fleet() -> None:
-    """Compare the vehicles of a fleet."""
+    """Keep and analyse the archive of a fleet, analyse its streams, and compare its vehicles."""
+
+
+application.command("import")(fleet_lake.import_files)
+application.command()(fleet_lake.archive)
+application.command()(fleet_runs.run)
+application.command()(fleet_runs.explain)
+application.command()(fleet_stream.stream)
 
 
 @application.command()
