@@ -1,0 +1,167 @@
+"""Fields of vehicle files, site files and published documents, from their models.
+
+The directives `vehicle-fields`, `site-fields` and `json-schemas` make sections of tables.
+"""
+
+import inspect
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from docutils import nodes
+from numpydoc.docscrape import NumpyDocString
+from pydantic import BaseModel, TypeAdapter
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from sprung.documents import DOCUMENTS, json_schema
+from sprung.monitor.site import Site
+from sprung.vehicles.description import Chain, Quarter, Vehicle
+
+#: Limits of pydantic and their names in JSON Schema.
+_LIMITS = {"gt": "exclusiveMinimum", "ge": "minimum", "lt": "exclusiveMaximum", "le": "maximum"}
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table in MyST."""
+    lines = [head, ("---",) * len(head), *rows]
+    cells = ([" ".join(cell.split()).replace("|", r"\|") for cell in line] for line in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
+
+
+def type_in_words(schema: Mapping[str, Any]) -> str:
+    """Return what a JSON Schema allows, such as "number > 0 or null"."""
+    if "$ref" in schema:
+        return f"`{schema['$ref'].rpartition('/')[2]}`"
+    if "anyOf" in schema:
+        return " or ".join(dict.fromkeys(type_in_words(option) for option in schema["anyOf"]))
+    if "const" in schema or "enum" in schema:
+        return " or ".join(f"`{value}`" for value in schema.get("enum", [schema.get("const")]))
+    kinds = schema.get("type", "any")
+    words = [_kind(kind, schema) for kind in ([kinds] if isinstance(kinds, str) else kinds)]
+    limits = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+    bounds = " and ".join(f"{sign} {schema[key]:g}" for key, sign in limits.items() if key in schema)
+    return " or ".join(words) + (f" {bounds}" if bounds else "")
+
+
+def _kind(kind: str, schema: Mapping[str, Any]) -> str:
+    """Return one JSON type in words."""
+    if kind == "array":
+        entries = schema.get("prefixItems") or ([schema["items"]] if schema.get("items") else [])
+        return "list" + (
+            f" of {' and '.join(dict.fromkeys(type_in_words(entry) for entry in entries))}" if entries else ""
+        )
+    if kind == "object" and isinstance(schema.get("additionalProperties"), dict):
+        return f"object of {type_in_words(schema['additionalProperties'])}"
+    return {"null": "`null`", "string": "text"}.get(kind, kind)
+
+
+def _meanings(model: type[BaseModel]) -> dict[str, str]:
+    """Return the meanings of fields from the docstring of their model."""
+    texts = [vars(kind).get("__doc__") or "" for kind in reversed(model.__mro__) if issubclass(kind, BaseModel)]
+    entries = [entry for text in texts for entry in NumpyDocString(inspect.cleandoc(text))["Parameters"]]
+    return {name.strip(): " ".join(entry.desc) for entry in entries for name in entry.name.split(",")}
+
+
+def _parts(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the models in an annotation."""
+    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in getattr(annotation, "__args__", ()):
+        yield from _parts(inner)
+
+
+def _default(field: FieldInfo) -> str:
+    if field.default is PydanticUndefined:
+        return "required"
+    return "-" if field.default is None else f"`{field.default!r}`".replace("'", '"')
+
+
+def sections_of(model: type[BaseModel], name: str = "") -> Iterator[tuple[str, type[BaseModel], list[Sequence[str]]]]:
+    """Yield heading, model and rows of a file's tables, the top level first."""
+    meanings = _meanings(model)
+    rows: list[Sequence[str]] = []
+    below: list[tuple[str, type[BaseModel]]] = []
+    for key, field in model.model_fields.items():
+        inner = next(_parts(field.annotation), None)
+        if inner is not None:
+            place = f"{name.strip('[]')}.{field.alias or key}".lstrip(".")
+            is_list = re.search("tuple|list", str(field.annotation)) is not None
+            below.append((f"[[{place}]]" if is_list else f"[{place}]", inner))
+            continue
+        schema = TypeAdapter(field.annotation or object).json_schema()
+        for limit in field.metadata:
+            schema |= {
+                name: bound for word, name in _LIMITS.items() if (bound := getattr(limit, word, None)) is not None
+            }
+        meaning = field.description or meanings.get(field.alias or key, "")
+        rows.append((f"`{field.alias or key}`", type_in_words(schema), _default(field), meaning))
+    yield name, model, rows
+    for place, inner in below:
+        yield from sections_of(inner, place)
+
+
+def _tables(model: type[BaseModel], depth: int) -> str:
+    paragraphs = []
+    for name, part, rows in sections_of(model):
+        if name:
+            paragraphs += [f"{'#' * depth} `{name}`", re.split(r"\n\n", inspect.getdoc(part) or "")[0]]
+        if rows:
+            paragraphs.append(table(("key", "value", "default", "meaning"), rows))
+    return "\n\n".join(paragraphs)
+
+
+class VehicleFields(SphinxDirective):
+    """Tables of the fields of vehicle files, by kind."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a section for each kind."""
+        kinds = (("Road, rail and rig vehicles", Vehicle), ("Quarter vehicles", Quarter), ("Chains of masses", Chain))
+        text = "\n\n".join(f"## {title}\n\n{_tables(model, 3)}" for title, model in kinds)
+        return self.parse_text_to_nodes(text, allow_section_headings=True)
+
+
+class SiteFields(SphinxDirective):
+    """Tables of the fields of site files."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a section for each table."""
+        return self.parse_text_to_nodes(_tables(Site, 2), allow_section_headings=True)
+
+
+class JsonSchemas(SphinxDirective):
+    """Keys and types of all published documents."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a section for each document."""
+        text = "\n\n".join(_document(name) for name in sorted(DOCUMENTS))
+        return self.parse_text_to_nodes(text, allow_section_headings=True)
+
+
+def _document(name: str) -> str:
+    """Return the section of a document."""
+    schema = json_schema(name)
+    parts = {"": schema, **{key: part for key, part in schema.get("$defs", {}).items() if "properties" in part}}
+    paragraphs = [f"## `{name}`"]
+    for title, part in parts.items():
+        if title:
+            paragraphs.append(f"**{title}**")
+        if part.get("description"):
+            paragraphs.append(part["description"].split("\n\n")[0])
+        required = part.get("required", ())
+        rows = [
+            (f"`{key}`", type_in_words(value), "yes" if key in required else "no")
+            for key, value in part.get("properties", {}).items()
+        ]
+        paragraphs.append(table(("key", "type", "always there"), rows))
+    return "\n\n".join(paragraphs)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directives."""
+    app.add_directive("vehicle-fields", VehicleFields)
+    app.add_directive("site-fields", SiteFields)
+    app.add_directive("json-schemas", JsonSchemas)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,88 @@
+"""
+A file format of one's own
+==========================
+
+A logger writes files that nobody else reads. Three steps bring them in: bytes to numbers, numbers to a
+:class:`sprung.Recording`, and a look at what came out before anything is identified.
+"""
+
+import io
+import struct
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import sprung
+
+# %%
+# The logger
+# ----------
+# Its files have a header of the sampling rate (a 4-byte float), the number of channels and the sensitivity [counts
+# per g], and then 16-bit samples, channel by channel within each scan. Here is such a file, made of a simulated run
+# of a car.
+
+car = sprung.read_vehicle("zafira")
+model = sprung.structure(car)
+run = sprung.simulate(model, sprung.usual_excitation(model), duration=300.0, sampling_rate=100.0, snr=20, seed=1)
+
+GRAVITY, SENSITIVITY = 9.80665, 20_000.0
+counts = np.clip(np.rint(run.samples / GRAVITY * SENSITIVITY), -32768, 32767).astype("<i2")
+file = io.BytesIO(struct.pack("<fHf", run.sampling_rate, len(counts), SENSITIVITY) + counts.T.tobytes())
+print(f"{file.getbuffer().nbytes} bytes")
+
+# %%
+# From bytes to a recording
+# -------------------------
+# A recording holds samples in SI units, shape (channels, samples), one sampling rate, and what each channel is. A
+# channel with a known quantity can be checked and scaled; its place on the body comes from the vehicle file, by its
+# name.
+
+
+def read_logger(stream, names):
+    """Return the recording of a logger's file."""
+    sampling_rate, n_channels, sensitivity = struct.unpack("<fHf", stream.read(10))
+    if n_channels != len(names):
+        raise sprung.FormatError(f"the file has {n_channels} channels, but {len(names)} names are given: name them all")
+    scans = np.frombuffer(stream.read(), dtype="<i2").reshape(-1, n_channels)
+    samples = scans.T / sensitivity * GRAVITY
+    channels = tuple(sprung.Channel(name, "acceleration") for name in names)
+    return sprung.Recording(samples, sampling_rate, channels, history=("read from a logger",))
+
+
+recording = read_logger(file, ("acc_fl", "acc_fr", "acc_rl", "acc_rr"))
+print(recording)
+
+# %%
+# A look before the analysis
+# --------------------------
+# :func:`sprung.inspect` finds dead, stuck, clipped and spiking channels, gaps and offsets: what ``sprung info``
+# prints.
+
+for channel in sprung.inspect(recording).channels:
+    print(f"{channel.name}: RMS {channel.rms:.3g} {channel.unit}, {'dead' if channel.is_dead else 'alive'}")
+
+figure, axes = plt.subplots(figsize=(8, 3), layout="constrained")
+time = np.arange(1000) / recording.sampling_rate
+for channel, samples in zip(recording.channels, recording.samples, strict=True):
+    axes.plot(time, samples[:1000], linewidth=0.7, label=channel.name)
+axes.set(xlabel="time [s]", ylabel="acceleration [m/s²]", xlim=(0, 10))
+axes.legend(frameon=False, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+plt.show()
+
+# %%
+# From here on it is a recording as any other: it is identified, or written in a format that others read, by
+# ``sprung.write(recording, "run.parquet")``.
+
+identification = sprung.cov_ssi(recording, vehicle=car)
+print(identification)
+
+# %%
+# A format for all commands
+# -------------------------
+# To make ``sprung identify run.xyz`` read such files, the package needs one module with ``NAME``, ``EXTRA``,
+# ``ENDINGS``, ``recognises`` and ``groups``, and one entry in its table of formats: see *How to add a format of
+# files* in ``CONTRIBUTING.md``. Common checks (damaged files, memory, write then read) then run over it as over all
+# others.
+
+plt.figure(sprung.plotting.shapes_figure(identification.modes, identification.channels))
+plt.show()
