@@ -1,7 +1,9 @@
 """The broker inside the monitor passes messages on, knows its user, and says where it cannot listen."""
 
+import gc
 import queue
 import socket
+import sys
 from pathlib import Path
 
 import pytest
@@ -42,6 +44,24 @@ def test_a_message_passes_through(free_port) -> None:
     finally:
         link.close()
         broker.close()
+
+
+def test_open_connections_are_closed_with_the_broker(free_port, monkeypatch) -> None:
+    left_open = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda each: left_open.append(each.exc_value))
+    broker = EmbeddedBroker("secret", port=free_port)
+    broker.open()
+    silent = socket.create_connection(("127.0.0.1", free_port))
+    link = Link(Address("127.0.0.1", free_port, "local", "secret", version="3"), "c", topics=[], on_message=lambda *_: None)
+    link.open(timeout=10.0)
+    broker.close()
+    silent.settimeout(10.0)
+    assert silent.recv(1) == b""
+    silent.close()
+    link.close()
+    del broker
+    gc.collect()
+    assert left_open == []
 
 
 def test_a_port_in_use_is_refused() -> None:

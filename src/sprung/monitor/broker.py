@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import threading
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
@@ -64,6 +64,7 @@ class EmbeddedBroker:
         with closing(asyncio.new_event_loop()) as self._loop:
             asyncio.set_event_loop(self._loop)
             self._serve(self._loop)
+            self._loop.run_until_complete(_end_connections())
 
     def _serve(self, loop: asyncio.AbstractEventLoop) -> None:
         """Start the broker in a loop, and run the loop until it is stopped."""
@@ -73,6 +74,7 @@ class EmbeddedBroker:
         }
         try:
             self._broker = self._module.Broker(settings, loop=loop)
+            self._broker.stream_connected = _closing(self._broker.stream_connected)
             loop.run_until_complete(self._broker.start())
         except Exception as error:  # any error of the library is reported
             self._problem = str(error.__cause__ or error)
@@ -80,6 +82,27 @@ class EmbeddedBroker:
             return
         self._started.set()
         loop.run_forever()
+
+
+def _closing(serve: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
+    """Return a function that serves a connection, and closes it at the end, as the library does not always."""
+
+    async def serve_and_close(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, **options: Any) -> None:
+        try:
+            await serve(reader, writer, **options)
+        finally:
+            writer.close()
+
+    return serve_and_close
+
+
+async def _end_connections() -> None:
+    """End the connections that the library leaves open when it stops."""
+    tasks = asyncio.all_tasks() - {asyncio.current_task()}
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    await asyncio.sleep(0)  # connections close in the turn after their tasks
 
 
 @contextmanager
