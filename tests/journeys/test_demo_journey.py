@@ -12,7 +12,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
+from playwright.sync_api import TimeoutError as PageTimeout
 
 pytest.importorskip("numba")
 
@@ -88,7 +89,7 @@ def test_from_the_demonstration_to_a_report(demo, visit, tmp_path) -> None:
     page.get_by_role("link", name="car-2", exact=True).click()
     expect(page.get_by_role("heading", level=1)).to_contain_text("Front-left spring")
     expect(page.get_by_role("row", name=re.compile("front left spring")).first).to_contain_text("−2")
-    page.wait_for_selector("#part-trends .main-svg")
+    _wait_for_chart(page)
     page.get_by_role("link", name=re.compile("evidence, acknowledge, verdict")).click()
     expect(page.get_by_role("heading", name="What may have changed")).to_be_visible()
     expect(page.locator(".hypotheses tbody tr").first).to_contain_text("front left spring")
@@ -113,3 +114,14 @@ def test_from_the_demonstration_to_a_report(demo, visit, tmp_path) -> None:
     assert code == 0
     assert "car-3: sensor acc_rr is dead" in text
     assert "Traceback" not in text
+
+
+def _wait_for_chart(page: Page) -> None:
+    """Wait until the trends are drawn; where they never are, show what stands there and what was loaded."""
+    try:
+        page.wait_for_selector("#part-trends .main-svg")
+    except PageTimeout as error:
+        loaded = page.evaluate(
+            "performance.getEntriesByType('resource').map((e) => [e.name, e.responseEnd, e.responseStatus])"
+        )
+        raise AssertionError((page.locator("#part-trends").inner_html(), loaded)) from error

@@ -2,6 +2,7 @@
 
 import re
 import time
+from urllib.parse import urlsplit
 
 from playwright.sync_api import expect
 from tests.journeys import depot
@@ -167,3 +168,23 @@ def focused(page) -> tuple[str, str]:
         "() => { const own = document.activeElement; return [own.tagName, (own.labels?.[0] ?? own).textContent]; }"
     )
     return tag, name.strip()
+
+
+def test_charts_come_after_a_poor_connection(shown, visit, watch) -> None:
+    watch.expected = {503}
+    refused = []
+
+    def refuse_once(route):
+        if (path := urlsplit(route.request.url).path) in refused:
+            route.fallback()
+        else:
+            refused.append(path)
+            route.fulfill(status=503, json={"detail": "the store does not answer"})
+
+    page = visit(shown, role="viewer")
+    for pattern in ("**/static/plotly.js", "**/trends?*"):
+        page.route(pattern, refuse_once)
+    page.goto(f"/vehicles/{depot.SOFT}")
+    expect(page.locator("#part-trends")).to_contain_text("the store does not answer")
+    page.wait_for_selector("#part-trends .main-svg")
+    assert len(refused) == 2

@@ -52,7 +52,9 @@ def test_open_connections_are_closed_with_the_broker(free_port, monkeypatch) -> 
     broker = EmbeddedBroker("secret", port=free_port)
     broker.open()
     silent = socket.create_connection(("127.0.0.1", free_port))
-    link = Link(Address("127.0.0.1", free_port, "local", "secret", version="3"), "c", topics=[], on_message=lambda *_: None)
+    link = Link(
+        Address("127.0.0.1", free_port, "local", "secret", version="3"), "c", topics=[], on_message=lambda *_: None
+    )
     link.open(timeout=10.0)
     broker.close()
     silent.settimeout(10.0)

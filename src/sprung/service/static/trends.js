@@ -50,6 +50,8 @@ function layout(titles, range, marks, height) {
   return result;
 }
 
+/** Longest time for the values, and pause before the next attempt [ms]. */
+const PATIENCE = 20000, PAUSE = 5000;
 const options = { responsive: true, displayModeBar: false, displaylogo: false };
 
 function timeRange(data) {
@@ -151,23 +153,38 @@ function draw() {
   listEvents(last);
 }
 
+/** Load the values, and draw them; if they do not come, try again, as the connection may be poor. */
 async function load() {
   try {
-    const answer = await fetch(place.dataset.url);
+    const answer = await fetch(place.dataset.url, { signal: AbortSignal.timeout(PATIENCE) });
     if (!answer.ok) throw new Error((await answer.json()).detail);
     last = await answer.json();
   } catch (error) {
-    if (last === null) say(place, `The trends cannot be loaded (${error.message}): reload the page.`);
+    if (last === null) {
+      say(place, `The trends cannot be loaded (${error.message}): trying again.`);
+      setTimeout(load, PAUSE);
+    }
     return;
   }
   draw();
 }
 
-if (place && window.Plotly) {
+/** Load the library of the charts, however often it takes. */
+function loadLibrary() {
+  return new Promise((resolve) => {
+    const script = Object.assign(document.createElement("script"), { src: "/static/plotly.js", onload: resolve });
+    script.onerror = () => {
+      script.remove();
+      say(place, "The charts cannot be drawn yet: the library plotly.js did not load. Trying again.");
+      setTimeout(() => loadLibrary().then(resolve), PAUSE);
+    };
+    document.head.append(script);
+  });
+}
+
+if (place) {
+  await loadLibrary();
   load();
   document.addEventListener("sprung:refreshed", load);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-} else if (place) {
-  say(place, "The charts cannot be drawn: the library plotly.js did not load.");
-  modePlace.hidden = true;
 }
