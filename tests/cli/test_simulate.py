@@ -101,7 +101,13 @@ def test_drives_have_speed_truth_and_vehicle(sprung, tmp_path, kind, vehicle):
     assert document["faults"] == {"front_left.spring": -0.2}
     speed = document["speed"]
     assert 0 < speed["lowest"] * 0.999 < speed["mean"] < speed["highest"] * 1.001
-    assert read_vehicle(f"{path}.vehicle.toml") == read_vehicle(vehicle)
+    assert read_vehicle(f"{path}.vehicle.toml") == read_vehicle(vehicle).model_copy(update={"kind": kind})
+
+
+def test_vehicle_file_states_the_excitation_of_the_drive(sprung, tmp_path):
+    path = tmp_path / "run.parquet"
+    sprung("simulate", "rail", "--vehicle", "y25", "--minutes", "0.2", "--out", path)
+    assert (read_vehicle("y25").kind, read_vehicle(f"{path}.vehicle.toml").kind) == ("rig", "rail")
 
 
 def test_units_of_a_drive_are_in_its_table(sprung, tmp_path):

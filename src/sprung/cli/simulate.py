@@ -304,14 +304,14 @@ def _condition(
     return {"faults": values.faults(faults), "payload": values.payloads(payloads), "suspension": suspension}
 
 
-def _vehicle(kind: str, path_or_name: str) -> "Vehicle":
-    """Return the vehicle on axles of a file or name."""
+def _vehicle(kind: Literal["road", "rail", "rig"], path_or_name: str) -> "Vehicle":
+    """Return the vehicle on axles of a file or name, with the excitation of its wheels."""
     from sprung.vehicles import Vehicle, read_description
 
     vehicle = read_description(path_or_name)
     if not isinstance(vehicle, Vehicle):
         raise _wrong_kind(path_or_name, vehicle.kind, kind)
-    return vehicle
+    return vehicle.model_copy(update={"kind": kind})
 
 
 def _simulate_drives(vehicle: "Vehicle", settings: "DriveSettings", output: Output) -> None:
