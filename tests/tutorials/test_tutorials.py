@@ -3,6 +3,7 @@
 import ast
 import re
 import runpy
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -73,3 +74,20 @@ def test_harmonics(capsys: pytest.CaptureFixture[str]) -> None:
         line.split(":")[0].strip(): re.findall(r"([\d.]+) Hz", line) for line in printed.splitlines() if ": " in line
     }
     assert [float(f) for f in rows["lines subtracted"]] == pytest.approx([float(f) for f in rows["exact"]], rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_fleet_on_a_laptop(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("deltalake")
+    pytest.importorskip("pyspark")
+    if shutil.which("java") is None:
+        pytest.skip("java is missing: run scripts/system-packages")
+    assert run("a_fleet_on_a_laptop") == 2
+    printed = capsys.readouterr().out
+    assert "48 windows analysed, 6 vehicles assessed\n0 windows analysed, 0 vehicles assessed" in printed
+    (found,) = [line for line in printed.splitlines() if "rear_right damper" in line and line.startswith("car-4")]
+    change, low, high = (float(value) for value in re.findall(r"([+-]?\d+)(?= %| to)", found))
+    assert low <= -50 <= high
+    assert change < -30
+    discovered = [line.split()[0] for line in printed.splitlines() if line.endswith("True")]
+    assert discovered == ["car-4"]
