@@ -111,6 +111,28 @@ def test_a_named_part_has_the_size_of_its_finding_and_the_others_their_mean(obse
         assert (part.alert, part.detectable is not None) == (None, True)
 
 
+def found_at(store, since):
+    """Raise an alert with an onset, UTC ns, more severe than those before."""
+    report = Report(NAME, "front_left.spring", 900, "front-left spring 21 % softer", {"since": since / 1e9})
+    AlertBook(store, AlertSettings()).put(reported(None, report, AlertSettings(), NOW), now=NOW)
+
+
+def test_the_window_of_the_onset_counts_however_its_time_is_rounded(observed) -> None:
+    """Seconds since 1970 have a resolution of 238 ns in double precision."""
+    rounded_up = next(time for time in range(NOW - MINUTES // 2, NOW) if round(time / 1e9 * 1e9) > time)
+    window = drawn(np.random.default_rng(1), rounded_up, -0.2)
+    late = ((50, rounded_up, observation_document(window)),)
+    observed.results.commit(Progress(NAME, 1, done_seq=0, observations=late, now=NOW))
+    found_at(observed, rounded_up)
+    seen = vehicle_changes.changes(observed, NAME)
+    assert (seen.n_windows, seen.since) == (1, rounded_up)
+
+
+def test_parts_have_values_before_the_windows_of_an_alert_are_stored(observed) -> None:
+    found_at(observed, NOW)
+    assert len(vehicle_changes.changes(observed, NAME).parts) == 12
+
+
 def test_without_a_baseline_values_are_those_of_the_vehicle_file_and_not_judged(observed, windows) -> None:
     observed.results.commit(
         Progress("bus-3", 2, done_seq=-1, observations=((0, NOW, observation_document(windows[0][1])),), now=NOW)

@@ -14,6 +14,7 @@ from sprung.monitor.desk import alert_entry
 from sprung.monitor.work_orders import onset_of
 from sprung.service.context import Context
 from sprung.service.models import Alerts, Answer
+from sprung.service.vehicle_changes import TIME_ROUNDING
 from sprung.storage import AlertFilter, AlertPlace, AlertRow, Entry
 
 #: States in the terms of ISA-18.2, those that ask for an act first.
@@ -30,8 +31,6 @@ STATES: tuple[StateName, ...] = (
 StepName: TypeAlias = Literal["note", "low", "medium", "high", "critical"]
 #: Largest number of windows behind an alert: since the onset, and before it.
 SINCE, BEFORE = 20, 5
-#: What is lost where a time [UTC ns] is kept in seconds.
-_ROUNDING = 10**6
 #: Pattern of the place after which a page of alerts begins.
 CURSOR = r"^[0-9]{1,4}~[0-8]?[0-9]{1,18}~[0-8]?[0-9]{1,18}$"
 #: Half of the 95 % interval of a normal distribution, in standard deviations.
@@ -183,7 +182,7 @@ def _windows(context: Context, row: AlertRow, onset: int | None) -> tuple[Eviden
     """Return the windows behind an alert of the suspension or of a sensor."""
     if not is_of_suspension(row.cause) and not row.cause.startswith("sensor:"):
         return ()
-    since = (row.raised if onset is None else onset) - _ROUNDING
+    since = (row.raised if onset is None else onset) - TIME_ROUNDING
     observations = context.store.results.observations
     before = observations(row.vehicle, until=since - 1, limit=BEFORE)
     after = observations(row.vehicle, since=since, until=row.cleared, limit=SINCE)

@@ -23,6 +23,8 @@ _MOST_WINDOWS, _LOOKED_THROUGH = 48, 12
 #: Relative loss that must be detectable, or a part is inconclusive; as in the verdict of a diagnosis.
 _MOST_DETECTABLE = 0.2
 _SECOND = 10**9
+#: More than the rounding of seconds since 1970 in double precision, and less than any time between windows [ns].
+TIME_ROUNDING = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,12 +228,24 @@ def _as_sentence(text: str, vehicle: str) -> str:
 def _last_windows(
     store: Store, vehicle: str, reference: Reference, alerts: Sequence[AlertRow]
 ) -> list[tuple[Entry, Observation]]:
-    """Return the last windows that can be compared: since the onset of the worst finding, or the last ones."""
+    """Return the last windows that can be compared: since the onset of the worst finding, or the last ones.
+
+    An alert may be in the store before its windows are.
+    """
     worst = max(alerts, key=lambda alert: alert.severity, default=None)
     since = None if worst is None else alert_of(worst).evidence.get("since")
-    begin = None if since is None else round(since * _SECOND)
-    limit = _LOOKED_THROUGH if begin is None else _MOST_WINDOWS
-    read = observations_of(store.results.observations(vehicle, since=begin, limit=limit))
+    if since is not None:
+        begin = round(since * _SECOND) - TIME_ROUNDING
+        if found := _comparable(store, vehicle, reference, since=begin, limit=_MOST_WINDOWS):
+            return found
+    return _comparable(store, vehicle, reference, since=None, limit=_LOOKED_THROUGH)
+
+
+def _comparable(
+    store: Store, vehicle: str, reference: Reference, *, since: int | None, limit: int
+) -> list[tuple[Entry, Observation]]:
+    """Return the last windows from a time on that can be compared, with the components of the last one."""
+    read = observations_of(store.results.observations(vehicle, since=since, limit=limit))
     accepted = [(entry, window) for entry, window in read if reference.accepts(window)]
     return [(entry, window) for entry, window in accepted if window.components == accepted[-1][1].components]
 
@@ -241,7 +255,7 @@ def _n_since_learning(store: Store, vehicle: str, reference: Reference) -> int:
     if reference.baseline is None or not reference.detectable:
         return 0
     taught = max(reference.baseline.taught, default=0.0)
-    begin = round(taught * _SECOND) + 1
+    begin = round(taught * _SECOND) + TIME_ROUNDING
     most = 2 * max(reference.detectable)  # some may be inconclusive
     read = observations_of(store.results.observations(vehicle, since=begin, limit=most))
     return sum(reference.accepts(window) for _, window in read)

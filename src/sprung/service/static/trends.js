@@ -68,7 +68,8 @@ function say(where, sentence) {
 }
 
 function drawParts(data) {
-  const corner = place.dataset.corner;
+  // A page that was opened before the first window knows no corner yet.
+  const corner = place.dataset.corner || data.parts[0]?.part.split(".")[0];
   const parts = KINDS.map((kind) => data.parts.find((part) => part.part === `${corner}.${kind}`)).filter(Boolean);
   if (!parts.length || !data.times.length) {
     say(place, data.times.length ? "No window in this range can be compared." : "No window in this range: choose a longer one.");
