@@ -9,10 +9,11 @@ import argparse
 import json
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 from sprung.lake import Lake, LakeWindow, window_of_recording
-from sprung.recording import Channel
+from sprung.recording import Channel, Recording
 from sprung.simulation import RoadDrive, simulate_drive
 from sprung.vehicles import parse_fault, read_vehicle, vehicle_text
 
@@ -26,19 +27,26 @@ def fault_of(vehicle: int, every: int) -> str | None:
     return FAULTS[(vehicle // every) % len(FAULTS)] if every and vehicle % every == 0 else None
 
 
+@lru_cache(maxsize=256)
+def driven(seed: tuple[int, ...], minutes: float, fault: str | None) -> Recording:
+    """The recording of a drive."""
+    faults = () if fault is None else (parse_fault(fault),)
+    settings = RoadDrive(duration=60 * minutes, sampling_rate=100.0, snr=50.0, faults=faults)
+    recording = simulate_drive(read_vehicle("zafira"), settings, seed=list(seed)).recording
+    # As files are, which seldom state the places of sensors.
+    channels = tuple(Channel(channel.name, channel.quantity) for channel in recording.channels)
+    return replace(recording, history=(), channels=channels)
+
+
 def windows_of(case: tuple[int, int, float, int, int]) -> list[LakeWindow]:
-    """The windows of a vehicle; of `roads` different roads, if that is not 0, each under other noise."""
+    """The windows of a vehicle; on `roads` different roads, if that is not 0, so that drives repeat."""
     vehicle, n_windows, minutes, every, roads = case
-    car, fault = read_vehicle("zafira"), fault_of(vehicle, every)
+    fault = fault_of(vehicle, every)
     made = []
     for number in range(n_windows):
-        faults = (parse_fault(fault),) if fault and number >= n_windows // 2 else ()
-        settings = RoadDrive(duration=60 * minutes, sampling_rate=100.0, snr=50.0, faults=faults)
-        seed = [11, vehicle, number] if not roads else [11, 0, (vehicle * n_windows + number) % roads]
-        recording = simulate_drive(car, settings, seed=seed).recording
-        # As files are, which seldom state the places of sensors.
-        channels = tuple(Channel(channel.name, channel.quantity) for channel in recording.channels)
-        stamped = replace(recording, start=START + number * BETWEEN, history=(), channels=channels)
+        seed = (11, vehicle, number) if not roads else (11, 0, (vehicle * n_windows + number) % roads)
+        recording = driven(seed, minutes, fault if number >= n_windows // 2 else None)
+        stamped = replace(recording, start=START + number * BETWEEN)
         made.append(window_of_recording(f"car{vehicle:05d}", stamped, source="simulation"))
     return made
 

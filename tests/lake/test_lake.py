@@ -148,6 +148,26 @@ class TestLake:
         assert (lake.facts.n_windows, lake.facts.first) == (1, "2026-01-03")
         assert len(list((tmp_path / "lake").rglob("*.parquet"))) == 1
 
+    def test_compaction_names_a_damaged_file_and_loses_nothing(self, tmp_path):
+        lake = Lake(tmp_path)
+        for k in range(3):
+            lake.write([window_of_recording("car-1", drive(k, start=START + k * 600 * 10**9))])
+        file = tmp_path / lake.files()[0].path
+        whole = file.read_bytes()
+        file.write_bytes(b"damaged")
+        with pytest.raises(DataError, match=f"{tmp_path} cannot be compacted: "):
+            lake.compact()
+        file.write_bytes(whole)
+        assert lake.compact() == 1
+        assert lake.facts.n_windows == 3
+
+    def test_a_damaged_log_is_refused(self, tmp_path):
+        lake = Lake(tmp_path)
+        lake.write([window_of_recording("car-1", drive())])
+        (tmp_path / "_delta_log" / "00000000000000000000.json").write_text("damaged")
+        with pytest.raises(DataError, match=f"{tmp_path} cannot be read: "):
+            lake.prune(before=START + 2 * DAY, hours=0)
+
     def test_a_folder_without_a_lake_is_refused(self, tmp_path):
         with pytest.raises(DataError, match="holds no table"):
             Lake(tmp_path).table.open()

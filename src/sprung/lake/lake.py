@@ -181,7 +181,7 @@ class Lake:
         if not self.table.exists:
             return 0
         if any(str(file.partition["date"]) < _day(before) for file in self.table.files()):
-            self.table.open().delete(f"date < '{_day(before)}'")
+            self.table.delete(f"date < '{_day(before)}'")
         return self.table.vacuum(hours=hours)
 
     def _append(self, windows: Sequence[LakeWindow]) -> int:

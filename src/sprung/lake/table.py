@@ -271,11 +271,23 @@ class Table:
                 "writer_properties": properties,
                 "max_concurrent_tasks": 1,
             }
-            if sort_by:
-                optimise.z_order(list(sort_by), **arguments)
-            else:
-                optimise.compact(**arguments)
+            with self._reported("compacted"):
+                if sort_by:
+                    optimise.z_order(list(sort_by), **arguments)
+                else:
+                    optimise.compact(**arguments)
         return len(partitions)
+
+    def delete(self, condition: str) -> None:
+        """Delete rows; their files stay until `vacuum`.
+
+        Parameters
+        ----------
+        condition
+            Condition of the rows in SQL, such as "date < '2026-01-01'".
+        """
+        with self._reported("written"):
+            self.open().delete(condition)
 
     def vacuum(self, *, hours: float = 24.0) -> int:
         """Delete files that no longer belong to the table and that no reader of the last hours can need.
@@ -287,9 +299,10 @@ class Table:
         """
         if not self.exists:
             return 0
-        gone = self.open().vacuum(
-            retention_hours=round(hours), dry_run=False, enforce_retention_duration=False, full=True
-        )
+        with self._reported("cleaned"):
+            gone = self.open().vacuum(
+                retention_hours=round(hours), dry_run=False, enforce_retention_duration=False, full=True
+            )
         return len(gone)
 
     @contextmanager
