@@ -1,6 +1,6 @@
 """What a run moves and keeps when a fleet grows: bytes to the driver and between tasks, memory, files of the tables.
 
-    python benchmarks/fleet/volume.py --vehicles 100 1000 --windows 20 --minutes 1 --roads 60
+    python benchmarks/fleet/volume.py --vehicles 50 1000 --windows 20
 
 Prints a table with a column for each size of the fleet. Bytes are those of Spark's own log of events.
 """
@@ -98,7 +98,7 @@ def size(folder: Path, vehicles: int, given: argparse.Namespace) -> dict[str, st
     n_windows = vehicles * given.windows
     made = time.monotonic() - begin
     print(f"{n_windows} windows made in {made:.0f} s", file=sys.stderr, flush=True)
-    ran = measured(folder, given.windows // 2, given.steps)
+    ran = measured(folder, given.windows // 4, given.steps)
     bytes_of = moved(folder)
     column = {
         "windows": f"{n_windows}",
@@ -123,10 +123,10 @@ def size(folder: Path, vehicles: int, given: argparse.Namespace) -> dict[str, st
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--vehicles", type=int, nargs="+", default=[100, 1000])
+    parser.add_argument("--vehicles", type=int, nargs="+", default=[50, 1000])
     parser.add_argument("--windows", type=int, default=20)
-    parser.add_argument("--minutes", type=float, default=1.0)
-    parser.add_argument("--roads", type=int, default=60, help="number of different drives; 0: all different")
+    parser.add_argument("--minutes", type=float, default=2.0)
+    parser.add_argument("--roads", type=int, default=40, help="number of different drives; 0: all different")
     parser.add_argument("--steps", default="baseline,diagnose")
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
