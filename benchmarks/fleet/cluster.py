@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pyspark
 
-SPARK_CLASS = Path(pyspark.__file__).parent / "bin" / "spark-class"
+SPARK_CLASS, SPARK_SUBMIT = (Path(pyspark.__file__).parent / "bin" / name for name in ("spark-class", "spark-submit"))
 DEPLOY = "org.apache.spark.deploy"
 
 

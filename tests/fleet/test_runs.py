@@ -131,7 +131,7 @@ def test_a_table_names_the_files_of_vehicles(spark, whole, fleet, car_text, tmp_
     plan, _ = explain(spark, whole.lake, table, Results(tmp_path / "results"), settings=SETTINGS)
     assert plan.n_without_file == 21 - 6
     table.write_text("name,file\n")
-    with pytest.raises(ParameterError, match="has no column 'vehicle'"):
+    with pytest.raises(ParameterError, match="lacks the column 'vehicle'"):
         explain(spark, whole.lake, table, Results(tmp_path / "results"), settings=SETTINGS)
 
 

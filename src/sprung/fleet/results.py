@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from sprung.lake import Table
+from sprung.lake import Table, absolute_location
 
 _TEXT, _NUMBER, _COUNT, _FLAG, _TIME = pa.string(), pa.float64(), pa.int64(), pa.bool_(), pa.int64()
 
@@ -151,7 +151,7 @@ class Results:
     """
 
     def __init__(self, location: str | Path, *, options: Mapping[str, str] | None = None) -> None:
-        self.location = str(location).rstrip("/")
+        self.location = absolute_location(location)
         self._tables = {
             name: Table(
                 f"{self.location}/{name}",

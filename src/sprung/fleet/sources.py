@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from sprung._checks import check_number
 from sprung.errors import ParameterError
 from sprung.fleet.files import spark_schema
-from sprung.lake import SCHEMA, Lake
+from sprung.lake import SCHEMA, Lake, absolute_location
 
 if TYPE_CHECKING:
     from pyspark.sql import DataFrame, SparkSession
@@ -63,7 +63,7 @@ def messages_in_folder(session: "SparkSession", folder: str | Path) -> "DataFram
         Folder, or URL of an object store; files must appear in it whole.
     """
     files = session.readStream.schema(_MESSAGES).option("pathGlobFilter", "*.parquet")
-    return files.option("maxBytesPerTrigger", _MOST_BYTES).parquet(str(folder))
+    return files.option("maxBytesPerTrigger", _MOST_BYTES).parquet(absolute_location(folder))
 
 
 def messages_in_kafka(session: "SparkSession", servers: str, topic: str) -> "DataFrame":

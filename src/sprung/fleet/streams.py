@@ -15,6 +15,7 @@ from sprung.fleet.plan import CANDIDATES, lacking
 from sprung.fleet.results import Results
 from sprung.fleet.runs import FleetSettings, analyse_windows
 from sprung.fleet.vehicles import vehicles_of
+from sprung.lake import absolute_location
 
 if TYPE_CHECKING:
     from pyspark.sql import DataFrame, SparkSession
@@ -134,7 +135,7 @@ def stream(
     """
     chosen = settings or StreamSettings()
     batches = _Batches(session, vehicles, results, settings=chosen.run, stopping=stopping, report=report)
-    writer = windows.writeStream.foreachBatch(batches).option("checkpointLocation", str(checkpoint))
+    writer = windows.writeStream.foreachBatch(batches).option("checkpointLocation", absolute_location(checkpoint))
     if chosen.is_once:
         query = writer.trigger(availableNow=True).start()
     else:

@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from sprung.errors import ParameterError, SprungError
 from sprung.fleet.files import filesystem
+from sprung.lake import absolute_location
 from sprung.vehicles import vehicle_from_text, vehicle_text
 
 if TYPE_CHECKING:
@@ -42,20 +43,22 @@ def vehicles_of(session: "SparkSession", place: str | Path) -> "DataFrame":
     """
     from pyspark.sql import functions as f
 
-    text = str(place)
+    text = absolute_location(place)
     if text.endswith((".csv", ".parquet")):
         table = session.read.csv(text, header=True) if text.endswith(".csv") else session.read.parquet(text)
         lacking = sorted({"vehicle", "file"} - set(table.columns))
         if lacking:
-            raise ParameterError(f"{text} has no column {lacking[0]!r}: give a table with the columns vehicle and file")
-        folder = text.rpartition("/")[0] or "."
+            raise ParameterError(
+                f"{place} lacks the column {lacking[0]!r}: give a table with vehicle and file"
+            )
+        folder = text.rpartition("/")[0]
         paths = f.when(f.col("file").rlike("^(/|[a-z0-9]+://)"), f.col("file")).otherwise(
             f.concat(f.lit(f"{folder}/"), f.col("file"))
         )
         return table.groupBy("vehicle").agg(f.min(paths).alias("path")).mapInArrow(_read, COLUMNS)
-    system, folder = filesystem(text if "://" in text else str(Path(text).absolute()))
+    system, folder = filesystem(text)
     if not system.get_file_info(folder).is_file and not _has_files(system, folder):
-        raise ParameterError(f"{text} has no vehicle files: give a folder with VEHICLE.toml for each, or a table")
+        raise ParameterError(f"{place} has no vehicle files: give a folder with VEHICLE.toml for each, or a table")
     files = session.read.text(text, wholetext=True, pathGlobFilter="*.toml")
     named = files.select(f.regexp_extract("_metadata.file_name", r"^(.*)\.toml$", 1).alias("vehicle"), "value")
     return named.mapInArrow(_described, COLUMNS)

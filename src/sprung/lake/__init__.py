@@ -2,7 +2,7 @@
 
 from sprung.lake.lake import Lake, LakeFacts, VehicleFacts
 from sprung.lake.outbox import Outbox
-from sprung.lake.table import AddedFile, Table, file_name
+from sprung.lake.table import AddedFile, Table, absolute_location, file_name
 from sprung.lake.windows import SCHEMA, LakeWindow, recording_of, window_of_recording
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "Outbox",
     "Table",
     "VehicleFacts",
+    "absolute_location",
     "file_name",
     "recording_of",
     "window_of_recording",

@@ -65,8 +65,7 @@ class Table:
         partition_by: Sequence[str] = (),
         options: Mapping[str, str] | None = None,
     ) -> None:
-        text = str(location)
-        self.location = text if urlsplit(text).scheme not in {"", "file"} else str(_folder(text).absolute())
+        self.location = absolute_location(location)
         self.schema, self.partition_by = schema, tuple(partition_by)
         self._options = dict(options or {})
 
@@ -325,6 +324,12 @@ class Table:
             for partition, own in sizes.items()
             if sum(size < LEAST for size in own) > 1 and sum(own) <= most_bytes
         )
+
+
+def absolute_location(location: str | Path) -> str:
+    """Return the absolute path of a folder, which means the same to all processes; URLs of object stores stay."""
+    text = str(location)
+    return text.rstrip("/") if urlsplit(text).scheme not in {"", "file"} else str(_folder(text).absolute())
 
 
 def file_name(partition: Mapping[str, str | None]) -> str:
