@@ -80,8 +80,8 @@ print(identification)
 # A format for all commands
 # -------------------------
 # To make ``sprung identify run.xyz`` read such files, the package needs one module with ``NAME``, ``EXTRA``,
-# ``ENDINGS``, ``recognises`` and ``groups``, and one entry in its table of formats: see *How to add a format of
-# files* in ``CONTRIBUTING.md``. Common checks (damaged files, memory, write then read) then run over it as over all
+# ``ENDINGS``, ``recognises`` and ``groups``, and one entry in its table of formats: see *How to add a file
+# format* in ``CONTRIBUTING.md``. The common tests (write then read, damaged and huge files) then run over it as over all
 # others.
 
 plt.figure(sprung.plotting.shapes_figure(identification.modes, identification.channels))
