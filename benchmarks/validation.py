@@ -19,9 +19,9 @@ _MINUTES = ("10", "30", "120")
 
 _INTRODUCTION = """# Validation
 
-What Sprung finds in records whose answers are known, and how far off it is, beside other packages where these do the
-same. Shares are followed by their exact 95 % interval (Clopper and Pearson) in brackets. Nothing here depends on the
-machine; times and memory are in `benchmarks/README.md`. This page is written by `python -m benchmarks.validation`
+What Sprung finds in records with known answers, and how large its errors are, next to other packages where these do
+the same. Shares are followed by their exact 95 % interval (Clopper and Pearson) in brackets. Nothing here depends on
+the machine; times and memory are in `benchmarks/README.md`. This page is written by `python -m benchmarks.validation`
 from the results in `benchmarks/data`.
 """
 
@@ -29,8 +29,8 @@ _CERTIFIED = """## Certified records
 
 Twelve small recordings with exact answers, ten draws of each; `benchmarks/certified/README.md` describes them and how
 the answers are computed. A mode is found if one is reported within 5 % of its natural frequency. It is within three
-bounds if both frequency and damping ratio are off by at most three times the least standard deviation that an
-unbiased estimate can have (Cramer-Rao). Sprung gets the samples and the sampling rate, for the drive also the vehicle
+bounds if both frequency and damping ratio are off by at most three times the smallest standard deviation that an
+unbiased estimate can have (Cramér-Rao). Sprung gets the samples and the sampling rate, for the drive also the vehicle
 file; {peers} get block rows over two periods of the lowest mode (30 to 60) and a largest order of 60 as well, and
 select modes as their documentation shows: pyOMA2 with its clustering `Neu`, koma with its stability criteria and
 clusters.
@@ -40,11 +40,12 @@ _LIMITS = """What to read from them:
 
 - Modes of one record are counted as if they were independent, so that intervals are a little too narrow. The clustering
   of pyOMA2 draws random numbers without a seed: between two runs its counts differ by a few.
-- `free-decay` is not a record of stationary motion. SSI treats it as one; correlations over a decay are not what the
-  method expects, and Sprung finds few of its modes and with large errors: do not use it for free decays.
+- `free-decay` is not a record of stationary motion, which SSI assumes. Sprung finds few of its modes, with large
+  errors: do not use it for free decays.
 - In `car-drive` the bound knows the delay of the rear wheels exactly, as it is in these records; Sprung fits it
   within 3 %, as no real speed channel is exact, and pays for that. The others have no vehicle model.
-- `short` is 20 periods of its first mode: half-widths of modes are a fifth of a line of its spectrum.
+- `short` has 20 periods of its first mode, so that the half-width of a mode is a fifth of the spacing of its spectral
+  lines.
 """
 
 _ACCURACY = """## Selection and intervals
@@ -57,20 +58,21 @@ _CORNERS = """## Springs, dampers and tyres of a drive
 
 Simulated drives of ten minutes of a car with four accelerometers on its body and speed. `linear` is the model itself;
 A to D are nonlinear drives on roads of these classes (asymmetric dampers, friction, potholes) with up to 300 kg of
-payload; the others have errors in the vehicle file. Bias and scatter of one component; left against right is the
-error of their ratio, which is what a change of one corner shows in.
+payload; the others have errors in the vehicle file. Bias and scatter are those of one component; left against right is
+the error of their ratio, in which a change of one corner shows.
 
-Intervals of values allow for unsprung masses that are off by 7 %, which those of `linear` are not: its intervals are
-too wide. The damping of a nonlinear car is compared with that of the linear one, although friction adds to it on smooth
-roads. Where the file lacks an engine on mounts, the values are wrong and most intervals do not say so; the fit then
-states an error of the model. Corners of one drive err together, so that the interval in the last column is too narrow.
+The intervals allow for unsprung masses that are off by 7 %. Those of `linear` are exact, so that its intervals are too
+wide. The damping of a nonlinear car is compared with that of the linear one, although friction adds to it on smooth
+roads. Where the file lacks an engine on mounts, the values are wrong, and most intervals do not contain the true
+value; the model error of the fit then gives warning. The errors within one drive are correlated, so that the interval
+in the last column is too narrow.
 """
 
 _DETECTION = """## Changes found
 
 Simulated vehicles, each with its own roads, loads, temperatures and one fault, and a baseline of its own.
-The right part must be named. Recorded over several states of the code, as
-`benchmarks/README.md` states in detail.
+A change counts as found if the right part is named. The runs span several states of the code; `benchmarks/README.md`
+has the details.
 """
 
 

@@ -2,8 +2,8 @@
 Calibrate a vehicle file
 ========================
 
-Nobody has a vehicle's inertias, and few have its spring rates. A data sheet and some healthy drives suffice: the file
-is first described from mass, wheelbase, track and tyre size, and then completed from the drives.
+Hardly anybody knows the inertias of a vehicle, and few know its spring rates. A data sheet and some healthy drives
+suffice: the file is first written from mass, wheelbase, track and tyre size, and then completed from the drives.
 """
 
 import matplotlib.pyplot as plt
@@ -14,7 +14,7 @@ import sprung
 # %%
 # From a data sheet
 # -----------------
-# The real car is the simulated one below. Its owner knows the mass with driver, the dimensions and the tyres.
+# The simulated car plays the real one. Its owner knows the mass with driver, the dimensions and the tyres.
 
 real = sprung.read_vehicle("zafira")
 sheet = sprung.DataSheet(
@@ -39,8 +39,8 @@ drives = [
 # %%
 # Completed
 # ---------
-# All windows are fitted together: numbers of the file are shared, load and road are each window's own. Every number
-# keeps the width of what was known before.
+# All windows are fitted together: they share the numbers of the file, and each has its own load and road. What was
+# known of a number before is its prior, with a standard deviation.
 
 calibration = sprung.calibrate(drives, described)
 print(calibration)
@@ -53,8 +53,8 @@ plt.figure(calibration.plot())
 plt.show()
 
 # %%
-# Natural frequencies before and after, against the truth. Two drives do not determine everything: the printed lines
-# above say what stays near the guesses of the data sheet.
+# Natural frequencies before and after, against the true ones. Two drives do not determine everything: the lines
+# printed above say what stays near the guesses of the data sheet.
 
 rows = {
     "data sheet": sprung.structure(described).modes(),
@@ -74,7 +74,7 @@ axes.legend(frameon=False, ncols=3)
 plt.show()
 
 # %%
-# ``sprung.write_vehicle(completed, "family-car.toml")`` keeps the file; ``sprung describe`` and ``sprung calibrate``
+# ``sprung.write_vehicle(completed, "family-car.toml")`` saves the file; ``sprung describe`` and ``sprung calibrate``
 # do the same on the command line.
 
 plt.show()

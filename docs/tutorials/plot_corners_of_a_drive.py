@@ -3,7 +3,8 @@ Corners of a drive
 ==================
 
 Springs, dampers and tyres of every corner of a car, from the vertical accelerations of its body while it drives on an
-ordinary road. The road is not measured. The speed is: it says how much later the rear wheels meet the same road.
+ordinary road. The road is not measured, but the speed is: from it follows how much later the rear wheels meet the same
+road.
 """
 
 import matplotlib.pyplot as plt
@@ -14,8 +15,8 @@ import sprung
 # %%
 # A drive
 # -------
-# Ten minutes on a road of class C, between 20 and 72 km/h, with one soft spring and one worn damper. The vehicle file
-# describes the car as it left the works; it gives geometry, masses and the nominal values.
+# Ten minutes on a road of class C, at 20 to 72 km/h, with one soft spring and one worn damper. The vehicle file
+# describes the car as it left the factory: geometry, masses and nominal values.
 
 car = sprung.read_vehicle("zafira")
 faults = (sprung.parse_fault("front_left.spring=-0.2"), sprung.parse_fault("rear_right.damper=-0.3"))
@@ -43,8 +44,8 @@ print("true:", [f"{m['label']} {m['natural_frequency']:.2f} Hz" for m in drive.t
 # %%
 # The fit
 # -------
-# Instead, the vehicle itself is fitted to the spectra: its response, the road with its delay, and the noise of the
-# sensors, by the largest likelihood.
+# Instead, a model of the vehicle is fitted to the spectra by maximum likelihood: its response, the road with the delay
+# of the rear wheels, and the noise of the sensors.
 
 fit = sprung.fit_corners(run, car)
 print(fit)
@@ -65,7 +66,7 @@ for component, value, deviation in zip(fit.components, fit.values, fit.log_ratio
 
 # %%
 # Does the model explain the spectra? Measured and fitted spectra of bounce, pitch and roll, averaged over the classes
-# of speed; beside them what is left, against the range of chance.
+# of speed; next to them the misfit, with the range that chance explains.
 
 plt.figure(sprung.plotting.fitted_spectra_figure(fit))
 plt.show()

@@ -2,9 +2,9 @@
 Harmonics, and the cepstrum
 ===========================
 
-Wheels, engines and machines shake at frequencies that are no modes. Lines of constant frequency are found and
-subtracted before an identification. A lifter on the cepstrum is the older remedy; it needs no knowledge of the lines,
-at a price.
+Wheels, engines and machines excite narrow lines at frequencies that are no modes. Lines of constant frequency are found
+and subtracted before an identification. A lifter on the cepstrum is the older remedy; it needs no knowledge of the
+lines, but adds damping.
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +18,7 @@ from sprung.vehicles import chain
 # A chain with an engine on its top
 # ---------------------------------
 # Three masses under random forces. An engine at 9.6 revolutions per second acts on the third one with its first,
-# second and third order; the second, at 19.2 Hz, is next to the second mode.
+# second and third orders; the second order, at 19.2 Hz, is next to the second mode.
 
 structure = chain()
 exact = structure.modes()
@@ -46,8 +46,8 @@ plt.show()
 # %%
 # Lines are found and subtracted
 # ------------------------------
-# The search is part of every identification. Lines are reported as what they are, and the second mode remains
-# although a line stands next to it.
+# The search is part of every identification. Lines are reported as harmonics, and the second mode is found although a
+# line is next to it.
 
 
 def show(name, modes):
@@ -65,8 +65,8 @@ for harmonic in identification.harmonics:
     print(f"line at {harmonic.frequency:.3f} Hz")
 
 # %%
-# Without the search (an empty tuple states that there are no lines) the line next to the second mode takes damping
-# from it, and a mode is reported that the chain does not have.
+# Without the search (an empty tuple states that there are no lines), the line next to the second mode makes its
+# damping too low, and a mode is reported that the chain does not have.
 
 blind = sprung.cov_ssi(run, settings=sprung.IdentificationSettings(harmonics=(), refine=False))
 show("lines kept", blind.modes)
@@ -75,10 +75,10 @@ plt.show()
 # %%
 # Cepstrum editing
 # ----------------
-# The cepstrum is the spectrum of the logarithm of the amplitude spectrum. Modes are at short quefrencies, lines at
-# all: a short-pass lifter smooths the log spectrum, so that narrow lines disappear. Light modes lose their peaks with
-# them, which reads as additional damping. An exponential lifter adds a known damping, which is subtracted from the
-# poles afterwards.
+# The cepstrum is the inverse Fourier transform of the logarithm of the amplitude spectrum. Modes are concentrated at
+# short quefrencies, lines spread over all: a short-pass lifter smooths the log spectrum, so that narrow lines
+# disappear. Lightly damped modes lose their peaks, too, which reads as additional damping. An exponential lifter adds
+# a known damping, which is subtracted from the poles afterwards.
 
 for name, lifter in (("short-pass 0.25 s", sprung.ShortPass(0.25)), ("exponential 0.2 s", sprung.Exponential(0.2))):
     settings = sprung.IdentificationSettings(harmonics=(), lifter=lifter, refine=False)

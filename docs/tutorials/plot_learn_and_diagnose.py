@@ -3,7 +3,7 @@ Learn what is normal, find what changed
 =======================================
 
 A baseline is learnt from windows of ten minutes of a healthy vehicle. New windows are compared with it: which spring,
-damper or tyre changed, by how much, since when, and how sure is it?
+damper or tyre changed, by how much, since when, and with what certainty?
 """
 
 import matplotlib.pyplot as plt
@@ -14,7 +14,7 @@ import sprung
 # %%
 # Healthy drives
 # --------------
-# An hour on the road gives six windows. An observation holds what a window says: logarithms of stiffness and damping
+# An hour on the road gives six windows. An observation is the result of a window: logarithms of stiffness and damping
 # with their covariance, speed, load, and whether the sensors work.
 
 car = sprung.read_vehicle("zafira")
@@ -23,8 +23,8 @@ baseline = sprung.learn(sprung.observe(healthy.recording, car))
 print(baseline)
 
 # %%
-# What could be found? The smallest loss of each part that raises an alert with 95 % power, after some windows with
-# the change.
+# How large a change could be found? The smallest loss of each part that raises an alert with 95 % power, after several
+# windows with the change.
 
 figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
 counts = np.array([1, 2, 3, 6, 12])
@@ -55,17 +55,17 @@ plt.figure(sprung.plotting.corner_changes_figure(diagnosis, baseline))
 plt.show()
 
 # %%
-# The evidence of a change grows from window to window. It raises an alert where it passes the threshold, which
-# follows from the rate of false alarms that is accepted: one in a thousand days.
+# The evidence of a change grows from window to window. It raises an alert where it reaches the threshold, which
+# follows from the accepted rate of false alarms, one in a thousand days.
 
 plt.figure(sprung.plotting.evidence_figure(diagnosis))
 plt.show()
 
 # %%
-# Healthy again
-# -------------
-# The same with another healthy drive: no change is detected, and the diagnosis says how large a change could have
-# gone unnoticed.
+# Without a fault
+# ---------------
+# The same with another healthy drive: no change is detected, and the diagnosis states the smallest change that would
+# have been found.
 
 again = sprung.simulate_drive(car, sprung.RoadDrive(duration=1200.0, snr=50.0), seed=3)
 print(sprung.diagnose(sprung.observe(again.recording, car), baseline))

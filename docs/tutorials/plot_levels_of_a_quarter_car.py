@@ -2,9 +2,9 @@
 Frequency and damping over the level: CoSS-SSI
 ==============================================
 
-Suspensions are not linear: dry friction holds a spring at small amplitudes, and dampers are digressive. An average
-over a whole record then mixes the modes of several states. CoSS-SSI sorts correlations by the level of the motion and
-identifies every subset on its own.
+Suspensions are not linear: at small amplitudes dry friction sticks, which stiffens the spring, and dampers are
+digressive. An average over a whole record then mixes the modes of several states. CoSS-SSI sorts correlations by the
+level of the motion and identifies every subset on its own.
 """
 
 import matplotlib.pyplot as plt
@@ -31,7 +31,7 @@ print(
 friction = {"suspension": ForceLaw(rubber_stiffness=3000.0, rubber_force=1.0)}
 
 # %%
-# Five records: roads of five heights. Values are per kilogram of body, so that 1 N of friction is a tenth of the
+# Five records, on roads of five heights. Values are per kilogram of body, so that 1 N of friction is a tenth of the
 # weight.
 
 heights = np.geomspace(0.05e-3, 0.8e-3, 5)  # m
@@ -62,8 +62,8 @@ print(sorted_by_level)
 
 # %%
 # The level of a subset is the RMS of its motion relative to that of the first record. At low levels the friction
-# element sticks: the frequency is high. At high levels it slips, and the mode tends to that of the linear car
-# (dashed). The average over all records (grey) is none of these states.
+# element sticks, and the frequency is high. At high levels it slips, and the mode tends to that of the linear car
+# (dashed). The average over all records (grey) belongs to none of these states.
 
 figure, (upper, lower) = plt.subplots(2, 1, figsize=(7, 5), sharex=True, layout="constrained")
 for subset in sorted_by_level.subsets:
@@ -84,7 +84,7 @@ lower.set(ylabel="damping ratio [%]", xlabel="level, relative to the first recor
 plt.show()
 
 # %%
-# Whether a mode depends on the level at all is tested: the probability of changes as large in a linear system.
+# A test shows whether a mode depends on the level at all: p is the probability of changes as large in a linear system.
 
 trends = sorted_by_level.level_trends
 for k, frequency in enumerate(sorted_by_level.modes.natural_frequency):

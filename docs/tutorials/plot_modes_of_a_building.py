@@ -2,8 +2,8 @@
 Modes of a building
 ===================
 
-Natural frequencies, damping ratios and mode shapes of a five-storey frame from its ambient vibration: wind and
-traffic are not measured, only the accelerations of the floors. The frame is simulated, so that the exact modes are
+Natural frequencies, damping ratios and mode shapes of a five-storey frame from its ambient vibration: only the
+accelerations of the floors are measured, and not wind and traffic. The frame is simulated, so that the exact modes are
 known.
 """
 
@@ -27,8 +27,8 @@ for frequency, damping in zip(exact.natural_frequency, exact.damping_ratio, stri
 # %%
 # The record
 # ----------
-# Twenty minutes at 50 Hz. A white force acts on every floor, and the sensors add white noise of a fifth of the
-# motion.
+# Twenty minutes at 50 Hz. A white force acts on every floor, and the sensors add white noise with a fifth of the RMS
+# of the motion.
 
 run = sprung.simulate(frame, sprung.usual_excitation(frame), duration=1200.0, sampling_rate=50.0, snr=5, seed=4)
 
@@ -48,7 +48,7 @@ print(identification)
 
 # %%
 # The stabilisation diagram shows where the poles of models of rising order agree. Modes are alignments of stable
-# poles whose contribution to the correlations between the channels stands out of chance.
+# poles whose contribution to the correlations between the channels exceeds chance.
 
 plt.figure(sprung.plotting.stabilisation_figure(identification))
 plt.show()
@@ -71,8 +71,8 @@ for k, (frequency, damping) in enumerate(zip(exact.natural_frequency, exact.damp
     )
 
 # %%
-# The shapes, identified (dots) on exact (lines). Identified shapes are complex; those of a structure with evenly
-# spread damping have one phase, so that their real parts suffice.
+# Identified shapes (dots) on exact ones (lines). Identified shapes are complex; those of a structure with evenly
+# distributed damping have nearly one phase, so that their real parts suffice.
 
 figure, panels = plt.subplots(1, 5, figsize=(9, 3.5), sharey=True, layout="constrained")
 floors = np.arange(6)

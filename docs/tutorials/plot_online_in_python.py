@@ -2,9 +2,9 @@
 Online, in Python
 =================
 
-A monitor of one vehicle is an object that takes blocks of samples as they come and returns events: modes now and
-then, an observation at the end of every window, an alert where the evidence of a change is large. The service does
-the same with many of them; here is one, without a broker or a store.
+A monitor of one vehicle is an object that takes blocks of samples as they come and returns events: modes at regular
+intervals, an observation at the end of every window, and a diagnosis once there is a baseline. ``sprung monitor`` runs
+many of them; here is one, without a broker or a store.
 """
 
 import matplotlib.pyplot as plt
@@ -16,8 +16,8 @@ from sprung.monitor import Identified, MonitorSettings, Observed, VehicleMonitor
 # %%
 # A stream
 # --------
-# Windows of five minutes keep this page short; ten is usual. Eight windows teach what is normal. Then a rear spring
-# breaks partly.
+# Windows of five minutes keep this page short; ten minutes are usual. The baseline is learnt from eight windows. Then
+# a rear spring loses a quarter of its stiffness.
 
 car = sprung.read_vehicle("zafira")
 healthy = sprung.simulate_drive(car, sprung.RoadDrive(duration=2400.0, sampling_rate=100.0, snr=50.0), seed=1)
@@ -37,7 +37,7 @@ def blocks(recording, *, seconds=10.0):
 # %%
 # The monitor
 # -----------
-# It holds the samples of one window, whatever the length of the stream; ``monitor.state()`` is what a restart needs.
+# It holds the samples of one window, however long the stream is; ``monitor.state()`` is what a restart needs.
 
 settings = MonitorSettings(window=300.0, identify_every=150.0, learning_windows=8, calibrate=False)
 monitor = VehicleMonitor(car, settings=settings)
@@ -60,7 +60,7 @@ for recording in (healthy.recording, broken.recording):
 
 # %%
 # Modes that were identified on the way, and the evidence of a change after every window since the baseline. The alert
-# comes with the first window after the break, at minute 40.
+# comes with the first window after the change, which begins at minute 40.
 
 figure, (upper, lower) = plt.subplots(2, 1, figsize=(8, 5), sharex=True, layout="constrained")
 labels = ("bounce", "pitch", "roll")
@@ -79,7 +79,7 @@ plt.show()
 # %%
 # A restart
 # ---------
-# The state is a document of plain values. A new monitor that is given it goes on as the old one would have.
+# The state is a document of plain values. A new monitor continues from it as the old one would have done.
 
 resumed = VehicleMonitor.from_state(car, monitor.state())
 print(resumed.diagnosis.verdict if resumed.diagnosis else "continues with the next window")

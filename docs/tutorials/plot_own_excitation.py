@@ -1,9 +1,9 @@
 """
-An excitation of one's own
-==========================
+An excitation of your own
+=========================
 
-Roads, tracks, rigs, hammers and noise are there. Anything else is a class of three members: the number of inputs,
-whether it is smooth, and its samples. Here it is wind in gusts on a mast.
+Roads, tracks, rigs, hammer blows and noise come with the package. Anything else is a class with three members: the
+number of inputs, whether it is smooth, and its samples. The example is a mast in gusty wind.
 """
 
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from sprung.vehicles import chain
 # %%
 # The excitation
 # --------------
-# White forces whose size wanders slowly. An excitation is a frozen value; randomness comes from the generator that it
-# is given, so that one seed gives one record. ``start`` is the time of the first sample: an excitation that depends
-# on time uses it.
+# White forces whose size varies slowly at random. An excitation is a frozen value; randomness comes from the generator
+# that it is given, so that one seed gives one record. ``start`` is the time of the first sample, for excitations that
+# depend on time.
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Gusts:
 # %%
 # A mast in the wind
 # ------------------
-# A structure, an excitation, a duration: that is a simulation. Compare with steady forces of the same seed.
+# A simulation takes a structure, an excitation and a duration. Compare with steady forces of the same seed.
 
 mast = chain(4, mass=400.0, stiffness=[2.2e6, 1.8e6, 1.5e6, 1.2e6], damping=[2.2e3, 1.8e3, 1.5e3, 1.2e3])
 gusty = sprung.simulate(mast, Gusts(4), duration=900.0, sampling_rate=50.0, snr=20, seed=5)
@@ -75,8 +75,8 @@ plt.show()
 # %%
 # An oracle
 # ---------
-# Every excitation needs one. The variance of these forces is known: force² exp(2 gustiness²), whatever the time
-# constant.
+# Every excitation needs a known answer to be tested against. The variance of these forces is
+# force² exp(2 gustiness²), whatever the time constant.
 
 drawn = Gusts(4, time_constant=1.0).samples(2_000_000, sampling_rate=50.0, generator=np.random.default_rng(1))
 print(f"variance {drawn.var():.3f}, expected {np.exp(2 * 0.6**2):.3f}")
@@ -84,8 +84,8 @@ print(f"variance {drawn.var():.3f}, expected {np.exp(2 * 0.6**2):.3f}")
 # %%
 # Are the modes those of the mast?
 # --------------------------------
-# Gusts are not stationary, as identification assumes. Powerful segments do not rule the averages, as their weight is
-# limited: the modes come out as from the steady record.
+# Identification assumes stationary excitation, which gusts are not. As the weight of powerful segments is limited, they
+# do not dominate the averages, and the modes are about those of the steady record.
 
 exact = mast.modes()
 for name, recording in (("gusts", gusty), ("steady", steady)):

@@ -1,9 +1,9 @@
 """
-A file format of one's own
-==========================
+A file format of your own
+=========================
 
-A logger writes files that nobody else reads. Three steps bring them in: bytes to numbers, numbers to a
-:class:`sprung.Recording`, and a look at what came out before anything is identified.
+A logger writes files that no other program reads. Three steps make them usable: bytes become numbers, numbers become a
+:class:`sprung.Recording`, and the result is inspected before anything is identified.
 """
 
 import io
@@ -17,9 +17,9 @@ import sprung
 # %%
 # The logger
 # ----------
-# Its files have a header of the sampling rate (a 4-byte float), the number of channels and the sensitivity [counts
-# per g], and then 16-bit samples, channel by channel within each scan. Here is such a file, made of a simulated run
-# of a car.
+# Its files have a header with the sampling rate (a 4-byte float), the number of channels and the sensitivity [counts
+# per g], followed by 16-bit samples, channel by channel within each scan. Here is such a file, made from a simulated
+# run of a car.
 
 car = sprung.read_vehicle("zafira")
 model = sprung.structure(car)
@@ -34,7 +34,7 @@ print(f"{file.getbuffer().nbytes} bytes")
 # From bytes to a recording
 # -------------------------
 # A recording holds samples in SI units, shape (channels, samples), one sampling rate, and what each channel is. A
-# channel with a known quantity can be checked and scaled; its place on the body comes from the vehicle file, by its
+# channel with a known quantity can be checked and scaled; its position on the body comes from the vehicle file, by its
 # name.
 
 
@@ -70,7 +70,7 @@ axes.legend(frameon=False, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0
 plt.show()
 
 # %%
-# From here on it is a recording as any other: it is identified, or written in a format that others read, by
+# From here on it is a recording like any other: it can be identified, or written in a common format by
 # ``sprung.write(recording, "run.parquet")``.
 
 identification = sprung.cov_ssi(recording, vehicle=car)
@@ -80,9 +80,9 @@ print(identification)
 # A format for all commands
 # -------------------------
 # To make ``sprung identify run.xyz`` read such files, the package needs one module with ``NAME``, ``EXTRA``,
-# ``ENDINGS``, ``recognises`` and ``groups``, and one entry in its table of formats: see *How to add a format of
-# files* in ``CONTRIBUTING.md``. Common checks (damaged files, memory, write then read) then run over it as over all
-# others.
+# ``ENDINGS``, ``recognises`` and ``groups``, and one entry in its table of formats: see *How to add a file
+# format* in ``CONTRIBUTING.md``. The common tests (write then read, damaged and huge files) then run over it as
+# over all others.
 
 plt.figure(sprung.plotting.shapes_figure(identification.modes, identification.channels))
 plt.show()

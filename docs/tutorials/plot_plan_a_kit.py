@@ -3,8 +3,8 @@ Plan a kit: which sensors suffice
 =================================
 
 Before anybody drills a hole: how well would a set of sensors determine springs, dampers and tyres? The standard
-deviations of a fit come from its Fisher information, the least scatter that any unbiased estimate from these sensors,
-this drive and this duration can have. Simulated drives answer the question for every kit.
+deviations of a fit come from its Fisher information, which depends on sensors, drive and duration. Simulated drives
+answer the question for every kit.
 """
 
 import matplotlib.pyplot as plt
@@ -45,8 +45,8 @@ kits = {
 # %%
 # Fits of the same drive
 # ----------------------
-# Every kit rides along on the same forty minutes: the seed fixes road and speed. Sensor noise is a fiftieth of the
-# motion.
+# Every kit is on the same drive of forty minutes: the seed fixes road and speed. The RMS of the sensor noise is a
+# fiftieth of that of the motion.
 
 
 def equipped_with(sensors):
@@ -71,14 +71,14 @@ for name, fit in fits.items():
     print(f"{name:>25}: {np.median(100 * fit.log_ratios_std):.1f} % standard deviation of a component, in the median")
 
 # %%
-# All kits come to about the same, which is not the sensors' doing: motion shows stiffness over mass, and the unsprung
-# masses are known within 7 % only. That error is common to all corners.
+# All kits give about the same, because the sensors are not the limit: motion shows stiffness over mass, and the
+# unsprung masses are known only within 7 %. That error is common to all corners.
 
 # %%
 # Left against right
 # ------------------
 # A monitor looks for a change at one corner. What is common to all corners cancels in the contrast of left and right,
-# and here the kits differ. The covariance of the fit has the contrasts.
+# and there the kits differ. The contrasts follow from the covariance of the fit.
 
 PAIRS = [(axle, part) for axle in ("front", "rear") for part in ("spring", "damper", "tyre")]
 
@@ -105,8 +105,9 @@ plt.show()
 # %%
 # Longer drives
 # -------------
-# The contrasts sharpen with the time driven, at best as one over its root. Where fitted spectra deviate by more than
-# chance allows, which long drives show first, the fit gives the data less weight, and a curve flattens.
+# The standard deviation of the contrasts falls with the driving time, at best with its square root. Where the measured
+# spectra deviate from the fitted ones by more than chance allows, which long drives show first, the fit gives the data
+# less weight, and a curve flattens.
 
 minutes = np.array([5, 10, 20, 40])
 figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
