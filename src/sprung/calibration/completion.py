@@ -126,6 +126,23 @@ def calibrate(
     J. L. Beck and L. S. Katafygiotis, Updating models and their uncertainties. I: Bayesian statistical framework,
     Journal of Engineering Mechanics 124 (1998), 455-461.
     D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992), 415-447 (evidence of models).
+
+    Examples
+    --------
+    Sensors that are where the file says stay there, and their places become known more precisely:
+
+    >>> from sprung.calibration import CalibrationSettings
+    >>> from sprung.likelihood import CornerSettings
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1).recording
+    >>> corners = CornerSettings(band=(0.7, 10.0))
+    >>> settings = CalibrationSettings(corners, most_mounts=0, has_modes=False)
+    >>> calibration = calibrate(drive, vehicle, settings=settings)
+    >>> place = calibration.number("acc_fl.x")
+    >>> abs(place.value - place.given) < 2 * place.std, place.std < place.prior_std, calibration.is_better
+    (True, True, False)
     """
     settings = settings or CalibrationSettings()
     check_type("vehicle", vehicle, Vehicle)
@@ -157,6 +174,21 @@ def calibrated(
     ------
     DataError
         If no vehicle like that of the file moves as the windows do.
+
+    Examples
+    --------
+    A drive of the vehicle of the file gives no reason to change the file:
+
+    >>> from sprung.calibration import CalibrationSettings, usable_spectra
+    >>> from sprung.likelihood import CornerSettings
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1).recording
+    >>> settings = CalibrationSettings(CornerSettings(band=(0.7, 10.0)), most_mounts=0, has_modes=False)
+    >>> calibration = calibrated(usable_spectra([drive], vehicle), vehicle, settings=settings)
+    >>> calibration.n_windows, calibration.is_better
+    (1, False)
     """
     settings = settings or CalibrationSettings()
     try:
@@ -212,6 +244,13 @@ def is_imperfect(model_errors: Sequence[float]) -> bool:
     ----------
     model_errors
         Model error of each window (`CornerFit.model_error`); infinite for a window that could not be fitted.
+
+    Examples
+    --------
+    The median decides, so that one poor window does not:
+
+    >>> is_imperfect([0.02, 0.03, 0.4]), is_imperfect([0.02, 0.3, 0.4])
+    (False, True)
     """
     return bool(model_errors) and float(np.median(model_errors)) > _IMPERFECT
 
@@ -239,7 +278,13 @@ def has_misplaced_sensors(given: JointFit) -> bool:
 
 
 def chosen_windows(n_windows: int) -> frozenset[int]:
-    """Return the numbers of the windows to calibrate on: at most three, evenly spread over the drives."""
+    """Return the numbers of the windows to calibrate on: at most three, evenly spread over the drives.
+
+    Examples
+    --------
+    >>> sorted(chosen_windows(31)), sorted(chosen_windows(2))
+    ([0, 15, 30], [0, 1])
+    """
     return frozenset(np.linspace(0, n_windows - 1, min(n_windows, CALIBRATION_WINDOWS)).round().astype(int).tolist())
 
 
@@ -266,6 +311,18 @@ def calibrated_if_imperfect(
     ------
     DataError
         If no vehicle like that of the file moves as the windows do.
+
+    Examples
+    --------
+    A file that explains its windows well is left as it is:
+
+    >>> from sprung.calibration import usable_spectra
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1).recording
+    >>> calibrated_if_imperfect(usable_spectra([drive], vehicle), vehicle, model_errors=[0.02]) is None
+    True
     """
     if not windows:
         return None
@@ -289,6 +346,18 @@ def usable_spectra(recordings: Iterable[Recording], vehicle: Vehicle) -> tuple[W
         Windows as read, which may lack sensors of the vehicle file.
     vehicle
         Vehicle as its file describes it.
+
+    Examples
+    --------
+    A window without the speed cannot be used:
+
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0), seed=1).recording
+    >>> without_speed = drive.select(["acc_fl", "acc_fr", "acc_rl", "acc_rr"])
+    >>> [window.layout.names for window in usable_spectra([drive, without_speed], vehicle)]
+    [('acc_fl', 'acc_fr', 'acc_rl', 'acc_rr')]
     """
     usable: list[WindowSpectra] = []
     for recording in recordings:

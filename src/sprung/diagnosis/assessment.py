@@ -72,6 +72,23 @@ def diagnose(
     -----
     All windows pass through one `ChangeDetector`, or without a baseline one `TypeDetector`, whose result `diagnosis_of`
     words.
+
+    Examples
+    --------
+    Eight windows of a healthy vehicle, and six with a front-left spring that has lost 30 % of its stiffness:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> diagnosis.verdict
+    'change'
+    >>> print(diagnosis.findings[0].sentence)
+    front-left spring 30 % (27 to 32 %) softer, since 80 min; inspect before the next 500 km
     """
     for name, value, kind in (("baseline", baseline, Baseline), ("type_baseline", type_baseline, TypeBaseline)):
         if value is not None:
@@ -117,6 +134,21 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
     does not model: windows far from the conditions of the baseline are not tested. Without findings, the diagnosis is
     inconclusive if the second opinion disagrees, if there is no baseline, or if the loss of a fifth of some part would
     not have been found.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> from sprung.diagnosis import ChangeDetector
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> detector = ChangeDetector(sprung.learn(windows[:8]))
+    >>> for window in windows[8:]:
+    ...     detector.update(window)
+    >>> diagnosis_of(detector).verdict
+    'no_change_detected'
     """
     every, baseline, detection = detector.observations, detector.baseline, detector.detection
     if not any(observation.is_conclusive for observation in every):

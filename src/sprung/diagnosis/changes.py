@@ -367,6 +367,22 @@ def detect(
     Notes
     -----
     All windows through one `ChangeDetector`, which states the equations.
+
+    Examples
+    --------
+    Eight windows of a healthy vehicle, and six with a front-left spring that has lost 30 % of its stiffness:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> detection = detect(sprung.learn(windows[:8]), windows[8:])
+    >>> best = detection.candidates[0]
+    >>> detection.is_alert, best.hypothesis.name, round(best.change, 1), best.onset
+    (True, 'front_left.spring', -0.3, 4800.0)
     """
     detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
     for observation in observations:
@@ -403,6 +419,16 @@ def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -
     ----------
     R. Wang, A. Ramdas, False discovery rate control with e-values, Journal of the Royal Statistical Society B 84 (2022)
     822-852.
+
+    Examples
+    --------
+    Three of five vehicles, of which the third has an e-value of 40, above 5 / (3 x 0.05) = 33.3:
+
+    >>> import numpy as np
+    >>> false_discoveries(np.log([1.5, 200.0, 0.2, 40.0, 90.0]))
+    [1, 3, 4]
+    >>> false_discoveries(np.log([1.5, 200.0, 0.2, 30.0, 90.0]))
+    [1, 4]
     """
     check_number("rate", rate, above=0, at_most=1)
     order = np.argsort(-np.asarray(evidence))

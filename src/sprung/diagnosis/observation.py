@@ -147,6 +147,16 @@ def windows(
     -------
     iterator of tuple
         Time of the window's first sample since the start of the first recording [s], and its samples.
+
+    Examples
+    --------
+    A quarter of an hour is a window of ten minutes, and one of five:
+
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> run = Recording(np.zeros((1, 9000)), 10.0, (Channel("acc"),))
+    >>> [(start, window.duration) for start, window in windows(run)]
+    [(0.0, 600.0), (600.0, 300.0)]
     """
     return _windows(each_recording(recordings), length)
 
@@ -202,6 +212,18 @@ def observe(
     ------
     DataError, ParameterError
         As raised by `observe_window`.
+
+    Examples
+    --------
+    Two minutes of a simulated drive are one window:
+
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=120.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> (window,) = observe(drive.recording, vehicle)
+    >>> window.is_conclusive, len(window.components), list(window.modes)
+    (True, 12, ['bounce', 'pitch', 'roll'])
     """
     check_type("vehicle", vehicle, Vehicle)
     parts = windows(recordings, length=length)
@@ -249,6 +271,21 @@ def observe_window(
     that the vehicle file explains badly: with a model error above 1, or above 0.25 where more than a quarter of the
     spectra are left out for lines. Most of that is misfit, as of another vehicle than the file's; the fit to what is
     left has many optima, between which rounding chooses.
+
+    Examples
+    --------
+    A dead sensor is a fault, and the other channels are fitted without it:
+
+    >>> from functools import partial
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.simulation.sensors import dead, with_imperfections
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=120.0, sampling_rate=60.0, snr=50.0), seed=1).recording
+    >>> failing = with_imperfections(drive, [partial(dead, channel="acc_fl")])
+    >>> window = observe_window(failing, vehicle)
+    >>> [(fault.channel, fault.kind) for fault in window.sensor_faults], window.is_conclusive
+    ([('acc_fl', 'dead')], True)
     """
     check_type("recording", recording, Recording)
     check_type("vehicle", vehicle, Vehicle)
@@ -377,6 +414,18 @@ def with_missing_as_faults(observation: Observation, *, known: Collection[str] =
         Window, observed with `allow_missing`.
     known
         Sensors without which its baseline was learnt.
+
+    Examples
+    --------
+    The baseline was learnt without the sensor `acc_rr`:
+
+    >>> import numpy as np
+    >>> from sprung.diagnosis import Observation
+    >>> missing = ("acc_fl", "acc_rr")
+    >>> window = Observation(0.0, (), np.zeros(0), np.zeros((0, 0)), {}, {}, (), reason="too short", missing=missing)
+    >>> faults = with_missing_as_faults(window, known=("acc_rr",)).sensor_faults
+    >>> [(fault.channel, fault.kind) for fault in faults]
+    [('acc_fl', 'missing')]
     """
     faults = tuple(
         SensorFault(name, MISSING, "no channel has its name: repair it, or correct the vehicle file")

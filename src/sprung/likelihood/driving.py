@@ -140,5 +140,14 @@ def driving(structure: Structure, wheelbase: float) -> Driving:
     wheelbase
         Distance of the first axle from the last one [m]; the centre of gravity is a fifth of it above the ground. An
         error of the height is one of the levels.
+
+    Examples
+    --------
+    The centre of gravity is a fifth of the wheelbase of 2.8 m above the ground:
+
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> block = driving(structure(read_vehicle("zafira")), 2.8)
+    >>> round(block.height, 2), block.names[:2]
+    (0.56, ('braking', 'cornering'))
     """
     return Driving(structure, _HEIGHT * wheelbase)

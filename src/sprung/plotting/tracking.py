@@ -59,6 +59,18 @@ def tracks_figure(
     -----
     Windows without a mode interrupt its line. Triangles mark the first and last window of a track that begins later,
     or ends earlier, than the windows do. Identified modes of no track are grey dots.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> figure = tracks_figure(track_modes([modes] * 6, times=3600.0 * np.arange(6)))
+    >>> [axes.get_title(loc="left") for axes in figure.axes if axes.get_ylabel() == "f [Hz]"]
+    ['1: 2.00 Hz', '2: 5.00 Hz']
     """
     what = f"Modes over time: {source}" if source else "Modes over time"
     numbers = sorted(range(len(tracked.tracks)), key=lambda number: -len(tracked.tracks[number]))
