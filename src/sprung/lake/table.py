@@ -315,7 +315,16 @@ class Table:
 
 
 def file_name(partition: Mapping[str, str | None]) -> str:
-    """Return a new path for a file of a partition, relative to the folder of its table."""
+    """Return a new path for a file of a partition, relative to the folder of its table.
+
+    Examples
+    --------
+    Every call gives another name:
+
+    >>> partition = {"date": "2026-11-21", "vehicle": "bus-17"}
+    >>> file_name(partition).rpartition("/")[0], file_name(partition) == file_name(partition)
+    ('date=2026-11-21/vehicle=bus-17', False)
+    """
     folders = [f"{name}={value}" for name, value in partition.items()]
     return "/".join([*folders, f"part-{uuid4().hex}.parquet"])
 

@@ -78,6 +78,20 @@ def identification_report(
         Files behind it.
     document
         Its document, which is embedded if it is not too large.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sprung.reports import Inputs
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run.select(["acc_1"]))
+    >>> report = identification_report(identification, Inputs((Path("run.csv"),), {}, {}))
+    >>> report.title, [section.title for section in report.sections]
+    ('Modes of run.csv', ['Modes', 'Notes', 'Figures', 'Data', 'Settings', 'What this says, and what it does not'])
     """
     from sprung.plotting.saving import figures
 
@@ -116,7 +130,24 @@ def identification_report(
 
 
 def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None = None) -> Report:
-    """Return the report of a fit of springs, dampers and tyres; parameters as for `identification_report`."""
+    """Return the report of a fit of springs, dampers and tyres; parameters as for `identification_report`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sprung.reports import Inputs
+    >>> from sprung.likelihood import CornerSettings, fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle, settings=CornerSettings(free=("spring",)))
+    >>> report = corners_report(fit, Inputs((Path("drive.csv"),), {}, {}))
+    >>> report.title
+    'Springs, dampers and tyres from drive.csv'
+    >>> [section.title for section in report.sections]
+    ['Components', 'Modes', 'Figures', 'Data', 'Settings', 'What this says, and what it does not']
+    """
     from sprung.plotting.saving import corner_figures
 
     ratios, deviations = fit.log_ratios, fit.log_ratios_std
@@ -174,6 +205,20 @@ def diagnosis_report(
         Modes before and after the findings.
     document
         Its document, which is embedded if it is not too large.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sprung.reports import Inputs
+    >>> import numpy as np
+    >>> import sprung
+    >>> nothing = np.zeros(0)
+    >>> window = sprung.Observation(0.0, (), nothing, np.zeros((0, 0)), {}, {}, (), reason="the vehicle stood still")
+    >>> report = diagnosis_report(sprung.diagnose([window]), Inputs((Path("drive.csv"),), {}, {}))
+    >>> print(report.verdict)
+    Inconclusive: no window was usable.
+    >>> [section.title for section in report.sections]
+    ['Result', 'Notes', 'Windows', 'Data', 'What this says, and what it does not']
     """
     first, *others = diagnosis_in_words(diagnosis)
     windows = diagnosis.observations
@@ -236,6 +281,20 @@ def tracking_report(
         Reservations, one sentence each.
     document
         Its document, which is embedded if it is not too large.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sprung.reports import Inputs
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> tracked = track_modes([modes] * 6, times=3600.0 * np.arange(6))
+    >>> print(tracking_report(tracked, Inputs((Path("drives.csv"),), {}, {})).verdict)
+    2 modes followed over 6 windows with modes, of 6: 2 Hz, 5 Hz. No frequency changed suddenly.
     """
     from sprung.plotting.tracking import tracks_figure
 
