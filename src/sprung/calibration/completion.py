@@ -89,13 +89,13 @@ def calibrate(
     settings: CalibrationSettings | None = None,
     allow_missing: bool = False,
 ) -> Calibration:
-    """Complete a vehicle file with what healthy drives teach.
+    """Complete a vehicle file with what is learnt from healthy drives.
 
     Parameters
     ----------
     recordings
-        Windows of healthy drives as read, with the same channels, at least one; drives with other loads, on other roads
-        and at other speeds teach more. About ten minutes each.
+        Windows of healthy drives as read, with the same channels, at least one; drives with different
+        loads, on different roads and at different speeds determine more. About ten minutes each.
     vehicle
         Vehicle as its file describes it.
     settings
@@ -156,7 +156,7 @@ def calibrate(
 def calibrated(
     windows: tuple[WindowSpectra, ...], vehicle: Vehicle, *, settings: CalibrationSettings | None = None
 ) -> Calibration:
-    """Complete a vehicle file with what the spectra of healthy drives teach, as `calibrate`.
+    """Complete a vehicle file with what is learnt from the spectra of healthy drives, as `calibrate`.
 
     Parameters
     ----------
@@ -173,7 +173,11 @@ def calibrated(
     Raises
     ------
     DataError
-        If no vehicle like that of the file moves as the windows do.
+        If the windows are not consistent with the vehicle file.
+
+    References
+    ----------
+    As for `calibrate`.
 
     Examples
     --------
@@ -198,7 +202,7 @@ def calibrated(
 
 
 def as_given(windows: tuple[WindowSpectra, ...], vehicle: Vehicle, corners: CornerSettings) -> JointFit:
-    """Fit springs, dampers and tyres alone, all else as the file states; this is what a calibration is compared with.
+    """Fit springs, dampers and tyres alone, with all else as the file states: the reference of a calibration.
 
     Parameters
     ----------
@@ -214,7 +218,7 @@ def as_given(windows: tuple[WindowSpectra, ...], vehicle: Vehicle, corners: Corn
 
 
 def _completion(given: JointFit, vehicle: Vehicle, settings: CalibrationSettings) -> Calibration:
-    """Return the calibration that goes on from the fit of the vehicle as given."""
+    """Return the calibration that continues from the fit of the vehicle as given."""
     free = given.free
     fit = extended_fit(given, _free(free.windows, free.draft, settings.corners, vehicle))
     fit, notes = _with_additions(fit, vehicle, settings)
@@ -238,7 +242,7 @@ def _completion(given: JointFit, vehicle: Vehicle, settings: CalibrationSettings
 
 
 def is_imperfect(model_errors: Sequence[float]) -> bool:
-    """Return whether a vehicle file explains windows so badly that it should be calibrated first.
+    """Return whether a vehicle file explains windows so poorly that it should be calibrated first.
 
     Parameters
     ----------
@@ -267,7 +271,7 @@ def has_misplaced_sensors(given: JointFit) -> bool:
     -----
     A misplaced sensor hardly raises the error of a fit of the corners: other springs and dampers, and the noise, take
     it up. One Newton step of all numbers of the sensors (`expected_steps`) shows it: its gain is large, and it moves a
-    sensor farther than what the nonlinearity of suspensions moves it.
+    sensor farther than the nonlinearity of suspensions does.
     """
     draft, corners = given.free.draft, given.free.settings
     sensors = sensor_numbers(draft, given.free.windows[0].layout.names)
@@ -291,7 +295,7 @@ def chosen_windows(n_windows: int) -> frozenset[int]:
 def calibrated_if_imperfect(
     windows: tuple[WindowSpectra, ...], vehicle: Vehicle, *, model_errors: Sequence[float]
 ) -> Calibration | None:
-    """Calibrate a vehicle file if it explains the windows of a baseline badly, or places sensors wrongly.
+    """Calibrate a vehicle file if it explains the windows of a baseline poorly, or misplaces sensors.
 
     Parameters
     ----------
@@ -310,7 +314,7 @@ def calibrated_if_imperfect(
     Raises
     ------
     DataError
-        If no vehicle like that of the file moves as the windows do.
+        If the windows are not consistent with the vehicle file.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A vehicle file from a data sheet: masses and geometry as printed, the rest by rules of the field."""
+"""A vehicle file from a data sheet: masses and geometry as printed, the rest by rules of thumb."""
 
 import math
 import re
@@ -44,7 +44,7 @@ class _Corner(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DataSheet:
-    """What a data sheet states of a car, and usual values of what it does not.
+    """What a data sheet states about a car, and usual values for what it does not.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def tyre_stiffness(tyre: str, *, pressure: float = _PRESSURE) -> float:
 
 
 def described(sheet: DataSheet) -> Vehicle:
-    """Return the vehicle file of a data sheet; its table [[learnt]] has the width of every guess.
+    """Return the vehicle file of a data sheet; its table [[learnt]] has the standard deviation of every guess.
 
     Parameters
     ----------

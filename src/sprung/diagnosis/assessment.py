@@ -70,8 +70,8 @@ def diagnose(
 
     Notes
     -----
-    All windows pass through one `ChangeDetector`, or without a baseline one `TypeDetector`, whose result `diagnosis_of`
-    words.
+    All windows pass through one `ChangeDetector`, or without a baseline through one `TypeDetector`; `diagnosis_of` puts
+    the result into words.
 
     Examples
     --------
@@ -128,8 +128,8 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
 
     Notes
     -----
-    Without a baseline, a difference that no part explains is the vehicle file's: it is a doubt and no finding. If the
-    baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
+    Without a baseline, a difference that no part explains is put down to the vehicle file: a doubt, not a finding. If
+    the baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
     note states this second opinion, and whether it disagrees. The residuals depend on the conditions, which this test
     does not model: windows far from the conditions of the baseline are not tested. Without findings, the diagnosis is
     inconclusive if the second opinion disagrees, if there is no baseline, or if the loss of a fifth of some part would
@@ -348,8 +348,8 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
     distrusted = sum(not baseline.is_trusted_on(observation) for observation in sound)
     if distrusted:
         notes.append(
-            f"{distrusted} of {len(sound)} windows are explained too badly to be compared with the vehicle file: learn "
-            "a baseline"
+            f"{distrusted} of {len(sound)} windows are explained too poorly to be compared with the vehicle file: "
+            "learn a baseline"
         )
     return notes
 

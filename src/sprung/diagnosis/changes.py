@@ -121,7 +121,7 @@ class Detection:
 
     @property
     def is_alert(self) -> bool:
-        """Whether the alert stands after the last window."""
+        """Whether the alert is active after the last window."""
         return bool(self.evidence.size and self.evidence[-1] >= self.threshold)
 
 
@@ -246,7 +246,7 @@ class ChangeDetector:
 
     @property
     def is_alert(self) -> bool:
-        """Whether the alert stands after the last window."""
+        """Whether the alert is active after the last window."""
         return bool(self._evidence and self._evidence[-1] >= self._threshold)
 
     @property
@@ -366,7 +366,11 @@ def detect(
 
     Notes
     -----
-    All windows through one `ChangeDetector`, which states the equations.
+    All windows pass through one `ChangeDetector`, which states the equations.
+
+    References
+    ----------
+    As for `ChangeDetector`.
 
     Examples
     --------
@@ -391,7 +395,7 @@ def detect(
 
 
 def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -> list[int]:
-    """Return which of many vehicles have changed, with an expected share of at most `rate` named falsely.
+    """Return which of many vehicles have changed, at a false discovery rate of at most `rate`.
 
     Parameters
     ----------

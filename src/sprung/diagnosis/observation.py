@@ -268,9 +268,9 @@ def observe_window(
     Failing channels are left out and the others are fitted; a wrong speed is replaced by the one that the delay between
     the axles gives. An inconclusive window states its reason. A window whose sensors contradict each other is
     inconclusive: the baseline assumes one sensor layout, and exchanged channels leave no valid data. So is a window
-    that the vehicle file explains badly: with a model error above 1, or above 0.25 where more than a quarter of the
+    that the vehicle file explains poorly: with a model error above 1, or above 0.25 where more than a quarter of the
     spectra are left out for lines. Most of that is misfit, as of another vehicle than the file's; the fit to what is
-    left has many optima, between which rounding chooses.
+    left has many optima, among which rounding decides.
 
     Examples
     --------
@@ -335,7 +335,7 @@ def _reason(fit: CornerFit, disagreement: float) -> str:
         return f"{fit.n_segments} segments of steady speed are too few"
     has_many_lines = fit.share_of_lines > _MANY_LINES
     if fit.model_error > (_MOST_ERROR_BETWEEN_LINES if has_many_lines else _MOST_ERROR):
-        badly = f"the vehicle file explains the window badly: model error {100 * fit.model_error:.0f} %"
+        badly = f"the vehicle file explains the window poorly: model error {100 * fit.model_error:.0f} %"
         lines = f" with {100 * fit.share_of_lines:.0f} % of the spectra left out for lines"
         return f"{badly}{lines if has_many_lines else ''}"
     return ""
@@ -406,7 +406,7 @@ def _inconclusive(time: float, window: Window, faults: tuple[SensorFault, ...], 
 
 
 def with_missing_as_faults(observation: Observation, *, known: Collection[str] = ()) -> Observation:
-    """Return a window whose missing sensors are faults, as a vehicle that is watched has them all.
+    """Return a window whose missing sensors are faults, as a monitored vehicle should have them all.
 
     Parameters
     ----------

@@ -221,6 +221,10 @@ def learn_residuals(
     DataError, ParameterError
         As raised by `residual_statistics` and `learn_reference`.
 
+    References
+    ----------
+    As for `learn_reference`.
+
     Examples
     --------
     >>> from sprung.simulation import simulate, usual_excitation
@@ -336,6 +340,10 @@ def compare_residuals(reference: ResidualReference, recording: Recording) -> Res
     ParameterError
         If the outputs differ from the reference's.
 
+    References
+    ----------
+    As for `learn_reference`.
+
     Examples
     --------
     A chain of masses of which a spring has lost 30 % of its stiffness, against six healthy runs:
@@ -381,6 +389,10 @@ def residual_test(reference: ResidualReference, window: ResidualStatistics) -> R
     ------
     ParameterError
         If channels, rate, segments or block rows differ from the reference's.
+
+    References
+    ----------
+    As for `learn_reference`.
 
     Examples
     --------

@@ -78,6 +78,11 @@ def trend(
     observed scatter is used if it exceeds that of the windows. There is no trend if 0 lies within the interval of the
     slope. The earliest and latest times are those at which the ends of the line's interval reach the limit.
 
+    References
+    ----------
+    A. C. Aitken, On least squares and linear combinations of observations, Proceedings of the Royal Society of
+    Edinburgh 55 (1936) 42-48 (generalised least squares).
+
     Examples
     --------
     A spring that loses 5 % of its stiffness in every window of ten minutes, from the ninth one on:

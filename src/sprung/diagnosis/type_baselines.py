@@ -423,7 +423,7 @@ class TypeDetector:
 
     @property
     def is_alert(self) -> bool:
-        """Whether the alert stands after the last window."""
+        """Whether the alert is active after the last window."""
         detection = self.detection
         return detection is not None and detection.is_alert
 
@@ -472,7 +472,7 @@ class TypeDetector:
             self._evidence.append(_against_type(self._type, compared)[0])
 
     def _compared(self) -> list[Observation]:
-        """Return the windows that can be compared; none where a vehicle file explains most of them badly."""
+        """Return the windows that can be compared; none where a vehicle file explains most of them poorly."""
         sound = [window for window in self._observations if window.is_conclusive and not window.sensor_faults]
         alike = [window for window in sound if window.components == self._type.components]
         if not alike:

@@ -38,7 +38,7 @@ _REPORT = pa.schema(
 _ROWS_IN_FILE = 256
 #: Memory that a process of its own may take [bytes].
 _MEMORY = 4 << 30
-#: Number of the attempt at which a window that cannot be read is a row with its reason: disks have bad moments.
+#: Number of the attempt at which a window that cannot be read is a row with its reason: a disk may fail for a moment.
 _LAST_ATTEMPT = 3
 
 

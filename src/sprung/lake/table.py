@@ -1,4 +1,4 @@
-"""A table of Parquet files in the Delta format: commits are whole or not at all, and readers never see half of one."""
+"""A table of Parquet files in the Delta format: commits are atomic, and readers never see part of one."""
 
 import json
 import math
@@ -52,7 +52,7 @@ class Table:
     schema
         Columns of the table.
     partition_by
-        Columns whose values name folders instead of standing in the files.
+        Columns whose values are in the names of folders instead of in the files.
     options
         Settings of the object store, such as its region.
     """
@@ -117,7 +117,7 @@ class Table:
                 storage_options=self._options or None,
             )
         except OSError as error:
-            raise ParameterError(f"{self.location} cannot be written: {error}: give another place") from None
+            raise ParameterError(f"{self.location} cannot be written: {error}: give another location") from None
 
     def append(self, rows: pa.Table, *, largest_group: int | None = None) -> None:
         """Append rows from memory in one commit.
@@ -300,7 +300,9 @@ class Table:
             yield
         except errors as error:
             reason = str(error).strip().split("\n")[0]
-            raise DataError(f"{self.location} cannot be {act}: {reason}: check the place and its rights") from error
+            raise DataError(
+                f"{self.location} cannot be {act}: {reason}: check the location and its permissions"
+            ) from error
 
     def _scattered(self, most_bytes: float) -> list[tuple[tuple[str, str | None], ...]]:
         """Return the partitions of limited size with several small files."""

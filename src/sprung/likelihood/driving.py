@@ -27,7 +27,7 @@ _LARGEST = 100.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Driving(ParameterBlock):
-    """Longitudinal and lateral accelerations of the driver's making, not measured, which pitch and roll the body.
+    """Longitudinal and lateral accelerations by the driver, not measured, which pitch and roll the body.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Driving(ParameterBlock):
     the moments -m h a_x in pitch (positive nose down) and m h a_y in roll (positive left side up), at the height h of
     the centre of gravity. Both accelerations are random, independent of the road and of each other, with the one-sided
     density e^level (f / 1 Hz)^-exponent: steps of an acceleration would have the exponent 2, its ramps 4 above the
-    inverse of their duration. A level far below the motion by the road changes nothing. The accelerations are the last
+    inverse of their duration. A level far below the motion by the road has no effect. The accelerations are the last
     two inputs of the model, `Terms.measured_inputs`, so that tilted sensors can read them, too.
 
     References

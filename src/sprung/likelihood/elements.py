@@ -1,4 +1,4 @@
-"""Stiffness and damping of other elements than the corners' as parameters: anti-roll bars, mounts, flexible modes."""
+"""Stiffness and damping of elements beyond the corners as parameters: anti-roll bars, mounts, flexible modes."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -42,7 +42,7 @@ class ElementParameter:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ElementScales(ParameterBlock):
-    """Factors of stiffness and damping of elements whose components are not fitted otherwise.
+    """Factors of stiffness and damping of elements whose components are not otherwise fitted.
 
     Parameters
     ----------

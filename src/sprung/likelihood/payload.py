@@ -121,8 +121,8 @@ def payload(nominal: Structure) -> AddedMass:
     Each is relative to the body's own: standard deviation 0.2 for mass and inertias, 0.1 for the moments m x and m y
     relative to the root of mass times inertia, and 0.1 for the product of inertia -m x y relative to the root of the
     pitch inertia times the roll inertia. A mass m at (x, y) adds m r r^T with r = [1, -x, y] for bounce, pitch and
-    roll. A load off both axes of the body couples pitch with roll: without the product it would read as springs that
-    differ from corner to corner.
+    roll. A load off both axes of the body couples pitch with roll: without the product it would appear as springs
+    that differ from corner to corner.
 
     References
     ----------

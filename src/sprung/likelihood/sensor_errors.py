@@ -1,4 +1,4 @@
-"""Positions, delays, gains and tilts of the sensors as parameters."""
+"""Positions and delays of the sensors as parameters."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar

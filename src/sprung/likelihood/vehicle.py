@@ -55,7 +55,7 @@ class CornerSettings:
         Components to fit, such as ("spring", "rear_left.damper"); the others keep the vehicle file's values. None: all.
     has_payload
         Whether the body's mass, moments and inertias, and on a road the unsprung masses and the anti-roll bars, are
-        fitted too: otherwise a payload reads as soft springs. None: not on a rig.
+        fitted too: otherwise a payload appears as soft springs. None: not on a rig.
     has_free_sensors
         Whether positions and delays of the sensors are fitted too.
     has_lines_masked

@@ -85,7 +85,7 @@ def learnt_figure(calibration: Calibration, *, source: str = "") -> Figure:
     """
     numbers = [number for number in calibration.learnt if number.is_identifiable and number.given is not None][:_DRAWN]
     what = f"Learnt numbers against the vehicle file: {source}" if source else "Learnt numbers against the vehicle file"
-    where = "in standard deviations of what is usual, with 95 % intervals"
+    where = "in usual standard deviations, with 95 % intervals"
     figure = new_figure(what, where, width=7.5, height=1.5 + 0.22 * max(len(numbers), 4))
     axes = figure.subplots()
     plain(axes)

@@ -221,7 +221,7 @@ def evidence_history_figure(times: Times, evidence: Real, *, threshold: float) -
     evidence
         ln evidence of any change, shape (windows,).
     threshold
-        ln evidence from which on a change is named.
+        ln evidence above which a change is reported.
 
     Examples
     --------
@@ -231,7 +231,7 @@ def evidence_history_figure(times: Times, evidence: Real, *, threshold: float) -
     >>> [float(line.get_ydata()[-1]) for line in figure.axes[0].lines]
     [9.0, 10.8]
     """
-    where = "ln evidence after each window of the present change test; above the threshold a change is named."
+    where = "ln evidence after each window of the present change test; above the threshold a change is reported."
     figure = new_figure("Evidence of a change", where, width=9.5, height=3.0)
     axes = figure.subplots()
     plain(axes)

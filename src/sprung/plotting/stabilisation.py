@@ -97,7 +97,7 @@ def stabilisation_figure(identification: Identification, *, source: str = "") ->
     matplotlib.figure.Figure
         A panel for each subset of segments. Diagrams of several splits of outputs and references lie on top of each
         other. The curves behind are the singular values of the spectral matrix, each channel scaled to a variance of 1,
-        with marks at the peaks that stand out of chance; after cepstrum editing the first one before it is drawn too,
+        with marks at the peaks that exceed chance; after cepstrum editing the first one before it is drawn too,
         dashed. FDD has no poles: the bells of its modes are drawn in their colours.
 
     Examples

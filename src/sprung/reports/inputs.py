@@ -1,4 +1,4 @@
-"""What a report says of its files: their channels, gaps and faults, and the versions of the programs."""
+"""What a report states about its files: their channels, gaps and faults, and the versions of the programs."""
 
 import platform
 from collections.abc import Mapping, Sequence

@@ -54,7 +54,7 @@ _CAPTIONS = {
     "corners": {
         "corners": "Springs, dampers and tyres against the vehicle file, with 95 % intervals.",
         "spectra": "Measured spectra and those of the fitted vehicle.",
-        "correlation": "Correlation of the estimates: components with a large one are only known together.",
+        "correlation": "Correlation of the estimates: strongly correlated components are known only in combination.",
     },
     "diagnosis": {
         "evidence": "Evidence of a change after each window with its threshold, and the most likely hypotheses.",
@@ -105,14 +105,16 @@ def identification_report(
     verdict = f"{counted(len(modes), 'mode')} found: {', '.join(shown)}{more}."
     origin = Paragraph(identification_in_words(identification) + ".")
     limits = [
-        "± is one standard deviation, from the scatter of the blocks of the records: chance, not a change of the"
-        " conditions. The true value lies within two of them in about 95 of 100 cases.",
-        "Modes that the excitation hardly moves, or that no sensor sees, are not found. Harmonics of machines are"
-        " listed apart where they are recognised.",
+        "± is one standard deviation, from the scatter of the blocks of the records: it covers chance, not changes of"
+        " the conditions. The true value lies within two of them in about 95 of 100 cases.",
+        "Modes that the excitation hardly reaches, or that no sensor observes, are not found. Harmonics of machines are"
+        " listed separately where they are recognised.",
         "Shapes are relative: without known forces they have no scale, and modal masses cannot be stated.",
     ]
     if len(identification.channels) == 1:
-        limits.append("One channel shows no shapes, and its noise cannot be distinguished from motion with certainty.")
+        limits.append(
+            "A single channel gives no shapes, and its noise cannot be distinguished from motion with certainty."
+        )
     return _report(
         f"Modes of {inputs.title}",
         verdict if len(modes) else _sentence(why_none(identification)),
@@ -160,11 +162,11 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
     known_in_words = f"{int(fit.is_identifiable.sum())} of {len(fit.components)} springs, dampers and tyres"
     verdict = f"{known_in_words} are determined by these data. {differing} {_fit_in_words(fit)}"
     limits = [
-        "± is one standard deviation. It holds chance and the misfit of the model, not what the vehicle file lacks or"
+        "± is one standard deviation. It covers chance and the misfit of the model, not what the vehicle file omits or"
         " states wrongly.",
-        "Left against right is more certain than absolute values, which rest on the masses and places in the file.",
+        "Left against right is more certain than absolute values, which depend on masses and positions in the file.",
         "Friction and asymmetric dampers appear as damping: the fitted vehicle is linear.",
-        "Components marked as not identifiable stay near the values of the file: nothing is said of them.",
+        "Components marked as not identifiable stay near the values of the file: no conclusion is drawn about them.",
     ]
     return _report(
         f"Springs, dampers and tyres from {inputs.title}",
@@ -234,15 +236,15 @@ def diagnosis_report(
     ]
     used = Paragraph(f"{n_usable} of {counted(len(windows), 'window')} were usable.")
     limits = [
-        "A change is named where the evidence of all windows together exceeds a threshold, set by the rate of false"
-        f" alarms: {diagnosis.false_alarms:g} per vehicle and day.",
-        "'No change detected' holds for changes as large as the stated detectable ones; smaller ones may be there.",
-        "Parts that the model does not have (mounts, bushings, joints, wheels) are not diagnosed; where they change,"
+        "A change is reported where the evidence of all windows together exceeds a threshold, which is set by the rate"
+        f" of false alarms: {diagnosis.false_alarms:g} per vehicle and day.",
+        "'No change detected' refers to changes as large as the stated detectable ones; smaller ones may be present.",
+        "Parts that the model does not include (mounts, bushings, joints, wheels) are not diagnosed; where they change,"
         " the result is a change that no single part explains.",
         "The diagnosis does not replace an inspection.",
     ]
     if diagnosis.baseline is None or diagnosis.baseline.n_windows == 0:
-        limits.insert(0, "There is no baseline of this vehicle: it was compared with its file, with wide limits.")
+        limits.insert(0, "This vehicle has no baseline: it was compared with its vehicle file, with wide limits.")
     return _report(
         f"Diagnosis of {windows[0].vehicle if windows and windows[0].vehicle else inputs.title}",
         _sentence(first),
@@ -309,9 +311,9 @@ def tracking_report(
     verdict += f" Sudden changes of frequency: {'; '.join(jumps)}." if jumps else " No frequency changed suddenly."
     figure = tracks_figure(tracked, start=start, has_times=has_times, source=inputs.title)
     limits = [
-        "Modes of different windows are one where frequency and shape agree within their deviations. A sudden change of"
-        f" frequency by up to {100 * tracked.settings.reach:g} % with the same shape is followed.",
-        "A change of frequency is not yet damage: temperature, load and amplitude of the vibration change it, too.",
+        "Modes of different windows are taken as one where frequency and shape agree within their standard deviations."
+        f" A sudden change of frequency by up to {100 * tracked.settings.reach:g} % with the same shape is followed.",
+        "A change of frequency alone does not mean damage: temperature, load and vibration amplitude change it, too.",
     ]
     caption = "Frequency and damping of every mode over time, with 95 % intervals."
     sections = [
@@ -374,7 +376,7 @@ def _fit_in_words(fit: CornerFit) -> str:
         return f"The vehicle file explains the run {percent}."
     if fit.model_error < _LACKS:
         return f"The vehicle file explains most of the run {percent}."
-    return f"The vehicle file explains the run badly {percent}: absolute values are not reliable."
+    return f"The vehicle file explains the run poorly {percent}: absolute values are not reliable."
 
 
 def _plan_table(identification: Identification) -> Table:

@@ -8,7 +8,7 @@ _MINOR = {"sides", "sensors"}
 
 
 def calibration_table(calibration: Calibration) -> Table:
-    """Return the table of the numbers that drives taught, with what the file stated.
+    """Return the table of the numbers learnt from drives, next to those that the file stated.
 
     Examples
     --------

@@ -41,7 +41,7 @@ def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
 
 
 def type_in_words(type_baseline: TypeBaseline) -> str:
-    """Return of how many vehicles and windows the baseline of a type was learnt, in a sentence.
+    """Return a sentence on the numbers of vehicles and windows that the baseline of a type was learnt from.
 
     Examples
     --------

@@ -44,7 +44,7 @@ def fleet_run_tables(document: Mapping[str, Any]) -> list[Table]:
         if verdict in document["verdicts"]
     )
     tables = [
-        Table("windows", ("table", "new", "in all", "without result"), windows, ends_in_words=False),
+        Table("windows", ("table", "new", "total", "without result"), windows, ends_in_words=False),
         Table("vehicles", ("verdict", "vehicles"), verdicts, ends_in_words=False),
         Table(
             "changed vehicles, the greatest evidence first",
@@ -70,7 +70,7 @@ def fleet_run_in_words(document: Mapping[str, Any]) -> list[str]:
     assessed = counted(document["vehicles_assessed"], "vehicle")
     words = [f"{counted(new, 'window')} analysed and {assessed} assessed in {document['seconds']:.0f} s"]
     if not new and not document["vehicles_assessed"]:
-        words = ["every window has its result: no new ones in the lake"]
+        words = ["all windows have results: the lake has no new ones"]
     reasons: Sequence[Mapping[str, Any]] = document["reasons"]
     return [*words, *(f"{counted(entry['windows'], 'window')}: {entry['reason']}" for entry in reasons)]
 
@@ -108,7 +108,7 @@ def fleet_plan_table(document: Mapping[str, Any]) -> Table:
 
 
 def fleet_plan_in_words(document: Mapping[str, Any]) -> list[str]:
-    """Return the estimate of a plan, and what lacks, one sentence each.
+    """Return the estimate of a plan, and what is missing, one sentence each.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def fleet_plan_in_words(document: Mapping[str, Any]) -> list[str]:
     >>> for sentence in fleet_plan_in_words(plan):
     ...     print(sentence)
     40 vehicles, 16.00 core hours: about 2.0 h on 8 cores
-    12 windows of vehicles without a usable vehicle file: they get a row with this reason
+    12 windows of vehicles without a usable vehicle file: they are recorded with this reason
     """
     hours = document["core_hours"]
     cores = counted(document["cores"], "core")
@@ -128,7 +128,7 @@ def fleet_plan_in_words(document: Mapping[str, Any]) -> list[str]:
     words = [f"{counted(document['vehicles'], 'vehicle')}, {hours:.2f} core hours: about {time} on {cores}"]
     if document["without_vehicle_file"]:
         without = counted(document["without_vehicle_file"], "window")
-        words.append(f"{without} of vehicles without a usable vehicle file: they get a row with this reason")
+        words.append(f"{without} of vehicles without a usable vehicle file: they are recorded with this reason")
     return words
 
 
