@@ -163,7 +163,8 @@ class ChangeDetector:
 
     References
     ----------
-    J. Shin, A. Ramdas, A. Rinaldo, E-detectors: a nonparametric framework for sequential change detection (2024).
+    J. Shin, A. Ramdas, A. Rinaldo, E-detectors: a nonparametric framework for sequential change detection, New England
+    Journal of Statistics in Data Science 2 (2024) 229-260.
     S. W. Roberts, A comparison of some control chart procedures, Technometrics 8 (1966) 411-430.
     """
 

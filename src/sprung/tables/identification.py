@@ -33,16 +33,15 @@ def why_none(identification: Identification) -> str:
 
     Examples
     --------
-    >>> from dataclasses import replace
-    >>> from sprung.identification import cov_ssi
-    >>> from sprung.simulation import simulate, usual_excitation
-    >>> from sprung.vehicles import chain
-    >>> masses = chain()
-    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
-    >>> identification = cov_ssi(run)
-    >>> none = replace(identification, modes=identification.modes.take([]), members=identification.members[:0])
-    >>> why_none(none)
-    'no mode found in half of the subsets or more: record longer, or use fewer --subsets'
+    White noise has no modes:
+
+    >>> import numpy as np
+    >>> from sprung.identification import enhanced_fdd
+    >>> from sprung.recording import Channel, Recording
+    >>> noise = np.random.default_rng(1).standard_normal((2, 6000))
+    >>> run = Recording(noise, 100.0, (Channel("a", "acceleration"), Channel("b", "acceleration")))
+    >>> why_none(enhanced_fdd(run))
+    'no mode found: no peak of the spectra rises significantly: record longer, or widen --band'
     """
     if identification.setups is not None:
         return "no mode found in half of the set-ups or more: identify each file by itself to see its modes"
