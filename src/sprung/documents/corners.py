@@ -97,7 +97,7 @@ def corners_document(fit: CornerFit) -> CornersDocument:
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
     >>> document = corners_document(fit)
     >>> document.schema_name, list(document.corners)
@@ -147,7 +147,7 @@ def write_corners(fit: CornerFit, path: str | Path) -> None:
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder, "corners.json")
@@ -188,7 +188,7 @@ def read_corners(path: str | Path) -> CornersDocument:
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder, "corners.json")

@@ -40,7 +40,7 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
     >>> figure = fitted_spectra_figure(fit)
     >>> measured, fitted = (line.get_ydata() for line in figure.axes[0].lines)
@@ -106,7 +106,7 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
     >>> axes = corners_figure(fit).axes[0]
     >>> axes.get_title(loc="left"), [label.get_text() for label in axes.get_xticklabels()]
@@ -218,7 +218,7 @@ def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
     >>> (image,) = correlation_figure(fit).axes[0].get_images()
     >>> image.get_array().shape, bool(np.allclose(np.diag(image.get_array()), 1))

@@ -142,7 +142,7 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle, settings=CornerSettings(free=("spring",)))
     >>> report = corners_report(fit, Inputs((Path("drive.csv"),), {}, {}))
     >>> report.title

@@ -17,7 +17,7 @@ def components_table(fit: CornerFit) -> Table:
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
     >>> table = components_table(fit)
     >>> [row[:2] for row in table.rows[:3]]
@@ -44,7 +44,7 @@ def fitted_modes_table(fit: CornerFit) -> Table:
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
     >>> table = fitted_modes_table(fit)
     >>> table.columns, [row[-1] for row in table.rows[:4]]
@@ -72,7 +72,7 @@ def payload_in_words(fit: CornerFit) -> list[str]:
     >>> from sprung.simulation import RoadDrive, simulate_drive
     >>> from sprung.vehicles import read_vehicle
     >>> vehicle = read_vehicle("zafira")
-    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
     >>> fit = fit_corners(drive.recording, vehicle)
     >>> (sentence,) = payload_in_words(fit)
     >>> sentence.startswith("payload: "), sentence.endswith(" kg")
