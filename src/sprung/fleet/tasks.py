@@ -130,7 +130,7 @@ class Analyst:
             return failed(row, work, f"the analysis took longer than {limit:.0f} s"), {}
         except BrokenProcessPool:
             self.close()
-            return failed(row, work, "the window ends the process of its analysis"), {}
+            return failed(row, work, "the process that analysed the window ended unexpectedly"), {}
 
     def _apart(self, row: Mapping[str, Any], work: Work, settings: WindowSettings, limit: float) -> Analysed:
         """Analyse a window in another process."""

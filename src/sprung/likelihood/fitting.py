@@ -438,8 +438,8 @@ def _notes(fit: CornerFit, lines: tuple[SpectralLine, ...]) -> tuple[str, ...]:
     if fit.model_error > _IMPERFECT:
         notes.append(
             f"the fitted spectra deviate {100 * fit.model_error:.0f} % more than chance allows: the vehicle has a "
-            "moving part that the vehicle file lacks; trust contrasts between corners and against a baseline more than "
-            "the values"
+            "moving part that the vehicle file lacks; differences between corners and from a baseline are more "
+            "reliable than the values"
         )
     notes += _implausibility_notes(fit)
     if lines:

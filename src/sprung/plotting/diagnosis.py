@@ -135,7 +135,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         is_identifiable=np.ones(len(mean.components), dtype=np.bool_),
         heading=(
             f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {time_in_words(since)}",
-            "95 % intervals: thick: independent scatter; thin: with common effects; arrow: goes on",
+            "95 % intervals: thick: independent scatter; thin: with common effects; arrow: beyond the axis",
         ),
         by_chance=mean.std_by_chance,
     )

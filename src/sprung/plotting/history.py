@@ -158,7 +158,7 @@ def modes_history_figure(modes: Mapping[str, tuple[Times, Real, Real]]) -> Figur
     every = np.concatenate([times for times, _, _ in modes.values()])
     _, length = _grouped(every)
     points = f"medians of {length} h, with 95 % of their windows" if length else "single windows"
-    where = f"Points: {points}; where there is none, nothing was identified."
+    where = f"Points: {points}; where there are none, nothing was identified."
     figure = new_figure("Body modes over time", where, width=9.5, height=1.2 + 1.5 * len(modes))
     panels = figure.subplots(len(modes), 2, sharex=True, squeeze=False)
     for number, (label, (times, frequencies, ratios)) in enumerate(modes.items()):
