@@ -73,6 +73,10 @@ def diagnose(
     All windows pass through one `ChangeDetector`, or without a baseline through one `TypeDetector`; `diagnosis_of` puts
     the result into words.
 
+    References
+    ----------
+    As for `ChangeDetector` and `TypeDetector`.
+
     Examples
     --------
     Eight windows of a healthy vehicle, and six with a front-left spring that has lost 30 % of its stiffness:

@@ -58,6 +58,10 @@ def stable_rates_figure(identification: Identification, *, source: str = "", thr
 def alignment_rates(subset: SubsetModes) -> tuple[np.ndarray, np.ndarray]:
     """Return mean frequency [Hz] and rate of stable points of every alignment of a subset's first diagram.
 
+    References
+    ----------
+    F. Liu (2020), eq. 3-57 (stable rate).
+
     Examples
     --------
     Each mode is an alignment that is stable at most model orders:

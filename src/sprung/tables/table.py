@@ -67,6 +67,11 @@ def in_words(name: str) -> str:
 def with_deviation(value: float, deviation: float) -> str:
     """Return a value and its standard deviation, with two significant digits of the deviation.
 
+    References
+    ----------
+    JCGM 100:2008, Evaluation of measurement data - Guide to the expression of uncertainty in measurement, section 7.2.6
+    (at most two significant digits of an uncertainty).
+
     Examples
     --------
     >>> with_deviation(7.01234, 0.0123), with_deviation(44279.6, 723.4)

@@ -63,6 +63,10 @@ def sensor_faults(recording: Recording, vehicle: Vehicle, *, allow_missing: bool
     DataError, ParameterError
         As raised by `check_sensors` and `window_of`.
 
+    References
+    ----------
+    As for `rigid_body_faults`.
+
     Examples
     --------
     An accelerometer that is mounted upside down:
