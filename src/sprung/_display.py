@@ -85,5 +85,11 @@ def listed(names: Iterable[str]) -> str:
 
 
 def counted(number: int, thing: str) -> str:
-    """Return a number of things, such as "1 mode" or "3 modes"."""
+    """Return a number of things, such as "1 mode" or "3 modes".
+
+    Examples
+    --------
+    >>> [counted(number, "mode") for number in (0, 1, 3)]
+    ['0 modes', '1 mode', '3 modes']
+    """
     return f"{number} {thing}{'' if number == 1 else 's'}"

@@ -113,7 +113,7 @@ def test_reports_of_corners_and_diagnosis(sprung, drive, tmp_path) -> None:
     assert "Diagnosis of zafira" in text
     assert "Front-left spring" in text
     assert "2 of 2 windows were usable." in text
-    assert "There is no baseline of this vehicle" in text
+    assert "This vehicle has no baseline" in text
     assert outcome.check_document(document_of(text))["verdict"] == "change"
 
 

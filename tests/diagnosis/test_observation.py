@@ -210,7 +210,7 @@ def test_a_window_that_is_explained_but_for_lines_is_conclusive(fitted_as, share
 )
 def test_a_window_that_is_explained_badly_is_inconclusive(fitted_as, share, model_error, lines) -> None:
     """Misfit that is called lines explains nothing: the fit has chosen its data."""
-    badly = f"the vehicle file explains the window badly: model error {100 * model_error:.0f} %"
+    badly = f"the vehicle file explains the window poorly: model error {100 * model_error:.0f} %"
     assert fitted_as(share, model_error).reason == badly + lines
 
 

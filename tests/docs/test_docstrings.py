@@ -1,6 +1,7 @@
 """Docstrings of public functions and classes are complete, in numpydoc's order."""
 
 import ast
+import doctest
 import importlib
 import inspect
 import pkgutil
@@ -18,13 +19,27 @@ from sprung.errors import SprungError
 #: Checks of numpydoc that are off, and why.
 OFF = {
     "ES01": "a summary line is enough where it says all",
-    "EX01": "examples are in the tutorials, and in the docstrings of what people call first",
+    "EX01": "of functions, see WITH_EXAMPLES; of classes and methods, the tutorials have examples",
     "SA01": "related names are linked where the text needs them",
     "PR04": "types are in the signatures, which mypy checks",
     "PR08": "descriptions may begin with ln, a symbol",
     "RT03": "the name of a type may say what is returned",
     "RT04": "as PR08",
 }
+#: Packages whose public functions all have an example with its result; those of sprung.fleet need a session of Spark.
+WITH_EXAMPLES = frozenset(
+    {
+        "sprung.calibration",
+        "sprung.diagnosis",
+        "sprung.documents",
+        "sprung.lake",
+        "sprung.likelihood",
+        "sprung.plotting",
+        "sprung.reports",
+        "sprung.reproduce",
+        "sprung.tables",
+    }
+)
 #: A summary that names the result, or another function with the same parameters, needs no section for them.
 _NAMES_RESULT = re.compile(r"^(Return|Yield|Iterate|Whether|Read|Draw|Open)\b|\breturn\b|\b(as|as for) `|\bas `")
 _SEE = re.compile(r"\bsee `|\bas `|\bas for `")
@@ -75,6 +90,19 @@ def test_docstrings_are_complete(package) -> None:
         if code not in OFF and not is_meant(code, value, message)
     ]
     assert not wrong
+
+
+def has_example(function: object) -> bool:
+    """Return whether the docstring of a function has a section of examples in which a result is stated."""
+    section = (inspect.getdoc(function) or "").partition("\nExamples\n--------\n")[2]
+    return any(example.want for example in doctest.DocTestParser().get_examples(section))
+
+
+@pytest.mark.parametrize("package", sorted(WITH_EXAMPLES))
+def test_functions_have_examples(package) -> None:
+    functions = {place: value for place, value in public_objects(package) if inspect.isfunction(value)}
+    without = [place for place, value in functions.items() if "." not in value.__qualname__ and not has_example(value)]
+    assert not without
 
 
 def raised(function: object) -> set[str]:

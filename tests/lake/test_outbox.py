@@ -66,7 +66,7 @@ def test_a_damaged_file_is_left_aside(outbox, lake) -> None:
 def test_no_more_wait_than_may(tmp_path) -> None:
     small = Outbox(tmp_path, most_bytes=4000)
     small.put(window(0))
-    with pytest.raises(DataError, match=r"wait in .* for the lake: see why they are not written"):
+    with pytest.raises(DataError, match=r"wait in .* for the lake: check why they are not written"):
         small.put(window(1))
     assert len(small.files) == 1
 

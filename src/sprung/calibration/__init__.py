@@ -1,4 +1,4 @@
-"""Calibration: what belongs to a vehicle, from its data sheet and from healthy drives."""
+"""Calibration: a vehicle file from a data sheet, completed from healthy drives."""
 
 from sprung.calibration.completion import (
     CALIBRATION_WINDOWS,

@@ -89,13 +89,13 @@ def calibrate(
     settings: CalibrationSettings | None = None,
     allow_missing: bool = False,
 ) -> Calibration:
-    """Complete a vehicle file with what healthy drives teach.
+    """Complete a vehicle file with what is learnt from healthy drives.
 
     Parameters
     ----------
     recordings
-        Windows of healthy drives as read, with the same channels, at least one; drives with other loads, on other roads
-        and at other speeds teach more. About ten minutes each.
+        Windows of healthy drives as read, with the same channels, at least one; drives with different
+        loads, on different roads and at different speeds determine more. About ten minutes each.
     vehicle
         Vehicle as its file describes it.
     settings
@@ -126,6 +126,23 @@ def calibrate(
     J. L. Beck and L. S. Katafygiotis, Updating models and their uncertainties. I: Bayesian statistical framework,
     Journal of Engineering Mechanics 124 (1998), 455-461.
     D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992), 415-447 (evidence of models).
+
+    Examples
+    --------
+    Sensors that are where the file says stay there, and their places become known more precisely:
+
+    >>> from sprung.calibration import CalibrationSettings
+    >>> from sprung.likelihood import CornerSettings
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1).recording
+    >>> corners = CornerSettings(band=(0.7, 10.0))
+    >>> settings = CalibrationSettings(corners, most_mounts=0, has_modes=False)
+    >>> calibration = calibrate(drive, vehicle, settings=settings)
+    >>> place = calibration.number("acc_fl.x")
+    >>> abs(place.value - place.given) < 2 * place.std, place.std < place.prior_std, calibration.is_better
+    (True, True, False)
     """
     settings = settings or CalibrationSettings()
     check_type("vehicle", vehicle, Vehicle)
@@ -139,7 +156,7 @@ def calibrate(
 def calibrated(
     windows: tuple[WindowSpectra, ...], vehicle: Vehicle, *, settings: CalibrationSettings | None = None
 ) -> Calibration:
-    """Complete a vehicle file with what the spectra of healthy drives teach, as `calibrate`.
+    """Complete a vehicle file with what is learnt from the spectra of healthy drives, as `calibrate`.
 
     Parameters
     ----------
@@ -156,7 +173,26 @@ def calibrated(
     Raises
     ------
     DataError
-        If no vehicle like that of the file moves as the windows do.
+        If the windows are not consistent with the vehicle file.
+
+    References
+    ----------
+    As for `calibrate`.
+
+    Examples
+    --------
+    A drive of the vehicle of the file gives no reason to change the file:
+
+    >>> from sprung.calibration import CalibrationSettings, usable_spectra
+    >>> from sprung.likelihood import CornerSettings
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1).recording
+    >>> settings = CalibrationSettings(CornerSettings(band=(0.7, 10.0)), most_mounts=0, has_modes=False)
+    >>> calibration = calibrated(usable_spectra([drive], vehicle), vehicle, settings=settings)
+    >>> calibration.n_windows, calibration.is_better
+    (1, False)
     """
     settings = settings or CalibrationSettings()
     try:
@@ -166,7 +202,7 @@ def calibrated(
 
 
 def as_given(windows: tuple[WindowSpectra, ...], vehicle: Vehicle, corners: CornerSettings) -> JointFit:
-    """Fit springs, dampers and tyres alone, all else as the file states; this is what a calibration is compared with.
+    """Fit springs, dampers and tyres alone, with all else as the file states: the reference of a calibration.
 
     Parameters
     ----------
@@ -182,7 +218,7 @@ def as_given(windows: tuple[WindowSpectra, ...], vehicle: Vehicle, corners: Corn
 
 
 def _completion(given: JointFit, vehicle: Vehicle, settings: CalibrationSettings) -> Calibration:
-    """Return the calibration that goes on from the fit of the vehicle as given."""
+    """Return the calibration that continues from the fit of the vehicle as given."""
     free = given.free
     fit = extended_fit(given, _free(free.windows, free.draft, settings.corners, vehicle))
     fit, notes = _with_additions(fit, vehicle, settings)
@@ -206,12 +242,19 @@ def _completion(given: JointFit, vehicle: Vehicle, settings: CalibrationSettings
 
 
 def is_imperfect(model_errors: Sequence[float]) -> bool:
-    """Return whether a vehicle file explains windows so badly that it should be calibrated first.
+    """Return whether a vehicle file explains windows so poorly that it should be calibrated first.
 
     Parameters
     ----------
     model_errors
         Model error of each window (`CornerFit.model_error`); infinite for a window that could not be fitted.
+
+    Examples
+    --------
+    The median decides, so that one poor window does not:
+
+    >>> is_imperfect([0.02, 0.03, 0.4]), is_imperfect([0.02, 0.3, 0.4])
+    (False, True)
     """
     return bool(model_errors) and float(np.median(model_errors)) > _IMPERFECT
 
@@ -228,7 +271,7 @@ def has_misplaced_sensors(given: JointFit) -> bool:
     -----
     A misplaced sensor hardly raises the error of a fit of the corners: other springs and dampers, and the noise, take
     it up. One Newton step of all numbers of the sensors (`expected_steps`) shows it: its gain is large, and it moves a
-    sensor farther than what the nonlinearity of suspensions moves it.
+    sensor farther than the nonlinearity of suspensions does.
     """
     draft, corners = given.free.draft, given.free.settings
     sensors = sensor_numbers(draft, given.free.windows[0].layout.names)
@@ -239,14 +282,20 @@ def has_misplaced_sensors(given: JointFit) -> bool:
 
 
 def chosen_windows(n_windows: int) -> frozenset[int]:
-    """Return the numbers of the windows to calibrate on: at most three, evenly spread over the drives."""
+    """Return the numbers of the windows to calibrate on: at most three, evenly spread over the drives.
+
+    Examples
+    --------
+    >>> sorted(chosen_windows(31)), sorted(chosen_windows(2))
+    ([0, 15, 30], [0, 1])
+    """
     return frozenset(np.linspace(0, n_windows - 1, min(n_windows, CALIBRATION_WINDOWS)).round().astype(int).tolist())
 
 
 def calibrated_if_imperfect(
     windows: tuple[WindowSpectra, ...], vehicle: Vehicle, *, model_errors: Sequence[float]
 ) -> Calibration | None:
-    """Calibrate a vehicle file if it explains the windows of a baseline badly, or places sensors wrongly.
+    """Calibrate a vehicle file if it explains the windows of a baseline poorly, or misplaces sensors.
 
     Parameters
     ----------
@@ -265,7 +314,19 @@ def calibrated_if_imperfect(
     Raises
     ------
     DataError
-        If no vehicle like that of the file moves as the windows do.
+        If the windows are not consistent with the vehicle file.
+
+    Examples
+    --------
+    A file that explains its windows well is left as it is:
+
+    >>> from sprung.calibration import usable_spectra
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0), seed=1).recording
+    >>> calibrated_if_imperfect(usable_spectra([drive], vehicle), vehicle, model_errors=[0.02]) is None
+    True
     """
     if not windows:
         return None
@@ -289,6 +350,18 @@ def usable_spectra(recordings: Iterable[Recording], vehicle: Vehicle) -> tuple[W
         Windows as read, which may lack sensors of the vehicle file.
     vehicle
         Vehicle as its file describes it.
+
+    Examples
+    --------
+    A window without the speed cannot be used:
+
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=60.0, sampling_rate=60.0), seed=1).recording
+    >>> without_speed = drive.select(["acc_fl", "acc_fr", "acc_rl", "acc_rr"])
+    >>> [window.layout.names for window in usable_spectra([drive, without_speed], vehicle)]
+    [('acc_fl', 'acc_fr', 'acc_rl', 'acc_rr')]
     """
     usable: list[WindowSpectra] = []
     for recording in recordings:

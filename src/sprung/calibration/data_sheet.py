@@ -1,4 +1,4 @@
-"""A vehicle file from a data sheet: masses and geometry as printed, the rest by rules of the field."""
+"""A vehicle file from a data sheet: masses and geometry as printed, the rest by rules of thumb."""
 
 import math
 import re
@@ -44,7 +44,7 @@ class _Corner(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DataSheet:
-    """What a data sheet states of a car, and usual values of what it does not.
+    """What a data sheet states about a car, and usual values for what it does not.
 
     Parameters
     ----------
@@ -140,13 +140,20 @@ def tyre_stiffness(tyre: str, *, pressure: float = _PRESSURE) -> float:
     ----------
     T. B. Rhyne, Development of a vertical stiffness relationship for belted radial tires, Tire Science and Technology
     33 (2005), 136-155 (stiffness from pressure and size).
+
+    Examples
+    --------
+    In kN/m, at the usual pressure and at 2.8 bar:
+
+    >>> [round(tyre_stiffness("205/55R16", pressure=pressure) / 1e3) for pressure in (2.3e5, 2.8e5)]
+    [224, 272]
     """
     width, diameter = tyre_size(tyre)
     return _PER_PRESSURE * pressure * math.sqrt(width * diameter)
 
 
 def described(sheet: DataSheet) -> Vehicle:
-    """Return the vehicle file of a data sheet; its table [[learnt]] has the width of every guess.
+    """Return the vehicle file of a data sheet; its table [[learnt]] has the standard deviation of every guess.
 
     Parameters
     ----------
@@ -170,6 +177,19 @@ def described(sheet: DataSheet) -> Vehicle:
     M. Olley, Independent wheel suspension - its whys and wherefores, SAE Journal 34 (1934), 73-81 (softer front
     springs, k^2/ab).
     T. D. Gillespie, Fundamentals of Vehicle Dynamics, SAE, 1992, chapter 5 (ride rate, ride frequencies).
+
+    Examples
+    --------
+    Spring and tyre in series carry the body above the front axle at the ride frequency of the sheet:
+
+    >>> import math
+    >>> from sprung.calibration import DataSheet
+    >>> vehicle = described(DataSheet(mass=1600.0, wheelbase=2.7, track=1.52, tyre="205/55R16"))
+    >>> front, rear = vehicle.axle
+    >>> rate = 1 / (1 / front.spring_stiffness + 1 / front.tyre_stiffness)
+    >>> load = vehicle.body.mass / 2 * rear.x / (rear.x - front.x)
+    >>> round(math.sqrt(rate / load) / (2 * math.pi), 2)
+    1.2
     """
     check_type("sheet", sheet, DataSheet)
     unsprung = sheet.unsprung_masses or (_UNSPRUNG * sheet.mass, _UNSPRUNG * sheet.mass)

@@ -1,4 +1,4 @@
-"""A vehicle file in the course of its completion, and the numbers of it that drives can teach."""
+"""A vehicle file in the course of its completion, and those of its numbers that can be learnt from drives."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -74,7 +74,7 @@ class Draft:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class VehicleNumber:
-    """A number of the vehicle file that drives can teach.
+    """A number of the vehicle file that can be learnt from drives.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Windows of one vehicle fitted together: what is the vehicle's is shared, what is the drive's is not."""
+"""Windows of one vehicle fitted together: parameters of the vehicle are shared, those of the drives are not."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass

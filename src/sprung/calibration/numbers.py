@@ -1,4 +1,4 @@
-"""Numbers of a vehicle file that drives can teach, and how far they may be from what the file states."""
+"""Numbers of a vehicle file that can be learnt from drives, and how far they may be from what the file states."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -56,7 +56,7 @@ def _axle_components(draft: Draft, index: int, std: float) -> Iterator[VehicleNu
 
 
 def file_numbers(draft: Draft, channels: Sequence[str]) -> tuple[VehicleNumber, ...]:
-    """Return what else of a file drives can teach: body, wheels, anti-roll bars, sensors.
+    """Return the other numbers of a file that can be learnt from drives: body, wheels, anti-roll bars, sensors.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a calibration learnt: numbers of the vehicle with their uncertainty, and the misfit before and after."""
+"""Result of a calibration: numbers of the vehicle with their uncertainty, and the misfit before and after."""
 
 from dataclasses import dataclass
 

@@ -113,6 +113,13 @@ def window_layouts(vehicle: Vehicle, channels: tuple[str, ...]) -> tuple[RigidLa
     ------
     ParameterError
         If no sensor observes a motion of the vehicle.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import read_vehicle
+    >>> channels, rigid = window_layouts(read_vehicle("zafira"), ("acc_fl", "acc_fr", "acc_rl", "acc_rr"))
+    >>> channels.coordinates, rigid.coordinates
+    (('acc_fl', 'acc_fr', 'acc_rl', 'acc_rr'), ('bounce', 'pitch', 'roll'))
     """
     rigid = rigid_layout(with_sensors(structure(vehicle), channels))
     return of_all_channels(rigid), rigid

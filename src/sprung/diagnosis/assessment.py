@@ -70,8 +70,29 @@ def diagnose(
 
     Notes
     -----
-    All windows pass through one `ChangeDetector`, or without a baseline one `TypeDetector`, whose result `diagnosis_of`
-    words.
+    All windows pass through one `ChangeDetector`, or without a baseline through one `TypeDetector`; `diagnosis_of` puts
+    the result into words.
+
+    References
+    ----------
+    As for `ChangeDetector` and `TypeDetector`.
+
+    Examples
+    --------
+    Eight windows of a healthy vehicle, and six with a front-left spring that has lost 30 % of its stiffness:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> diagnosis.verdict
+    'change'
+    >>> print(diagnosis.findings[0].sentence)
+    front-left spring 30 % (27 to 32 %) softer, since 80 min; inspect before the next 500 km
     """
     for name, value, kind in (("baseline", baseline, Baseline), ("type_baseline", type_baseline, TypeBaseline)):
         if value is not None:
@@ -111,12 +132,27 @@ def diagnosis_of(detector: ChangeDetector | TypeDetector) -> Diagnosis:
 
     Notes
     -----
-    Without a baseline, a difference that no part explains is the vehicle file's: it is a doubt and no finding. If the
-    baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
+    Without a baseline, a difference that no part explains is put down to the vehicle file: a doubt, not a finding. If
+    the baseline has a residual reference, each conclusive window with sound sensors is tested against it as well; a
     note states this second opinion, and whether it disagrees. The residuals depend on the conditions, which this test
     does not model: windows far from the conditions of the baseline are not tested. Without findings, the diagnosis is
     inconclusive if the second opinion disagrees, if there is no baseline, or if the loss of a fifth of some part would
     not have been found.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> from sprung.diagnosis import ChangeDetector
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> detector = ChangeDetector(sprung.learn(windows[:8]))
+    >>> for window in windows[8:]:
+    ...     detector.update(window)
+    >>> diagnosis_of(detector).verdict
+    'no_change_detected'
     """
     every, baseline, detection = detector.observations, detector.baseline, detector.detection
     if not any(observation.is_conclusive for observation in every):
@@ -316,8 +352,8 @@ def _exclusion_notes(observations: Sequence[Observation], baseline: Baseline) ->
     distrusted = sum(not baseline.is_trusted_on(observation) for observation in sound)
     if distrusted:
         notes.append(
-            f"{distrusted} of {len(sound)} windows are explained too badly to be compared with the vehicle file: learn "
-            "a baseline"
+            f"{distrusted} of {len(sound)} windows are explained too poorly to be compared with the vehicle file: "
+            "learn a baseline"
         )
     return notes
 

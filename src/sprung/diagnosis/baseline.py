@@ -145,7 +145,7 @@ class Baseline(Tabular, Savable):
         return (
             *without,
             f"the vehicle file deviates by {100 * self.model_error:.0f} % on the windows of the baseline, so that "
-            "small changes are found late or not at all: check masses, geometry and places of sensors, and add what "
+            "small changes are found late or not at all: check masses, geometry and positions of sensors, and add what "
             "it lacks, such as an engine on mounts",
         )
 

@@ -121,7 +121,7 @@ class Detection:
 
     @property
     def is_alert(self) -> bool:
-        """Whether the alert stands after the last window."""
+        """Whether the alert is active after the last window."""
         return bool(self.evidence.size and self.evidence[-1] >= self.threshold)
 
 
@@ -163,7 +163,8 @@ class ChangeDetector:
 
     References
     ----------
-    J. Shin, A. Ramdas, A. Rinaldo, E-detectors: a nonparametric framework for sequential change detection (2024).
+    J. Shin, A. Ramdas, A. Rinaldo, E-detectors: a nonparametric framework for sequential change detection, New England
+    Journal of Statistics in Data Science 2 (2024) 229-260.
     S. W. Roberts, A comparison of some control chart procedures, Technometrics 8 (1966) 411-430.
     """
 
@@ -246,7 +247,7 @@ class ChangeDetector:
 
     @property
     def is_alert(self) -> bool:
-        """Whether the alert stands after the last window."""
+        """Whether the alert is active after the last window."""
         return bool(self._evidence and self._evidence[-1] >= self._threshold)
 
     @property
@@ -366,7 +367,27 @@ def detect(
 
     Notes
     -----
-    All windows through one `ChangeDetector`, which states the equations.
+    All windows pass through one `ChangeDetector`, which states the equations.
+
+    References
+    ----------
+    As for `ChangeDetector`.
+
+    Examples
+    --------
+    Eight windows of a healthy vehicle, and six with a front-left spring that has lost 30 % of its stiffness:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> detection = detect(sprung.learn(windows[:8]), windows[8:])
+    >>> best = detection.candidates[0]
+    >>> detection.is_alert, best.hypothesis.name, round(best.change, 1), best.onset
+    (True, 'front_left.spring', -0.3, 4800.0)
     """
     detector = ChangeDetector(baseline, false_alarms=false_alarms, windows_per_day=windows_per_day)
     for observation in observations:
@@ -375,7 +396,7 @@ def detect(
 
 
 def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -> list[int]:
-    """Return which of many vehicles have changed, with an expected share of at most `rate` named falsely.
+    """Return which of many vehicles have changed, at a false discovery rate of at most `rate`.
 
     Parameters
     ----------
@@ -403,6 +424,16 @@ def false_discoveries(evidence: Sequence[float] | Real, *, rate: float = 0.05) -
     ----------
     R. Wang, A. Ramdas, False discovery rate control with e-values, Journal of the Royal Statistical Society B 84 (2022)
     822-852.
+
+    Examples
+    --------
+    Three of five vehicles, of which the third has an e-value of 40, above 5 / (3 x 0.05) = 33.3:
+
+    >>> import numpy as np
+    >>> false_discoveries(np.log([1.5, 200.0, 0.2, 40.0, 90.0]))
+    [1, 3, 4]
+    >>> false_discoveries(np.log([1.5, 200.0, 0.2, 30.0, 90.0]))
+    [1, 4]
     """
     check_number("rate", rate, above=0, at_most=1)
     order = np.argsort(-np.asarray(evidence))

@@ -142,6 +142,23 @@ def detectable(
     ------
     ParameterError
         If a number is out of its range.
+
+    Examples
+    --------
+    The smallest loss that more windows would find is smaller:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> for n_windows in (2, 12):
+    ...     losses = detectable(baseline, n_windows=n_windows)
+    ...     print(f"{n_windows} windows: {100 * losses[parts[0]]:.0f} % of the {parts[0]}")
+    2 windows: 16 % of the front_left.spring
+    12 windows: 9 % of the front_left.spring
     """
     check_type("baseline", baseline, Baseline)
     check_number("n_windows", n_windows, at_least=1)

@@ -70,6 +70,22 @@ def mode_changes(
     -----
     Exact modes of the vehicle with the baseline's components, and with the finding's change applied to them: they
     illustrate the finding and are not evidence for it. The measured modes also vary with the payload.
+
+    Examples
+    --------
+    A front-left spring that has lost 30 % of its stiffness lowers the frequencies of all modes of the body:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> (finding,) = sprung.diagnose(windows[8:], sprung.learn(windows[:8])).findings
+    >>> changes = mode_changes(sprung.read_vehicle("zafira"), finding)
+    >>> [(change.label, change.frequency[1] < change.frequency[0]) for change in changes]
+    [('bounce', True), ('pitch', True), ('roll', True)]
     """
     if finding.change is None:
         return ()

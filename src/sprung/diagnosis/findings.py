@@ -191,7 +191,14 @@ class Diagnosis(Tabular, Savable, Drawable):
 
 
 def detectable_in_words(detectable: Mapping[Component, float]) -> str:
-    """Return a clause about the smallest changes that would have been found; empty if they are unknown."""
+    """Return a clause about the smallest changes that would have been found; empty if they are unknown.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import Component
+    >>> detectable_in_words({Component("front_left", "spring"): 0.07, Component("rear_left", "damper"): 0.12})
+    'a change of 7 to 12 % of any part would have been found'
+    """
     if not detectable:
         return ""
     low, high = (100 * limit(detectable.values()) for limit in (min, max))

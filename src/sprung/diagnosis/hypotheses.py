@@ -76,7 +76,7 @@ class Hypothesis:
 
 
 def hypotheses_of(components: tuple[Component, ...]) -> tuple[Hypothesis, ...]:
-    """Return all hypotheses: single components, both of an axle, all of a kind, an unmodelled change, last pairs."""
+    """Return all hypotheses: single components, both of an axle, all of a kind, an unmodelled change, and pairs."""
     axles = sorted({(component.axle, component.kind) for component in components})
     kinds = sorted({component.kind for component in components})
     return (

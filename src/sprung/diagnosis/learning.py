@@ -96,6 +96,20 @@ def learn(
     (degrees of freedom).
     H. Hotelling, The generalization of Student's ratio, Annals of Mathematical Statistics 2 (1931) 360-378.
     A. Gelman et al., Bayesian Data Analysis, 3rd edition (2013), chapter 14 (regression, Student's t prediction).
+
+    Examples
+    --------
+    Twelve healthy windows, which scatter by 2 % about nominal:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = learn(windows)
+    >>> baseline.n_windows, bool(np.allclose(baseline.mean, values.mean(axis=0), atol=0.005))
+    (12, True)
     """
     if least_windows is None:
         least_windows = LEAST_WINDOWS if type_baseline is None else _LEAST_WITH_TYPE

@@ -147,6 +147,16 @@ def windows(
     -------
     iterator of tuple
         Time of the window's first sample since the start of the first recording [s], and its samples.
+
+    Examples
+    --------
+    A quarter of an hour is a window of ten minutes, and one of five:
+
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> run = Recording(np.zeros((1, 9000)), 10.0, (Channel("acc"),))
+    >>> [(start, window.duration) for start, window in windows(run)]
+    [(0.0, 600.0), (600.0, 300.0)]
     """
     return _windows(each_recording(recordings), length)
 
@@ -202,6 +212,18 @@ def observe(
     ------
     DataError, ParameterError
         As raised by `observe_window`.
+
+    Examples
+    --------
+    Two minutes of a simulated drive are one window:
+
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=120.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> (window,) = observe(drive.recording, vehicle)
+    >>> window.is_conclusive, len(window.components), list(window.modes)
+    (True, 12, ['bounce', 'pitch', 'roll'])
     """
     check_type("vehicle", vehicle, Vehicle)
     parts = windows(recordings, length=length)
@@ -246,9 +268,24 @@ def observe_window(
     Failing channels are left out and the others are fitted; a wrong speed is replaced by the one that the delay between
     the axles gives. An inconclusive window states its reason. A window whose sensors contradict each other is
     inconclusive: the baseline assumes one sensor layout, and exchanged channels leave no valid data. So is a window
-    that the vehicle file explains badly: with a model error above 1, or above 0.25 where more than a quarter of the
+    that the vehicle file explains poorly: with a model error above 1, or above 0.25 where more than a quarter of the
     spectra are left out for lines. Most of that is misfit, as of another vehicle than the file's; the fit to what is
-    left has many optima, between which rounding chooses.
+    left has many optima, among which rounding decides.
+
+    Examples
+    --------
+    A dead sensor is a fault, and the other channels are fitted without it:
+
+    >>> from functools import partial
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.simulation.sensors import dead, with_imperfections
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=120.0, sampling_rate=60.0, snr=50.0), seed=1).recording
+    >>> failing = with_imperfections(drive, [partial(dead, channel="acc_fl")])
+    >>> window = observe_window(failing, vehicle)
+    >>> [(fault.channel, fault.kind) for fault in window.sensor_faults], window.is_conclusive
+    ([('acc_fl', 'dead')], True)
     """
     check_type("recording", recording, Recording)
     check_type("vehicle", vehicle, Vehicle)
@@ -298,7 +335,7 @@ def _reason(fit: CornerFit, disagreement: float) -> str:
         return f"{fit.n_segments} segments of steady speed are too few"
     has_many_lines = fit.share_of_lines > _MANY_LINES
     if fit.model_error > (_MOST_ERROR_BETWEEN_LINES if has_many_lines else _MOST_ERROR):
-        badly = f"the vehicle file explains the window badly: model error {100 * fit.model_error:.0f} %"
+        badly = f"the vehicle file explains the window poorly: model error {100 * fit.model_error:.0f} %"
         lines = f" with {100 * fit.share_of_lines:.0f} % of the spectra left out for lines"
         return f"{badly}{lines if has_many_lines else ''}"
     return ""
@@ -369,7 +406,7 @@ def _inconclusive(time: float, window: Window, faults: tuple[SensorFault, ...], 
 
 
 def with_missing_as_faults(observation: Observation, *, known: Collection[str] = ()) -> Observation:
-    """Return a window whose missing sensors are faults, as a vehicle that is watched has them all.
+    """Return a window whose missing sensors are faults, as a monitored vehicle should have them all.
 
     Parameters
     ----------
@@ -377,6 +414,18 @@ def with_missing_as_faults(observation: Observation, *, known: Collection[str] =
         Window, observed with `allow_missing`.
     known
         Sensors without which its baseline was learnt.
+
+    Examples
+    --------
+    The baseline was learnt without the sensor `acc_rr`:
+
+    >>> import numpy as np
+    >>> from sprung.diagnosis import Observation
+    >>> missing = ("acc_fl", "acc_rr")
+    >>> window = Observation(0.0, (), np.zeros(0), np.zeros((0, 0)), {}, {}, (), reason="too short", missing=missing)
+    >>> faults = with_missing_as_faults(window, known=("acc_rr",)).sensor_faults
+    >>> [(fault.channel, fault.kind) for fault in faults]
+    [('acc_fl', 'missing')]
     """
     faults = tuple(
         SensorFault(name, MISSING, "no channel has its name: repair it, or correct the vehicle file")

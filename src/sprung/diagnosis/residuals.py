@@ -171,6 +171,18 @@ def residual_statistics(
         If an output is dead, or no stretch is long enough.
     ParameterError
         If there are fewer than 2 block rows.
+
+    Examples
+    --------
+    Five-second segments of a minute, and correlations at lags up to 7 samples for 4 block rows:
+
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> noise = np.random.default_rng(1).standard_normal((2, 1200))
+    >>> run = Recording(noise, 20.0, (Channel("a", "acceleration"), Channel("b", "acceleration")))
+    >>> statistics = residual_statistics(run, block_rows=4)
+    >>> statistics.n_segments, statistics.mean.shape
+    (12, (2, 2, 7))
     """
     check_number("block_rows", block_rows, at_least=2)
     outputs = _outputs_at(recording, sampling_rate)
@@ -208,6 +220,21 @@ def learn_residuals(
     ------
     DataError, ParameterError
         As raised by `residual_statistics` and `learn_reference`.
+
+    References
+    ----------
+    As for `learn_reference`.
+
+    Examples
+    --------
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> force = usual_excitation(masses)
+    >>> runs = [simulate(masses, force, duration=60.0, sampling_rate=100.0, snr=10.0, seed=k) for k in range(3)]
+    >>> reference = learn_residuals(runs)
+    >>> reference.n_windows, reference.channels, reference.null_space.shape
+    (3, ('acc_1', 'acc_2', 'acc_3'), (18, 12))
     """
     return learn_reference(
         [
@@ -249,6 +276,18 @@ def learn_reference(windows: Sequence[ResidualStatistics]) -> ResidualReference:
     M. Basseville, M. Abdelghani, A. Benveniste, Subspace-based fault detection algorithms for vibration monitoring,
     Automatica 36 (2000) 101-109. L. Mevel, M. Goursat, M. Basseville, Stochastic subspace-based structural
     identification and damage detection, MSSP 17 (2003).
+
+    Examples
+    --------
+    >>> from sprung.diagnosis import residual_statistics
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> force = usual_excitation(masses)
+    >>> runs = [simulate(masses, force, duration=60.0, sampling_rate=100.0, snr=10.0, seed=k) for k in range(3)]
+    >>> reference = learn_reference([residual_statistics(run, block_rows=4) for run in runs])
+    >>> reference.n_windows, reference.block_rows
+    (3, 4)
     """
     if len(windows) < FEWEST:
         raise DataError(f"the residual test needs at least {FEWEST} usable windows, got {len(windows)}: give more")
@@ -300,6 +339,25 @@ def compare_residuals(reference: ResidualReference, recording: Recording) -> Res
         As raised by `residual_statistics`.
     ParameterError
         If the outputs differ from the reference's.
+
+    References
+    ----------
+    As for `learn_reference`.
+
+    Examples
+    --------
+    A chain of masses of which a spring has lost 30 % of its stiffness, against six healthy runs:
+
+    >>> from sprung.diagnosis import learn_residuals
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import parse_fault, read_description, structure, with_faults
+    >>> chain = structure(read_description("chain3"))
+    >>> def run(system, seed):
+    ...     return simulate(system, usual_excitation(system), duration=60.0, sampling_rate=100.0, snr=10.0, seed=seed)
+    >>> reference = learn_residuals(run(chain, seed) for seed in range(6))
+    >>> soft = with_faults(chain, [parse_fault("mass_1.spring=-0.3")])
+    >>> [compare_residuals(reference, run(system, 7)).is_different for system in (chain, soft)]
+    [False, True]
     """
     return residual_test(
         reference,
@@ -331,6 +389,24 @@ def residual_test(reference: ResidualReference, window: ResidualStatistics) -> R
     ------
     ParameterError
         If channels, rate, segments or block rows differ from the reference's.
+
+    References
+    ----------
+    As for `learn_reference`.
+
+    Examples
+    --------
+    A further healthy run, of which only the mean correlations are kept:
+
+    >>> from sprung.diagnosis import learn_reference, residual_statistics
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> force = usual_excitation(masses)
+    >>> runs = [simulate(masses, force, duration=60.0, sampling_rate=100.0, snr=10.0, seed=k) for k in range(4)]
+    >>> *healthy, other = map(residual_statistics, runs)
+    >>> residual_test(learn_reference(healthy), other.without_segments()).is_different
+    False
     """
     if not window.is_like(reference):
         raise ParameterError(

@@ -77,6 +77,28 @@ def trend(
     the size at the last window, b the slope. Windows before the onset are left out: what grows is not 0 before it. The
     observed scatter is used if it exceeds that of the windows. There is no trend if 0 lies within the interval of the
     slope. The earliest and latest times are those at which the ends of the line's interval reach the limit.
+
+    References
+    ----------
+    A. C. Aitken, On least squares and linear combinations of observations, Proceedings of the Royal Society of
+    Edinburgh 55 (1936) 42-48 (generalised least squares).
+
+    Examples
+    --------
+    A spring that loses 5 % of its stiffness in every window of ten minutes, from the ninth one on:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.95) * np.arange(1, 7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows[:8])
+    >>> candidate = sprung.diagnosis.detect(baseline, windows[8:]).candidates[0]
+    >>> growth = trend(candidate, windows, baseline, since=windows[8].time)
+    >>> round(growth.per_hour, 1), growth.interval[0] < 0.95**6 - 1 < growth.interval[1]
+    (-0.3, True)
     """
     lines = _lines(candidate, _compared(observations, baseline), baseline, since=since)
     if not lines:

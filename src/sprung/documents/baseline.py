@@ -63,6 +63,19 @@ def baseline_document(baseline: Baseline) -> BaselineDocument:
     ----------
     baseline
         Learnt from windows of a healthy vehicle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> document = baseline_document(baseline)
+    >>> document.schema_name, document.n_windows, len(document.components)
+    ('sprung.baseline/1', 12, 12)
     """
     check_type("baseline", baseline, Baseline)
     return BaselineDocument.model_validate(
@@ -92,6 +105,21 @@ def baseline_from_document(document: BaselineDocument | Mapping[str, Any], *, so
     ------
     FormatError
         If it is not the document of a baseline.
+
+    Examples
+    --------
+    >>> import json
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> text = sprung.documents.document_text(sprung.documents.baseline_document(baseline))
+    >>> again = baseline_from_document(json.loads(text))
+    >>> bool(np.array_equal(again.mean, baseline.mean)), again.components == baseline.components
+    (True, True)
     """
     if not isinstance(document, BaselineDocument):
         document = checked(BaselineDocument, document, source=source)
@@ -149,6 +177,24 @@ def write_baseline(baseline: Baseline, path: str | Path) -> None:
         Learnt from windows of a healthy vehicle.
     path
         File to write; an existing one is replaced.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "car.json")
+    ...     write_baseline(baseline, path)
+    ...     again = sprung.read_baseline(path)
+    >>> bool(np.array_equal(again.covariance, baseline.covariance))
+    True
     """
     write_document(baseline_document(baseline), path)
 
@@ -167,6 +213,24 @@ def read_baseline(path: str | Path) -> Baseline:
         If the file cannot be read.
     FormatError
         If it holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "car.json")
+    ...     sprung.write_baseline(baseline, path)
+    ...     again = read_baseline(path)
+    >>> again.n_windows, bool(np.array_equal(again.mean, baseline.mean))
+    (12, True)
     """
     return baseline_from_document(read_fields(path), source=str(path))
 

@@ -35,6 +35,21 @@ def calibration_document(calibration: Calibration) -> CalibrationDocument:
     ----------
     calibration
         Vehicle completed from drives.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.calibration import CalibratedNumber, Calibration
+    >>> from sprung.vehicles import read_vehicle
+    >>> place = CalibratedNumber("acc_fl.x", "sensors", "m", 1.22, 1.3, 0.01, 0.1, is_identifiable=True)
+    >>> vehicle, f, misfit = read_vehicle("zafira"), np.linspace(1, 20, 39), np.full((1, 39), 0.5)
+    >>> misfits = {"misfit_before": misfit, "misfit_after": misfit / 5}
+    >>> errors = {"model_errors_before": (0.3,), "model_errors_after": (0.04,), "evidence_gain": 120.0}
+    >>> rest = {**misfits, **errors, "n_segments": (200,), "notes": ()}
+    >>> calibration = Calibration(vehicle, (place,), ("bounce",), f, **rest)
+    >>> document = calibration_document(calibration)
+    >>> document.schema_name, document.evidence_gain, [(number.name, number.value) for number in document.learnt]
+    ('sprung.calibration/1', 120.0, [('acc_fl.x', 1.3)])
     """
     names = [name for name in CalibrationDocument.model_fields if name not in {"schema_name", "vehicle"}]
     fields = {name: getattr(calibration, name) for name in names}
@@ -52,6 +67,27 @@ def write_calibration(calibration: Calibration, path: str | Path) -> None:
         Vehicle completed from drives.
     path
         File to write; an existing one is replaced.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> import numpy as np
+    >>> from sprung.calibration import CalibratedNumber, Calibration
+    >>> from sprung.vehicles import read_vehicle
+    >>> place = CalibratedNumber("acc_fl.x", "sensors", "m", 1.22, 1.3, 0.01, 0.1, is_identifiable=True)
+    >>> vehicle, f, misfit = read_vehicle("zafira"), np.linspace(1, 20, 39), np.full((1, 39), 0.5)
+    >>> misfits = {"misfit_before": misfit, "misfit_after": misfit / 5}
+    >>> errors = {"model_errors_before": (0.3,), "model_errors_after": (0.04,), "evidence_gain": 120.0}
+    >>> rest = {**misfits, **errors, "n_segments": (200,), "notes": ()}
+    >>> calibration = Calibration(vehicle, (place,), ("bounce",), f, **rest)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "zafira.json")
+    ...     write_calibration(calibration, path)
+    ...     again = sprung.read_calibration(path)
+    >>> again.learnt[0].name, again.learnt[0].value
+    ('acc_fl.x', 1.3)
     """
     check_type("calibration", calibration, Calibration, advice="sprung.calibrate(recordings, vehicle)")
     write_document(calibration_document(calibration), path)
@@ -71,5 +107,26 @@ def read_calibration(path: str | Path) -> CalibrationDocument:
         If the file cannot be read.
     FormatError
         If it holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> import numpy as np
+    >>> from sprung.calibration import CalibratedNumber, Calibration
+    >>> from sprung.vehicles import read_vehicle
+    >>> place = CalibratedNumber("acc_fl.x", "sensors", "m", 1.22, 1.3, 0.01, 0.1, is_identifiable=True)
+    >>> vehicle, f, misfit = read_vehicle("zafira"), np.linspace(1, 20, 39), np.full((1, 39), 0.5)
+    >>> misfits = {"misfit_before": misfit, "misfit_after": misfit / 5}
+    >>> errors = {"model_errors_before": (0.3,), "model_errors_after": (0.04,), "evidence_gain": 120.0}
+    >>> rest = {**misfits, **errors, "n_segments": (200,), "notes": ()}
+    >>> calibration = Calibration(vehicle, (place,), ("bounce",), f, **rest)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "zafira.json")
+    ...     sprung.write_calibration(calibration, path)
+    ...     again = read_calibration(path)
+    >>> again.model_errors_before, again.model_errors_after
+    ((0.3,), (0.04,))
     """
     return checked(CalibrationDocument, read_fields(path), source=str(path))

@@ -90,6 +90,18 @@ def corners_document(fit: CornerFit) -> CornersDocument:
     ----------
     fit
         Fitted vehicle.
+
+    Examples
+    --------
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle)
+    >>> document = corners_document(fit)
+    >>> document.schema_name, list(document.corners)
+    ('sprung.corners/1', ['front_left', 'front_right', 'rear_left', 'rear_right'])
     """
     check_type("fit", fit, CornerFit)
     modes = fit.modes()
@@ -125,6 +137,24 @@ def write_corners(fit: CornerFit, path: str | Path) -> None:
         Fitted vehicle.
     path
         File to write; an existing one is replaced.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "corners.json")
+    ...     write_corners(fit, path)
+    ...     again = sprung.read_corners(path)
+    >>> again.fit.n_segments == fit.n_segments, list(again.corners)
+    (True, ['front_left', 'front_right', 'rear_left', 'rear_right'])
     """
     write_document(corners_document(fit), path)
 
@@ -148,6 +178,24 @@ def read_corners(path: str | Path) -> CornersDocument:
         If the file cannot be read.
     FormatError
         If it holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "corners.json")
+    ...     sprung.write_corners(fit, path)
+    ...     again = read_corners(path)
+    >>> [mode.label for mode in again.modes][:3]
+    ['bounce', 'pitch', 'roll']
     """
     return checked(CornersDocument, read_fields(path), source=str(path))
 

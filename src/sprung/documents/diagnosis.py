@@ -151,7 +151,18 @@ class DiagnosisDocument(Document):
 
 
 def observation_document(observation: Observation) -> dict[str, Any]:
-    """Return a window as one JSON object, as in the `windows` of `sprung.diagnosis/1` and in the store."""
+    """Return a window as one JSON object, as in the `windows` of `sprung.diagnosis/1` and in the store.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> part, conditions = (sprung.Component("front_left", "spring"),), {"speed": 15.0, "payload": 40.0}
+    >>> window = sprung.Observation(600.0, part, np.zeros(1), np.eye(1), conditions, {"bounce": (1.4, 0.25)}, ())
+    >>> document = observation_document(window)
+    >>> document["time"], document["conditions"], document["modes"]
+    (600.0, {'speed': 15.0, 'payload': 40.0}, {'bounce': [1.4, 0.25]})
+    """
     fields: dict[str, Any] = plain(_WINDOW.dump_python(observation, mode="json"))
     return fields
 
@@ -163,6 +174,16 @@ def observation_from_document(document: Mapping[str, Any]) -> Observation:
     ------
     FormatError
         If the object does not describe a window.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> part, conditions = (sprung.Component("front_left", "spring"),), {"speed": 15.0, "payload": 40.0}
+    >>> window = sprung.Observation(600.0, part, np.zeros(1), np.eye(1), conditions, {"bounce": (1.4, 0.25)}, ())
+    >>> again = observation_from_document(sprung.documents.observation_document(window))
+    >>> again.time, again.conditions == window.conditions, again.components == window.components
+    (600.0, True, True)
     """
     try:
         return _WINDOW.validate_python(document)
@@ -171,13 +192,35 @@ def observation_from_document(document: Mapping[str, Any]) -> Observation:
 
 
 def finding_document(finding: Finding) -> dict[str, Any]:
-    """Return a finding as one JSON object, as in the `findings` of `sprung.diagnosis/1` and in the store."""
+    """Return a finding as one JSON object, as in the `findings` of `sprung.diagnosis/1` and in the store.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> document = finding_document(diagnosis.findings[0])
+    >>> document["corner"], document["component"], round(document["change"], 1), document["severity"]
+    ('front_left', 'spring', -0.3, 'high')
+    """
     fields: dict[str, Any] = plain(_FINDING.dump_python(finding, mode="json"))
     return fields
 
 
 def detectable_document(detectable: Mapping[Component, float]) -> dict[str, float]:
-    """Return the smallest detectable losses as one JSON object, as in `detectable` of `sprung.diagnosis/1`."""
+    """Return the smallest detectable losses as one JSON object, as in `detectable` of `sprung.diagnosis/1`.
+
+    Examples
+    --------
+    >>> from sprung.vehicles import Component
+    >>> detectable_document({Component("front_left", "spring"): 0.07})
+    {'front_left.spring': 0.07}
+    """
     return {str(component): loss for component, loss in detectable.items()}
 
 
@@ -190,6 +233,20 @@ def detection_document(detection: Detection, *, most_windows: int, most_hypothes
         Change test.
     most_windows, most_hypotheses
         Number of the last windows, and of the likeliest hypotheses, that are kept.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> document = detection_document(diagnosis.detection, most_windows=2, most_hypotheses=1)
+    >>> document["times"], [hypothesis["name"] for hypothesis in document["hypotheses"]]
+    ([7200.0, 7800.0], ['front_left.spring'])
     """
     fields = DetectionDocument.model_validate(_detection(detection)).as_json()
     kept = {name: fields[name][-most_windows:] for name in ("times", "evidence")}
@@ -209,6 +266,20 @@ def diagnosis_document(
         Findings and what led to them.
     modes
         Changes of the body's modes that the findings imply.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> document = diagnosis_document(diagnosis)
+    >>> document.schema_name, document.verdict, len(document.windows)
+    ('sprung.diagnosis/1', 'change', 6)
     """
     check_type("diagnosis", diagnosis, Diagnosis)
     baseline = diagnosis.baseline
@@ -245,6 +316,25 @@ def write_diagnosis(diagnosis: Diagnosis, path: str | Path, *, modes: Iterable[M
         File to write; an existing one is replaced.
     modes
         Changes of the body's modes that the findings imply.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "diagnosis.json")
+    ...     write_diagnosis(diagnosis, path)
+    ...     again = sprung.read_diagnosis(path)
+    >>> again.verdict, again.findings[0].sentence == diagnosis.findings[0].sentence
+    ('change', True)
     """
     write_document(diagnosis_document(diagnosis, modes=modes), path)
 
@@ -269,6 +359,25 @@ def read_diagnosis(path: str | Path) -> DiagnosisDocument:
         If the file cannot be read.
     FormatError
         If it holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "diagnosis.json")
+    ...     sprung.write_diagnosis(diagnosis, path)
+    ...     again = read_diagnosis(path)
+    >>> print(again.findings[0].sentence)
+    front-left spring 30 % (27 to 32 %) softer, since 80 min; inspect before the next 500 km
     """
     return checked(DiagnosisDocument, read_fields(path), source=str(path))
 

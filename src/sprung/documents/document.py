@@ -146,7 +146,16 @@ def plain(value: Any) -> Any:
 
 
 def document_text(document: Document | Mapping[str, Any]) -> str:
-    """Return the JSON text of a document."""
+    """Return the JSON text of a document.
+
+    Examples
+    --------
+    >>> print(document_text({"schema": "sprung.accounts/1", "accounts": []}), end="")
+    {
+      "schema": "sprung.accounts/1",
+      "accounts": []
+    }
+    """
     fields = document.as_json() if isinstance(document, Document) else plain(document)
     return json.dumps(fields, indent=2, allow_nan=False) + "\n"
 
@@ -160,6 +169,18 @@ def write_document(document: Document | Mapping[str, Any], path: str | Path) -> 
         Document, or its fields.
     path
         File to write; an existing one is replaced.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> fields = {"schema": "sprung.accounts/1", "accounts": []}
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "accounts.json")
+    ...     write_document(fields, path)
+    ...     sprung.read_document(path).schema_name
+    'sprung.accounts/1'
     """
     check_type("document", document, Document, Mapping, advice="what a sprung.read_ function returns")
     Path(path).write_text(document_text(document), encoding="utf-8")

@@ -51,6 +51,22 @@ def fleet_document(
         Expected share of sound vehicles among those that are said to deviate.
     notes
         Sentences about types and vehicles that are not ranked.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((8, 3, 12))
+    >>> values[2, :, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> fleet = {
+    ...     f"car-{n}": [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(of_car)]
+    ...     for n, of_car in enumerate(values)
+    ... }
+    >>> document = fleet_document([("zafira", sprung.rank_fleet(fleet))], rate=0.05)
+    >>> [(entry.vehicle, entry.part) for entry in document.types[0].vehicles if entry.deviates]
+    [('car-2', 'front_left.spring')]
     """
     types = [{"name": name, "vehicles": list(map(_entry, ranked))} for name, ranked in rankings]
     return FleetDocument.model_validate(

@@ -72,6 +72,15 @@ def fleet_run_document(
         Reasons for which windows have no result, and their numbers.
     findings
         Findings of the vehicles that have changed, as rows of the table of findings.
+
+    Examples
+    --------
+    >>> counts = {"results": "results", "steps": ["windows"], "analysed": {"windows": 12}, "vehicles_assessed": 4}
+    >>> counts |= {"seconds": 61.0, "windows": {"windows": 48}, "without_result": {"windows": 3}}
+    >>> counts |= {"verdicts": {"no_change_detected": 4}, "discoveries": 0}
+    >>> document = fleet_run_document(counts=counts, reasons=[("the vehicle stood still", 3)], findings=[])
+    >>> document.schema_name, document.reasons[0].windows
+    ('sprung.fleet-run/1', 3)
     """
     names = FleetFindingEntry.model_fields
     return FleetRunDocument.model_validate(
@@ -85,5 +94,14 @@ def fleet_run_document(
 
 
 def fleet_plan_document(fields: Mapping[str, Any]) -> FleetPlanDocument:
-    """Return a plan as `sprung.fleet-plan/1`; fields are those of the document."""
+    """Return a plan as `sprung.fleet-plan/1`; fields are those of the document.
+
+    Examples
+    --------
+    >>> plan = {"windows": 5000, "new": {"corners": 1800}, "vehicles": 40, "without_vehicle_file": 0, "cores": 8}
+    >>> plan |= {"seconds_per_window": {"corners": 2.0}, "measured_on": "3 windows of the lake", "core_hours": 1.0}
+    >>> document = fleet_plan_document(plan)
+    >>> document.schema_name, document.new
+    ('sprung.fleet-plan/1', {'corners': 1800})
+    """
     return FleetPlanDocument.model_validate({"schema": "sprung.fleet-plan/1", **fields})

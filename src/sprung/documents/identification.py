@@ -163,6 +163,18 @@ def identification_document(
         Result of any method.
     vehicle
         Vehicle of the identification, whose mass matrix weights the participation; None: equal masses.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> document = identification_document(identification)
+    >>> document.schema_name, [round(mode.natural_frequency) for mode in document.modes]
+    ('sprung.identification/1', [7, 20, 28])
     """
     check_type("identification", identification, Identification)
     settings = identification.effective_settings
@@ -221,6 +233,24 @@ def write_identification(
         File to write; an existing one is replaced.
     vehicle
         Vehicle of the identification, whose mass matrix weights the participation; None: equal masses.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "modes.json")
+    ...     write_identification(identification, path)
+    ...     again = sprung.read_identification(path)
+    >>> len(again.modes), again.modes[0].natural_frequency == float(identification.modes.natural_frequency[0])
+    (3, True)
     """
     write_document(identification_document(identification, vehicle=vehicle), path)
 
@@ -245,6 +275,24 @@ def read_identification(path: str | Path) -> IdentificationDocument:
         If the file cannot be read.
     FormatError
         If it holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "modes.json")
+    ...     sprung.write_identification(identification, path)
+    ...     again = read_identification(path)
+    >>> [round(mode.natural_frequency) for mode in again.modes]
+    [7, 20, 28]
     """
     return checked(IdentificationDocument, read_fields(path), source=str(path))
 

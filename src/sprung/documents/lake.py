@@ -88,6 +88,15 @@ def lake_document(
         Numbers of dates that were compacted and of windows that were deleted; None: not asked for.
     exported
         Files that windows were written to.
+
+    Examples
+    --------
+    >>> vehicle = ("bus-17", 144, 1_790_000_000_000_000_000, 1_790_086_400_000_000_000)
+    >>> document = lake_document(
+    ...     "lake", windows=144, files=3, n_bytes=21_000_000, first="2026-09-21", last="2026-09-22", vehicles=[vehicle]
+    ... )
+    >>> document.schema_name, document.vehicles[0].windows, document.removed is None
+    ('sprung.lake/1', 144, True)
     """
     names = ("vehicle", "windows", "first", "last")
     return LakeDocument.model_validate(
@@ -120,6 +129,13 @@ def lake_import_document(
         Name of each vehicle, its number of files, of windows added, and of windows known before.
     bad_files
         Files that could not be imported, and why.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> document = lake_import_document("lake", [("bus-17", 2, 10, 4)], [(Path("x.csv"), "no time column")])
+    >>> document.vehicles[0].added, document.bad_files[0].reason
+    (10, 'no time column')
     """
     names = ("vehicle", "files", "added", "known")
     return LakeImportDocument.model_validate(

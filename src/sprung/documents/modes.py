@@ -71,6 +71,18 @@ def mode_documents(modes: Modes) -> list[dict[str, Any]]:
     -------
     list of dict
         Modes as in a subset of `sprung.identification/1`: without `participation` and `subsets`.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> first, *others = mode_documents(identification.modes)
+    >>> round(first["natural_frequency"]), len(others)
+    (7, 2)
     """
     return [mode.as_json() for mode in identified_modes(modes)]
 

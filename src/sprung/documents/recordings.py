@@ -96,6 +96,17 @@ def inspection_document(inspections: Mapping[str, Inspection]) -> InspectionDocu
     ----------
     inspections
         Facts by the path of the file, followed by `group_label`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> import sprung
+    >>> document = inspection_document({"run.csv": sprung.inspect(run)})
+    >>> document.schema_name, [file.path for file in document.files]
+    ('sprung.info/1', ['run.csv'])
     """
     check_type("inspections", inspections, Mapping, advice="{'run.csv': sprung.inspect(recording)}")
     files = [
@@ -117,6 +128,22 @@ def write_inspections(inspections: Mapping[str, Inspection], path: str | Path) -
         Facts by the path of the recording, followed by `group_label`.
     path
         File to write; an existing one is replaced.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "info.json")
+    ...     write_inspections({"run.csv": sprung.inspect(run)}, path)
+    ...     again = sprung.read_inspections(path)
+    >>> again["run.csv"].n_samples
+    4000
     """
     write_document(inspection_document(inspections), path)
 
@@ -140,6 +167,22 @@ def read_inspections(path: str | Path) -> dict[str, Inspection]:
         If the file cannot be read.
     FormatError
         If it holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "info.json")
+    ...     sprung.write_inspections({"run.csv": sprung.inspect(run)}, path)
+    ...     again = read_inspections(path)
+    >>> again["run.csv"].sampling_rate, again["run.csv"].channels[0].name
+    (100.0, 'acc')
     """
     document = checked(InspectionDocument, read_fields(path), source=str(path))
     return {
@@ -160,6 +203,15 @@ def truth_document(truth: Mapping[str, Any]) -> TruthDocument:
     ------
     FormatError
         If a key is missing or holds something else.
+
+    Examples
+    --------
+    >>> import sprung
+    >>> settings = sprung.RoadDrive(duration=10.0, sampling_rate=60.0)
+    >>> drive = sprung.simulate_drive(sprung.read_vehicle("zafira"), settings, seed=1)
+    >>> document = truth_document(drive.truth)
+    >>> document.schema_name, [mode.label for mode in document.modes][:3]
+    ('sprung.truth/1', ['bounce', 'pitch', 'roll'])
     """
     check_type("truth", truth, Mapping, advice="the truth of a sprung.SimulatedDrive")
     return checked(TruthDocument, truth, source="the truth of a simulation")
@@ -174,6 +226,20 @@ def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
         Truth of a simulation, such as that of a `SimulatedDrive`.
     path
         File to write; an existing one is replaced.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> settings = sprung.RoadDrive(duration=10.0, sampling_rate=60.0)
+    >>> drive = sprung.simulate_drive(sprung.read_vehicle("zafira"), settings, seed=1)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "truth.json")
+    ...     write_truth(drive.truth, path)
+    ...     again = sprung.read_truth(path)
+    >>> [mode.label for mode in again.modes][:3]
+    ['bounce', 'pitch', 'roll']
     """
     write_document(truth_document(truth), path)
 
@@ -192,5 +258,19 @@ def read_truth(path: str | Path) -> TruthDocument:
         If the file cannot be read.
     FormatError
         If it holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> settings = sprung.RoadDrive(duration=10.0, sampling_rate=60.0)
+    >>> drive = sprung.simulate_drive(sprung.read_vehicle("zafira"), settings, seed=1)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "truth.json")
+    ...     sprung.write_truth(drive.truth, path)
+    ...     again = read_truth(path)
+    >>> again.seed, [round(mode.natural_frequency, 2) for mode in again.modes][:3]
+    (1, [1.52, 1.76, 2.2])
     """
     return checked(TruthDocument, read_fields(path), source=str(path))

@@ -36,6 +36,24 @@ def save(result: object, path: str | PathLike[str]) -> None:
     ------
     ParameterError
         If a value of this type has no document.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "car.json")
+    ...     save(baseline, path)
+    ...     again = sprung.read_document(path)
+    >>> again.schema_name
+    'sprung.baseline/1'
     """
     write_document(document_of(result), Path(path))
 
@@ -48,6 +66,16 @@ def document_of(result: object) -> Document:
     ------
     ParameterError
         If a value of this type has none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> import sprung
+    >>> document_of(sprung.inspect(run)).schema_name
+    'sprung.info/1'
     """
     raise ParameterError(f"a {type(result).__name__} has no document: pass a result, such as sprung.cov_ssi(recording)")
 

@@ -84,6 +84,20 @@ def read_document(path: str | Path) -> Document:
         If the file cannot be read.
     FormatError
         If its schema is unknown, or a key is missing or holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> settings = sprung.RoadDrive(duration=10.0, sampling_rate=60.0)
+    >>> drive = sprung.simulate_drive(sprung.read_vehicle("zafira"), settings, seed=1)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "truth.json")
+    ...     sprung.write_truth(drive.truth, path)
+    ...     again = read_document(path)
+    >>> type(again).__name__, again.schema_name
+    ('TruthDocument', 'sprung.truth/1')
     """
     fields = read_fields(path)
     schema = fields.get("schema")
@@ -105,6 +119,12 @@ def json_schema(name: str) -> dict[str, Any]:
     ------
     ParameterError
         If no document has that schema.
+
+    Examples
+    --------
+    >>> schema = json_schema("sprung.baseline/1")
+    >>> schema["properties"]["schema"]["const"], "components" in schema["required"]
+    ('sprung.baseline/1', True)
     """
     if name not in DOCUMENTS:
         raise ParameterError(f"schema {name!r} is not one of {', '.join(DOCUMENTS)}: correct it")
@@ -120,6 +140,19 @@ def write_json_schemas(folder: str | Path) -> None:
     ----------
     folder
         Existing folder; files of the same names are replaced.
+
+    Examples
+    --------
+    The schema of a baseline is as shipped:
+
+    >>> import json
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from sprung.documents import json_schema
+    >>> with TemporaryDirectory() as folder:
+    ...     write_json_schemas(folder)
+    ...     json.loads(Path(folder, "baseline-1.json").read_text()) == json_schema("sprung.baseline/1")
+    True
     """
     for name, kind in DOCUMENTS.items():
         schema = kind.model_json_schema(schema_generator=_WithoutProse)

@@ -141,6 +141,19 @@ def tracking_document(
         Whether times are seconds since the first window, not numbers of windows.
     notes
         Reservations, one sentence each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> tracked = track_modes([modes] * 6, times=3600.0 * np.arange(6))
+    >>> document = tracking_document(tracked)
+    >>> document.schema_name, len(document.tracks), round(document.tracks[0].natural_frequency.mean)
+    ('sprung.track/1', 2, 2)
     """
     return TrackingDocument.model_validate(
         {
@@ -181,6 +194,25 @@ def write_tracking(tracked: TrackedModes, path: str | Path, *, start: int | None
         File to write; an existing one is replaced.
     start
         Time of the first window, UTC in nanoseconds since 1970; None where unknown.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> tracked = track_modes([modes] * 6, times=3600.0 * np.arange(6))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "tracks.json")
+    ...     write_tracking(tracked, path)
+    ...     again = sprung.read_tracking(path)
+    >>> len(again.tracks)
+    2
     """
     check_type("tracked", tracked, TrackedModes)
     write_document(tracking_document(tracked, start=start, has_times=tracked.has_times), path)
@@ -200,6 +232,25 @@ def read_tracking(path: str | Path) -> TrackingDocument:
         If the file cannot be read.
     FormatError
         If it holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import sprung
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> tracked = track_modes([modes] * 6, times=3600.0 * np.arange(6))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "tracks.json")
+    ...     sprung.write_tracking(tracked, path, start=1_790_000_000_000_000_000)
+    ...     again = read_tracking(path)
+    >>> again.schema_name, len(again.tracks)
+    ('sprung.track/1', 2)
     """
     return checked(TrackingDocument, read_fields(path), source=str(path))
 

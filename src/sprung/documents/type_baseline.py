@@ -41,6 +41,22 @@ def type_baseline_document(type_baseline: TypeBaseline) -> TypeBaselineDocument:
     ----------
     type_baseline
         Learnt from several vehicles of the type.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((8, 3, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> fleet = {
+    ...     f"car-{n}": [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(of_car)]
+    ...     for n, of_car in enumerate(values)
+    ... }
+    >>> of_type = sprung.learn_type(fleet, name="zafira")
+    >>> document = type_baseline_document(of_type)
+    >>> document.schema_name, document.n_vehicles, document.n_windows
+    ('sprung.type_baseline/1', 8, 24)
     """
     check_type("type_baseline", type_baseline, TypeBaseline)
     return TypeBaselineDocument.model_validate(
@@ -68,6 +84,24 @@ def type_baseline_from_document(
     ------
     FormatError
         If it is not the document of the baseline of a type.
+
+    Examples
+    --------
+    >>> import json
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((8, 3, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> fleet = {
+    ...     f"car-{n}": [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(of_car)]
+    ...     for n, of_car in enumerate(values)
+    ... }
+    >>> of_type = sprung.learn_type(fleet, name="zafira")
+    >>> text = sprung.documents.document_text(sprung.documents.type_baseline_document(of_type))
+    >>> again = type_baseline_from_document(json.loads(text))
+    >>> again.name, bool(np.array_equal(again.mean, of_type.mean))
+    ('zafira', True)
     """
     if not isinstance(document, TypeBaselineDocument):
         document = checked(TypeBaselineDocument, document, source=source)
@@ -89,6 +123,27 @@ def write_type_baseline(type_baseline: TypeBaseline, path: str | Path) -> None:
         Learnt from several vehicles of the type.
     path
         File to write; an existing one is replaced.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((8, 3, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> fleet = {
+    ...     f"car-{n}": [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(of_car)]
+    ...     for n, of_car in enumerate(values)
+    ... }
+    >>> of_type = sprung.learn_type(fleet, name="zafira")
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "zafira.json")
+    ...     write_type_baseline(of_type, path)
+    ...     again = sprung.read_type_baseline(path)
+    >>> again.name, bool(np.array_equal(again.mean, of_type.mean))
+    ('zafira', True)
     """
     write_document(type_baseline_document(type_baseline), path)
 
@@ -107,6 +162,27 @@ def read_type_baseline(path: str | Path) -> TypeBaseline:
         If the file cannot be read.
     FormatError
         If it holds something else.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((8, 3, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> fleet = {
+    ...     f"car-{n}": [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(of_car)]
+    ...     for n, of_car in enumerate(values)
+    ... }
+    >>> of_type = sprung.learn_type(fleet, name="zafira")
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "zafira.json")
+    ...     sprung.write_type_baseline(of_type, path)
+    ...     again = read_type_baseline(path)
+    >>> again.n_vehicles, again.n_windows
+    (8, 24)
     """
     return type_baseline_from_document(read_fields(path), source=str(path))
 

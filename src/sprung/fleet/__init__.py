@@ -1,4 +1,4 @@
-"""Archives and streams of a fleet on Spark: what analyses one window or vehicle, applied to all of them."""
+"""Archives and streams of a fleet on Spark: the analyses of one window or vehicle, applied to all of them."""
 
 from sprung.fleet.plan import Plan
 from sprung.fleet.results import Results

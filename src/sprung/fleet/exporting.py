@@ -18,7 +18,7 @@ def export_windows(windows: Iterable[LakeWindow], folder: Path) -> list[Path]:
     windows
         Windows of a lake, such as those of `Lake.windows`.
     folder
-        Folder, which is made; files of the same windows are replaced.
+        Folder, created if missing; files of the same windows are replaced.
 
     Raises
     ------

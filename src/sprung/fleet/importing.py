@@ -19,7 +19,7 @@ _WRITTEN_TOGETHER = 1 << 27
 
 @dataclass(slots=True)
 class ImportedFile:
-    """What came of importing a file.
+    """Result of importing a file.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Importer:
     def add(
         self, paths: Sequence[Path], *, on_progress: Callable[[str, float], None] = lambda step, share: None
     ) -> list[ImportedFile]:
-        """Add files, and return what came of each; one that cannot be read leaves the others to be imported.
+        """Add files, and return the result of each; one that cannot be read does not stop the import of the others.
 
         Parameters
         ----------

@@ -99,7 +99,7 @@ class FleetRun:
     seconds
         Time of the analysis of all windows together, by table of results [s].
     elapsed
-        Time from begin to end [s].
+        Time from start to end [s].
     """
 
     run: str
@@ -118,7 +118,7 @@ def run(
     settings: FleetSettings | None = None,
     report: Report = lambda step, share: None,
 ) -> FleetRun:
-    """Analyse the windows of a lake that have no results yet, and assess the vehicles that these are of.
+    """Analyse the windows of a lake that have no results yet, and assess the vehicles that they are from.
 
     Parameters
     ----------

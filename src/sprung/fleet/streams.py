@@ -1,4 +1,4 @@
-"""Streams of a fleet: windows analysed as they come, each once, whatever interrupts."""
+"""Streams of a fleet: windows analysed as they arrive, each once, whatever interruptions occur."""
 
 import threading
 import time
@@ -44,9 +44,9 @@ class StreamSettings:
     run
         Settings of the analysis, as for runs over an archive; the period is left aside.
     every
-        Time from the begin of a batch to that of the next one [s].
+        Time from the start of a batch to that of the next one [s].
     is_once
-        Whether to end when what is there now is analysed.
+        Whether to end once all windows present at the start have been analysed.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def stream(
     stopping: threading.Event | None = None,
     report: Callable[[StreamBatch], None] = lambda batch: None,
 ) -> None:
-    """Analyse the windows of a stream as they come, and assess the vehicles that these are of.
+    """Analyse the windows of a stream as they arrive, and assess the vehicles that they are from.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def stream(
     settings
         Settings of the stream.
     stopping
-        Event after which the stream ends with the present batch.
+        Event after which the stream ends with the current batch.
     report
         Callback that receives what each batch has done.
 

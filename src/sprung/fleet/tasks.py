@@ -38,7 +38,7 @@ _REPORT = pa.schema(
 _ROWS_IN_FILE = 256
 #: Memory that a process of its own may take [bytes].
 _MEMORY = 4 << 30
-#: Number of the attempt at which a window that cannot be read is a row with its reason: disks have bad moments.
+#: Number of the attempt at which a window that cannot be read is a row with its reason: a disk may fail for a moment.
 _LAST_ATTEMPT = 3
 
 
@@ -130,7 +130,7 @@ class Analyst:
             return failed(row, work, f"the analysis took longer than {limit:.0f} s"), {}
         except BrokenProcessPool:
             self.close()
-            return failed(row, work, "the window ends the process of its analysis"), {}
+            return failed(row, work, "the process that analysed the window ended unexpectedly"), {}
 
     def _apart(self, row: Mapping[str, Any], work: Work, settings: WindowSettings, limit: float) -> Analysed:
         """Analyse a window in another process."""

@@ -39,7 +39,7 @@ class LakeFacts:
 
 @dataclass(frozen=True, slots=True)
 class VehicleFacts:
-    """What a lake holds of a vehicle.
+    """What a lake holds for a vehicle.
 
     Parameters
     ----------

@@ -23,9 +23,9 @@ class Outbox:
     Parameters
     ----------
     folder
-        The folder, which is made with the first window.
+        The folder, created with the first window.
     most_bytes
-        Size of all windows above which no more are taken.
+        Size of all windows above which no more are accepted.
 
     Notes
     -----
@@ -45,19 +45,19 @@ class Outbox:
             return sorted((each for each in entries if each.name.endswith(_ENDING)), key=lambda each: each.name)
 
     def put(self, window: LakeWindow) -> None:
-        """Keep a window until it is written; one that waits already is replaced.
+        """Keep a window until it is written; one that is already waiting is replaced.
 
         Raises
         ------
         DataError
-            If too many wait.
+            If too many windows are waiting.
         OSError
-            If the disk does not take it.
+            If it cannot be written to the disk.
         """
         if sum(_size(each) for each in self.files) + window.n_bytes > self._most_bytes:
             raise DataError(
-                f"windows of {self._most_bytes / 1e9:.3g} GB wait in {self.folder} for the lake: see why they are not "
-                "written, or raise keep.raw_gigabytes"
+                f"windows of {self._most_bytes / 1e9:.3g} GB wait in {self.folder} for the lake: check why they are "
+                "not written, or raise keep.raw_gigabytes"
             )
         self.folder.mkdir(parents=True, exist_ok=True)
         path = self.folder / f"{window.row['start']:020}-{window.row['digest']}{_ENDING}"
@@ -80,7 +80,7 @@ class Outbox:
         Raises
         ------
         SprungError
-            If the lake cannot be written; windows wait on.
+            If the lake cannot be written; the windows remain in the folder.
         OSError
             If a file cannot be deleted.
         """

@@ -1,4 +1,4 @@
-"""A table of Parquet files in the Delta format: commits are whole or not at all, and readers never see half of one."""
+"""A table of Parquet files in the Delta format: commits are atomic, and readers never see part of one."""
 
 import json
 import math
@@ -52,7 +52,7 @@ class Table:
     schema
         Columns of the table.
     partition_by
-        Columns whose values name folders instead of standing in the files.
+        Columns whose values are in the names of folders instead of in the files.
     options
         Settings of the object store, such as its region.
     """
@@ -116,7 +116,7 @@ class Table:
                 storage_options=self._options or None,
             )
         except OSError as error:
-            raise ParameterError(f"{self.location} cannot be written: {error}: give another place") from None
+            raise ParameterError(f"{self.location} cannot be written: {error}: give another location") from None
 
     def append(self, rows: pa.Table, *, largest_group: int | None = None) -> None:
         """Append rows from memory in one commit.
@@ -312,7 +312,9 @@ class Table:
             yield
         except errors as error:
             reason = str(error).strip().split("\n")[0]
-            raise DataError(f"{self.location} cannot be {act}: {reason}: check the place and its rights") from error
+            raise DataError(
+                f"{self.location} cannot be {act}: {reason}: check the location and its permissions"
+            ) from error
 
     def _scattered(self, most_bytes: float) -> list[tuple[tuple[str, str | None], ...]]:
         """Return the partitions of limited size with several small files."""
@@ -333,7 +335,16 @@ def absolute_location(location: str | Path) -> str:
 
 
 def file_name(partition: Mapping[str, str | None]) -> str:
-    """Return a new path for a file of a partition, relative to the folder of its table."""
+    """Return a new path for a file of a partition, relative to the folder of its table.
+
+    Examples
+    --------
+    Every call gives another name:
+
+    >>> partition = {"date": "2026-11-21", "vehicle": "bus-17"}
+    >>> file_name(partition).rpartition("/")[0], file_name(partition) == file_name(partition)
+    ('date=2026-11-21/vehicle=bus-17', False)
+    """
     folders = [f"{name}={value}" for name, value in partition.items()]
     return "/".join([*folders, f"part-{uuid4().hex}.parquet"])
 

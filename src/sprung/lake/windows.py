@@ -92,6 +92,16 @@ def window_of_recording(vehicle: str, recording: Recording, *, source: str = "")
         If the vehicle has no name.
     DataError
         If the recording has no start time, or no samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> samples = np.array([[0.0, 0.5, -1.25, 3.0]])
+    >>> run = Recording(samples, 100.0, (Channel("acc_fl", "acceleration"),), start=1_790_000_000_000_000_000)
+    >>> window = window_of_recording("bus-17", run, source="drive.csv")
+    >>> window.vehicle, str(window.day), window.n_bytes
+    ('bus-17', '2026-09-21', 8)
     """
     if not vehicle.strip():
         raise ParameterError("a window needs the name of its vehicle: give one")
@@ -131,6 +141,19 @@ def recording_of(row: Mapping[str, Any]) -> Recording:
     ------
     FormatError
         If the row is inconsistent.
+
+    Examples
+    --------
+    Samples that are multiples of a step are kept exactly:
+
+    >>> import numpy as np
+    >>> from sprung.lake import window_of_recording
+    >>> from sprung.recording import Channel, Recording
+    >>> samples = np.round(8 * np.sin(np.arange(400)))[None] / 8
+    >>> run = Recording(samples, 100.0, (Channel("acc_fl", "acceleration"),), start=1_790_000_000_000_000_000)
+    >>> kept = recording_of(window_of_recording("bus-17", run).row)
+    >>> bool(np.array_equal(kept.samples, samples)), kept.sampling_rate, kept.start == run.start
+    (True, 100.0, True)
     """
     try:
         channels = row["channels"]

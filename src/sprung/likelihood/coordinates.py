@@ -87,6 +87,18 @@ def rigid_layout(structure: Structure) -> RigidLayout:
     ----------
     G. H. Golub and C. F. Van Loan, Matrix Computations, 4th edition, Johns Hopkins University Press, 2013, section 5.5
     (rank-deficient least squares by the singular value decomposition).
+
+    Examples
+    --------
+    Four accelerometers on a rigid body observe three motions:
+
+    >>> import numpy as np
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> layout = rigid_layout(structure(read_vehicle("zafira")))
+    >>> layout.coordinates, layout.names
+    (('bounce', 'pitch', 'roll'), ('acc_fl', 'acc_fr', 'acc_rl', 'acc_rr'))
+    >>> bool(np.allclose(layout.reduction @ np.ones(4), [1, 0, 0]))
+    True
     """
     outputs = structure.outputs
     matrices = (outputs.displacement, outputs.velocity, outputs.acceleration)

@@ -27,7 +27,7 @@ _LARGEST = 100.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Driving(ParameterBlock):
-    """Longitudinal and lateral accelerations of the driver's making, not measured, which pitch and roll the body.
+    """Longitudinal and lateral accelerations by the driver, not measured, which pitch and roll the body.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Driving(ParameterBlock):
     the moments -m h a_x in pitch (positive nose down) and m h a_y in roll (positive left side up), at the height h of
     the centre of gravity. Both accelerations are random, independent of the road and of each other, with the one-sided
     density e^level (f / 1 Hz)^-exponent: steps of an acceleration would have the exponent 2, its ramps 4 above the
-    inverse of their duration. A level far below the motion by the road changes nothing. The accelerations are the last
+    inverse of their duration. A level far below the motion by the road has no effect. The accelerations are the last
     two inputs of the model, `Terms.measured_inputs`, so that tilted sensors can read them, too.
 
     References
@@ -140,5 +140,14 @@ def driving(structure: Structure, wheelbase: float) -> Driving:
     wheelbase
         Distance of the first axle from the last one [m]; the centre of gravity is a fifth of it above the ground. An
         error of the height is one of the levels.
+
+    Examples
+    --------
+    The centre of gravity is a fifth of the wheelbase of 2.8 m above the ground:
+
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> block = driving(structure(read_vehicle("zafira")), 2.8)
+    >>> round(block.height, 2), block.names[:2]
+    (0.56, ('braking', 'cornering'))
     """
     return Driving(structure, _HEIGHT * wheelbase)

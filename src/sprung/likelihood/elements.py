@@ -1,4 +1,4 @@
-"""Stiffness and damping of other elements than the corners' as parameters: anti-roll bars, mounts, flexible modes."""
+"""Stiffness and damping of elements beyond the corners as parameters: anti-roll bars, mounts, flexible modes."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -42,7 +42,7 @@ class ElementParameter:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ElementScales(ParameterBlock):
-    """Factors of stiffness and damping of elements whose components are not fitted otherwise.
+    """Factors of stiffness and damping of elements whose components are not otherwise fitted.
 
     Parameters
     ----------
@@ -167,6 +167,20 @@ def stiffness_scales(structure: Structure, owners: Sequence[str], *, std: float 
         Owners of the springs, such as "front_axle" for its anti-roll bar.
     std
         Standard deviation of ln of a stiffness.
+
+    Examples
+    --------
+    An anti-roll bar at the front that is 20 % stiffer than in the file:
+
+    >>> import numpy as np
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> car = read_vehicle("zafira")
+    >>> axles = tuple(axle.model_copy(update={"anti_roll_stiffness": 10e3}) for axle in car.axle)
+    >>> nominal = structure(car.model_copy(update={"axle": axles}))
+    >>> bars = stiffness_scales(nominal, ["front_axle"])
+    >>> fitted = bars.fitted(np.log([1.2]), nominal)
+    >>> [round(element.stiffness) for element in fitted.elements if element.part == "anti_roll"]
+    [12000, 10000]
     """
     return ElementScales(
         structure, tuple(ElementParameter(f"{owner}_stiffness", owner, 1.0, 0.0, std) for owner in owners)

@@ -58,6 +58,23 @@ def corners_from_modes(
     F. Liu, Online Identification of Vehicle Dynamic Systems for Condition Monitoring, thesis, University of
     Huddersfield, 2020, section 4.3.2.
     F. Zhang (editor), The Schur Complement and Its Applications, Springer, 2005.
+
+    Examples
+    --------
+    The exact modes of the body of a car with a soft spring give the loss of stiffness:
+
+    >>> import numpy as np
+    >>> from sprung.likelihood import rigid_layout
+    >>> from sprung.modal import Modes
+    >>> from sprung.vehicles import parse_fault, read_vehicle, structure, with_faults
+    >>> nominal = structure(read_vehicle("zafira"))
+    >>> exact = with_faults(nominal, [parse_fault("front_left.spring=-0.3")]).modes()
+    >>> poles, shapes, std = exact.poles[:3], exact.mode_shapes[:3], np.full(3, np.nan)
+    >>> modes = Modes(poles, shapes, exact.channels, std, std, np.ones(3), exact.labels[:3])
+    >>> springs = tuple(component for component in nominal.components() if component.kind == "spring")
+    >>> ratios = corners_from_modes(modes, nominal, rigid_layout(nominal), springs)
+    >>> dict(zip(map(str, springs), np.expm1(ratios).round(2).tolist()))["front_left.spring"]
+    -0.3
     """
     body = [structure.coordinates.index(name) for name in layout.coordinates if name in structure.coordinates]
     if len(body) != len(layout.coordinates):

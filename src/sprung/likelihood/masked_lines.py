@@ -58,6 +58,25 @@ def residual_lines(model: Model, parameters: Real, *, lowest: float = 0.0) -> tu
     ----------
     N. R. Goodman, Statistical analysis based on a certain multivariate complex Gaussian distribution, Annals of
     Mathematical Statistics 34 (1963), 152-177 (distribution of spectral matrices).
+
+    Examples
+    --------
+    A line of the wheels at 0.5 cycles per metre in spectra that are otherwise those of the fitted model:
+
+    >>> from dataclasses import replace
+    >>> import numpy as np
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> settings = RoadDrive(duration=60.0, sampling_rate=60.0, snr=50.0)
+    >>> fit = fit_corners(simulate_drive(vehicle, settings, seed=1).recording, vehicle)
+    >>> model, parameters = fit.model, fit.parameters
+    >>> near = np.abs(model.spectra.frequencies - 0.5 * model.spectra.speeds[:, None]) < 0.2
+    >>> matrices = np.where(near, 20.0, 1.0)[..., None, None] * model.matrix(parameters)
+    >>> with_line = replace(model, spectra=replace(model.spectra, matrices=matrices))
+    >>> [(round(line.place, 2), line.follows_speed) for line in residual_lines(with_line, parameters)]
+    [(0.5, True)]
     """
     spectra = model.spectra
     ratio = np.einsum("cfij,cfji->cf", np.linalg.inv(model.matrix(parameters)), spectra.matrices).real

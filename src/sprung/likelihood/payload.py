@@ -121,12 +121,26 @@ def payload(nominal: Structure) -> AddedMass:
     Each is relative to the body's own: standard deviation 0.2 for mass and inertias, 0.1 for the moments m x and m y
     relative to the root of mass times inertia, and 0.1 for the product of inertia -m x y relative to the root of the
     pitch inertia times the roll inertia. A mass m at (x, y) adds m r r^T with r = [1, -x, y] for bounce, pitch and
-    roll. A load off both axes of the body couples pitch with roll: without the product it would read as springs that
-    differ from corner to corner.
+    roll. A load off both axes of the body couples pitch with roll: without the product it would appear as springs
+    that differ from corner to corner.
 
     References
     ----------
     ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary (axes).
+
+    Examples
+    --------
+    A load of 74 kg is 5 % of the body of 1480 kg:
+
+    >>> import numpy as np
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> nominal = structure(read_vehicle("zafira"))
+    >>> added = payload(nominal)
+    >>> parameters = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
+    >>> round(added.values(parameters)["payload_mass"], 6)
+    74.0
+    >>> np.diag(added.fitted(parameters, nominal).mass - nominal.mass)[:3].round(6).tolist()
+    [74.0, 0.0, 0.0]
     """
     n = len(nominal.coordinates)
     rows = [nominal.coordinates.index(name) for name in MOTIONS]
@@ -164,6 +178,16 @@ def unsprung_masses(nominal: Structure, *, std: float = _UNSPRUNG) -> UnsprungMa
     known exactly, they alone would fix that scale, through the shape of the wheel hop, which friction and rubber change
     by several per cent: the scale would be wrong and stated as certain. The prior is the uncertainty of an unsprung
     mass in a data sheet: which share of links, springs and drive shafts moves with the wheel.
+
+    Examples
+    --------
+    A parameter of 0.1 is a tenth of the 40.5 kg of a front wheel:
+
+    >>> import numpy as np
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> masses = unsprung_masses(structure(read_vehicle("zafira")))
+    >>> masses.values(np.array([0.1, 0.0]))
+    {'front_unsprung_mass': 4.05, 'rear_unsprung_mass': 0.0}
     """
     axles: dict[str, list[int]] = {}
     for row, name in enumerate(nominal.coordinates):

@@ -1,4 +1,4 @@
-"""Positions, delays, gains and tilts of the sensors as parameters."""
+"""Positions and delays of the sensors as parameters."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -173,6 +173,20 @@ def sensor_positions(nominal: Structure, layout: RigidLayout) -> SensorPositions
     References
     ----------
     ISO 8855:2011, Road vehicles - Vehicle dynamics and road-holding ability - Vocabulary (axes).
+
+    Examples
+    --------
+    A sensor that is 0.1 m ahead of its place in the file reads 0.1 m less of the pitch acceleration:
+
+    >>> import numpy as np
+    >>> from sprung.likelihood import rigid_layout
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> nominal = structure(read_vehicle("zafira"))
+    >>> positions = sensor_positions(nominal, rigid_layout(nominal))
+    >>> positions.names[:3]
+    ('acc_fl_x', 'acc_fl_y', 'acc_fr_x')
+    >>> (0.1 * positions.parts[0].motion[0, :3] + 0).tolist()
+    [0.0, -0.1, 0.0]
     """
     parts = []
     channels = {channel.name: channel for channel in nominal.outputs.channels}

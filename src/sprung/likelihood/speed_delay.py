@@ -52,7 +52,7 @@ def speed_delay(segments: SegmentSpectra, speeds: Real, spreads: Real, model_at:
     -----
     The likelihood of each segment at every speed of a grid, its level profiled out, is interpolated at the speed that
     it has with a delay; the sum over the segments is the likelihood of the delay, with a prior about 0. Only segments
-    in which the speed changes say something. Delay and deviation are those of the posterior. A delay below 0.15 s, or
+    in which the speed changes are informative. Delay and deviation are those of the posterior. A delay below 0.15 s, or
     with a log likelihood that exceeds that of none by less than 8, is taken as none. If the posterior is largest at
     either end of the delays, none of them fits, as with a model that is far off, and the delay stays unknown.
 

@@ -70,7 +70,7 @@ class SurfaceInputs(ParameterBlock):
     where G0 is the roughness at n0 = 0.1 cycles/m, l the contact length, d the distance behind the front axle, g_ij the
     coherence of the two sides and 1 on one side, and b_ij = exp(-(w tau_ij spread)^2 / 2) blurs the delay by the spread
     of the speed. Parameters: ln G0 [m^3], those of the form (c and g), and `delay`, ln of the delays over those of
-    speed and geometry: a speedometer and a wheelbase are right to a few per cent.
+    speed and geometry: a speedometer and a wheelbase are accurate to a few per cent.
 
     References
     ----------

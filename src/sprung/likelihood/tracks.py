@@ -30,7 +30,7 @@ class TrackLevels(ParameterBlock):
     -----
     The edge of a road is rougher than its middle, and potholes are on one side. With the level p the spectral matrix of
     the inputs is S_ij exp(-p (side_i + side_j) / 2): the roughness stays the geometric mean of both tracks. Without
-    it, the rougher side reads as softer tyres and stronger dampers on that side.
+    it, the rougher side appears as softer tyres and stronger dampers on that side.
     """
 
     sides: Real

@@ -40,7 +40,7 @@ def segment_weights(model: Model, parameters: Real, segments: SegmentSpectra, *,
     weight is min(1, 1.2 median(q) / q): a bounded influence of single segments. By chance q scatters by 7 % over 100
     frequencies of three coordinates. Where single potholes on a smooth road scale whole segments, their spectra are a
     mixture of scales, and the shape of the mixture's members is that of the median segment: friction, bump stops and
-    valves answer to a pothole differently.
+    valves respond differently to a pothole.
 
     References
     ----------

@@ -55,7 +55,7 @@ class CornerSettings:
         Components to fit, such as ("spring", "rear_left.damper"); the others keep the vehicle file's values. None: all.
     has_payload
         Whether the body's mass, moments and inertias, and on a road the unsprung masses and the anti-roll bars, are
-        fitted too: otherwise a payload reads as soft springs. None: not on a rig.
+        fitted too: otherwise a payload appears as soft springs. None: not on a rig.
     has_free_sensors
         Whether positions and delays of the sensors are fitted too.
     has_lines_masked
@@ -119,6 +119,24 @@ def vehicle_model(
     ------
     ParameterError
         If a free component is unknown.
+
+    Examples
+    --------
+    Only the springs are free; the road, the driving and the noise are always fitted:
+
+    >>> from sprung.likelihood import CornerSettings, class_spectra, rigid_layout, segment_spectra
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle, structure
+    >>> vehicle = read_vehicle("zafira")
+    >>> nominal, settings = structure(vehicle), CornerSettings(free=("spring",), has_payload=False)
+    >>> layout = rigid_layout(nominal)
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0), seed=1).recording
+    >>> spectra = class_spectra(segment_spectra([drive], layout, speed="speed", band=(0.5, 20.0)))
+    >>> model = vehicle_model(spectra, layout, vehicle, nominal, settings=settings, kind="road")
+    >>> model.names[:6]
+    ('front_left.spring', 'front_right.spring', 'rear_left.spring', 'rear_right.spring', 'roughness', 'waviness')
+    >>> model.matrix(model.start).shape == spectra.matrices.shape
+    True
     """
     components = free_components(nominal, vehicle, settings.free)
     blocks: list[ParameterBlock] = [FreeComponents(nominal, components, log_std=settings.prior_std)]

@@ -161,6 +161,22 @@ def save_animation(modes: Modes, channels: Sequence[Channel], path: str | PathLi
     Notes
     -----
     A point moves by Re(shape exp(i phase)); all modes take the same time for a cycle. Complex shapes travel.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "modes.html")
+    ...     save_animation(identification.modes, identification.channels, path)
+    ...     "<canvas" in path.read_text()
+    True
     """
     path = Path(path)
     check_one_of("ending", path.suffix.lower(), ENDINGS, advice="animations are .gif or .html")

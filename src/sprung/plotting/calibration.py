@@ -19,6 +19,23 @@ def misfit_figure(calibration: Calibration, *, source: str = "") -> Figure:
         Vehicle completed from drives.
     source
         Name of the recordings, for the heading.
+
+    Examples
+    --------
+    A misfit of 50 % with the file as given, and of 10 % as completed:
+
+    >>> import numpy as np
+    >>> from sprung.calibration import CalibratedNumber, Calibration
+    >>> from sprung.vehicles import read_vehicle
+    >>> place = CalibratedNumber("acc_fl.x", "sensors", "m", 1.22, 1.3, 0.01, 0.1, is_identifiable=True)
+    >>> vehicle, f, misfit = read_vehicle("zafira"), np.linspace(1, 20, 39), np.full((1, 39), 0.5)
+    >>> misfits = {"misfit_before": misfit, "misfit_after": misfit / 5}
+    >>> errors = {"model_errors_before": (0.3,), "model_errors_after": (0.04,), "evidence_gain": 120.0}
+    >>> rest = {**misfits, **errors, "n_segments": (200,), "notes": ()}
+    >>> calibration = Calibration(vehicle, (place,), ("bounce",), f, **rest)
+    >>> before, after = (line.get_ydata() for line in misfit_figure(calibration).axes[0].lines[:2])
+    >>> float(before[0]), float(after[0])
+    (50.0, 10.0)
     """
     names = calibration.coordinates
     what = f"Misfit before and after calibration: {source}" if source else "Misfit before and after calibration"
@@ -49,10 +66,26 @@ def learnt_figure(calibration: Calibration, *, source: str = "") -> Figure:
     ----------
     calibration, source
         As for `misfit_figure`.
+
+    Examples
+    --------
+    A sensor is 0.08 m ahead of its place in the file:
+
+    >>> import numpy as np
+    >>> from sprung.calibration import CalibratedNumber, Calibration
+    >>> from sprung.vehicles import read_vehicle
+    >>> place = CalibratedNumber("acc_fl.x", "sensors", "m", 1.22, 1.3, 0.01, 0.1, is_identifiable=True)
+    >>> vehicle, f, misfit = read_vehicle("zafira"), np.linspace(1, 20, 39), np.full((1, 39), 0.5)
+    >>> misfits = {"misfit_before": misfit, "misfit_after": misfit / 5}
+    >>> errors = {"model_errors_before": (0.3,), "model_errors_after": (0.04,), "evidence_gain": 120.0}
+    >>> rest = {**misfits, **errors, "n_segments": (200,), "notes": ()}
+    >>> calibration = Calibration(vehicle, (place,), ("bounce",), f, **rest)
+    >>> [label.get_text() for label in learnt_figure(calibration).axes[0].get_yticklabels()]
+    ['acc_fl.x']
     """
     numbers = [number for number in calibration.learnt if number.is_identifiable and number.given is not None][:_DRAWN]
     what = f"Learnt numbers against the vehicle file: {source}" if source else "Learnt numbers against the vehicle file"
-    where = "in standard deviations of what is usual, with 95 % intervals"
+    where = "in usual standard deviations, with 95 % intervals"
     figure = new_figure(what, where, width=7.5, height=1.5 + 0.22 * max(len(numbers), 4))
     axes = figure.subplots()
     plain(axes)

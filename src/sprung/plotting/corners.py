@@ -32,6 +32,20 @@ def fitted_spectra_figure(fit: CornerFit, *, source: str = "") -> Figure:
         Result of a corner fit.
     source
         Name of the recording, for the heading.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle)
+    >>> figure = fitted_spectra_figure(fit)
+    >>> measured, fitted = (line.get_ydata() for line in figure.axes[0].lines)
+    >>> bool(0.9 < np.median(measured / fitted) < 1.1)
+    True
     """
     spectra, names = fit.model.spectra, fit.model.layout.coordinates
     measured, fitted = mean_spectra(fit)
@@ -84,6 +98,19 @@ def corners_figure(fit: CornerFit, *, source: str = "") -> Figure:
     ----------
     fit, source
         As for `fitted_spectra_figure`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle)
+    >>> axes = corners_figure(fit).axes[0]
+    >>> axes.get_title(loc="left"), [label.get_text() for label in axes.get_xticklabels()]
+    ('front left', ['spring', 'damper', 'tyre'])
     """
     what = f"Corners against nominal: {source}" if source else "Corners against nominal"
     where = "Bars: change against the vehicle file [%], with 95 % intervals. Grey: not identifiable from this run."
@@ -182,7 +209,21 @@ def _draw_corner(axes: Axes, names: list[str], is_identifiable: Booleans, change
 
 
 def correlation_figure(fit: CornerFit, *, source: str = "") -> Figure:
-    """Draw the correlation of the components' estimates; parameters as for `fitted_spectra_figure`."""
+    """Draw the correlation of the components' estimates; parameters as for `fitted_spectra_figure`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle)
+    >>> (image,) = correlation_figure(fit).axes[0].get_images()
+    >>> image.get_array().shape, bool(np.allclose(np.diag(image.get_array()), 1))
+    ((12, 12), True)
+    """
     count = len(fit.components)
     deviations = np.sqrt(np.diag(fit.covariance))[:count]
     values = fit.covariance[:count, :count] / np.outer(deviations, deviations)

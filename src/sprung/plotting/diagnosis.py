@@ -36,6 +36,20 @@ def evidence_figure(diagnosis: Diagnosis) -> Figure:
     ------
     ParameterError
         If no window was conclusive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> axes = evidence_figure(sprung.diagnose(windows[8:], sprung.learn(windows[:8]))).axes[0]
+    >>> evidence, threshold = (line.get_ydata() for line in axes.lines[:2])
+    >>> round(float(threshold[0]), 1), bool(evidence[-1] > threshold[0])
+    (10.8, True)
     """
     detection = diagnosis.detection
     if detection is None:
@@ -90,6 +104,22 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
     ------
     ParameterError
         If no window was conclusive.
+
+    Examples
+    --------
+    Eight windows of a healthy vehicle, and six with a front-left spring that has lost 30 % of its stiffness:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows[:8])
+    >>> figure = corner_changes_figure(sprung.diagnose(windows[8:], baseline), baseline)
+    >>> figure.axes[0].get_title(loc="left"), figure.axes[0].texts[0].get_text()
+    ('front left', '-29.0 %')
     """
     normal = baseline or diagnosis.baseline
     if diagnosis.detection is None or normal is None:
@@ -105,7 +135,7 @@ def corner_changes_figure(diagnosis: Diagnosis, baseline: Baseline | None = None
         is_identifiable=np.ones(len(mean.components), dtype=np.bool_),
         heading=(
             f"Corners against {_name(normal)}: mean of {len(conclusive)} windows since {time_in_words(since)}",
-            "95 % intervals: thick: independent scatter; thin: with common effects; arrow: goes on",
+            "95 % intervals: thick: independent scatter; thin: with common effects; arrow: beyond the axis",
         ),
         by_chance=mean.std_by_chance,
     )
@@ -131,6 +161,22 @@ def trends_figure(diagnosis: Diagnosis, baseline: Baseline | None = None) -> Fig
     Values are corrected to the mean conditions of the baseline. The line is the mean of the baseline (0, the value of
     the vehicle file, without one); the grey band holds 95 % of usual single windows, the darker one without the
     scatter that corners share.
+
+    Examples
+    --------
+    Eight windows of a healthy vehicle, and six with a front-left spring that has lost 30 % of its stiffness:
+
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline = sprung.learn(windows[:8])
+    >>> figure = trends_figure(sprung.diagnose(windows, baseline), baseline)
+    >>> len(figure.axes), figure.axes[0].get_title(loc="left"), figure.axes[0].get_ylabel()
+    (12, 'front left', 'spring [%]')
     """
     normal = baseline or diagnosis.baseline
     if diagnosis.detection is None or normal is None:
@@ -230,6 +276,21 @@ def mode_changes_figure(changes: Sequence[ModeChange], *, heading: str = "") -> 
     ------
     ParameterError
         If there are no changes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> (finding,) = sprung.diagnose(windows[8:], sprung.learn(windows[:8])).findings
+    >>> changes = sprung.diagnosis.mode_changes(sprung.read_vehicle("zafira"), finding)
+    >>> figure = mode_changes_figure(changes, heading=finding.sentence)
+    >>> figure.axes[0].get_title()
+    'bounce: 1.52 to 1.43 Hz, MAC 0.924'
     """
     if not changes:
         raise ParameterError("changes is empty, but must hold at least one change of a mode: draw it only for findings")

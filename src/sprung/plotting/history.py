@@ -77,6 +77,21 @@ def components_history_figure(
     Notes
     -----
     More than 200 windows are drawn in groups of equal length: their median, and 95 % of them.
+
+    Examples
+    --------
+    A front-left spring that is 20 % softer from the sixth day on:
+
+    >>> import numpy as np
+    >>> days = 1_790_000_000_000_000_000 + 86_400_000_000_000 * np.arange(10)
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> ratios, std = np.zeros((10, 12)), np.full((10, 12), 0.02)
+    >>> ratios[5:, 0] = np.log(0.8)
+    >>> figure = components_history_figure(days, ratios, std, components=parts, usual=np.full(12, 0.03))
+    >>> points = next(line for line in figure.axes[0].lines if line.get_marker() == "o")
+    >>> points.get_ydata().round().tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.0, -20.0, -20.0, -20.0, -20.0, -20.0]
     """
     corners = list(dict.fromkeys(component.corner for component in components))
     groups, length = _grouped(times)
@@ -131,11 +146,19 @@ def modes_history_figure(modes: Mapping[str, tuple[Times, Real, Real]]) -> Figur
     modes
         For each mode its times [UTC ns], natural frequencies [Hz] and damping ratios, each of shape (windows,); at
         least one mode.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> days = 1_790_000_000_000_000_000 + 86_400_000_000_000 * np.arange(10)
+    >>> figure = modes_history_figure({"bounce": (days, np.full(10, 1.3), np.full(10, 0.25))})
+    >>> [float(axes.lines[0].get_ydata()[0]) for axes in figure.axes]
+    [1.3, 25.0]
     """
     every = np.concatenate([times for times, _, _ in modes.values()])
     _, length = _grouped(every)
     points = f"medians of {length} h, with 95 % of their windows" if length else "single windows"
-    where = f"Points: {points}; where there is none, nothing was identified."
+    where = f"Points: {points}; where there are none, nothing was identified."
     figure = new_figure("Body modes over time", where, width=9.5, height=1.2 + 1.5 * len(modes))
     panels = figure.subplots(len(modes), 2, sharex=True, squeeze=False)
     for number, (label, (times, frequencies, ratios)) in enumerate(modes.items()):
@@ -160,6 +183,15 @@ def findings_history_figure(findings: Mapping[str, tuple[Times, Real]]) -> Figur
     findings
         For each hypothesis the times of its windows [UTC ns], shape (windows,), and relative change with low and high
         end of its 95 % interval, shape (windows, 3); at least one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> days = 1_790_000_000_000_000_000 + 86_400_000_000_000 * np.arange(10)
+    >>> sizes = np.tile([-0.20, -0.22, -0.18], (10, 1))
+    >>> figure = findings_history_figure({"front_left.spring": (days, sizes)})
+    >>> figure.axes[0].lines[-1].get_ydata().round().tolist()
+    [-20.0, -20.0, -20.0, -20.0, -20.0, -20.0, -20.0, -20.0, -20.0, -20.0]
     """
     where = "Estimated after each window from all windows since the onset, with 95 % intervals."
     figure = new_figure("Sizes of the findings", where, width=9.5, height=3.2)
@@ -189,9 +221,17 @@ def evidence_history_figure(times: Times, evidence: Real, *, threshold: float) -
     evidence
         ln evidence of any change, shape (windows,).
     threshold
-        ln evidence from which on a change is named.
+        ln evidence above which a change is reported.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> days = 1_790_000_000_000_000_000 + 86_400_000_000_000 * np.arange(10)
+    >>> figure = evidence_history_figure(days, np.arange(10.0), threshold=10.8)
+    >>> [float(line.get_ydata()[-1]) for line in figure.axes[0].lines]
+    [9.0, 10.8]
     """
-    where = "ln evidence after each window of the present change test; above the threshold a change is named."
+    where = "ln evidence after each window of the present change test; above the threshold a change is reported."
     figure = new_figure("Evidence of a change", where, width=9.5, height=3.0)
     axes = figure.subplots()
     plain(axes)

@@ -37,6 +37,19 @@ def mac_figure(identification: Identification, *, source: str = "") -> Figure:
         Identification with any number of modes.
     source
         Name of the recording, for the heading.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> (image,) = mac_figure(identification).axes[0].get_images()
+    >>> image.get_array().shape, bool(np.allclose(np.diag(image.get_array()), 1))
+    ((3, 3), True)
     """
     modes = identification.modes
     what = f"MAC of the mode shapes: {source}" if source else "MAC of the mode shapes"
@@ -113,6 +126,20 @@ def reference_mac_figure(parts: Sequence[tuple[str, Modes]], reference: Modes, *
         Reference modes of the same channels.
     title
         Heading of the figure.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> figure = reference_mac_figure([("run 1", identification.modes)], identification.modes, title="With itself")
+    >>> (image,) = figure.axes[0].get_images()
+    >>> bool(np.allclose(np.diag(image.get_array()), 1))
+    True
     """
     width = max(7.5, 1.0 + sum(max(_CELL * len(modes), 1.2) + 1.2 for _, modes in parts))
     figure = new_figure(title, "", width=min(width, 12.0), height=1.9 + _CELL * len(reference))

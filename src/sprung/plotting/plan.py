@@ -47,6 +47,18 @@ def plan_figure(
         Smallest relative loss that would have been found, by the name of the component, where known.
     heading
         Heading of the figure, and the line below it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> ratios, std = np.zeros(12), np.full(12, 0.02)
+    >>> ratios[0] = np.log(0.7)
+    >>> found = {"steps": {"front_left.spring": 3}, "detectable": {"front_left.spring": 0.07}}
+    >>> figure = plan_figure(parts, ratios, std, by_chance=std / 2, heading=("Today", "car-1"), **found)
+    >>> [text.get_text() for axes in figure.axes for text in axes.texts if "30" in text.get_text()]
+    ['■ −30.0 %']
     """
     corners = list(dict.fromkeys(component.corner for component in components))
     n_axles = max(1, len(corners) // 2)

@@ -19,6 +19,18 @@ def stable_rates_figure(identification: Identification, *, source: str = "", thr
         Name of the recording, for the heading.
     threshold
         Smallest rate of a mode; None: that of the settings.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> axes = stable_rates_figure(identification).axes[0]
+    >>> axes.get_xlabel(), axes.get_ylabel()
+    ('Frequency [Hz]; dashed: threshold', 'rate [-]')
     """
     wanted = identification.settings.criteria.stable_rate if threshold is None else threshold
     subsets = identification.subsets
@@ -44,7 +56,28 @@ def stable_rates_figure(identification: Identification, *, source: str = "", thr
 
 
 def alignment_rates(subset: SubsetModes) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean frequency [Hz] and rate of stable points of every alignment of a subset's first diagram."""
+    """Return mean frequency [Hz] and rate of stable points of every alignment of a subset's first diagram.
+
+    References
+    ----------
+    F. Liu (2020), eq. 3-57 (stable rate).
+
+    Examples
+    --------
+    Each mode is an alignment that is stable at most model orders:
+
+    >>> import numpy as np
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> frequency, rate = alignment_rates(identification.subsets[0])
+    >>> nearest = [np.abs(frequency - mode).argmin() for mode in identification.modes.natural_frequency]
+    >>> frequency[nearest].round().tolist(), bool(rate[nearest].min() > 0.5)
+    ([7.0, 20.0, 28.0], True)
+    """
     if not subset.diagrams:
         return np.zeros(0), np.zeros(0)
     diagram = subset.diagrams[0]

@@ -34,6 +34,17 @@ def response_figure(
         Names and frequencies [Hz] of vertical lines.
     has_phase
         Whether to draw the phase.
+
+    Examples
+    --------
+    A low-pass with its corner at 2 Hz, where the magnitude is 1 / √2 and the phase -45°:
+
+    >>> import numpy as np
+    >>> f = np.arange(50) / 5
+    >>> figure = response_figure(f, [("low-pass", 1 / (1 + 0.5j * f))], title="Filter", unit="-", has_phase=True)
+    >>> magnitude, phase = (axes.lines[0].get_ydata() for axes in figure.axes)
+    >>> round(float(magnitude[10]), 3), round(float(phase[10]), 1)
+    (0.707, -45.0)
     """
     figure = new_figure(title, "", width=9.5, height=5.5 if has_phase else 3.8)
     panels = figure.subplots(2 if has_phase else 1, 1, sharex=True, squeeze=False)[:, 0]
@@ -87,6 +98,15 @@ def cepstrum_figure(
         Heading of the figure.
     pulse_period
         Period of a pulse train [s], whose rahmonics are marked; None: none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> quefrencies = np.arange(100) / 100
+    >>> lifter = np.where(quefrencies < 0.25, 1.0, 0.0)
+    >>> figure = cepstrum_figure(quefrencies, np.ones(100), lifter, title="Pulses", pulse_period=0.3)
+    >>> bool(np.array_equal(figure.axes[1].lines[0].get_ydata(), lifter))
+    True
     """
     figure = new_figure(title, "", width=9.5, height=4.2)
     panels = figure.subplots(2, 1, sharex=True)

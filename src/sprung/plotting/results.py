@@ -36,6 +36,15 @@ def picture_of(value: object) -> Figure:
     ------
     ParameterError
         If a value of this type has no picture, or a diagnosis has no conclusive window.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> [axes.get_ylabel() for axes in picture_of(run).axes]
+    ['acceleration [m/s²]']
     """
     raise ParameterError(f"a {type(value).__name__} has no picture of its own: see the functions of sprung.plotting")
 

@@ -45,6 +45,17 @@ def runs_figure(spreads: Sequence[Spread], *, title: str) -> Figure:
         Quantities, at least one.
     title
         Heading of the figure.
+
+    Examples
+    --------
+    Three runs, of which one did not find the mode:
+
+    >>> import numpy as np
+    >>> from sprung.plotting import Spread
+    >>> values = np.array([[1.48, 1.52, np.nan]])
+    >>> figure = runs_figure([Spread("f [Hz]", ("Cov-SSI",), values, 1.5, (1.5,))], title="Bounce")
+    >>> [text.get_text() for text in figure.axes[0].texts]
+    ['2 of 3']
     """
     n_rows, n_columns = panel_grid(len(spreads), most_columns=3)
     longest = max(len(name) for spread in spreads for name in spread.rows)

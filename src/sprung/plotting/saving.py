@@ -51,6 +51,21 @@ def save_figures(
     ------
     ParameterError
         If the format is another one.
+
+    Examples
+    --------
+    One channel has no mode shapes:
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run.select(["acc_1"]))
+    >>> with TemporaryDirectory() as folder:
+    ...     sorted(path.name for path in save_figures(identification, folder))
+    ['spectra.png', 'stabilisation.png']
     """
     return save(figures(identification, source=source), directory, file_format=file_format)
 
@@ -84,7 +99,19 @@ def save(
 
 
 def figures(identification: Identification, *, source: str = "") -> dict[str, Figure]:
-    """Return all figures that apply to an identification, by the name of their file."""
+    """Return all figures that apply to an identification, by the name of their file.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> sorted(figures(identification, source="run.csv"))
+    ['complexity', 'mac', 'mode_shapes', 'spectra', 'stabilisation']
+    """
     figures_by_name: dict[str, Figure] = {}
     for end, each in _set_ups(identification).items():
         figures_by_name[f"stabilisation{end}"] = stabilisation_figure(each, source=source + end.replace("_", " "))

@@ -60,6 +60,18 @@ def shapes_figure(modes: Modes, channels: Sequence[Channel], *, source: str = ""
     -----
     Shapes are 1 at their largest channel, and the body is drawn at the instant at which that channel peaks: the plate
     shows the rigid-body motion fitted by least squares, the arrows the signals of the sensors.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> figure = shapes_figure(identification.modes, identification.channels)
+    >>> [axes.get_title().partition(":")[0] for axes in figure.axes], figure.axes[0].get_title().endswith("MPC 1.00")
+    (['1', '2', '3'], True)
     """
     what = f"Mode shapes: {source}" if source else "Mode shapes"
     if not len(modes):
@@ -174,6 +186,18 @@ def complexity_figure(modes: Modes, channels: Sequence[Channel] = (), *, source:
     Notes
     -----
     Up to eight channels have markers of their own; of more, the largest ones of each mode are named.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> figure = complexity_figure(identification.modes, identification.channels)
+    >>> [axes.get_title().partition(":")[0] for axes in figure.axes], figure.axes[0].get_title().endswith("MPC 1.00")
+    (['1', '2', '3'], True)
     """
     what = f"Complexity of the mode shapes: {source}" if source else "Complexity of the mode shapes"
     if not len(modes):

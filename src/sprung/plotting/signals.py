@@ -25,6 +25,16 @@ def histories_figure(recordings: Sequence[tuple[str, Recording]], *, title: str,
         Heading of the figure.
     window
         Length shown [s]; None: all. Long records are drawn by the largest and smallest value in each of 2000 intervals.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> axes = histories_figure([("run", run)], title="A tone", window=2.0).axes[0]
+    >>> axes.get_ylabel(), round(float(axes.lines[0].get_xdata()[-1]), 2)
+    ('acceleration [m/s²]', 1.99)
     """
     first = recordings[0][1]
     figure, panels = _panels(title, len(first.channels))
@@ -47,7 +57,20 @@ def histories_figure(recordings: Sequence[tuple[str, Recording]], *, title: str,
 
 
 def levels_figure(recordings: Sequence[tuple[str, Recording]], *, title: str, interval: float = 2.0) -> Figure:
-    """Draw the RMS of every channel in intervals of time; parameters as for `histories_figure`, interval in s."""
+    """Draw the RMS of every channel in intervals of time; parameters as for `histories_figure`, interval in s.
+
+    Examples
+    --------
+    A tone with an RMS of 3 m/s²:
+
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> levels = levels_figure([("run", run)], title="A tone").axes[0].lines[0].get_ydata()
+    >>> len(levels), float(levels[0].round(6))
+    (20, 3.0)
+    """
     first = recordings[0][1]
     figure, panels = _panels(title, len(first.channels))
     for row, (axes, channel) in enumerate(zip(panels, first.channels, strict=True)):
@@ -94,6 +117,19 @@ def densities_figure(
         Length of the averaged segments [s].
     marked
         Names and frequencies [Hz] of vertical lines.
+
+    Examples
+    --------
+    The area below the density is the mean square, 9 (m/s²)²:
+
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> line = densities_figure([("run", run)], title="A tone", highest=50.0).axes[0].lines[0]
+    >>> frequency, density = line.get_xdata(), line.get_ydata()
+    >>> round(float(density.sum() * (frequency[1] - frequency[0])), 2)
+    9.0
     """
     first = recordings[0][1]
     figure, panels = _panels(title, len(first.channels))

@@ -54,6 +54,18 @@ def spectra_figure(identification: Identification, *, source: str = "") -> Figur
     -------
     matplotlib.figure.Figure
         Figure with a panel for each of the first 24 channels; harmonics are marked in the channels that show them.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> figure = spectra_figure(identification)
+    >>> len(figure.axes), figure.axes[-1].get_xlabel()
+    (3, 'Frequency [Hz]')
     """
     n_channels = min(len(identification.channels), MOST_CHANNELS)
     n_rows, n_columns = panel_grid(n_channels, most_columns=1 if n_channels <= 4 else 2 if n_channels <= 10 else 3)

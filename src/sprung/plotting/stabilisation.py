@@ -97,8 +97,20 @@ def stabilisation_figure(identification: Identification, *, source: str = "") ->
     matplotlib.figure.Figure
         A panel for each subset of segments. Diagrams of several splits of outputs and references lie on top of each
         other. The curves behind are the singular values of the spectral matrix, each channel scaled to a variance of 1,
-        with marks at the peaks that stand out of chance; after cepstrum editing the first one before it is drawn too,
+        with marks at the peaks that exceed chance; after cepstrum editing the first one before it is drawn too,
         dashed. FDD has no poles: the bells of its modes are drawn in their colours.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> figure = stabilisation_figure(identification)
+    >>> figure.axes[0].get_ylabel(), [text.get_text() for text in figure.legends[0].get_texts()][-3:]
+    ('Model order', ['first singular value', 'further singular values', 'peak above chance'])
     """
     subsets = identification.subsets
     height = _PANEL_HEIGHT if len(subsets) == 1 else 0.75 * _PANEL_HEIGHT

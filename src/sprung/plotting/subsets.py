@@ -47,6 +47,18 @@ def subsets_figure(identification: Identification, *, source: str = "") -> Figur
     -------
     matplotlib.figure.Figure
         Figure with two panels for each mode, and below them the number of segments in each subset.
+
+    Examples
+    --------
+    >>> from sprung.identification import IdentificationSettings, coss_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=120.0, sampling_rate=200.0, seed=1)
+    >>> identification = coss_ssi(run, settings=IdentificationSettings(n_subsets=2))
+    >>> above, below = subsets_figure(identification).subfigs
+    >>> [axes.get_title()[0] for axes in above.axes if axes.get_title()], below.axes[0].get_ylabel()
+    (['1', '2', '3'], 'Segments [-]')
     """
     what = "Modes against the level of the subsets"
     what = f"{what}: {source}" if source else what

@@ -59,14 +59,26 @@ def tracks_figure(
     -----
     Windows without a mode interrupt its line. Triangles mark the first and last window of a track that begins later,
     or ends earlier, than the windows do. Identified modes of no track are grey dots.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> figure = tracks_figure(track_modes([modes] * 6, times=3600.0 * np.arange(6)))
+    >>> [axes.get_title(loc="left") for axes in figure.axes if axes.get_ylabel() == "f [Hz]"]
+    ['1: 2.00 Hz', '2: 5.00 Hz']
     """
     what = f"Modes over time: {source}" if source else "Modes over time"
     numbers = sorted(range(len(tracked.tracks)), key=lambda number: -len(tracked.tracks[number]))
     tracks = [(number, tracked.tracks[number]) for number in sorted(numbers[:_MOST_PANELS])]
     n_omitted = len(numbers) - len(tracks)
-    where = f"In panels of their own: the {len(tracks)} modes of the most windows" if n_omitted else ""
+    where = f"In separate panels: the {len(tracks)} modes found in the most windows" if n_omitted else ""
     if not tracks:
-        return write_sentence(new_figure(what, "", width=9.5, height=3), "No mode is in enough windows.")
+        return write_sentence(new_figure(what, "", width=9.5, height=3), "No mode was found in enough windows.")
     axis, label, is_date = _time_axis(tracked.times, start=start, has_times=has_times)
     height = 1.0 + _OVERVIEW + _PANEL * len(tracks)
     figure = new_figure(what, where, width=9.5, height=height)
@@ -188,7 +200,7 @@ def _legend(tracked: TrackedModes) -> list[Line2D]:
     if any(track.jumps for track in tracked.tracks):
         handles.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (2, 2)), label="jump"))
     if tracked.strays:
-        handles.append(Line2D([], [], color=_STRAY, linestyle="none", marker=".", label="identified, of no track"))
+        handles.append(Line2D([], [], color=_STRAY, linestyle="none", marker=".", label="identified, in no track"))
     if not tracked.has_result.all():
         handles.append(Line2D([], [], color=_EMPTY, linewidth=4, label="window without modes"))
     return handles

@@ -1,4 +1,4 @@
-"""What a report says of its files: their channels, gaps and faults, and the versions of the programs."""
+"""What a report states about its files: their channels, gaps and faults, and the versions of the programs."""
 
 import platform
 from collections.abc import Mapping, Sequence
@@ -63,6 +63,20 @@ def inspected(
     ------
     SprungError
         As raised by `sprung.read`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> import numpy as np
+    >>> import sprung
+    >>> run = sprung.Recording(np.sin(np.arange(500.0))[None], 100.0, (sprung.Channel("acc_fl", "acceleration"),))
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder, "run.csv")
+    ...     sprung.write(run, path)
+    ...     inputs = inspected([path], others={"vehicle file": "zafira.toml"})
+    >>> inputs.title, [inspection.n_samples for inspection in inputs.inspections.values()]
+    ('run.csv', [500])
     """
     inspections = {str(path): inspect_blocks(read_records([path], settings=settings)) for path in files}
     return Inputs(tuple(files), inspections, others or {})

@@ -121,6 +121,16 @@ def render(report: Report, *, others: Sequence[tuple[str, str]] = ()) -> str:
         Report to render.
     others
         File names and titles of the pages to link to.
+
+    Examples
+    --------
+    >>> from sprung.reports import Report
+    >>> from sprung.reports.page import Paragraph, Section
+    >>> data = Section("Data", (Paragraph("f < 50 Hz"),))
+    >>> report = Report("Drive of 21 November", "No change detected.", (data,), ())
+    >>> page = render(report)
+    >>> "<h1>Drive of 21 November</h1>" in page, "f &lt; 50 Hz" in page
+    (True, True)
     """
     from jinja2 import Environment
 

@@ -15,6 +15,14 @@ def pdf_of(page: str) -> bytes:
     ------
     MissingPackageError
         If weasyprint is not installed.
+
+    Examples
+    --------
+    The package weasyprint is an extra of sprung:
+
+    >>> page = pdf_of("<h1>Drive of 21 November</h1>")  # doctest: +SKIP
+    >>> page[:5]  # doctest: +SKIP
+    b'%PDF-'
     """
     weasyprint, urls = (
         required(name, purpose="a report as PDF", extra="pdf") for name in ("weasyprint", "weasyprint.urls")

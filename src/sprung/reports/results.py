@@ -54,7 +54,7 @@ _CAPTIONS = {
     "corners": {
         "corners": "Springs, dampers and tyres against the vehicle file, with 95 % intervals.",
         "spectra": "Measured spectra and those of the fitted vehicle.",
-        "correlation": "Correlation of the estimates: components with a large one are only known together.",
+        "correlation": "Correlation of the estimates: strongly correlated components are known only in combination.",
     },
     "diagnosis": {
         "evidence": "Evidence of a change after each window with its threshold, and the most likely hypotheses.",
@@ -78,6 +78,20 @@ def identification_report(
         Files behind it.
     document
         Its document, which is embedded if it is not too large.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sprung.reports import Inputs
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run.select(["acc_1"]))
+    >>> report = identification_report(identification, Inputs((Path("run.csv"),), {}, {}))
+    >>> report.title, [section.title for section in report.sections]
+    ('Modes of run.csv', ['Modes', 'Notes', 'Figures', 'Data', 'Settings', 'What this says, and what it does not'])
     """
     from sprung.plotting.saving import figures
 
@@ -91,14 +105,16 @@ def identification_report(
     verdict = f"{counted(len(modes), 'mode')} found: {', '.join(shown)}{more}."
     origin = Paragraph(identification_in_words(identification) + ".")
     limits = [
-        "± is one standard deviation, from the scatter of the blocks of the records: chance, not a change of the"
-        " conditions. The true value lies within two of them in about 95 of 100 cases.",
-        "Modes that the excitation hardly moves, or that no sensor sees, are not found. Harmonics of machines are"
-        " listed apart where they are recognised.",
+        "± is one standard deviation, from the scatter of the blocks of the records: it covers chance, not changes of"
+        " the conditions. The true value lies within two of them in about 95 of 100 cases.",
+        "Modes that the excitation hardly reaches, or that no sensor observes, are not found. Harmonics of machines are"
+        " listed separately where they are recognised.",
         "Shapes are relative: without known forces they have no scale, and modal masses cannot be stated.",
     ]
     if len(identification.channels) == 1:
-        limits.append("One channel shows no shapes, and its noise cannot be distinguished from motion with certainty.")
+        limits.append(
+            "A single channel gives no shapes, and its noise cannot be distinguished from motion with certainty."
+        )
     return _report(
         f"Modes of {inputs.title}",
         verdict if len(modes) else _sentence(why_none(identification)),
@@ -116,7 +132,24 @@ def identification_report(
 
 
 def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None = None) -> Report:
-    """Return the report of a fit of springs, dampers and tyres; parameters as for `identification_report`."""
+    """Return the report of a fit of springs, dampers and tyres; parameters as for `identification_report`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sprung.reports import Inputs
+    >>> from sprung.likelihood import CornerSettings, fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle, settings=CornerSettings(free=("spring",)))
+    >>> report = corners_report(fit, Inputs((Path("drive.csv"),), {}, {}))
+    >>> report.title
+    'Springs, dampers and tyres from drive.csv'
+    >>> [section.title for section in report.sections]
+    ['Components', 'Modes', 'Figures', 'Data', 'Settings', 'What this says, and what it does not']
+    """
     from sprung.plotting.saving import corner_figures
 
     ratios, deviations = fit.log_ratios, fit.log_ratios_std
@@ -129,11 +162,11 @@ def corners_report(fit: CornerFit, inputs: Inputs, *, document: Document | None 
     known_in_words = f"{int(fit.is_identifiable.sum())} of {len(fit.components)} springs, dampers and tyres"
     verdict = f"{known_in_words} are determined by these data. {differing} {_fit_in_words(fit)}"
     limits = [
-        "± is one standard deviation. It holds chance and the misfit of the model, not what the vehicle file lacks or"
+        "± is one standard deviation. It covers chance and the misfit of the model, not what the vehicle file omits or"
         " states wrongly.",
-        "Left against right is more certain than absolute values, which rest on the masses and places in the file.",
+        "Left against right is more certain than absolute values, which depend on masses and positions in the file.",
         "Friction and asymmetric dampers appear as damping: the fitted vehicle is linear.",
-        "Components marked as not identifiable stay near the values of the file: nothing is said of them.",
+        "Components marked as not identifiable stay near the values of the file: no conclusion is drawn about them.",
     ]
     return _report(
         f"Springs, dampers and tyres from {inputs.title}",
@@ -174,6 +207,20 @@ def diagnosis_report(
         Modes before and after the findings.
     document
         Its document, which is embedded if it is not too large.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sprung.reports import Inputs
+    >>> import numpy as np
+    >>> import sprung
+    >>> nothing = np.zeros(0)
+    >>> window = sprung.Observation(0.0, (), nothing, np.zeros((0, 0)), {}, {}, (), reason="the vehicle stood still")
+    >>> report = diagnosis_report(sprung.diagnose([window]), Inputs((Path("drive.csv"),), {}, {}))
+    >>> print(report.verdict)
+    Inconclusive: no window was usable.
+    >>> [section.title for section in report.sections]
+    ['Result', 'Notes', 'Windows', 'Data', 'What this says, and what it does not']
     """
     first, *others = diagnosis_in_words(diagnosis)
     windows = diagnosis.observations
@@ -189,15 +236,15 @@ def diagnosis_report(
     ]
     used = Paragraph(f"{n_usable} of {counted(len(windows), 'window')} were usable.")
     limits = [
-        "A change is named where the evidence of all windows together exceeds a threshold, set by the rate of false"
-        f" alarms: {diagnosis.false_alarms:g} per vehicle and day.",
-        "'No change detected' holds for changes as large as the stated detectable ones; smaller ones may be there.",
-        "Parts that the model does not have (mounts, bushings, joints, wheels) are not diagnosed; where they change,"
+        "A change is reported where the evidence of all windows together exceeds a threshold, which is set by the rate"
+        f" of false alarms: {diagnosis.false_alarms:g} per vehicle and day.",
+        "'No change detected' refers to changes as large as the stated detectable ones; smaller ones may be present.",
+        "Parts that the model does not include (mounts, bushings, joints, wheels) are not diagnosed; where they change,"
         " the result is a change that no single part explains.",
         "The diagnosis does not replace an inspection.",
     ]
     if diagnosis.baseline is None or diagnosis.baseline.n_windows == 0:
-        limits.insert(0, "There is no baseline of this vehicle: it was compared with its file, with wide limits.")
+        limits.insert(0, "This vehicle has no baseline: it was compared with its vehicle file, with wide limits.")
     return _report(
         f"Diagnosis of {windows[0].vehicle if windows and windows[0].vehicle else inputs.title}",
         _sentence(first),
@@ -236,6 +283,20 @@ def tracking_report(
         Reservations, one sentence each.
     document
         Its document, which is embedded if it is not too large.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from sprung.reports import Inputs
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> tracked = track_modes([modes] * 6, times=3600.0 * np.arange(6))
+    >>> print(tracking_report(tracked, Inputs((Path("drives.csv"),), {}, {})).verdict)
+    2 modes followed over 6 windows with modes, of 6: 2 Hz, 5 Hz. No frequency changed suddenly.
     """
     from sprung.plotting.tracking import tracks_figure
 
@@ -250,9 +311,9 @@ def tracking_report(
     verdict += f" Sudden changes of frequency: {'; '.join(jumps)}." if jumps else " No frequency changed suddenly."
     figure = tracks_figure(tracked, start=start, has_times=has_times, source=inputs.title)
     limits = [
-        "Modes of different windows are one where frequency and shape agree within their deviations. A sudden change of"
-        f" frequency by up to {100 * tracked.settings.reach:g} % with the same shape is followed.",
-        "A change of frequency is not yet damage: temperature, load and amplitude of the vibration change it, too.",
+        "Modes of different windows are taken as one where frequency and shape agree within their standard deviations."
+        f" A sudden change of frequency by up to {100 * tracked.settings.reach:g} % with the same shape is followed.",
+        "A change of frequency alone does not mean damage: temperature, load and vibration amplitude change it, too.",
     ]
     caption = "Frequency and damping of every mode over time, with 95 % intervals."
     sections = [
@@ -315,7 +376,7 @@ def _fit_in_words(fit: CornerFit) -> str:
         return f"The vehicle file explains the run {percent}."
     if fit.model_error < _LACKS:
         return f"The vehicle file explains most of the run {percent}."
-    return f"The vehicle file explains the run badly {percent}: absolute values are not reliable."
+    return f"The vehicle file explains the run poorly {percent}: absolute values are not reliable."
 
 
 def _plan_table(identification: Identification) -> Table:

@@ -63,6 +63,16 @@ def reproduce(
     ------
     ParameterError
         If there is no chapter of a name.
+
+    Examples
+    --------
+    The page of a chapter, with ten runs where the thesis shows one, takes minutes:
+
+    >>> from sprung.reproduce import CHAPTERS
+    >>> list(CHAPTERS)
+    ['4', '5', '6', '7', '8', 'comparison']
+    >>> reproduce(["4"], directory="pages", n_seeds=10)  # doctest: +SKIP
+    [PosixPath('pages/chapter_4.html')]
     """
     wanted = tuple(chapters) or tuple(CHAPTERS)
     for chapter in wanted:

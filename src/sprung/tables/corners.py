@@ -9,7 +9,20 @@ _UNITS = {"spring": "N/m", "damper": "N s/m", "tyre": "N/m"}
 
 
 def components_table(fit: CornerFit) -> Table:
-    """Return the table of fitted springs, dampers and tyres, with bars of their change from nominal."""
+    """Return the table of fitted springs, dampers and tyres, with bars of their change from nominal.
+
+    Examples
+    --------
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle)
+    >>> table = components_table(fit)
+    >>> [row[:2] for row in table.rows[:3]]
+    [('front left', 'spring [N/m]'), ('front left', 'damper [N s/m]'), ('front left', 'tyre [N/m]')]
+    """
     columns = ("corner", "component", "value", "from nominal [%]", f"-{100 * _FULL:.0f} % .. +{100 * _FULL:.0f} %")
     rows = []
     for row, component in enumerate(fit.components):
@@ -23,7 +36,20 @@ def components_table(fit: CornerFit) -> Table:
 
 
 def fitted_modes_table(fit: CornerFit) -> Table:
-    """Return the table of the modes of a fitted vehicle."""
+    """Return the table of the modes of a fitted vehicle.
+
+    Examples
+    --------
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle)
+    >>> table = fitted_modes_table(fit)
+    >>> table.columns, [row[-1] for row in table.rows[:4]]
+    (('frequency [Hz]', 'damping [%]', 'label'), ['bounce', 'pitch', 'roll', 'wheel hop'])
+    """
     modes, (frequency_std, damping_std) = fit.modes(), fit.modes_std()
     rows = tuple(
         (
@@ -38,7 +64,20 @@ def fitted_modes_table(fit: CornerFit) -> Table:
 
 
 def payload_in_words(fit: CornerFit) -> list[str]:
-    """Return a sentence about the fitted payload; none where it was not fitted."""
+    """Return a sentence about the fitted payload; none where it was not fitted.
+
+    Examples
+    --------
+    >>> from sprung.likelihood import fit_corners
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=30.0, sampling_rate=60.0, snr=50.0), seed=1)
+    >>> fit = fit_corners(drive.recording, vehicle)
+    >>> (sentence,) = payload_in_words(fit)
+    >>> sentence.startswith("payload: "), sentence.endswith(" kg")
+    (True, True)
+    """
     mass = fit.payload.get("payload_mass")
     return [] if mass is None else [f"payload: {mass['value']:.0f} ± {mass['std']:.0f} kg"]
 

@@ -29,7 +29,22 @@ _FURTHER = (6, 12)
 
 
 def baseline_table(baseline: Baseline) -> Table:
-    """Return the table of mean and scatter of each component, and of its smallest detectable loss."""
+    """Return the table of mean and scatter of each component, and of its smallest detectable loss.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> table = baseline_table(sprung.learn(windows))
+    >>> for row in (table.columns, table.rows[1]):
+    ...     print(" | ".join(row))
+    component | mean from nominal [%] | std of a window [%] | loss detectable in 6 / 12 windows [%]
+    front left damper | -0.3 | 2.6 | 11 / 9
+    """
     deviations = np.sqrt(np.diag(baseline.covariance))
     losses = [detectable(baseline, n_windows=count) for count in _FURTHER]
     rows = tuple(
@@ -60,6 +75,17 @@ def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
         Baseline.
     n_windows
         Number of windows that it could be learnt from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((12, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> baseline_in_words(sprung.learn(windows), n_windows=12)[0]
+    'version 1 (first learning): learnt from 12 of 12 windows'
     """
     learnt = f"learnt from {baseline.n_windows} of {counted(n_windows, 'window')}"
     sentences = [f"version {baseline.version} ({baseline.reason}): {learnt}"]
@@ -74,7 +100,24 @@ def baseline_in_words(baseline: Baseline, *, n_windows: int) -> list[str]:
 
 
 def diagnosis_in_words(diagnosis: Diagnosis) -> list[str]:
-    """Return verdict, findings and sensor faults of a diagnosis in sentences, with evidence and threshold."""
+    """Return verdict, findings and sensor faults of a diagnosis in sentences, with evidence and threshold.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> for sentence in diagnosis_in_words(diagnosis):
+    ...     print(sentence)
+    front-left spring 30 % (27 to 32 %) softer, since 80 min; inspect before the next 500 km
+    no trend detected: -10.6 to +4.1 % per hour of driving
+    ln evidence 91.0; alarm threshold 10.8; a change of 8 to 11 % of any part would have been found
+    """
     sentences = [line for finding in diagnosis.findings for line in (finding.sentence, trend_in_words(finding.trend))]
     sentences = sentences or [verdict_in_words(diagnosis)]
     sentences += [
@@ -106,6 +149,15 @@ def why_unusable(diagnosis: Diagnosis, baseline: Baseline | None) -> str:
         Diagnosis without a window to compare.
     baseline
         Baseline that its windows were compared with; None: the vehicle file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> nothing = np.zeros(0)
+    >>> window = sprung.Observation(0.0, (), nothing, np.zeros((0, 0)), {}, {}, (), reason="the vehicle stood still")
+    >>> why_unusable(sprung.diagnose([window]), None)
+    'the vehicle stood still'
     """
     reasons = [observation.reason for observation in diagnosis.observations if not observation.is_conclusive]
     if reasons:
@@ -124,13 +176,44 @@ def diagnosis_tables(diagnosis: Diagnosis, changes: Sequence[ModeChange]) -> lis
         Diagnosis.
     changes
         Modes before and after its findings.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> changes = sprung.diagnosis.mode_changes(sprung.read_vehicle("zafira"), diagnosis.findings[0])
+    >>> [table.title for table in diagnosis_tables(diagnosis, changes)]
+    ['Hypotheses of a change, best first', 'Body modes as the finding implies and as measured']
     """
     tables = [] if diagnosis.detection is None else [hypotheses_table(diagnosis.detection)]
     return [*tables, mode_changes_table(changes)] if changes else tables
 
 
 def findings_table(findings: Sequence[Finding]) -> Table:
-    """Return the table of findings: part, size, onset, severity and advice."""
+    """Return the table of findings: part, size, onset, severity and advice.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> table = findings_table(diagnosis.findings)
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    part | change [%] | 95 % interval [%] | since | severity | advice
+    front left spring | -29.6 | -32.0 to -27.1 | 80 min | high | inspect before the next 500 km
+    """
     rows = tuple(
         (
             in_words(finding.hypothesis),
@@ -146,7 +229,18 @@ def findings_table(findings: Sequence[Finding]) -> Table:
 
 
 def observations_table(observations: Sequence[Observation]) -> Table:
-    """Return the table of windows: conditions, body modes, quality of the fit, faults of sensors."""
+    """Return the table of windows: conditions, body modes, quality of the fit, faults of sensors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> part, conditions = (sprung.Component("front_left", "spring"),), {"speed": 15.0, "payload": 40.0}
+    >>> window = sprung.Observation(600.0, part, np.zeros(1), np.eye(1), conditions, {"bounce": (1.4, 0.25)}, ())
+    >>> table = observations_table([window])
+    >>> dict(zip(table.columns, table.rows[0]))
+    {'start': '10 min', 'speed [m/s]': '15', 'model error [%]': '', 'bounce': '1.40 Hz, 25.0 %', 'remarks': ''}
+    """
     labels = list(dict.fromkeys(label for window in observations for label in window.modes))
     columns = ("start", "speed [m/s]", "model error [%]", *labels, "remarks")
     rows = tuple(
@@ -174,7 +268,24 @@ def _condition(window: Observation, name: str, *, factor: float = 1.0) -> str:
 
 
 def hypotheses_table(detection: Detection) -> Table:
-    """Return the table of the best hypotheses of a change test."""
+    """Return the table of the best hypotheses of a change test.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> table = hypotheses_table(diagnosis.detection)
+    >>> for row in (table.columns, table.rows[0]):
+    ...     print(" | ".join(row))
+    hypothesis | ln evidence | change [%] | 95 % interval [%]
+    front left spring | 92.0 | -29.6 | -32.0 to -27.1
+    """
     rows = tuple(
         (
             in_words(candidate.hypothesis.name).replace("all ", "every ").replace("+", ", "),
@@ -189,7 +300,25 @@ def hypotheses_table(detection: Detection) -> Table:
 
 
 def mode_changes_table(changes: Sequence[ModeChange]) -> Table:
-    """Return the table of the body modes before and after a change."""
+    """Return the table of the body modes before and after a change.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((14, 12))
+    >>> values[8:, 0] += np.log(0.7)
+    >>> C = 0.02**2 * np.eye(12)
+    >>> windows = [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(values)]
+    >>> diagnosis = sprung.diagnose(windows[8:], sprung.learn(windows[:8]))
+    >>> changes = sprung.diagnosis.mode_changes(sprung.read_vehicle("zafira"), diagnosis.findings[0])
+    >>> table = mode_changes_table(changes)
+    >>> for row in (table.columns, table.rows[0]):
+    ...     print(" | ".join(row[:4]))
+    mode | frequency [Hz] | damping [%] | MAC
+    bounce | 1.52 -> 1.43 | 16.2 -> 18.4 | 0.924
+    """
     columns = ("mode", "frequency [Hz]", "damping [%]", "MAC", "measured before", "measured since")
     rows = tuple(
         (
@@ -206,7 +335,16 @@ def mode_changes_table(changes: Sequence[ModeChange]) -> Table:
 
 
 def trend_in_words(trend: Trend | None) -> str:
-    """Return a sentence about how a change develops."""
+    """Return a sentence about how a change develops.
+
+    Examples
+    --------
+    >>> from sprung.diagnosis import Trend
+    >>> trend_in_words(Trend(per_hour=-0.02, interval=(-0.03, -0.01), hours_to_limit=(2.0, 6.0)))
+    'trend: -2.0 % (-3.0 to -1.0) per hour of driving, 30 % in 2.0 to 6.0 hours'
+    >>> trend_in_words(Trend(per_hour=0.01, interval=(-0.01, 0.03), hours_to_limit=None))
+    'no trend detected: -1.0 to +3.0 % per hour of driving'
+    """
     if trend is None:
         return "trend not estimated: it needs a single part and at least four windows since the onset"
     low, high = (f"{100 * end:+.1f}" for end in trend.interval)

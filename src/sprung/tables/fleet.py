@@ -9,7 +9,21 @@ from sprung.tables.table import Table, in_words
 
 
 def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
-    """Return the table of each type in a `sprung.fleet/1`, the most deviating vehicles first."""
+    """Return the table of each type in a `sprung.fleet/1`, the most deviating vehicles first.
+
+    Examples
+    --------
+    >>> sound = {"vehicle": "car-1", "windows": 3, "p_value": 0.4, "deviates": False}
+    >>> soft = {"vehicle": "car-2", "windows": 3, "p_value": 1e-6, "deviates": True, "part": "front_left.spring"}
+    >>> soft |= {"change": -0.3, "interval": (-0.33, -0.27)}
+    >>> (table,) = fleet_tables({"rate": 0.05, "types": [{"name": "zafira", "vehicles": [soft, sound]}]})
+    >>> table.title
+    'vehicles of the type zafira'
+    >>> for row in table.rows:
+    ...     print(" | ".join(row))
+    car-2 | 3 | 1e-06 | -30 (-33 to -27) | deviates: front left spring
+    car-1 | 3 | 0.4 |  | like the others
+    """
     caption = (
         f"p: probability that a sound vehicle deviates as much from the others; at most {100 * document['rate']:.3g} % "
         "of the vehicles that are said to deviate are expected to be sound"
@@ -27,7 +41,22 @@ def fleet_tables(document: Mapping[str, Any]) -> list[Table]:
 
 
 def type_in_words(type_baseline: TypeBaseline) -> str:
-    """Return of how many vehicles and windows the baseline of a type was learnt, in a sentence."""
+    """Return a sentence on the numbers of vehicles and windows that the baseline of a type was learnt from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import sprung
+    >>> parts = tuple(sprung.structure(sprung.read_vehicle("zafira")).components())
+    >>> values = 0.02 * np.random.default_rng(1).standard_normal((8, 3, 12))
+    >>> C = 0.02**2 * np.eye(12)
+    >>> fleet = {
+    ...     f"car-{n}": [sprung.Observation(600.0 * k, parts, x, C, {}, {}, ()) for k, x in enumerate(of_car)]
+    ...     for n, of_car in enumerate(values)
+    ... }
+    >>> type_in_words(sprung.learn_type(fleet, name="zafira"))
+    'baseline of the type zafira: learnt from 24 windows of 8 vehicles'
+    """
     vehicles = counted(type_baseline.n_vehicles, "vehicle")
     return (
         f"baseline of the type {type_baseline.name}: learnt from {counted(type_baseline.n_windows, 'window')} of "

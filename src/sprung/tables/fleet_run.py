@@ -16,7 +16,18 @@ _VERDICTS = {
 
 
 def fleet_run_tables(document: Mapping[str, Any]) -> list[Table]:
-    """Return the tables of a `sprung.fleet-run/1`: windows, vehicles by verdict, and changed vehicles."""
+    """Return the tables of a `sprung.fleet-run/1`: windows, vehicles by verdict, and changed vehicles.
+
+    Examples
+    --------
+    >>> counts = {"identifications": 0, "corners": 0, "windows": 48}
+    >>> run = {"analysed": {"windows": 12}, "windows": counts, "without_result": counts | {"windows": 3}}
+    >>> run |= {"verdicts": {"no_change_detected": 3, "inconclusive": 1}, "findings": []}
+    >>> for table in fleet_run_tables(run):
+    ...     print(table.title, table.rows)
+    windows (('conditions and parts of windows', '12', '48', '3'),)
+    vehicles (('no change detected', '3'), ('inconclusive', '1'))
+    """
     windows = tuple(
         (
             _STEPS[name],
@@ -33,7 +44,7 @@ def fleet_run_tables(document: Mapping[str, Any]) -> list[Table]:
         if verdict in document["verdicts"]
     )
     tables = [
-        Table("windows", ("table", "new", "in all", "without result"), windows, ends_in_words=False),
+        Table("windows", ("table", "new", "total", "without result"), windows, ends_in_words=False),
         Table("vehicles", ("verdict", "vehicles"), verdicts, ends_in_words=False),
         Table(
             "changed vehicles, the greatest evidence first",
@@ -46,18 +57,38 @@ def fleet_run_tables(document: Mapping[str, Any]) -> list[Table]:
 
 
 def fleet_run_in_words(document: Mapping[str, Any]) -> list[str]:
-    """Return what a run has done, and why windows have no result, one sentence each."""
+    """Return what a run has done, and why windows have no result, one sentence each.
+
+    Examples
+    --------
+    >>> reasons = [{"reason": "the vehicle stood still", "windows": 3}]
+    >>> run = {"analysed": {"windows": 12}, "vehicles_assessed": 4, "seconds": 61.0, "reasons": reasons}
+    >>> fleet_run_in_words(run)
+    ['12 windows analysed and 4 vehicles assessed in 61 s', '3 windows: the vehicle stood still']
+    """
     new = max(document["analysed"].values(), default=0)
     assessed = counted(document["vehicles_assessed"], "vehicle")
     words = [f"{counted(new, 'window')} analysed and {assessed} assessed in {document['seconds']:.0f} s"]
     if not new and not document["vehicles_assessed"]:
-        words = ["every window has its result: no new ones in the lake"]
+        words = ["all windows have results: the lake has no new ones"]
     reasons: Sequence[Mapping[str, Any]] = document["reasons"]
     return [*words, *(f"{counted(entry['windows'], 'window')}: {entry['reason']}" for entry in reasons)]
 
 
 def fleet_plan_table(document: Mapping[str, Any]) -> Table:
-    """Return the table of a `sprung.fleet-plan/1`."""
+    """Return the table of a `sprung.fleet-plan/1`.
+
+    Examples
+    --------
+    >>> plan = {"windows": 5000, "new": {"corners": 1800}, "seconds_per_window": {"corners": 2.0}}
+    >>> table = fleet_plan_table(plan | {"measured_on": "3 windows of the lake"})
+    >>> table.title
+    '5000 windows in the lake'
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    step | windows to analyse | CPU s/window | core hours
+    corners | 1800 | 2.00 | 1.00
+    """
     rows = tuple(
         (
             step,
@@ -77,7 +108,16 @@ def fleet_plan_table(document: Mapping[str, Any]) -> Table:
 
 
 def fleet_plan_in_words(document: Mapping[str, Any]) -> list[str]:
-    """Return the estimate of a plan, and what lacks, one sentence each."""
+    """Return the estimate of a plan, and what is missing, one sentence each.
+
+    Examples
+    --------
+    >>> plan = {"vehicles": 40, "core_hours": 16.0, "cores": 8, "without_vehicle_file": 12}
+    >>> for sentence in fleet_plan_in_words(plan):
+    ...     print(sentence)
+    40 vehicles, 16.00 core hours: about 2.0 h on 8 cores
+    12 windows of vehicles without a usable vehicle file: they are recorded with this reason
+    """
     hours = document["core_hours"]
     cores = counted(document["cores"], "core")
     time = (
@@ -88,7 +128,7 @@ def fleet_plan_in_words(document: Mapping[str, Any]) -> list[str]:
     words = [f"{counted(document['vehicles'], 'vehicle')}, {hours:.2f} core hours: about {time} on {cores}"]
     if document["without_vehicle_file"]:
         without = counted(document["without_vehicle_file"], "window")
-        words.append(f"{without} of vehicles without a usable vehicle file: they get a row with this reason")
+        words.append(f"{without} of vehicles without a usable vehicle file: they are recorded with this reason")
     return words
 
 

@@ -29,7 +29,20 @@ _MODES_CAPTION = (
 
 
 def why_none(identification: Identification) -> str:
-    """Return a sentence that explains why there is no mode."""
+    """Return a sentence that explains why there is no mode.
+
+    Examples
+    --------
+    White noise has no modes:
+
+    >>> import numpy as np
+    >>> from sprung.identification import enhanced_fdd
+    >>> from sprung.recording import Channel, Recording
+    >>> noise = np.random.default_rng(1).standard_normal((2, 6000))
+    >>> run = Recording(noise, 100.0, (Channel("a", "acceleration"), Channel("b", "acceleration")))
+    >>> why_none(enhanced_fdd(run))
+    'no mode found: no peak of the spectra rises significantly: record longer, or widen --band'
+    """
     if identification.setups is not None:
         return "no mode found in half of the set-ups or more: identify each file by itself to see its modes"
     reasons: Counter[int] = Counter()
@@ -49,7 +62,19 @@ def why_none(identification: Identification) -> str:
 
 
 def identification_in_words(identification: Identification) -> str:
-    """Return the number of modes, the method and the channels of an identification in a line."""
+    """Return the number of modes, the method and the channels of an identification in a line.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> identification_in_words(identification)
+    '3 modes by cov from 3 channels at 200 Hz'
+    """
     modes, channels = counted(len(identification.modes), "mode"), counted(len(identification.channels), "channel")
     words = f"{modes} by {identification.method} from {channels} at {identification.sampling_rate:.5g} Hz"
     if identification.setups is None:
@@ -59,7 +84,19 @@ def identification_in_words(identification: Identification) -> str:
 
 
 def identification_tables(identification: Identification) -> list[Table]:
-    """Return all tables of an identification that have rows."""
+    """Return all tables of an identification that have rows.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> [(table.columns[0], len(table.rows)) for table in identification_tables(identification)]
+    [('frequency [Hz]', 3)]
+    """
     tables = []
     if len(identification.modes):
         tables.append(modes_table(identification.modes, identification.sources))
@@ -81,6 +118,18 @@ def modes_table(modes: Modes, sources: Sequence[str] = ()) -> Table:
         Modes of any number.
     sources
         Source of each mode as in `Identification`; empty: unknown.
+
+    Examples
+    --------
+    >>> from sprung.identification import cov_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=60.0, sampling_rate=200.0, seed=1)
+    >>> identification = cov_ssi(run)
+    >>> table = modes_table(identification.modes)
+    >>> table.columns[:2], [round(float(row[0].split(" ± ")[0])) for row in table.rows]
+    (('frequency [Hz]', 'damping [%]'), [7, 20, 28])
     """
     sources = sources or ("",) * len(modes)
     shapes = shapes_in_words(modes.channels, modes.mode_shapes)
@@ -108,7 +157,17 @@ def _stable(rate: float, source: str) -> str:
 
 
 def shapes_in_words(channels: Sequence[str], mode_shapes: Complex) -> list[str]:
-    """Return for each shape its main channels and the signs of their motion."""
+    """Return for each shape its main channels and the signs of their motion.
+
+    Examples
+    --------
+    Front against rear, and left against right at the front:
+
+    >>> import numpy as np
+    >>> shapes = np.array([[1.0, 0.9, -0.8, -0.9], [1.0, -1.0, 0.1, 0.1]], dtype=complex)
+    >>> shapes_in_words(("acc_fl", "acc_fr", "acc_rl", "acc_rr"), shapes)
+    ['fl+ fr+ rl- rr-', 'fl+ fr-']
+    """
     return [_shape(_without_common_prefix(channels), shape.tolist()) for shape in mode_shapes]
 
 
@@ -135,7 +194,20 @@ def _sign(part: complex) -> str:
 
 
 def subsets_table(identification: Identification) -> Table:
-    """Return the table of each mode in each subset of segments."""
+    """Return the table of each mode in each subset of segments.
+
+    Examples
+    --------
+    >>> from sprung.identification import IdentificationSettings, coss_ssi
+    >>> from sprung.simulation import simulate, usual_excitation
+    >>> from sprung.vehicles import chain
+    >>> masses = chain()
+    >>> run = simulate(masses, usual_excitation(masses), duration=120.0, sampling_rate=200.0, seed=1)
+    >>> identification = coss_ssi(run, settings=IdentificationSettings(n_subsets=2))
+    >>> table = subsets_table(identification)
+    >>> len(table.rows), table.columns[-1]
+    (3, 'for twice the level')
+    """
     columns = ("mode", *(_heading(subset) for subset in identification.subsets), "for twice the level")
     rows = tuple(
         (
@@ -202,7 +274,19 @@ def _in_setups(setups: RovingSetups, mode: int) -> tuple[str, ...]:
 
 
 def harmonics_table(harmonics: Sequence[Harmonic]) -> Table:
-    """Return the table of harmonics, strongest first, with the multiples of a fundamental in one row."""
+    """Return the table of harmonics, strongest first, with the multiples of a fundamental in one row.
+
+    Examples
+    --------
+    >>> from sprung.signals.harmonics import Harmonic
+    >>> first = Harmonic(12.5, "constant", (12.4, 12.6), 0.2, 20.0, ("acc_1",), fundamental=12.5, order=1)
+    >>> second = Harmonic(25.0, "constant", (24.9, 25.1), 0.2, 15.0, ("acc_1",), fundamental=12.5, order=2)
+    >>> table = harmonics_table([first, second])
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    line | multiples | at [Hz] | prominence | channels
+    12.5 Hz | 1 to 2 | 12.4 to 25.1 | 20 dB | acc_1
+    """
     families: dict[tuple[str, float], list[Harmonic]] = {}
     for line in harmonics:
         families.setdefault((line.kind, line.fundamental or line.frequency), []).append(line)
@@ -233,7 +317,13 @@ def _family(fundamental: float, lines: Sequence[Harmonic]) -> tuple[str, ...]:
 
 
 def orders_in_words(orders: Sequence[int]) -> str:
-    """Return rising orders as ranges, such as 1 to 4, 6; empty for a single line."""
+    """Return rising orders as ranges, such as 1 to 4, 6; empty for a single line.
+
+    Examples
+    --------
+    >>> orders_in_words([1, 2, 3, 4, 6])
+    '1 to 4, 6'
+    """
     if orders[-1] == 1:
         return ""
     starts = [k for k in range(len(orders)) if k == 0 or orders[k] > orders[k - 1] + 1]

@@ -9,7 +9,17 @@ from sprung.tables.table import Table, in_words
 
 
 def true_modes_table(truth: Mapping[str, Any]) -> Table:
-    """Return the table of the exact modes of a simulated recording, from its `sprung.truth/1`."""
+    """Return the table of the exact modes of a simulated recording, from its `sprung.truth/1`.
+
+    Examples
+    --------
+    >>> mode = {"natural_frequency": 12.0, "damping_ratio": 0.24, "label": "wheel_hop"}
+    >>> table = true_modes_table({"modes": [mode]})
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    frequency [Hz] | damping [%] | label
+    12.00 | 24.00 | wheel hop
+    """
     rows = tuple(
         (
             f"{mode['natural_frequency']:#.4g}",
@@ -22,13 +32,37 @@ def true_modes_table(truth: Mapping[str, Any]) -> Table:
 
 
 def inspection_table(inspection: Inspection) -> Table:
-    """Return the table of the channels of a recording: levels and faults."""
+    """Return the table of the channels of a recording: levels and faults.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> import sprung
+    >>> table = inspection_table(sprung.inspect(run))
+    >>> row = dict(zip(table.columns, table.rows[0]))
+    >>> [(name, row[name]) for name in ("unit", "RMS", "lowest", "highest")]
+    [('unit', 'm/s^2'), ('RMS', '3'), ('lowest', '-4.243'), ('highest', '4.243')]
+    """
     columns = ("channel", "quantity", "unit", "mean", "RMS", "lowest", "highest", "remarks")
     return Table("", columns, tuple(_row(facts) for facts in inspection.channels), n_words=3)
 
 
 def inspection_in_words(inspection: Inspection) -> str:
-    """Return length, rate, gaps and start of a recording in one line."""
+    """Return length, rate, gaps and start of a recording in one line.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.recording import Channel, Recording
+    >>> tone = 3 * np.sqrt(2) * np.sin(2 * np.pi * 7 * np.arange(4000) / 100)
+    >>> run = Recording(tone[None], 100.0, (Channel("acc", "acceleration"),))
+    >>> import sprung
+    >>> inspection_in_words(sprung.inspect(run))
+    '4000 samples at 100 Hz: 40 s, no gaps'
+    """
     length = f"{inspection.n_samples} samples at {inspection.sampling_rate:.8g} Hz: {_time(inspection.duration)}"
     gaps = "no gaps"
     if inspection.n_gaps:

@@ -10,7 +10,18 @@ _DELIVERIES = {"undelivered": "not delivered", "delivered": "delivered", "abando
 
 
 def alerts_table(document: Mapping[str, Any]) -> Table:
-    """Return the table of the alerts in a `sprung.alerts/1`."""
+    """Return the table of the alerts in a `sprung.alerts/1`.
+
+    Examples
+    --------
+    >>> alert = {"number": 3, "vehicle": "bus-17", "state": "unacknowledged", "shelved_until": None, "severity": 700}
+    >>> alert |= {"raised": 1_790_000_000_000_000_000, "assignee": "bert", "text": "rear-left damper 40 % weaker"}
+    >>> table = alerts_table({"alerts": [alert]})
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    number | vehicle | state | raised (UTC) | severity | assigned to | alert
+    3 | bus-17 | unacknowledged | 2026-09-21 14:13 | 700 | bert | rear-left damper 40 % weaker
+    """
     rows = tuple(
         (
             str(alert["number"]),
@@ -28,7 +39,20 @@ def alerts_table(document: Mapping[str, Any]) -> Table:
 
 
 def alert_history_table(document: Mapping[str, Any]) -> Table:
-    """Return the table of what happened to an alert, from a `sprung.alert-history/1`."""
+    """Return the table of what happened to an alert, from a `sprung.alert-history/1`.
+
+    Examples
+    --------
+    >>> raised = {"time": 1_790_000_000_000_000_000, "what": "raised", "who": "", "comment": ""}
+    >>> assigned = raised | {"what": "assigned", "who": "anna", "comment": "on lift 2", "assignee": "bert"}
+    >>> history = [entry | {"shelved_until": None} for entry in (raised, assigned)]
+    >>> table = alert_history_table({"history": history})
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row[:3]))
+    time (UTC) | event | by
+    2026-09-21 14:13 | raised | the monitor
+    2026-09-21 14:13 | assigned to bert | anna
+    """
     rows = tuple(
         (time_in_words(entry["time"]), _event_in_words(entry), entry["who"] or "the monitor", entry["comment"])
         for entry in document["history"]
@@ -37,7 +61,19 @@ def alert_history_table(document: Mapping[str, Any]) -> Table:
 
 
 def aside_table(document: Mapping[str, Any]) -> Table:
-    """Return the table of what was set aside, from a `sprung.aside/1`."""
+    """Return the table of what was set aside, from a `sprung.aside/1`.
+
+    Examples
+    --------
+    >>> entry = {"vehicle": "bus-17", "kind": "raw", "first": 4, "last": 6, "boot": 1}
+    >>> time = 1_790_000_000_000_000_000
+    >>> entry |= {"begin": time, "stored": time, "reason": "inconsistent frame", "again": None}
+    >>> table = aside_table({"aside": [entry]})
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    vehicle | what | samples from (UTC) | set aside (UTC) | reason
+    bus-17 | frames 4 to 6 of boot 1 | 2026-09-21 14:13 | 2026-09-21 14:13 | inconsistent frame
+    """
     is_analysed = any(entry["again"] is not None for entry in document["aside"])
     rows = tuple(
         (
@@ -65,7 +101,19 @@ def _part_in_words(entry: Mapping[str, Any]) -> str:
 
 
 def vehicles_table(document: Mapping[str, Any], *, now: int) -> Table:
-    """Return the table of the vehicles in a `sprung.vehicles/1`; `now` (UTC ns) is the time that ages count from."""
+    """Return the table of the vehicles in a `sprung.vehicles/1`; `now` (UTC ns) is the time that ages count from.
+
+    Examples
+    --------
+    >>> now = 1_790_000_000_000_000_000
+    >>> vehicle = {"vehicle": "bus-17", "windows": 9, "baseline": 2, "health_index": 87.4, "state": "no alert"}
+    >>> vehicle |= {"last_seen": now - 600_000_000_000, "data_until": None}
+    >>> table = vehicles_table({"vehicles": [vehicle]}, now=now)
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    vehicle | windows | baseline | health (of 100) | last message | data until (UTC) | state
+    bus-17 | 9 | version 2 | 87 | 10 min ago |  | no alert
+    """
     rows = tuple(
         (
             vehicle["vehicle"],
@@ -109,13 +157,34 @@ def _state_in_words(state: str, shelved_until: int | None) -> str:
 
 
 def accounts_table(document: Mapping[str, Any]) -> Table:
-    """Return accounts of `sprung.accounts/1` as a table."""
+    """Return accounts of `sprung.accounts/1` as a table.
+
+    Examples
+    --------
+    >>> account = {"name": "anna", "role": "operator", "created": 1_790_000_000_000_000_000}
+    >>> table = accounts_table({"accounts": [account]})
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    name | role | created (UTC)
+    anna | operator | 2026-09-21 14:13
+    """
     rows = tuple((entry["name"], entry["role"], time_in_words(entry["created"])) for entry in document["accounts"])
     return Table("", ("name", "role", "created (UTC)"), rows, n_words=2)
 
 
 def tokens_table(document: Mapping[str, Any]) -> Table:
-    """Return tokens of `sprung.tokens/1` as a table."""
+    """Return tokens of `sprung.tokens/1` as a table.
+
+    Examples
+    --------
+    >>> token = {"number": 1, "name": "backup", "role": "viewer", "created_by": "anna"}
+    >>> token |= {"created": 1_790_000_000_000_000_000, "expires": None}
+    >>> table = tokens_table({"tokens": [token]})
+    >>> for row in (table.columns, *table.rows):
+    ...     print(" | ".join(row))
+    number | name | role | created (UTC) | by | expires (UTC)
+    1 | backup | viewer | 2026-09-21 14:13 | anna | never
+    """
     rows = tuple(
         (
             str(entry["number"]),

@@ -65,7 +65,18 @@ def in_words(name: str) -> str:
 
 
 def with_deviation(value: float, deviation: float) -> str:
-    """Return a value and its standard deviation, with two significant digits of the deviation."""
+    """Return a value and its standard deviation, with two significant digits of the deviation.
+
+    References
+    ----------
+    JCGM 100:2008, Evaluation of measurement data - Guide to the expression of uncertainty in measurement, section 7.2.6
+    (at most two significant digits of an uncertainty).
+
+    Examples
+    --------
+    >>> with_deviation(7.01234, 0.0123), with_deviation(44279.6, 723.4)
+    ('7.012 ± 0.012', '44280 ± 720')
+    """
     if not (math.isfinite(deviation) and deviation > 0):
         return f"{value:.4g}"
     decimals = min(1 - math.floor(math.log10(deviation)), 6)
@@ -73,7 +84,13 @@ def with_deviation(value: float, deviation: float) -> str:
 
 
 def time_in_words(time: int) -> str:
-    """Return a time (UTC ns) to the minute, such as "2026-11-21 08:30"."""
+    """Return a time (UTC ns) to the minute, such as "2026-11-21 08:30".
+
+    Examples
+    --------
+    >>> time_in_words(1_790_000_000_000_000_000)
+    '2026-09-21 14:13'
+    """
     return f"{datetime.fromtimestamp(time / 1e9, tz=UTC):%Y-%m-%d %H:%M}"
 
 
@@ -94,6 +111,15 @@ def age_in_words(time: int, *, now: int) -> str:
 
 
 def span_in_words(begin: int, end: int) -> str:
-    """Return a span of time (UTC ns), such as "2026-11-21 08:30 to 08:40 UTC"."""
+    """Return a span of time (UTC ns), such as "2026-11-21 08:30 to 08:40 UTC".
+
+    Examples
+    --------
+    >>> begin = 1_790_000_000_000_000_000
+    >>> span_in_words(begin, begin + 600_000_000_000)
+    '2026-09-21 14:13 to 14:23 UTC'
+    >>> span_in_words(begin, begin + 86_400_000_000_000)
+    '2026-09-21 14:13 to 2026-09-22 14:13 UTC'
+    """
     first, last = time_in_words(begin), time_in_words(end)
     return f"{first} to {last.removeprefix(first[:11])} UTC"

@@ -30,6 +30,19 @@ def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: 
         Time of the first window, UTC in nanoseconds since 1970; None where unknown.
     has_times
         Whether times are seconds, not numbers of windows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> tracked = track_modes([modes] * 6, times=3600.0 * np.arange(6))
+    >>> table = tracks_table(tracked)
+    >>> [row[:2] for row in table.rows], table.columns[:2]
+    ([('1', '2'), ('2', '5')], ('mode', 'frequency [Hz]'))
     """
     columns = (
         "mode",
@@ -61,13 +74,41 @@ def tracks_table(tracked: TrackedModes, *, start: int | None = None, has_times: 
 
 
 def tracks_in_words(tracked: TrackedModes) -> str:
-    """Return the number of modes and windows in a line."""
+    """Return the number of modes and windows in a line.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> tracked = track_modes([modes] * 6, times=3600.0 * np.arange(6))
+    >>> tracks_in_words(tracked)
+    '2 modes followed over 6 windows with modes, of 6'
+    """
     count = counted(int(tracked.has_result.sum()), "window")
     return f"{counted(len(tracked.tracks), 'mode')} followed over {count} with modes, of {len(tracked.times)}"
 
 
 def tracks_notes(tracked: TrackedModes, windows: Sequence[WindowModes]) -> list[str]:
-    """Return sentences on the layout of the sensors, on windows without modes, and on modes that belong to no track."""
+    """Return sentences on the layout of the sensors, on windows without modes, and on modes that belong to no track.
+
+    Examples
+    --------
+    >>> from sprung.identification.window_modes import WindowModes
+    >>> import numpy as np
+    >>> from sprung.identification.tracking import track_modes
+    >>> from sprung.modal import Modes
+    >>> some = np.full(2, 0.01)
+    >>> poles = 2 * np.pi * np.array([2.0, 5.0]) * (1j - 0.01)
+    >>> modes = Modes(poles, np.eye(2, dtype=complex), ("a", "b"), some, some, np.ones(2), (None, None))
+    >>> tracked = track_modes([*[modes] * 6, None])
+    >>> windows = [*(WindowModes(k, "run.csv", modes) for k in range(6)), WindowModes(6, "run.csv", None, "too short")]
+    >>> tracks_notes(tracked, windows)
+    ['window 7 (run.csv): too short']
+    """
     notes = list(dict.fromkeys(note for window in windows for note in window.notes))
     empty = [(number, window) for number, window in enumerate(windows, start=1) if window.reason]
     notes += [f"window {number} ({window.source}): {window.reason}" for number, window in empty[:_MOST]]

@@ -62,6 +62,24 @@ def sensor_faults(recording: Recording, vehicle: Vehicle, *, allow_missing: bool
     ------
     DataError, ParameterError
         As raised by `check_sensors` and `window_of`.
+
+    References
+    ----------
+    As for `rigid_body_faults`.
+
+    Examples
+    --------
+    An accelerometer that is mounted upside down:
+
+    >>> from functools import partial
+    >>> from sprung.simulation import RoadDrive, simulate_drive
+    >>> from sprung.simulation.sensors import inverted, with_imperfections
+    >>> from sprung.vehicles import read_vehicle
+    >>> vehicle = read_vehicle("zafira")
+    >>> drive = simulate_drive(vehicle, RoadDrive(duration=120.0, sampling_rate=60.0, snr=50.0), seed=1).recording
+    >>> wrong = with_imperfections(drive, [partial(inverted, channel="acc_rr")])
+    >>> [(fault.channel, fault.kind) for fault in sensor_faults(wrong, vehicle)]
+    [('acc_rr', 'inverted')]
     """
     return check_sensors(window_of(recording, vehicle, allow_missing=allow_missing)).faults
 

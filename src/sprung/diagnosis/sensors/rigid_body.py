@@ -52,6 +52,11 @@ def rigid_body_faults(spectra: SpectralMatrix, structure: Structure) -> tuple[li
 
     Sensors k that are misplaced by (dx, dy) make the residual a p'' + b r'' of pitch and roll, a = -sum N_k dx_k and
     b = sum N_k dy_k. A residual of that form with a and b up to 25 cm is no disagreement: a calibration can learn it.
+
+    References
+    ----------
+    E. Y. Chow, A. S. Willsky, Analytical redundancy and the design of robust failure detection systems, IEEE
+    Transactions on Automatic Control 29 (1984) 603-614 (parity relations).
     """
     names, matrix = _accelerations(spectra, structure)
     null = _null_space(names, structure)
