@@ -48,9 +48,7 @@ def vehicles_of(session: "SparkSession", place: str | Path) -> "DataFrame":
         table = session.read.csv(text, header=True) if text.endswith(".csv") else session.read.parquet(text)
         lacking = sorted({"vehicle", "file"} - set(table.columns))
         if lacking:
-            raise ParameterError(
-                f"{place} lacks the column {lacking[0]!r}: give a table with vehicle and file"
-            )
+            raise ParameterError(f"{place} lacks the column {lacking[0]!r}: give a table with vehicle and file")
         folder = text.rpartition("/")[0]
         paths = f.when(f.col("file").rlike("^(/|[a-z0-9]+://)"), f.col("file")).otherwise(
             f.concat(f.lit(f"{folder}/"), f.col("file"))
