@@ -28,24 +28,24 @@ def fault_of(vehicle: int, every: int) -> str | None:
 
 
 @lru_cache(maxsize=256)
-def driven(seed: tuple[int, ...], minutes: float, fault: str | None) -> Recording:
+def driven(seed: tuple[int, ...], minutes: float, rate: float, fault: str | None) -> Recording:
     """The recording of a drive."""
     faults = () if fault is None else (parse_fault(fault),)
-    settings = RoadDrive(duration=60 * minutes, sampling_rate=100.0, snr=50.0, faults=faults)
+    settings = RoadDrive(duration=60 * minutes, sampling_rate=rate, snr=50.0, faults=faults)
     recording = simulate_drive(read_vehicle("zafira"), settings, seed=list(seed)).recording
     # As files are, which seldom state the places of sensors.
     channels = tuple(Channel(channel.name, channel.quantity) for channel in recording.channels)
     return replace(recording, history=(), channels=channels)
 
 
-def windows_of(case: tuple[int, int, float, int, int]) -> list[LakeWindow]:
+def windows_of(case: tuple[int, int, float, float, int, int]) -> list[LakeWindow]:
     """The windows of a vehicle; on `roads` different roads, if that is not 0, so that drives repeat."""
-    vehicle, n_windows, minutes, every, roads = case
+    vehicle, n_windows, minutes, rate, every, roads = case
     fault = fault_of(vehicle, every)
     made = []
     for number in range(n_windows):
         seed = (11, vehicle, number) if not roads else (11, 0, (vehicle * n_windows + number) % roads)
-        recording = driven(seed, minutes, fault if number >= n_windows // 2 else None)
+        recording = driven(seed, minutes, rate, fault if number >= n_windows // 2 else None)
         stamped = replace(recording, start=START + number * BETWEEN)
         made.append(window_of_recording(f"car{vehicle:05d}", stamped, source="simulation"))
     return made
@@ -57,6 +57,7 @@ def make(
     vehicles: int,
     windows: int,
     minutes: float = 2.0,
+    rate: float = 100.0,
     every: int = 20,
     roads: int = 0,
     processes: int = 2,
@@ -69,7 +70,7 @@ def make(
     faults = {f"car{k:05d}": fault for k in range(vehicles) if (fault := fault_of(k, every))}
     (folder / "faults.json").write_text(json.dumps(faults))
     lake = Lake(folder / "lake")
-    cases = [(vehicle, windows, minutes, every, roads) for vehicle in range(vehicles)]
+    cases = [(vehicle, windows, minutes, rate, every, roads) for vehicle in range(vehicles)]
     with ProcessPoolExecutor(processes) as pool:
         lake.write(window for made in pool.map(windows_of, cases, chunksize=4) for window in made)
     return lake
@@ -81,6 +82,7 @@ if __name__ == "__main__":
     parser.add_argument("--vehicles", type=int, default=200)
     parser.add_argument("--windows", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=2.0)
+    parser.add_argument("--rate", type=float, default=100.0, help="samples per second")
     parser.add_argument("--every", type=int, default=20, help="number of vehicles of which one changes half-way")
     parser.add_argument("--roads", type=int, default=0, help="number of different drives; 0: all different")
     chosen = parser.parse_args()
@@ -89,6 +91,7 @@ if __name__ == "__main__":
         vehicles=chosen.vehicles,
         windows=chosen.windows,
         minutes=chosen.minutes,
+        rate=chosen.rate,
         every=chosen.every,
         roads=chosen.roads,
     )

@@ -94,7 +94,15 @@ def moved(folder: Path) -> dict[str, int]:
 def size(folder: Path, vehicles: int, given: argparse.Namespace) -> dict[str, str]:
     """Make a fleet, run, and return the values of a column."""
     begin = time.monotonic()
-    lake = make(folder, vehicles=vehicles, windows=given.windows, minutes=given.minutes, every=20, roads=given.roads)
+    lake = make(
+        folder,
+        vehicles=vehicles,
+        windows=given.windows,
+        minutes=given.minutes,
+        rate=given.rate,
+        every=20,
+        roads=given.roads,
+    )
     n_windows = vehicles * given.windows
     made = time.monotonic() - begin
     print(f"{n_windows} windows made in {made:.0f} s", file=sys.stderr, flush=True)
@@ -126,6 +134,7 @@ def main() -> None:
     parser.add_argument("--vehicles", type=int, nargs="+", default=[50, 1000])
     parser.add_argument("--windows", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=2.0)
+    parser.add_argument("--rate", type=float, default=25.0, help="samples per second")
     parser.add_argument("--roads", type=int, default=40, help="number of different drives; 0: all different")
     parser.add_argument("--steps", default="baseline,diagnose")
     given = parser.parse_args()
