@@ -96,4 +96,4 @@ def test_a_type_goes_with_its_vehicle_file_only(sprung, cars, tmp_path) -> None:
     outcome = sprung("diagnose", recording, "--vehicle", "zafira", "--type", path, "--baseline", path)
     assert "not both" in outcome.err
     words = ("--vehicle", "zafira", "--type", path, "--calibrate", "--out", tmp_path / "b.json")
-    assert "leave out one" in sprung("baseline", recording, *words).err
+    assert "omit one" in sprung("baseline", recording, *words).err
