@@ -210,7 +210,7 @@ def test_notifications_that_were_given_up_are_an_alert_until_that_sender_deliver
     again.look()
     sentence = own_alerts(again)["monitor:notifications"]
     assert sentence.startswith(
-        "notifications were given up after 20 attempts by mail 1: mail server away: correct [send]"
+        "notifications were given up after 20 attempts by mail 1: mail server away; correct [send]"
     )
     late = Delivery(1, sent=BEGUN + SECOND)
     again.store.alerts.put_delivery(1, "mail 1", late, senders=["mail 1"], now=BEGUN + SECOND)

@@ -119,7 +119,7 @@ class Box:
     on_board
         Identification on the vehicle; None: samples are sent.
     clock
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     sleep
         Function that waits for a time [s].
     now

@@ -142,7 +142,7 @@ def paced(
     pace
         Speed above 0, times real time; None: no limit.
     clock
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     sleep
         Function that waits for a time [s].
 

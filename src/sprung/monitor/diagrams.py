@@ -37,7 +37,7 @@ _DIGITS = 6
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Diagrams:
-    """What the samples of a window show in addition to what the store holds.
+    """Results from the samples of a window in addition to those in the store.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def window_diagrams(recording: Recording, vehicle: Vehicle, *, method: str = "co
     Raises
     ------
     SprungError
-        If no mode can be sought in the window, such as of one in which the vehicle stood.
+        If the window cannot be identified, such as one in which the vehicle stood still.
     """
     identification = METHODS[method](recording, settings=IDENTIFICATION, vehicle=vehicle)
     notes = []
@@ -133,7 +133,7 @@ def diagram_values(diagrams: Diagrams, *, vehicle: Vehicle) -> dict[str, Any]:
 
 
 def diagram_pictures(diagrams: Diagrams, *, source: str) -> dict[str, str]:
-    """Return the figures of diagrams as SVG, by name: those that the command line writes of the same samples.
+    """Return the figures of diagrams as SVG, by name: those that the command line draws from the same samples.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ def work_order(store: Store, number: int, *, who: str, now: int, link: str = "")
     number
         Alert number.
     who
-        Name of the person or program that asks for it.
+        Name of the person or program that requests it.
     now
         Present time, UTC ns.
     link
@@ -38,7 +38,7 @@ def work_order(store: Store, number: int, *, who: str, now: int, link: str = "")
     """
     row = store.alerts.row(number)
     if row is None:
-        raise ParameterError(f"unknown alert {number}: sprung alerts list --all shows all alerts")
+        raise ParameterError(f"unknown alert {number}: sprung alerts list --all lists all alerts")
     if row.cause.partition(":")[0] == "monitor":
         raise ParameterError(f"alert {number} is about the monitor ({row.cause}): a work order is about a vehicle")
     alert = alert_of(row)

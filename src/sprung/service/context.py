@@ -33,7 +33,7 @@ class Context:
     clock
         Present time, UTC ns.
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
     feed
         Changes of the store, as they happen.
     attempts

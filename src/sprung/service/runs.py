@@ -83,7 +83,7 @@ class RunResults:
     location
         Folder or URL that the runs write to; None: there is none, and no results.
     timer
-        Present time [s] of any clock that only goes forward.
+        Present time [s] of a monotonic clock.
 
     Notes
     -----

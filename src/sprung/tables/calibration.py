@@ -3,15 +3,15 @@
 from sprung.calibration import CalibratedNumber, Calibration
 from sprung.tables.table import Table, with_deviation
 
-#: Groups whose numbers are listed only where the drives determine them.
+#: Groups whose parameters are listed only if the drives determine them.
 _MINOR = {"sides", "sensors"}
 
 
 def calibration_table(calibration: Calibration) -> Table:
-    """Return the table of the numbers that drives taught, with what the file stated."""
+    """Return the table of the parameters learnt from drives, next to those in the file."""
     rows = tuple(_row(number) for number in calibration.learnt if number.is_identifiable or number.group not in _MINOR)
-    columns = ("number", "given", "learnt", "change", "from the drives")
-    return Table("Numbers of the vehicle file", columns, rows, n_words=1, caption="± standard deviation")
+    columns = ("parameter", "given", "learnt", "change", "from the drives")
+    return Table("Parameters of the vehicle file", columns, rows, n_words=1, caption="± standard deviation")
 
 
 def calibration_in_words(calibration: Calibration) -> list[str]:

@@ -46,12 +46,12 @@ def fleet_run_tables(document: Mapping[str, Any]) -> list[Table]:
 
 
 def fleet_run_in_words(document: Mapping[str, Any]) -> list[str]:
-    """Return what a run has done, and why windows have no result, one sentence each."""
+    """Return what a run has done, and why windows are without a result, one sentence each."""
     new = max(document["analysed"].values(), default=0)
     assessed = counted(document["vehicles_assessed"], "vehicle")
     words = [f"{counted(new, 'window')} analysed and {assessed} assessed in {document['seconds']:.0f} s"]
     if not new and not document["vehicles_assessed"]:
-        words = ["every window has its result: no new ones in the lake"]
+        words = ["every window in the lake already has its result"]
     reasons: Sequence[Mapping[str, Any]] = document["reasons"]
     return [*words, *(f"{counted(entry['windows'], 'window')}: {entry['reason']}" for entry in reasons)]
 
@@ -77,7 +77,7 @@ def fleet_plan_table(document: Mapping[str, Any]) -> Table:
 
 
 def fleet_plan_in_words(document: Mapping[str, Any]) -> list[str]:
-    """Return the estimate of a plan, and what lacks, one sentence each."""
+    """Return the estimate of a plan, and what is missing, one sentence each."""
     hours = document["core_hours"]
     cores = counted(document["cores"], "core")
     time = (
@@ -88,7 +88,7 @@ def fleet_plan_in_words(document: Mapping[str, Any]) -> list[str]:
     words = [f"{counted(document['vehicles'], 'vehicle')}, {hours:.2f} core hours: about {time} on {cores}"]
     if document["without_vehicle_file"]:
         without = counted(document["without_vehicle_file"], "window")
-        words.append(f"{without} of vehicles without a usable vehicle file: they get a row with this reason")
+        words.append(f"{without} of vehicles without a usable vehicle file: their rows state this reason")
     return words
 
 

@@ -8,7 +8,7 @@ from sprung.tables.table import Table, time_in_words
 
 
 def lake_in_words(document: Mapping[str, Any]) -> list[str]:
-    """Return what a `sprung.lake/1` holds, and what was done to it, in sentences."""
+    """Return the contents of a `sprung.lake/1`, and what was done to it, in sentences."""
     size = f"{counted(document['windows'], 'window')} of {counted(len(document['vehicles']), 'vehicle')}"
     period = "" if document["first"] is None else f", {document['first']} to {document['last']}"
     sentences = [f"{size} in {counted(document['files'], 'file')}, {document['bytes'] / 1e6:.4g} MB{period}"]
@@ -20,7 +20,7 @@ def lake_in_words(document: Mapping[str, Any]) -> list[str]:
 
 
 def lake_table(document: Mapping[str, Any]) -> Table:
-    """Return the vehicles in a `sprung.lake/1`."""
+    """Return the table of the vehicles in a `sprung.lake/1`."""
     rows = (
         (own["vehicle"], str(own["windows"]), time_in_words(own["first"]), time_in_words(own["last"]))
         for own in document["vehicles"]
@@ -29,7 +29,7 @@ def lake_table(document: Mapping[str, Any]) -> Table:
 
 
 def lake_import_table(document: Mapping[str, Any]) -> Table:
-    """Return what a `sprung.lake-import/1` states of each vehicle."""
+    """Return the table of the vehicles in a `sprung.lake-import/1`."""
     names = ("files", "added", "known")
     rows = ((own["vehicle"], *(str(own[name]) for name in names)) for own in document["vehicles"])
-    return Table("", ("vehicle", "files", "windows added", "known before"), tuple(rows), ends_in_words=False)
+    return Table("", ("vehicle", "files", "windows added", "already present"), tuple(rows), ends_in_words=False)

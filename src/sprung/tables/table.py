@@ -32,7 +32,7 @@ class Table:
     Raises
     ------
     ParameterError
-        If a row has not as many cells as there are columns.
+        If the number of cells in a row differs from the number of columns.
     """
 
     title: str

@@ -8,7 +8,7 @@ from sprung.identification.tracks import Track, TrackedModes, TrackedValue
 from sprung.identification.window_modes import WindowModes
 from sprung.tables.table import Table, in_words, time_in_words, with_deviation
 
-#: Most jumps in a cell, and most windows without result in a sentence.
+#: Largest number of jumps in a cell, and of windows without a result in the sentences.
 _MOST = 3
 #: Fewest windows for a ratio of deviations.
 _FOR_RATIO = 8
