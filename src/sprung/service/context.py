@@ -29,7 +29,7 @@ class Context:
     figures
         Function that returns those figures of the running monitor that need no store.
     troubles
-        Function that returns a sentence about each trouble of the monitor; it needs no store.
+        Function that returns a sentence about each problem of the monitor; it needs no store.
     clock
         Present time, UTC ns.
     timer
@@ -96,7 +96,7 @@ def context_of(request: Request) -> Context:
 
 
 def known_vehicles(context: Context) -> Callable[[Collection[str]], Collection[str]]:
-    """Return a function that returns those of some vehicles that the monitor knows."""
+    """Return a function that selects the vehicles that the monitor knows."""
     return lambda names: {name for name in names if context.store.inbox.vehicle(name) is not None}
 
 

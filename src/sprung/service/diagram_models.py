@@ -1,4 +1,4 @@
-"""Diagrams of a window, as the interface gives and the pages show them. Frequencies in Hz, times in UTC ns."""
+"""Diagrams of a window, as the interface returns and the pages show them. Frequencies in Hz, times in UTC ns."""
 
 from typing import Any
 
@@ -57,7 +57,7 @@ class PoleSet(Answer):
 class Stabilisation(Answer):
     """Stabilisation diagrams: one for each subset of segments and split of the channels."""
 
-    rung: str = Field(description="what a rung is")
+    rung: str = Field(description="meaning of a rung")
     band: Pair
     poles: tuple[PoleSet, ...]
     statuses: dict[str, str] = Field(description="each status in words")

@@ -50,7 +50,7 @@ class Person:
     role
         Role.
     secret
-        Secret of the browser's session, from which forms have their mark; empty for a program with a token.
+        Secret of the browser's session, from which the mark of its forms is derived; empty for a program with a token.
     has_account
         Whether the person logged in; False on a machine without accounts.
     """
@@ -75,7 +75,7 @@ def add_account(store: Store, name: str, role: str, password: str, *, who: str, 
         If the name, role or password cannot be used.
     """
     if not name.strip() or name != name.strip() or len(name) > _MOST_NAME or not name.isprintable():
-        raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters, without blanks around")
+        raise ParameterError(f"name {name!r} must have 1 to {_MOST_NAME} printable characters, no blank at either end")
     _check_role(role)
     if not _LEAST_PASSWORD <= len(password) <= _MOST_PASSWORD:
         raise ParameterError(f"a password must have {_LEAST_PASSWORD} to {_MOST_PASSWORD} characters: give another")
@@ -154,7 +154,7 @@ def of_session(store: Store, secret: str, *, now: int) -> Person | None:
 
 
 def add_token(store: Store, name: str, role: str, *, days: float | None, who: str, now: int) -> tuple[int, str]:
-    """Return number and secret of a new token for a program, which is shown only now.
+    """Return number and secret of a new token for a program; the secret is shown only once.
 
     Parameters
     ----------

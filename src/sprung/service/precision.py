@@ -40,7 +40,7 @@ class Delay(Answer):
 
 
 class Precision(Answer):
-    """What the workshop's verdicts say about the alerts of the suspension and of sensors."""
+    """Precision of the alerts of the suspension and of sensors, from the verdicts of the workshop."""
 
     verdicts: dict[str, int] = Field(description="number of alerts by the last verdict on each")
     alert: Share = Field(description="alerts that were right: confirmed or another part, of those looked at")
