@@ -68,7 +68,7 @@ def test_a_request_is_stored_with_who_and_why(store) -> None:
     ("fields", "words"),
     [
         ({"reason": " "}, "needs a reason"),
-        ({"version": 7}, "car-1 has no baseline 7, only 1, 2: give one of them"),
+        ({"version": 7}, "car-1 has no baseline 7: it has 1, 2"),
         ({"version": 2}, "baseline 2 of car-1 is in use"),
         ({"vehicle": "car-9"}, "unknown vehicle 'car-9'"),
     ],

@@ -188,8 +188,8 @@ class Box:
             return f"{sentence}: its list of permissions (ACL) denies them to {vehicle!r}"
         known_by = f"the certificate {self._address.cert}" if self._address.cert else "the user"
         return (
-            f"{sentence}: {known_by} is that of {self._user!r}: use --vehicle-id {self._user}, or the credentials of "
-            f"{vehicle}"
+            f"{sentence}, as {known_by} is that of {self._user!r}: use --vehicle-id {self._user}, or the credentials "
+            f"of {vehicle}"
         )
 
     @property

@@ -104,7 +104,7 @@ def box_of(
     Raises
     ------
     ParameterError
-        Where the vehicle cannot have that name.
+        If the vehicle cannot have that name.
 
     Notes
     -----
@@ -127,24 +127,24 @@ def send_live(
     Parameters
     ----------
     box
-        Box that is not yet open; it is closed in the end.
+        Box that is not yet open; it is closed at the end.
     blocks
         Blocks of the source.
     stopping
-        Event that stops the box. It is set in the end.
+        Event that stops the box. It is set at the end.
     on_problem
-        Function that receives each new problem with the link, and "" once it is over; in the end the losses of a box
+        Function that receives each new problem with the link, and "" once it is over; at the end the losses of a box
         that was stopped.
 
     Returns
     -------
     float or None
-        Duration of the samples sent [s]; None where it was stopped.
+        Duration of the samples sent [s]; None if it was stopped.
 
     Raises
     ------
     DataError
-        Where frames were dropped before they were acknowledged, and the source has ended.
+        If frames were dropped before they were acknowledged, and the source has ended.
     """
     taken = 0.0
     try:
@@ -187,7 +187,7 @@ def replay(
     blocks
         Blocks of recordings.
     pace
-        Speed, times real time; None: no limit.
+        Speed as a multiple of real time; None: no limit.
     patience
         Longest wait for the last acknowledgement [s].
     on_progress
@@ -201,7 +201,7 @@ def replay(
     Raises
     ------
     DataError
-        Where not all frames were acknowledged in time, the broker refuses them, or some were dropped before.
+        If not all frames were acknowledged in time, the broker refuses them, or some were dropped before.
     """
     sent = 0.0
     begin: int | None = None
@@ -238,7 +238,7 @@ def losses_in_words(losses: Sequence[Loss]) -> str:
     n_frames = sum(loss.n_frames for loss in losses)
     return (
         f"{n_frames} frames{span} were dropped before the monitor had acknowledged them, as the spool was full or its "
-        "disk failed: give it more space, and send again what can be sent again"
+        "disk failed: give it more space, and send again what is still available"
     )
 
 

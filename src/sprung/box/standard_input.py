@@ -170,7 +170,7 @@ def _values(text: str, number: int, columns: tuple[Column, ...]) -> list[float]:
     fields = [_bare(field) for field in text.split(",")]
     if len(fields) != len(columns):
         raise FormatError(
-            f"line {number} of {_NAME} has {len(fields)} values for {len(columns)} channels: {text[:60]!r}: send one "
+            f"line {number} of {_NAME} has {len(fields)} values for {len(columns)} channels ({text[:60]!r}): send one "
             "for each, or nothing between commas where it is missing"
         )
     values = []

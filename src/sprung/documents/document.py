@@ -202,7 +202,7 @@ def checked(model: type[_Document], fields: Mapping[str, Any], *, source: str) -
     Raises
     ------
     FormatError
-        If the schema is another one, or a key is missing or holds something else.
+        If the schema is another one, or a key is missing or contains something else.
     """
     schema = schema_of(model)
     if fields.get("schema") != schema:

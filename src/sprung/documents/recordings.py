@@ -139,7 +139,7 @@ def read_inspections(path: str | Path) -> dict[str, Inspection]:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
     """
     document = checked(InspectionDocument, read_fields(path), source=str(path))
     return {
@@ -159,7 +159,7 @@ def truth_document(truth: Mapping[str, Any]) -> TruthDocument:
     Raises
     ------
     FormatError
-        If a key is missing or holds something else.
+        If a key is missing or contains something else.
     """
     check_type("truth", truth, Mapping, advice="the truth of a sprung.SimulatedDrive")
     return checked(TruthDocument, truth, source="the truth of a simulation")
@@ -191,6 +191,6 @@ def read_truth(path: str | Path) -> TruthDocument:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
     """
     return checked(TruthDocument, read_fields(path), source=str(path))

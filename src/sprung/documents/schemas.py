@@ -83,7 +83,7 @@ def read_document(path: str | Path) -> Document:
     ParameterError
         If the file cannot be read.
     FormatError
-        If its schema is unknown, or a key is missing or holds something else.
+        If its schema is unknown, or a key is missing or contains something else.
     """
     fields = read_fields(path)
     schema = fields.get("schema")

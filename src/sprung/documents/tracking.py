@@ -199,7 +199,7 @@ def read_tracking(path: str | Path) -> TrackingDocument:
     ParameterError
         If the file cannot be read.
     FormatError
-        If it holds something else.
+        If it contains something else.
     """
     return checked(TrackingDocument, read_fields(path), source=str(path))
 

@@ -1,4 +1,4 @@
-"""What a spool asks of the operating system, one system call each: tests put a disk that fails in its place."""
+"""System calls of a spool, one in each method, so that tests can substitute a disk that fails."""
 
 import fcntl
 import os

@@ -1,4 +1,4 @@
-"""What a box had to drop before the monitor had it: which frames, and from when to when."""
+"""Frames that a box had to drop before the monitor had them, with their times."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple

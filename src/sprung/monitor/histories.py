@@ -72,7 +72,7 @@ def restored_baseline(store: Store, vehicle: str, *, version: int, reason: str) 
     document = next((row.document for row in rows if row.version == version), None)
     if document is None:
         known = ", ".join(str(row.version) for row in rows) or "none"
-        raise ParameterError(f"{vehicle} has no baseline {version}, only {known}: give one of them")
+        raise ParameterError(f"{vehicle} has no baseline {version}: it has {known}")
     try:
         baseline = baseline_from_document(document)
     except FormatError as error:

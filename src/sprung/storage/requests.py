@@ -10,7 +10,7 @@ from sprung.storage.schema import AUDIT, COMMANDS
 
 
 class Requests:
-    """Requests and the audit trail, which keeps everything for as long as the site file says.
+    """Requests and the audit trail, which keeps everything for as long as the site file states.
 
     Parameters
     ----------
