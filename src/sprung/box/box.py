@@ -463,7 +463,7 @@ class Box:
 
 
 def _quantities_in(text: str) -> dict[str, str]:
-    """Return the quantities of channels that an earlier start remembered; none if it is damaged."""
+    """Return the quantities of channels that an earlier start remembered; empty if they are damaged."""
     with suppress(ValueError):
         quantities = json.loads(text)
         if isinstance(quantities, dict) and all(isinstance(quantity, str) for quantity in quantities.values()):

@@ -102,7 +102,7 @@ def archive(
     if export is None and (vehicle_id, since, until) != (None, None, None):
         raise ParameterError("--vehicle-id, --since and --until choose what is exported: add --export DIR")
     opened = Lake(lake)
-    opened.table.open()  # raises where there is none
+    opened.table.open()  # raises if there is none
     paths = [] if export is None else _exported(opened, export, vehicle=vehicle_id, since=since, until=until)
     removed = None if keep_days is None else _pruned(opened, keep_days)
     with progress_bar() as report:

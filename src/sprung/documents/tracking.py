@@ -136,7 +136,7 @@ def tracking_document(
     windows
         Its windows with their sources and reasons; None: unknown.
     start
-        Time of the first window, UTC in nanoseconds since 1970; None where unknown.
+        Time of the first window, UTC in nanoseconds since 1970; None if unknown.
     has_times
         Whether times are seconds since the first window, not numbers of windows.
     notes
@@ -180,7 +180,7 @@ def write_tracking(tracked: TrackedModes, path: str | Path, *, start: int | None
     path
         File to write; an existing one is replaced.
     start
-        Time of the first window, UTC in nanoseconds since 1970; None where unknown.
+        Time of the first window, UTC in nanoseconds since 1970; None if unknown.
     """
     check_type("tracked", tracked, TrackedModes)
     write_document(tracking_document(tracked, start=start, has_times=tracked.has_times), path)

@@ -46,7 +46,7 @@ class Spool:
     Parameters
     ----------
     folder
-        Folder of this spool alone; created where missing.
+        Folder of this spool alone; created if missing.
     most_bytes
         Largest size [bytes].
     is_synced

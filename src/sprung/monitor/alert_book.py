@@ -105,7 +105,7 @@ class AlertBook:
         counts
             Number of frames lost so far, by boot; those in the alert already are not counted again.
         begin, end
-            Times of the first sample and after the last one that were lost, UTC ns; 0 where unknown.
+            Times of the first sample and after the last one that were lost, UTC ns; 0 if unknown.
         now
             Present time, UTC ns.
         """

@@ -241,7 +241,7 @@ def roll_back(store: Store, vehicle: str, *, version: int, reason: str, who: str
     vehicle
         Name of the vehicle.
     version
-        Version of the earlier baseline, or of the present one to end a learning that is under way.
+        Version of the earlier baseline, or of the present one to end learning in progress.
     reason
         Why it is used again.
     who

@@ -44,9 +44,9 @@ class Diagrams:
     identification
         Modes of the whole window, with spectra, lines and stabilisation diagram, as the monitor identifies them.
     levels
-        Modes of its segments sorted by level (CoSS-SSI); None where they cannot be sorted.
+        Modes of its segments sorted by level (CoSS-SSI); None if they cannot be sorted.
     fit
-        Fit of the vehicle to its spectra; None where there is none.
+        Fit of the vehicle to its spectra; None if there is none.
     notes
         Why a part is missing, one sentence each.
     """

@@ -359,7 +359,7 @@ class Dispatch:
             self._job_since[vehicle] = self._waiting_since.pop(vehicle, self._clock())
 
     def _baseline_wanted(self, command: CommandRow | None) -> str | Baseline:
-        """Return the reason to learn, or the baseline to return to; empty where the baseline stays."""
+        """Return the reason to learn, or the baseline to return to; empty if the baseline stays."""
         if command is None:
             return ""
         if command.act != ROLL_BACK:

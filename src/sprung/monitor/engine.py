@@ -85,7 +85,7 @@ class MonitorSettings:
     most_windows
         Largest number of most recent windows in a diagnosis, at least `learning_windows`.
     calibrate
-        Whether the vehicle file is calibrated on the first windows of a learning; None: where it is imperfect.
+        Whether the vehicle file is calibrated on the first windows of learning; None: if it is imperfect.
 
     Raises
     ------
@@ -122,7 +122,7 @@ class Identified:
     start
         Start of the window, UTC ns; None if unknown.
     modes
-        One object for each mode, as in `sprung.identification/1`; empty where none was identified.
+        One object for each mode, as in `sprung.identification/1`; empty if none was identified.
     reason
         Reason why none was identified; empty otherwise.
     """
@@ -147,7 +147,7 @@ class Observed:
         Estimates and conditions of the window.
     diagnosis
         Diagnosis of the windows since the baseline; while it is being learnt, of these windows against the vehicle's
-        type, or None where that is unknown.
+        type, or None if that is unknown.
     baseline
         Baseline learnt with this window as its last one; None otherwise.
     """
@@ -337,7 +337,7 @@ class VehicleMonitor:
         Returns
         -------
         tuple of Identified or Observed
-            Events in order of time; none for samples that were analysed before.
+            Events in order of time; empty for samples that were analysed before.
         """
         events: list[Event] = []
         if self._repeats.update(block):

@@ -365,7 +365,7 @@ class _Dropped:
 
     @classmethod
     def of(cls, document: Mapping[Any, Any]) -> "_Dropped":
-        """Return what a state message says."""
+        """Return the dropped frames that a state message reports."""
         return cls(tuple(losses_in(document)), 0 if "lost" in document else count(document, "dropped", 0))
 
     @property
@@ -419,7 +419,7 @@ def _answer(document: dict[Any, Any]) -> tuple[int, Mapping[str, Any]]:
     number, *values = (integer(document.get(key)) for key in ("number", *_ANSWER))
     reason = document.get("reason", "")
     if min(number, *values) < -1 or not isinstance(reason, str):
-        raise FormatError(f"an answer without number, {', '.join(_ANSWER)} or with a reason that is no text")
+        raise FormatError(f"an answer without number, {', '.join(_ANSWER)} or with a reason that is not text")
     return number, MappingProxyType({**dict(zip(_ANSWER, values, strict=True)), "reason": reason[:200]})
 
 

@@ -272,7 +272,7 @@ def _reason(error: Exception, limits: Limits) -> str:
 
 
 def _excess(block: FrameBlock, window: float, most: float) -> str:
-    """Return the sentence about a window that would take too much memory; empty where it does not."""
+    """Return the sentence about a window that would take too much memory; empty if it does not."""
     size = len(block.channels) * block.sampling_rate * window * _SAMPLE
     if size <= most:
         return ""

@@ -128,7 +128,7 @@ class LakeWriter:
         try:
             act()
             self._reasons.pop(what, None)
-        except Exception as error:  # an object store fails in many ways, and the monitor goes on
+        except Exception as error:  # an object store fails in many ways, and the monitor continues
             self._fail(what, error)
 
     def _fail(self, what: str, error: Exception) -> None:

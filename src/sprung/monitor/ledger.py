@@ -40,7 +40,7 @@ class Ledger:
     clock
         Present time, UTC ns.
     keep_window
-        Function that keeps the samples of a window of a vehicle for the lake; None: there is none.
+        Function that keeps the samples of a window of a vehicle for the lake; None: no lake.
 
     Notes
     -----

@@ -11,7 +11,7 @@ LOG = logging.getLogger("sprung.monitor")
 
 #: Cause of the alert.
 OVERLOAD = "monitor:overload"
-#: Time between looks, and between updates of the alert [s].
+#: Time between checks, and between updates of the alert [s].
 _LOOK, _REPEAT = 1.0, 60.0
 #: Share of the limit below which the analysis has caught up, and how long it must not be behind again before the alert
 #: clears, in limits: with all modes it may be too slow at once.
@@ -45,7 +45,7 @@ class Overload:
 
     @property
     def is_due(self) -> bool:
-        """Whether to look again."""
+        """Whether to check again."""
         return self._looking.is_due
 
     def update(self, age: float, *, n_frames: int, n_vehicles: int) -> None:

@@ -299,7 +299,7 @@ def try_senders(send: Send, *, name: str | None = None, now: int) -> dict[str, s
     Returns
     -------
     dict
-        Reason of the failure by name of the sender, such as "mail 1"; empty where the message was sent.
+        Reason of the failure by name of the sender, such as "mail 1"; empty if the message was sent.
 
     Raises
     ------

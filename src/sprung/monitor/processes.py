@@ -47,7 +47,7 @@ class Process(Protocol):
 
     @property
     def seconds(self) -> float:
-        """Processor time of the process so far [s]; 0 where it is unknown."""
+        """Processor time of the process so far [s]; 0 if it is unknown."""
 
     @property
     def n_consumed(self) -> int:
@@ -100,7 +100,7 @@ class WorkerProcess:
 
     @property
     def seconds(self) -> float:
-        """Processor time of the process so far [s]; 0 where it is unknown."""
+        """Processor time of the process so far [s]; 0 if it is unknown."""
         try:
             fields = Path(f"/proc/{self.pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2]
         except OSError:

@@ -9,7 +9,7 @@ from sprung.monitor.site import Site
 from sprung.storage import CommandRow, Store
 from sprung.tables import span_in_words, time_in_words
 
-#: Time between looks at a request [s].
+#: Time between checks of a request [s].
 _LOOK = 0.2
 
 

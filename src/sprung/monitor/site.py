@@ -285,12 +285,12 @@ class Site(_Table):
         return url
 
     def alert_url(self, number: int) -> str:
-        """Return the address of an alert; empty where the site has none."""
+        """Return the address of an alert; empty if the site has none."""
         return "" if self.url is None else f"{self.url.rstrip('/')}/alerts/{number}"
 
     @property
     def url_host(self) -> str:
-        """Name by which people reach this monitor; empty where the site has none."""
+        """Name by which people reach this monitor; empty if the site has none."""
         return urlsplit(self.url or "").hostname or ""
 
     @property

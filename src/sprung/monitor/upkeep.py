@@ -54,7 +54,7 @@ class Upkeep:
     relearn
         Function called with each open request for a new or an earlier baseline.
     lake
-        Lake writer; None: there is no lake.
+        Lake writer; None: no lake.
     clock
         Present time, UTC ns.
     timer

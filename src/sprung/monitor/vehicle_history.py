@@ -106,7 +106,7 @@ class VehicleHistory:
 
     @property
     def baseline(self) -> Baseline | None:
-        """Last baseline of the period; None where there is none that can be read."""
+        """Last baseline of the period; None if there is none that can be read."""
         return next((baseline for _, baseline in reversed(self.baselines) if baseline is not None), None)
 
     @property

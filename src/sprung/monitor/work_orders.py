@@ -87,7 +87,7 @@ def send_work_order(
     Returns
     -------
     dict
-        Reason of the failure by name of the sender; empty where it arrived.
+        Reason of the failure by name of the sender; empty if it arrived.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def corner_and_part(cause: str) -> tuple[str | None, str]:
 
 
 def onset_of(evidence: dict[str, Any]) -> int | None:
-    """Return the onset in the evidence of an alert, UTC ns; None where it is unknown."""
+    """Return the onset in the evidence of an alert, UTC ns; None if it is unknown."""
     return _time(evidence.get("since"))
 
 

@@ -112,7 +112,7 @@ class Evidence(Answer):
     is_acknowledged: bool
     change: float | None
     interval: tuple[float, float] | None = Field(description="95 % interval of the change")
-    since: int | None = Field(description="onset; null where unknown")
+    since: int | None = Field(description="onset; null if unknown")
     since_interval: tuple[int, int] | None
     runner_up: str = Field(description="second hypothesis in words; empty: far less likely")
     advice: str
@@ -150,7 +150,7 @@ def evidence_of(context: Context, number: int) -> Evidence:
     Raises
     ------
     ParameterError
-        If there is none of that number.
+        If no alert has that number.
     """
     row = context.store.alerts.row(number)
     if row is None:
@@ -230,7 +230,7 @@ def _is_of(component: str, cause: str) -> bool:
 
 
 def _finite(value: Any) -> float | None:
-    """Return a condition; None where it is unknown."""
+    """Return a condition; None if it is unknown."""
     return float(value) if isinstance(value, int | float) and isfinite(value) else None
 
 
@@ -251,7 +251,7 @@ def _place(cursor: str) -> AlertPlace:
     Raises
     ------
     ParameterError
-        If it is no cursor.
+        If it is not a cursor.
     """
     parts = cursor.split("~")
     if len(parts) != len(AlertPlace._fields) or not all(part.isdecimal() and int(part) < 2**63 for part in parts):

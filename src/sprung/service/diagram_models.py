@@ -71,10 +71,10 @@ class WindowDiagrams(Answer):
     number: int
     t0: int
     spectra: WindowSpectra
-    fit: SpectraFit | None = Field(description="null where the vehicle is not fitted")
+    fit: SpectraFit | None = Field(description="null if the vehicle is not fitted")
     stabilisation: Stabilisation
     identification: dict[str, Any] = Field(description="modes and lines of the window, sprung.identification/1")
     levels: dict[str, Any] | None = Field(
-        description="modes of the segments sorted by level, sprung.identification/1; null where they cannot be sorted"
+        description="modes of the segments sorted by level, sprung.identification/1; null if they cannot be sorted"
     )
     notes: tuple[str, ...] = Field(description="why a part is missing")

@@ -127,7 +127,7 @@ class Feed:
             try:
                 happenings = await run_in_threadpool(self._since, self._mark)
             except (SprungError, OSError):
-                continue  # the store does not answer: /health says so
+                continue  # the store does not answer: /health states it
             for happening in happenings:
                 self._mark = happening.mark
                 self._send(happening)

@@ -93,7 +93,7 @@ def remove_account(store: Store, name: str, *, who: str, now: int) -> None:
     Raises
     ------
     ParameterError
-        If there is none of that name, or it is the last administrator among other accounts.
+        If no account has that name, or it is the last administrator among other accounts.
     """
     accounts = store.accounts.all()
     others = [row for row in accounts if row.name != name]
@@ -111,7 +111,7 @@ def change_role(store: Store, name: str, role: str, *, who: str, now: int) -> No
     Raises
     ------
     ParameterError
-        If there is none of that name, the role is unknown, or it is the last administrator.
+        If no account has that name, the role is unknown, or it is the last administrator.
     """
     _check_role(role)
     known = store.accounts.find(name)
@@ -123,7 +123,7 @@ def change_role(store: Store, name: str, role: str, *, who: str, now: int) -> No
 
 
 def fault_of_first(person: Person, role: str) -> str:
-    """Return why a person cannot add an account of a role as the first one; empty where this is possible."""
+    """Return why a person cannot add an account of a role as the first one; empty if this is possible."""
     is_possible = person.has_account or role == Role.ADMIN
     return "" if is_possible else "the first account must have the role admin: it manages the others"
 
@@ -194,7 +194,7 @@ def remove_token(store: Store, number: int, *, who: str, now: int) -> None:
     Raises
     ------
     ParameterError
-        If there is none of that number.
+        If no token has that number.
     """
     if not store.accounts.remove_token(number):
         raise ParameterError(f"unknown token {number}: sprung tokens list shows all tokens")

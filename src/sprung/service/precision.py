@@ -116,7 +116,7 @@ def share(hits: int, of: int) -> Share:
 
 
 def _onset(store: Store, row: AlertRow, verdict: VerdictRow) -> int | None:
-    """Return the onset of what a verdict is about; None where it is unknown."""
+    """Return the onset of what a verdict is about; None if it is unknown."""
     if row.raised == verdict.raised:
         return onset_of(row.document.get("evidence") or {})
     entries = store.results.findings(row.vehicle, until=verdict.time, limit=_MOST_FINDINGS)

@@ -53,7 +53,7 @@ def _refusals(path: str, method: str, operation: Mapping[str, Any]) -> Iterator[
     if has_body:
         yield 400, "The body cannot be read, or what it asks for is not allowed."
     if has_role or has_body:
-        yield 401, "There is no valid token or session, or name and password are wrong."
+        yield 401, "There is no valid token or session, or name or password is wrong."
     if has_role:
         yield 403, "The role does not include this, or the mark of the session is missing."
     if "{" in path:

@@ -59,8 +59,8 @@ class SenderEntry(Answer):
     is_testable: bool
     tested: int | None = Field(description="when it was tested last")
     tested_by: str
-    problem: str = Field(description="why the last test failed; empty where it succeeded")
-    given_up: str = Field(description="why it gave up the last notification; empty where it did not")
+    problem: str = Field(description="why the last test failed; empty if it succeeded")
+    given_up: str = Field(description="why it gave up the last notification; empty if it did not")
 
 
 class CertificateEntry(Answer):
@@ -68,7 +68,7 @@ class CertificateEntry(Answer):
 
     purpose: str
     path: str
-    expires: int | None = Field(description="null where the file cannot be read")
+    expires: int | None = Field(description="null if the file cannot be read")
     trouble: str = Field(description="what is wrong and what to do; empty: nothing")
 
 
@@ -119,4 +119,4 @@ class SiteDetail(Answer):
     versions: tuple[VersionEntry, ...]
     loops: tuple[LoopEntry, ...]
     figures: tuple[FigureEntry, ...]
-    monitors: tuple[MonitorEntry, ...] = Field(description="empty where the store is a file, which has one monitor")
+    monitors: tuple[MonitorEntry, ...] = Field(description="empty if the store is a file, which has one monitor")

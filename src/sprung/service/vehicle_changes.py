@@ -258,7 +258,7 @@ def _named(alerts: Sequence[AlertRow], components: tuple[Component, ...]) -> dic
 
 
 def _stated(alert: AlertRow) -> tuple[float, tuple[float, float]] | None:
-    """Return size and interval of the finding of an alert; None where it states none."""
+    """Return size and interval of the finding of an alert; None if it states none."""
     evidence = alert_of(alert).evidence
     size, ends = evidence.get("change"), evidence.get("interval")
     if size is None or ends is None:

@@ -39,7 +39,7 @@ class Changes(Answer):
 
 
 class PartTrend(Answer):
-    """A part over time; null where there is no value."""
+    """A part over time; null if there is no value."""
 
     part: str
     change: tuple[float | None, ...]
@@ -50,7 +50,7 @@ class PartTrend(Answer):
 
 
 class ModeTrend(Answer):
-    """Natural frequency [Hz] and damping ratio of a mode over time; null where it was not identified."""
+    """Natural frequency [Hz] and damping ratio of a mode over time; null if it was not identified."""
 
     label: str
     natural_frequency: tuple[float | None, ...]

@@ -111,7 +111,7 @@ def alert_detail(context: Context, number: int) -> AlertDetail:
     Raises
     ------
     ParameterError
-        If there is none of that number.
+        If no alert has that number.
     """
     store = context.store
     row = store.alerts.row(number)

@@ -54,7 +54,7 @@ class ArchivedSamples:
     vehicle
         Name of the vehicle.
     quantities
-        Quantity of each channel; empty where the file does not state them.
+        Quantity of each channel; empty if the file does not state them.
     """
 
     samples: NDArray[np.float64]

@@ -1,6 +1,6 @@
 """Leases: which monitor is responsible for which vehicles, and the refusal of writes after it has lost them.
 
-Vehicles are spread over a fixed number of shards. On PostgreSQL a monitor holds shards for as long as it is heard of;
+Vehicles are spread over a fixed number of shards. On PostgreSQL a monitor holds shards for as long as it is heard from;
 on SQLite there is one monitor, which locks a file next to the store.
 """
 
@@ -47,9 +47,9 @@ class Holding:
     epochs
         Epoch of each shard that the monitor holds.
     monitors
-        Names of the monitors that are heard of.
+        Names of the monitors that are heard from.
     dead
-        Monitors that were not heard of for too long, first reported by this call.
+        Monitors that were not heard from for too long, first reported by this call.
     """
 
     epochs: dict[int, int]
@@ -66,7 +66,7 @@ class Holder:
     monitor
         Name of the monitor.
     seen
-        When it was last heard of, UTC ns by the clock of the database.
+        When it was last heard from, UTC ns by the clock of the database.
     shards
         Number of shards that it holds.
     """
@@ -86,7 +86,7 @@ class Leases:
 
     Notes
     -----
-    The clock of the database decides who is heard of; those of the machines are never compared. The epoch of a shard
+    The clock of the database decides who is heard from; those of the machines are never compared. The epoch of a shard
     rises whenever its holder changes. A transaction about a vehicle locks the lease of its shard for as long as it
     lasts, so that a shard is passed on only between transactions, and refuses to write if the epoch is another one.
     """
@@ -190,7 +190,7 @@ def _check(connection: Connection, leases: frozenset[Lease]) -> None:
 
 
 def _bury(connection: Connection, alive: int) -> list[str]:
-    """Remove monitors that were not heard of since a time, and return their names."""
+    """Remove monitors that were not heard from since a time, and return their names."""
     silent = select(MONITORS.c.monitor).where(MONITORS.c.seen < alive).with_for_update(skip_locked=True)
     dead = list(connection.scalars(silent))
     if dead:

@@ -33,7 +33,7 @@ class Requests:
         Parameters
         ----------
         act
-            Name of an act; None: all acts.
+            Name of an action; None: all actions.
         before
             Number of an entry, which is left out with all later ones; None: no entry is.
         limit

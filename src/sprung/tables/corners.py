@@ -38,7 +38,7 @@ def fitted_modes_table(fit: CornerFit) -> Table:
 
 
 def payload_in_words(fit: CornerFit) -> list[str]:
-    """Return a sentence about the fitted payload; none where it was not fitted."""
+    """Return a sentence about the fitted payload; empty if it was not fitted."""
     mass = fit.payload.get("payload_mass")
     return [] if mass is None else [f"payload: {mass['value']:.0f} ± {mass['std']:.0f} kg"]
 
