@@ -499,7 +499,7 @@ def test_a_vehicle_with_the_certificate_of_another_is_named_on_both_sides(
     box.open(timeout=10.0)
     try:
         box.take(replace(block, start=10**18))
-        with pytest.raises(DataError, match=r"1 frames not acknowledged: the broker .* refuses messages of vehicle"):
+        with pytest.raises(DataError, match=r"1 frame not acknowledged: the broker .* refuses messages of vehicle"):
             replay(box, [], pace=None, patience=30.0)
         assert box.problem.endswith(
             f"refuses messages of vehicle 'tram-7', as the certificate {certificates}/A.crt is that of 'A': use "

@@ -83,7 +83,7 @@ def test_server_that_is_not_there(tmp_path: Path) -> None:
 
 def test_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(StoreError, match=r"cannot be opened: .*: check that its folder and disk can be written"):
+    with pytest.raises(StoreError, match=r"cannot be opened \(.*\): check that its folder and disk can be written"):
         open_store(f"sqlite:///{tmp_path}/file/store.sqlite")
     (tmp_path / "folder").mkdir()
     with pytest.raises(StoreError, match=r"unable to open database file|Is a directory"):

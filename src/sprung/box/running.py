@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from sprung._display import counted
 from sprung.box.box import Box, BoxSettings
 from sprung.box.sources import paced
 from sprung.errors import DataError
@@ -218,10 +219,11 @@ def replay(
     is_drained, lost = box.drain(timeout=patience), losses_in_words(box.losses)
     if not is_drained:
         after = f"; {lost}" if lost else ""
+        waiting = counted(box.n_waiting, "frame")
         if box.problem:
-            raise DataError(f"{box.n_waiting} frames not acknowledged: {box.problem}{after}")
+            raise DataError(f"{waiting} not acknowledged: {box.problem}{after}")
         advice = "check that a monitor runs at its broker"
-        raise DataError(f"{box.n_waiting} frames not acknowledged after {patience:g} s: {advice}{after}")
+        raise DataError(f"{waiting} not acknowledged after {patience:g} s: {advice}{after}")
     if lost:
         raise DataError(f"{lost}; all others are acknowledged")
     return Sent(sent, begin, end)
@@ -236,9 +238,10 @@ def losses_in_words(losses: Sequence[Loss]) -> str:
     begin, end = span_of(losses)
     span = f", {span_in_words(begin, end)}," if begin else ""
     n_frames = sum(loss.n_frames for loss in losses)
+    dropped = f"{counted(n_frames, 'frame')}{span} {'was' if n_frames == 1 else 'were'} dropped"
     return (
-        f"{n_frames} frames{span} were dropped before the monitor had acknowledged them, as the spool was full or its "
-        "disk failed: give it more space, and send again what is still available"
+        f"{dropped} before the monitor had acknowledged them, as the spool was full or its disk failed: give it more "
+        "space, and send again what is still available"
     )
 
 

@@ -54,7 +54,8 @@ def demo(
         if not sentences:
             raise typer.Exit(130)
         if is_kept:
-            screen.print(f"the fleet drives on: see {demonstration.page}; Ctrl-C stops", style="bold", soft_wrap=True)
+            words = f"the fleet keeps driving, see {demonstration.page}; Ctrl-C ends it"
+            screen.print(words, style="bold", soft_wrap=True)
             demonstration.run(stopping.is_set)
 
 

@@ -179,7 +179,9 @@ def read_fields(path: str | Path) -> dict[str, Any]:
     try:
         fields = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise ParameterError(f"{path}: {error.strerror}: give a JSON document that sprung wrote") from None
+        raise ParameterError(
+            f"{path} cannot be read ({error.strerror}): give a JSON document that sprung wrote"
+        ) from None
     except (ValueError, RecursionError):
         raise FormatError(f"{path} is not valid JSON: give a JSON document that sprung wrote") from None
     if not isinstance(fields, dict):

@@ -8,7 +8,7 @@ FIGURES = {
     "sprung_message_age_seconds": ("gauge", "Time since the last message arrived."),
     "sprung_messages_refused_total": ("counter", "Messages refused, for any reason."),
     "sprung_refusals_total": ("counter", "Messages refused, by vehicle and reason."),
-    "sprung_queue_bytes": ("gauge", "Size of the messages waiting for intake."),
+    "sprung_queue_bytes": ("gauge", "Bytes of messages waiting for intake."),
     "sprung_frames_lost_total": ("counter", "Frames that boxes had to drop."),
     "sprung_vehicle_frames_lost_total": ("counter", "Frames that the box of a vehicle had to drop."),
     "sprung_windows_total": ("counter", "Windows analysed."),

@@ -333,7 +333,7 @@ def read_site(path: Path) -> Site:
     try:
         return checked(Site, toml_fields(path.read_bytes(), source=str(path)))
     except OSError as error:
-        raise ParameterError(f"{path}: {error.strerror}: give the site file of the monitor") from None
+        raise ParameterError(f"{path} cannot be read ({error.strerror}): give the site file of the monitor") from None
     except ParameterError as error:
         raise FormatError(f"{path}: {error} (see docs/monitor.md)") from None
 

@@ -211,7 +211,7 @@ def _locked(store: Path, monitor: str) -> IO[str]:
     try:
         file = path.open("a+", encoding="utf-8")
     except OSError as error:
-        raise StoreError(f"{path} cannot be written: {error.strerror}: make its folder writable") from None
+        raise StoreError(f"{path} cannot be written ({error.strerror}): make its folder writable") from None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:

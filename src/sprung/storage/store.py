@@ -226,7 +226,7 @@ def _prepare(path: Path) -> tuple[str, ...]:
         return () if damage is None else (_set_aside(path, damage),)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(
-            f"the store {path} cannot be opened: {error}: check that its folder and disk can be written"
+            f"the store {path} cannot be opened ({error}): check that its folder and disk can be written"
         ) from error
 
 
