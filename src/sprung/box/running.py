@@ -40,7 +40,7 @@ class Sent(NamedTuple):
 
 
 class Sender(Protocol):
-    """What sends blocks to a monitor: a `Box`."""
+    """Sender of blocks to a monitor: a `Box`."""
 
     @property
     def problem(self) -> str:

@@ -1,4 +1,4 @@
-"""What the shell offers after a Tab: shipped vehicles, and files that a command reads."""
+"""Shell completion of arguments: shipped vehicles, and files that a command reads."""
 
 from collections.abc import Collection
 from pathlib import Path

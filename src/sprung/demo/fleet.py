@@ -17,7 +17,7 @@ from sprung.vehicles import Vehicle, parse_fault
 
 #: Length of a piece of a drive, and of a block [s].
 PIECE, _BLOCK = 600.0, 5.0
-#: How long before the program the drives began [ns].
+#: Time from the start of the drives to that of the program [ns].
 _AGO = 3 * 3600 * 10**9
 
 

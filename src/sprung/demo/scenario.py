@@ -34,7 +34,7 @@ _LOOK, _SETTLED = 0.25, 10.0
 
 @dataclass(frozen=True, slots=True)
 class CarState:
-    """What the monitor shows of a car.
+    """State of a car at the monitor.
 
     Parameters
     ----------

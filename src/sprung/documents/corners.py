@@ -28,7 +28,7 @@ class ComponentEstimate(Document):
 
 
 class FitQuality(Document):
-    """How well the vehicle explains the spectra, and how its estimates depend on each other."""
+    """Quality of the fit to the spectra, and correlation of the estimates."""
 
     model_error: Number
     n_segments: int

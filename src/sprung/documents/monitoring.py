@@ -49,7 +49,7 @@ class AlertHistoryDocument(Document):
 
 
 class NotificationDocument(Document):
-    """What happened to an alert, as senders pass it on; a test message has the first five keys only.
+    """An event of an alert, as senders pass it on; a test message has the first five keys only.
 
     Times are nanoseconds UTC since 1970, but for `time`, which is ISO 8601.
     """

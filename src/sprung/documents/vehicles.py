@@ -58,7 +58,7 @@ class FaultEntry(Document):
 
 
 class VerdictEntry(Document):
-    """What the workshop found on an alert."""
+    """A verdict of the workshop on an alert."""
 
     time: int
     who: str

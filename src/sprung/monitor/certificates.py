@@ -24,7 +24,7 @@ class Certificate:
     expires
         Time until which it is valid, UTC ns; None if the file cannot be read.
     problem
-        Why the file cannot be read; empty if it can.
+        Reason why the file cannot be read; empty if it can.
     """
 
     purpose: str

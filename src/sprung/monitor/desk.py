@@ -32,7 +32,7 @@ from sprung.monitor.jobs import VehicleStatus
 from sprung.storage import AlertRow, Store, VerdictRow
 from sprung.tables import counted
 
-#: What the workshop can find on an alert.
+#: Possible verdicts of the workshop on an alert.
 VERDICTS = ("confirmed", "another part", "nothing found", "not looked at")
 #: Requests that change the baseline of a vehicle.
 BASELINE_ACTS = (LEARN, ROLL_BACK)
@@ -179,7 +179,7 @@ def add_verdict(
     part
         Part that was found instead, with the verdict "another part".
     action
-        What was done.
+        Work that was done.
     is_new_baseline
         Whether a new baseline is learnt, as after a repair; the alert is cleared then, and otherwise acknowledged.
     who
@@ -243,7 +243,7 @@ def roll_back(store: Store, vehicle: str, *, version: int, reason: str, who: str
     version
         Version of the earlier baseline, or of the present one to end learning in progress.
     reason
-        Why it is used again.
+        Reason for using it again.
     who
         Name of the operator.
     now

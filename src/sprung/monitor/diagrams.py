@@ -48,7 +48,7 @@ class Diagrams:
     fit
         Fit of the vehicle to its spectra; None if there is none.
     notes
-        Why a part is missing, one sentence each.
+        Reasons why parts are missing, one sentence each.
     """
 
     identification: Identification

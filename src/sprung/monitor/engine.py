@@ -172,7 +172,7 @@ class Restored:
     baseline: Baseline
 
 
-#: What samples lead to.
+#: Events that samples lead to.
 Event = Identified | Observed
 
 

@@ -1,4 +1,4 @@
-"""What an operator reads when the monitor starts: where it listens, where results are, and what to do next."""
+"""Sentences for the operator when the monitor starts: where it listens, where results are, and what to do next."""
 
 from pathlib import Path
 

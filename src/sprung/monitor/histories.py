@@ -61,7 +61,7 @@ def restored_baseline(store: Store, vehicle: str, *, version: int, reason: str) 
     version
         Version of the earlier baseline.
     reason
-        Why it is used again.
+        Reason for using it again.
 
     Raises
     ------

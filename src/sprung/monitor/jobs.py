@@ -24,7 +24,7 @@ _STATM = Path("/proc/self/statm")
 
 
 class Failure(StrEnum):
-    """What a job failed on, which decides what is left out, if anything."""
+    """Part that a job failed on, which decides what is left out, if anything."""
 
     STATE = "state"  # the saved state: the vehicle starts again
     VEHICLE = "vehicle"  # anything else that a vehicle is opened with: its frames wait
@@ -114,7 +114,7 @@ class Opening:
     type_baseline
         Baseline of the vehicle's type; None: that of the state, if it has one.
     history
-        What the store holds of a vehicle without a state.
+        Stored results of a vehicle without a state.
     """
 
     vehicle: str
@@ -146,7 +146,7 @@ class Outcome:
     error
         Reason of a failure; empty if there was none.
     failure
-        What failed, if there is a reason.
+        Part that failed, if there is a reason.
     seconds
         Processor time that the job took [s].
     n_thinned

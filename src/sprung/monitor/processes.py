@@ -35,7 +35,7 @@ Answer = Outcome | Lost | None
 
 
 class Process(Protocol):
-    """What `Workers` needs of a process."""
+    """Interface of a process that `Workers` needs."""
 
     @property
     def pid(self) -> int | None:

@@ -28,7 +28,7 @@ _MONITOR, _ALERT = MonitorSettings(), AlertSettings()
 
 
 class Watch(_Table):
-    """How vehicles are monitored."""
+    """Settings of the monitoring of vehicles."""
 
     window_minutes: float = Field(_MONITOR.window / 60, ge=1, le=120, description="length of a window [min]")
     identify_every_minutes: float = Field(
@@ -219,7 +219,7 @@ class Send(_Table):
 
 
 class Web(_Table):
-    """How browsers reach the pages."""
+    """Settings of the server of the pages."""
 
     certificate: str | None = Field(None, description="file with the certificate of this server; left out: no TLS")
     key: str | None = Field(None, description="file with its private key")

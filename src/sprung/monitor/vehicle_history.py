@@ -32,7 +32,7 @@ class AlertHistory:
     events
         Its history, oldest event first.
     verdicts
-        What the workshop found, oldest first.
+        Findings of the workshop, oldest first.
     """
 
     row: AlertRow

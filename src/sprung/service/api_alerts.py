@@ -41,7 +41,7 @@ def counts(context: Shared, _: Viewer, wanted: Annotated[WantedAlerts, Query()])
 
 @router.get("/alerts/{number}/evidence")
 def evidence(context: Shared, _: Viewer, number: Number) -> Evidence:
-    """What led to an alert: change, hypotheses, course of the evidence, windows."""
+    """The evidence behind an alert: change, hypotheses, course of the evidence, windows."""
     return alert_views.evidence_of(context, number)
 
 
@@ -61,7 +61,7 @@ def send(context: Shared, person: Engineer, number: Number) -> Done:
 
 @router.get("/precision")
 def site_precision(context: Shared, _: Viewer) -> Precision:
-    """How often alerts are right, and how long repairs take, from the verdicts of the workshop."""
+    """Precision of the alerts and times to repair, from the verdicts of the workshop."""
     return precision(context.store)
 
 

@@ -1,4 +1,4 @@
-"""What requests share: the store, the settings, and the running monitor."""
+"""Context that requests share: the store, the settings, and the running monitor."""
 
 import time
 from collections.abc import Callable, Collection, Mapping
@@ -18,7 +18,7 @@ from sprung.storage import Store
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What requests share.
+    """Context that requests share.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def is_loopback(host: str) -> bool:
 
 
 def context_of(request: Request) -> Context:
-    """Return what requests share."""
+    """Return the context that requests share."""
     context: Context = request.app.state.context
     return context
 

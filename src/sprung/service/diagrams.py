@@ -34,7 +34,7 @@ class Computed:
     pictures
         Figures as SVG, by name.
     error
-        Why there are none; empty otherwise.
+        Reason why there are none; empty otherwise.
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""What every request passes first: limits of rate, size and time, and headers that browsers enforce."""
+"""The guard that every request passes first: limits of rate, size and time, and headers that browsers enforce."""
 
 import asyncio
 import json

@@ -78,7 +78,7 @@ class Operation:
     method, path
         Method and path.
     summary
-        What it does.
+        Description in a sentence.
     role
         Minimum role; empty: none is needed.
     parameters

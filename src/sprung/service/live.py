@@ -22,7 +22,7 @@ _MOST_EVENTS = 1000
 
 @dataclass(frozen=True, slots=True, order=True)
 class Mark:
-    """How far the store was read: number of the last change of an alert, and when the last window was stored."""
+    """Place up to which the store was read: number of the last change of an alert, time of the last stored window."""
 
     change: int = 0
     window: int = 0

@@ -91,7 +91,7 @@ class BaselineEntry(Answer):
 
 
 class VerdictEntry(Answer):
-    """What the workshop found on an alert."""
+    """A verdict of the workshop on an alert."""
 
     id: int
     alert: int
@@ -145,7 +145,7 @@ class Comment(Given):
 
 
 class Shelf(Given):
-    """How long an alert is shelved."""
+    """Duration for which an alert is shelved."""
 
     hours: float = Field(gt=0, le=24 * 366)
     comment: Text = ""
@@ -159,7 +159,7 @@ class Assignment(Given):
 
 
 class Verdict(Given):
-    """What the workshop found, what it did, and whether a new baseline is learnt."""
+    """Finding and work of the workshop, and whether a new baseline is learnt."""
 
     verdict: VerdictWord
     part: Line = ""

@@ -25,7 +25,7 @@ _VERIFYING = threading.BoundedSemaphore(2)
 
 
 class Role(StrEnum):
-    """What a person may do: each role also what those before it may."""
+    """Permissions of a person: each role includes those before it."""
 
     VIEWER = "viewer"  # look at everything but accounts
     ENGINEER = "engineer"  # act on alerts, baselines and vehicles

@@ -1,4 +1,4 @@
-"""How often the site's alerts are right, and how long repairs take, from the verdicts of the workshop."""
+"""Precision of the site's alerts and times to repair, from the verdicts of the workshop."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -147,7 +147,7 @@ def run_page(
     rows
         Rows of `RunResults`.
     wanted
-        Which of them.
+        Filter for the vehicles.
     cursor
         Place after which the page begins; None: the first page.
     limit

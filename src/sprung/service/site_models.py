@@ -1,4 +1,4 @@
-"""What the interface returns about the site: settings, store, senders, certificates, loops. Times are UTC ns."""
+"""Values that the interface returns about the site: settings, store, senders, certificates, loops. Times are UTC ns."""
 
 from pydantic import Field
 

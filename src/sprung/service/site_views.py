@@ -1,4 +1,4 @@
-"""What the page of the site and the interface show of the monitor itself: values, no markup."""
+"""State of the monitor itself for the page of the site and the interface: values, no markup."""
 
 import json
 import platform
@@ -240,7 +240,7 @@ def _kind_of_service(url: str) -> str:
     return f"{url.partition(':')[0]}://{_SECRET}"
 
 
-#: What is shown of settings that may hold a secret.
+#: Visible parts of settings that may contain a secret.
 _HIDDEN: Mapping[tuple[type[BaseModel], str], Callable[[Any], Any]] = {
     (Site, "broker"): _hide_password,
     (Site, "store"): _hide_password,

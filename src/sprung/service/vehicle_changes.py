@@ -27,7 +27,7 @@ _SECOND = 10**9
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What the windows of a vehicle are compared with.
+    """Reference with which the windows of a vehicle are compared.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Reference:
 
     @property
     def in_words(self) -> str:
-        """What windows are compared with."""
+        """Name of the reference."""
         return "the vehicle file" if self.baseline is None else f"baseline {self.baseline.version}"
 
     def limits(self, n_windows: int) -> dict[str, float]:
@@ -152,7 +152,7 @@ def part_changes(
     Parameters
     ----------
     reference
-        What the windows are compared with.
+        Reference of the windows.
     windows
         Windows that the reference accepts, at least one.
     alerts

@@ -7,7 +7,7 @@ from pydantic import Field
 from sprung.documents.document import Pair
 from sprung.service.models import Answer, BaselineEntry, WindowEntry
 
-#: What is known of a part.
+#: States of a part.
 PartState = Literal["change", "no change detected", "inconclusive"]
 
 
@@ -109,7 +109,7 @@ class BodyModes(Answer):
 
 
 class ChannelCheck(Answer):
-    """What the checks of one kind found on a channel."""
+    """Result of the checks of one kind on a channel."""
 
     name: str
     n_faults: int = Field(description="windows with such a fault")

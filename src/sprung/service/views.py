@@ -1,4 +1,4 @@
-"""What pages and interface show, from the store: values, no markup."""
+"""Contents of pages and interface, from the store: values, no markup."""
 
 from collections.abc import Sequence
 

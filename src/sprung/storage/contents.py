@@ -43,7 +43,7 @@ class Counted:
     is_more
         Whether there are more.
     stay
-        How long they are kept: a key of the site file, or why they are not deleted by age.
+        Retention: a key of the site file, or the reason why they are not deleted by age.
     """
 
     table: str

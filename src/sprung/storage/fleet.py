@@ -149,7 +149,7 @@ class Fleet:
         Parameters
         ----------
         wanted
-            Which vehicles.
+            Filter for the vehicles.
         after
             Place after which the page begins; None: from the first.
         limit

@@ -66,7 +66,7 @@ class Holder:
     monitor
         Name of the monitor.
     seen
-        When it was last heard from, UTC ns by the clock of the database.
+        Time when it was last heard from, UTC ns by the clock of the database.
     shards
         Number of shards that it holds.
     """

@@ -27,7 +27,7 @@ from sprung.storage.schema import (
     SNAPSHOTS,
 )
 
-#: Why rows of some tables are not deleted by their age.
+#: Reasons why rows of some tables are not deleted by age.
 KEPT = {
     "vehicles": "one for each vehicle",
     "frames": "until the stored state of the analysis covers them; intake stops before the disk is full",

@@ -319,7 +319,7 @@ COMMANDS = Table(
     Index("commands_done", "done"),
 )
 
-#: What the workshop found on an alert, and what was done.
+#: Verdicts of the workshop on alerts, and the work that was done.
 VERDICTS = Table(
     "verdicts",
     METADATA,

@@ -58,13 +58,13 @@ class Store:
     requests
         Commands for the monitor, and the audit trail.
     leases
-        Which monitor is responsible for which vehicles.
+        Leases of the monitors on vehicles.
     fleet
         The fleet in order of urgency, for people.
     accounts
         People and programs that may use the interface.
     verdicts
-        What the workshop found on alerts.
+        Verdicts of the workshop on alerts.
     notices
         Sentences about problems found when the store was opened.
     """

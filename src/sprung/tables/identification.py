@@ -21,7 +21,7 @@ _MOST_WORDS, _MOST_FAMILIES = 6, 8
 _MOST_REASONS = 3
 #: Methods that give modes, in a table.
 _SOURCES = {"ssi": "SSI", "plscf": "pLSCF", "fdd": "FDD", "road_likelihood": "vehicle on its road"}
-#: What the columns of `modes_table` mean.
+#: Meaning of the columns of `modes_table`.
 _MODES_CAPTION = (
     "± standard deviation; stable: share of the model orders with this mode; shape: channels above"
     f" {100 * _MAIN_SHARE:.0f} % of the largest, + in phase with it, - against it, ~ between"

@@ -27,7 +27,7 @@ class Table:
     ends_in_words
         Whether the last column holds words.
     caption
-        What the columns mean, in a line under the table; empty for none.
+        Meaning of the columns, in a line under the table; empty for none.
 
     Raises
     ------

@@ -34,7 +34,7 @@ router = APIRouter()
 _LIMIT = 50
 #: Sign of each state of an alert, next to its name.
 _MARKS = dict(zip(STATES, "●◐○‖✓", strict=True))
-#: For how long an alert can be shelved [h], in words.
+#: Durations for which an alert can be shelved [h], in words.
 _SHELVES = ((8, "8 hours"), (24, "1 day"), (72, "3 days"), (168, "1 week"), (720, "30 days"))
 #: Result of an action, by the word in the address of the page that follows.
 _DONE = {

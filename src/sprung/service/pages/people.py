@@ -16,7 +16,7 @@ from sprung.service.people import Role
 
 router = APIRouter()
 
-#: What was done, by the word in the address.
+#: Result of an action, by the word in the address.
 _DONE = {
     "account": "The account is saved. It can log in now; its previous sessions have ended.",
     "role": "The role is changed; the sessions of the account have ended.",
